@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from calstation.errors import ConfigurationError, InputError
+from calstation.jobs import ProgressCallback
 from calstation.records import sync_folder
 
 try:
@@ -50,7 +51,8 @@ def archive_log(log: Path, archive: str) -> LogCopy:
     try:
         files, path = _open(url)
         with log.open("rb") as stream:
-            copy = LogCopy(url, _digest(stream), stream.tell())
+            place = path if isinstance(files, LocalFileSystem) else url  # absolute
+            copy = LogCopy(place, _digest(stream), stream.tell())
         if not (files.exists(path) and _digest_at(files, path) == copy.file_sha256):
             _copy(log, files, path, copy)
     except _FAILURES as exc:
@@ -79,6 +81,21 @@ def local_copy(url: str, file_sha256: str | None = None) -> Iterator[Path]:
             if file_sha256 is not None and _digest(stream) != file_sha256:
                 raise InputError("database.copy_damaged", log=url)
         yield local
+
+
+def copy_to(url: str, target: Path, report: ProgressCallback) -> None:
+    """Copy a log of the archive to a file, which is complete or not there. Raises InputError."""
+    partial = target.with_name(f".{target.name}.partial")
+    try:
+        files, path = _open(url)
+        size = max(1, files.size(path))
+        with files.open(path, "rb", block_size=_CHUNK) as source, partial.open("wb") as copy:
+            while chunk := source.read(_CHUNK):
+                copy.write(chunk)
+                report(copy.tell() / size)
+        partial.replace(target)
+    except _FAILURES as exc:
+        raise InputError("database.log_not_read", log=url, reason=str(exc)) from exc
 
 
 def _copy(log: Path, files: AbstractFileSystem, path: str, copy: LogCopy) -> None:
