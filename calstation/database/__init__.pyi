@@ -1,2 +1,13 @@
+from .claims import claim_scanned as claim_scanned
+from .claims import release_scanned as release_scanned
 from .connect import connect as connect
 from .connect import upgrade as upgrade
+from .exchange import Exchange as Exchange
+from .outbox import Outbox as Outbox
+from .process import ExchangeProcess as ExchangeProcess
+from .process import exchange_once as exchange_once
+from .process import start_exchange as start_exchange
+from .process import watch as watch
+from .state import Claim as Claim
+from .state import ExchangeState as ExchangeState
+from .state import read_state as read_state
