@@ -28,6 +28,17 @@ KEYRING = "calstation database"
 #: Longest time to wait for a connection, s.
 CONNECT_TIMEOUT_S = 5
 
+#: A connection whose other end has vanished ends within half a minute on both sides; its locks end with it.
+_CONNECTION: dict[str, int | str] = {
+    "connect_timeout": CONNECT_TIMEOUT_S,
+    "keepalives_idle": 10,
+    "keepalives_interval": 5,
+    "keepalives_count": 3,
+    "tcp_user_timeout": 30_000,
+    "options": "-c idle_in_transaction_session_timeout=30s -c tcp_keepalives_idle=10 -c tcp_keepalives_interval=5"
+    " -c tcp_keepalives_count=3",
+}
+
 
 def connect(url: str) -> Engine:
     """Return an engine for a database whose tables are of this version; those of a new SQLite file are created.
@@ -92,7 +103,7 @@ def _engine(url: URL) -> Engine:
     if "PGPASSWORD" not in os.environ:
         with suppress(KeyringError):  # a computer without a keyring
             url = url.set(password=keyring.get_password(KEYRING, f"{url.username}@{url.host}"))
-    return create_engine(url, connect_args={"connect_timeout": CONNECT_TIMEOUT_S}, hide_parameters=True)
+    return create_engine(url, connect_args=_CONNECTION, pool_pre_ping=True, hide_parameters=True)
 
 
 def _alembic() -> Config:

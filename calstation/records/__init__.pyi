@@ -92,4 +92,6 @@ from .run_index import RunColumns as RunColumns
 from .run_index import RunFilter as RunFilter
 from .run_index import RunIndex as RunIndex
 from .run_index import RunRecord as RunRecord
+from .run_index import from_columns as from_columns
+from .run_index import to_columns as to_columns
 from .run_index import verdict_of as verdict_of

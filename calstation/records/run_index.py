@@ -19,6 +19,7 @@ from sqlalchemy import (
     Connection,
     Engine,
     Index,
+    Integer,
     LargeBinary,
     MetaData,
     Row,
@@ -171,7 +172,7 @@ _runs = Table(
 Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
 #: One row: the shared database from which runs of other folders came, and the last revision that was received.
 _received = Table("received", _metadata, Column("database", String, primary_key=True), Column("revision", BigInteger))
-_rowid = literal_column("runs.rowid")
+_rowid: ColumnElement[int] = literal_column("runs.rowid", Integer)
 
 
 class RunIndex:
@@ -301,15 +302,10 @@ class RunIndex:
 
         The log of a run of another folder gets a path in a folder named after its outbox.
         """
-        record = _RECORD.validate_python(json.loads(row.content))
+        run = from_columns(row.name, row.stamp, row.content, row.failed_checks, row.parameters, row.numbers)
+        record = run.record
         result = record.result and self._folder / record.result.name
-        record = replace(record, log=self._folder / record.origin / record.log.name, result=result)
-        names = json.loads(row.parameters)
-        values, sigmas = (
-            {name: number for name, number in zip(names, numbers, strict=True) if not math.isnan(number)}
-            for numbers in np.frombuffer(row.numbers).reshape(2, len(names)).tolist()
-        )
-        return IndexedRun(row.name, row.stamp, record, values, sigmas, tuple(json.loads(row.failed_checks)))
+        return replace(run, record=replace(record, log=self._folder / record.origin / record.log.name, result=result))
 
     def _try(self, action: Callable[[Connection], T]) -> T:
         """Run `action`; if the file is damaged or not writable, retry with a new file, then in memory."""
@@ -382,13 +378,32 @@ def _row(run: IndexedRun) -> dict[str, Any]:
     columns = {name: getattr(record, name) for name in _SEARCHED}
     texts = (record.serial, run.name, record.product, record.station, record.operator)
     columns["text"] = "\n".join(filter(None, texts)).casefold()
-    columns["content"] = json.dumps(asdict(record), default=str)
     columns["partial"] = record.partial
-    columns["failed_checks"] = json.dumps(run.failed_checks)
-    columns["parameters"] = json.dumps([*run.values])
+    return {"origin": record.origin, "name": run.name, "stamp": run.stamp, **columns, **to_columns(run)}
+
+
+def to_columns(run: IndexedRun) -> dict[str, Any]:
+    """Return the columns that hold a run as a whole: ``content``, ``failed_checks``, ``parameters``, ``numbers``."""
     numbers = [*run.values.values(), *(run.sigmas.get(name, math.nan) for name in run.values)]
-    columns["numbers"] = np.array(numbers, dtype=float).tobytes()
-    return {"origin": record.origin, "name": run.name, "stamp": run.stamp, **columns}
+    return {
+        "content": json.dumps(asdict(run.record), default=str),
+        "failed_checks": json.dumps(run.failed_checks),
+        "parameters": json.dumps([*run.values]),
+        "numbers": np.array(numbers, dtype=float).tobytes(),
+    }
+
+
+def from_columns(
+    name: str, stamp: str, content: str, failed_checks: str, parameters: str, numbers: bytes
+) -> IndexedRun:
+    """Return the run of a row, see `to_columns`."""
+    names = json.loads(parameters)
+    values, sigmas = (
+        {name: number for name, number in zip(names, part, strict=True) if not math.isnan(number)}
+        for part in np.frombuffer(numbers).reshape(2, len(names)).tolist()
+    )
+    record = _RECORD.validate_python(json.loads(content))
+    return IndexedRun(name, stamp, record, values, sigmas, tuple(json.loads(failed_checks)))
 
 
 def _estimates(

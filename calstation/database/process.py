@@ -1,0 +1,155 @@
+"""The process that exchanges the runs of a folder with the shared database while the window or a run uses it."""
+
+import logging
+import multiprocessing
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from datetime import UTC, datetime
+from multiprocessing.connection import Connection
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from calstation import applog
+from calstation.config import load_station
+from calstation.database.state import ExchangeState, read_state, write_state
+from calstation.errors import CalstationError, ConfigurationError
+from calstation.jobs import spawn_process
+from calstation.messages import os_reason
+from calstation.records import locked
+
+if TYPE_CHECKING:
+    from calstation.database.exchange import Exchange
+
+#: Pauses between two exchanges, s: while all is well, and at least and at most after a failure.
+PAUSE_S, FAILED_S, LONGEST_S = 2.0, 1.0, 60.0
+
+#: Part of the time that exchanges of a large folder may take.
+_DUTY = 0.05
+
+#: Longest time to wait for another process that exchanges the same folder, s.
+_LOCKED_S = 10.0
+
+#: Time that the process has for a last exchange when its owner ends, s.
+_END_S = 3.0
+
+logger = logging.getLogger(__name__)
+
+
+class ExchangeProcess:
+    """The exchange of a folder in a process of its own, which ends with its owner; it never delays a run."""
+
+    def __init__(self, folder: Path, url: str, station: str, claim: tuple[str, str | None] | None = None) -> None:
+        """Start the process; `claim` is the serial number of a unit and its operator, to be claimed."""
+        context = multiprocessing.get_context("spawn")
+        self._connection, there = context.Pipe()
+        self.process = context.Process(target=_work, args=(there, folder, url, station, claim), daemon=True)
+        spawn_process(self.process)
+        there.close()
+
+    def close(self) -> None:
+        """End the process after a last exchange, for which it has a few seconds at most."""
+        self._connection.close()
+        self.process.join(_END_S)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
+        self.process.close()
+
+    def __enter__(self) -> "ExchangeProcess":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def start_exchange(
+    station: Path | None, folder: Path, claim: tuple[str, str | None] | None = None
+) -> ExchangeProcess | None:
+    """Start the exchange of a folder; None if the station shares no records. Raises ConfigurationError."""
+    _, config = load_station(station)
+    if config.records.database is None:
+        return None
+    folder.mkdir(parents=True, exist_ok=True)
+    return ExchangeProcess(folder, config.records.database, config.name, claim)
+
+
+def _work(
+    owner: "Connection[Any, Any]", folder: Path, url: str, station: str, claim: tuple[str, str | None] | None
+) -> None:
+    """Exchange until the owner closes the pipe or ends."""
+    applog.configure("exchange")
+
+    def wait(seconds: float) -> bool:
+        with suppress(EOFError, OSError):
+            if not owner.poll(seconds):
+                return False
+            owner.recv()
+        return True
+
+    try:
+        watch(folder, url, station, wait, claim)
+    except Exception:
+        logger.exception("the exchange ended by a mistake of the program")
+        raise
+
+
+def watch(
+    folder: Path,
+    url: str,
+    station: str,
+    wait: Callable[[float], bool],
+    claim: tuple[str, str | None] | None = None,
+) -> None:
+    """Exchange a folder again and again.
+
+    Parameters
+    ----------
+    folder : runs folder of the station
+    url, station : URL of the database, and name of the station
+    wait : waits for a pause, s, and returns whether to end after a last exchange
+    claim : serial number of a unit and its operator, to be claimed; None for no unit
+    """
+    failed, ended, exchange = FAILED_S, False, None
+    while True:
+        begin = time.monotonic()
+        try:
+            if exchange is None:
+                from calstation.database.exchange import Exchange
+
+                exchange = Exchange(folder, url, station, claim)
+            exchange_once(exchange, folder)
+        except CalstationError as error:
+            logger.warning("exchange of %s: %s", folder, error)
+            pause, failed = failed, min(2.0 * failed, LONGEST_S)
+        else:
+            pause, failed = max(PAUSE_S, (time.monotonic() - begin) / _DUTY), FAILED_S
+        if ended:
+            break
+        ended = wait(pause)
+    if exchange is not None:
+        exchange.close()
+
+
+def exchange_once(exchange: "Exchange", folder: Path) -> ExchangeState:
+    """Exchange a folder unless another process does so, and return the state, which is also written to its file.
+
+    Raises ConfigurationError if the exchange failed.
+    """
+    try:
+        with locked(folder / ".exchange.lock", _LOCKED_S):
+            now = datetime.now(UTC)
+            try:
+                claims = tuple(exchange.exchange())
+            except CalstationError as error:
+                pending, failed = exchange.outbox.pending, error.as_text.to_json()
+                write_state(folder, replace(read_state(folder), pending=pending, attempt_utc=now, error=failed))
+                raise
+            write_state(folder, ExchangeState(exchange.outbox.pending, now, now, None, claims))
+    except OSError as exc:
+        raise ConfigurationError("database.folder_unusable", folder=folder, reason=os_reason(exc)) from exc
+    return read_state(folder)

@@ -1,0 +1,64 @@
+"""State of the exchange with the shared database, in a file that the window reads without the network."""
+
+import json
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from calstation.messages import Text
+from calstation.records import write_atomic
+from calstation.sequencer import Message
+
+#: File name of the state in the folder of the runs; the history ignores hidden files.
+FILE = ".exchange.json"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """The claim of another station on a unit that this station has claimed as well."""
+
+    serial: str
+    station: str
+    operator: str | None
+    since: datetime  #: UTC, by the clock of the database.
+
+    @property
+    def message(self) -> Message:
+        """The message for the operator."""
+        since = f"{self.since.astimezone():%H:%M}"
+        return Message("claimed_elsewhere", {"serial": self.serial, "station": self.station, "since": since})
+
+
+@dataclass(frozen=True)
+class ExchangeState:
+    """What the last attempt of an exchange left."""
+
+    pending: int = 0  #: Messages that have not arrived.
+    attempt_utc: datetime | None = None  #: Time of the attempt.
+    contact_utc: datetime | None = None  #: Time of the last exchange that succeeded.
+    error: dict[str, Any] | None = None  #: Code and values of the error of the attempt; None if it succeeded.
+    claims: tuple[Claim, ...] = ()  #: As of the last exchange that succeeded.
+
+    @property
+    def error_text(self) -> Text | None:
+        """The error as a message."""
+        return None if self.error is None else Text(self.error["code"], self.error["values"])
+
+
+_STATE = TypeAdapter(ExchangeState)
+
+
+def read_state(folder: Path) -> ExchangeState:
+    """Return the state of the exchange of a folder; an empty one if there was no exchange. Takes milliseconds."""
+    try:
+        return _STATE.validate_json((folder / FILE).read_bytes())
+    except (OSError, ValueError):
+        return ExchangeState()
+
+
+def write_state(folder: Path, state: ExchangeState) -> None:
+    """Write the state of the exchange of a folder. Raises OSError."""
+    write_atomic(folder / FILE, json.dumps(asdict(state), default=str))
