@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from calstation import __version__, applog
+from calstation.cli.database import database
 from calstation.cli.device_commands import registers, table
 from calstation.cli.options import (
     ByOption,
@@ -422,6 +423,7 @@ def report(
     raise typer.Exit(report_command(source, out, language, issued, revise, templates, dcc, sign, by, confirmed_by))
 
 
+app.add_typer(database, name="database")
 app.add_typer(quality, name="quality")
 app.add_typer(registers, name="registers")
 app.add_typer(table, name="table")

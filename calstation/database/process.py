@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from calstation import applog
 from calstation.config import load_station
-from calstation.database.state import ExchangeState, read_state, write_state
+from calstation.database.state import Claim, ExchangeState, read_state, write_state
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.jobs import spawn_process
 from calstation.messages import os_reason
@@ -32,6 +32,9 @@ _DUTY = 0.05
 #: Longest time to wait for another process that exchanges the same folder, s.
 _LOCKED_S = 10.0
 
+#: Shortest interval between two readings of the state, s.
+_READ_S = 1.0
+
 #: Time that the process has for a last exchange when its owner ends, s.
 _END_S = 3.0
 
@@ -48,6 +51,18 @@ class ExchangeProcess:
         self.process = context.Process(target=_work, args=(there, folder, url, station, claim), daemon=True)
         spawn_process(self.process)
         there.close()
+        self._folder, self._shown, self._read_at = folder, set[Claim](), 0.0
+
+    def new_claims(self) -> list[Claim]:
+        """Return the claims of other stations that were not returned before; reads the state once a second at most."""
+        now = time.monotonic()
+        if now < self._read_at + _READ_S:
+            return []
+        self._read_at = now
+        state = read_state(self._folder)
+        new = [claim for claim in state.claims if claim not in self._shown]
+        self._shown.update(new)
+        return new
 
     def close(self) -> None:
         """End the process after a last exchange, for which it has a few seconds at most."""
@@ -125,6 +140,8 @@ def watch(
             exchange_once(exchange, folder)
         except CalstationError as error:
             logger.warning("exchange of %s: %s", folder, error)
+            if exchange is None:
+                _note(folder, error, read_state(folder).pending)
             pause, failed = failed, min(2.0 * failed, LONGEST_S)
         else:
             pause, failed = max(PAUSE_S, (time.monotonic() - begin) / _DUTY), FAILED_S
@@ -142,14 +159,19 @@ def exchange_once(exchange: "Exchange", folder: Path) -> ExchangeState:
     """
     try:
         with locked(folder / ".exchange.lock", _LOCKED_S):
-            now = datetime.now(UTC)
             try:
                 claims = tuple(exchange.exchange())
             except CalstationError as error:
-                pending, failed = exchange.outbox.pending, error.as_text.to_json()
-                write_state(folder, replace(read_state(folder), pending=pending, attempt_utc=now, error=failed))
+                _note(folder, error, exchange.outbox.pending)
                 raise
+            now = datetime.now(UTC)
             write_state(folder, ExchangeState(exchange.outbox.pending, now, now, None, claims))
     except OSError as exc:
         raise ConfigurationError("database.folder_unusable", folder=folder, reason=os_reason(exc)) from exc
     return read_state(folder)
+
+
+def _note(folder: Path, error: CalstationError, pending: int) -> None:
+    """Write a failed attempt to the state of the exchange."""
+    failed = error.as_text.to_json()
+    write_state(folder, replace(read_state(folder), pending=pending, attempt_utc=datetime.now(UTC), error=failed))

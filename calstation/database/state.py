@@ -1,14 +1,14 @@
 """State of the exchange with the shared database, in a file that the window reads without the network."""
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter
 
-from calstation.messages import Text
+from calstation.messages import Text, values_from_json
 from calstation.records import write_atomic
 from calstation.sequencer import Message
 
@@ -45,7 +45,12 @@ class ExchangeState:
     @property
     def error_text(self) -> Text | None:
         """The error as a message."""
-        return None if self.error is None else Text(self.error["code"], self.error["values"])
+        return None if self.error is None else Text(self.error["code"], values_from_json(self.error["values"]))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the state as JSON data."""
+        state: dict[str, Any] = _STATE.dump_python(self, mode="json")
+        return state
 
 
 _STATE = TypeAdapter(ExchangeState)
@@ -61,4 +66,4 @@ def read_state(folder: Path) -> ExchangeState:
 
 def write_state(folder: Path, state: ExchangeState) -> None:
     """Write the state of the exchange of a folder. Raises OSError."""
-    write_atomic(folder / FILE, json.dumps(asdict(state), default=str))
+    write_atomic(folder / FILE, json.dumps(state.to_json()))
