@@ -71,9 +71,13 @@ class ExchangeProcess:
         self._shown.update(new)
         return new
 
+    def end(self) -> None:
+        """Let the process end after a last exchange; does not wait."""
+        self._connection.close()
+
     def close(self) -> None:
         """End the process after a last exchange, for which it has a few seconds at most."""
-        self._connection.close()
+        self.end()
         self.process.join(_END_S)
         if self.process.is_alive():
             self.process.kill()
