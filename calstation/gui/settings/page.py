@@ -69,7 +69,7 @@ class StationPage(Page):
             self.table_link,
             self.imu_link,
             SiteSection(self.drafts.station),
-            RecordsSection(self.drafts.station),
+            RecordsSection(app, self.drafts.station),
             TableSection(self.drafts.table),
             self.profiles,
             self.personal,

@@ -252,6 +252,14 @@
         <translation>选择文件夹</translation>
     </message>
     <message>
+        <source>Last exchange: {0}</source>
+        <translation>上次交换：{0}</translation>
+    </message>
+    <message>
+        <source>Not exchanged yet</source>
+        <translation>尚未交换</translation>
+    </message>
+    <message>
         <source>Archive of logs</source>
         <translation>日志归档</translation>
     </message>
