@@ -1,7 +1,9 @@
 """`database`: exchange with the database that stations share, by hand or as a service; its tables; its state."""
 
 import signal
+import sys
 import threading
+from importlib import resources
 from pathlib import Path
 from typing import Annotated
 
@@ -48,10 +50,10 @@ def exchange(
 
 @database.command()
 def upgrade(
-    station: StationOption = None,
     url: Annotated[
-        str | None, typer.Option("--database", help="URL in place of the station's, e.g. with its owner as user.")
+        str | None, typer.Argument(metavar="[URL]", help="Database, with its owner as user; default: the station's.")
     ] = None,
+    station: StationOption = None,
 ) -> None:
     """Create the tables of the shared database, or bring them to this version; as the owner of the database."""
     from calstation.database import upgrade as upgrade_tables
@@ -76,6 +78,12 @@ def status(out: OutOption = Path("runs"), json: JsonOption = None) -> None:
     show_line(console, say("cli.exchange_state", pending=state.pending, contact=contact))
     if state.error_text is not None:
         show_line(console, sentence(state.error_text))
+
+
+@database.command()
+def roles() -> None:
+    """Print the SQL of the roles with the least rights, to be executed by the owner of the database."""
+    sys.stdout.write(resources.files("calstation.database").joinpath("roles.sql").read_text(encoding="utf-8"))
 
 
 def _database_of(station: Path | None) -> tuple[str, str]:
