@@ -83,9 +83,12 @@ class PostgresServer:
         # a file, because the started server inherits standard output, and a pipe would never end
         with tempfile.TemporaryFile("w+", encoding="utf-8") as output:
             command = [str(self._programs / program), *map(str, arguments)]
-            subprocess.run(command, stdout=output, stderr=output, user=self._user, cwd="/", check=True, timeout=_WAIT)
+            done = subprocess.run(command, stdout=output, stderr=output, user=self._user, cwd="/", timeout=_WAIT)
             output.seek(0)
-            return output.read()
+            text = output.read()
+            if done.returncode:
+                raise subprocess.CalledProcessError(done.returncode, command, text)
+            return text
 
 
 def _user() -> str | None:

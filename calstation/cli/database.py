@@ -1,7 +1,9 @@
 """`database`: exchange with the database that stations share, by hand or as a service; its tables; its state."""
 
 import signal
+import sys
 import threading
+from importlib import resources
 from pathlib import Path
 from typing import Annotated
 
@@ -56,10 +58,10 @@ def exchange(
 
 @database.command()
 def upgrade(
-    station: StationOption = None,
     url: Annotated[
-        str | None, typer.Option("--database", help="URL in place of the station's, e.g. with its owner as user.")
+        str | None, typer.Argument(metavar="[URL]", help="Database, with its owner as user; default: the station's.")
     ] = None,
+    station: StationOption = None,
 ) -> None:
     """Create the tables of the shared database, or bring them to this version; as the owner of the database."""
     from calstation.database import upgrade as upgrade_tables
@@ -85,6 +87,12 @@ def status(out: OutOption = Path("runs"), json: JsonOption = None) -> None:
     for error in (state.error_text, state.archive_error_text):
         if error is not None:
             show_line(console, sentence(error))
+
+
+@database.command()
+def roles() -> None:
+    """Print the SQL of the roles with the least rights, to be executed by the owner of the database."""
+    sys.stdout.write(resources.files("calstation.database").joinpath("roles.sql").read_text(encoding="utf-8"))
 
 
 def _database_of(station: Path | None) -> tuple[str, str, str | None]:
