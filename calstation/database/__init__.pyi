@@ -1,2 +1,5 @@
 from .connect import connect as connect
 from .connect import upgrade as upgrade
+from .tables import log_copies as log_copies
+from .tables import runs as runs
+from .tables import solutions as solutions
