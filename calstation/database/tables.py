@@ -26,8 +26,14 @@ metadata = MetaData(
     }
 )
 
-#: One row: the last revision of a run. Its lock orders the transactions, so that revisions appear in their order.
-revisions = Table("revisions", metadata, Column("last", BigInteger, primary_key=True, autoincrement=False))
+#: One row: the last revision of a run, and a random name of the database. The row's lock orders the transactions, so
+#: that revisions appear in their order.
+revisions = Table(
+    "revisions",
+    metadata,
+    Column("last", BigInteger, primary_key=True, autoincrement=False),
+    Column("database", String(36), nullable=False),
+)
 
 #: The outbox of each folder of runs; `last_number` is the last of its messages that arrived.
 outboxes = Table(

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import TypeAdapter
 from sqlalchemy import (
+    BigInteger,
     Boolean,
     Column,
     ColumnElement,
@@ -29,6 +30,7 @@ from sqlalchemy import (
     event,
     func,
     insert,
+    literal_column,
     select,
     text,
 )
@@ -38,7 +40,7 @@ from sqlalchemy.pool import NullPool, StaticPool
 from calstation.physics import BoolArray, FloatArray
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 10
+_VERSION = 11
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -59,7 +61,7 @@ def verdict_of(outcome: str, *, partial: bool) -> str:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """A run in the index."""
+    """A run in the index. Of a run of another folder, `log` does not exist and `result` is None."""
 
     serial: str
     started_utc: str  #: ISO 8601.
@@ -77,6 +79,8 @@ class RunRecord:
     closed: bool = False  #: Whether an operator decided not to resume the run.
     partial: bool = False  #: Whether the run omitted stages of its product.
     released: bool = False  #: Whether an engineer released the unit although it failed.
+    origin: str = ""  #: Outbox of the folder that holds the run; "" for a run of this folder.
+    location: str | None = None  #: Where the log of a run of another folder lies: a URL or ``host:path``.
 
     @property
     def verdict(self) -> str:
@@ -153,6 +157,7 @@ _metadata = MetaData()
 _runs = Table(
     "runs",
     _metadata,
+    Column("origin", String, primary_key=True),
     Column("name", String, primary_key=True),
     Column("stamp", String, nullable=False),
     *(Column(name, String, index=name == "serial") for name in _SEARCHED),
@@ -164,6 +169,9 @@ _runs = Table(
     Column("numbers", LargeBinary, nullable=False),
 )
 Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
+#: One row: the shared database from which runs of other folders came, and the last revision that was received.
+_received = Table("received", _metadata, Column("database", String, primary_key=True), Column("revision", BigInteger))
+_rowid = literal_column("runs.rowid")
 
 
 class RunIndex:
@@ -177,19 +185,47 @@ class RunIndex:
         self._try(_create)
 
     def stamps(self) -> dict[str, str]:
-        """Return the stamp of each run by name."""
-        return self._try(
-            lambda connection: {row.name: row.stamp for row in connection.execute(select(_runs.c.name, _runs.c.stamp))}
-        )
+        """Return the stamp of each run of the folder by name."""
+        query = select(_runs.c.name, _runs.c.stamp).where(_runs.c.origin == "")
+        return self._try(lambda connection: {row.name: row.stamp for row in connection.execute(query)})
 
     def put(self, runs: Iterable[IndexedRun], gone: Iterable[str] = ()) -> None:
-        """Add or replace runs, and remove those in `gone`."""
+        """Add or replace runs of the folder, and remove those in `gone`."""
         rows = [_row(run) for run in runs]
         names = [*gone, *(row["name"] for row in rows)]
 
         def change(connection: Connection) -> None:
             for name in names:
-                connection.execute(delete(_runs).where(_runs.c.name == name))
+                connection.execute(delete(_runs).where(_runs.c.origin == "", _runs.c.name == name))
+            if rows:
+                connection.execute(insert(_runs), rows)
+
+        self._try(change)
+
+    def own(self, names: Sequence[str]) -> list[IndexedRun]:
+        """Return the runs of the folder with these names."""
+        return self._found(select(_runs).where(_runs.c.origin == "", _runs.c.name.in_(names)))
+
+    def received(self) -> tuple[str, int]:
+        """Return the name of the shared database and the last revision received from it, ("", 0) for none."""
+        rows = self._try(lambda connection: connection.execute(select(_received)).all())
+        return (rows[0].database, rows[0].revision) if rows else ("", 0)
+
+    def receive(self, runs: Iterable[IndexedRun], database: str, revision: int) -> None:
+        """Add or replace runs of other folders, received from a shared database up to a revision.
+
+        Runs received from another database are removed.
+        """
+        rows = [_row(run) for run in runs]
+
+        def change(connection: Connection) -> None:
+            if connection.execute(delete(_received).where(_received.c.database == database)).rowcount == 0:
+                connection.execute(delete(_runs).where(_runs.c.origin != ""))
+                connection.execute(delete(_received))
+            connection.execute(insert(_received).values(database=database, revision=revision))
+            for row in rows:
+                same = (_runs.c.origin == row["origin"], _runs.c.name == row["name"])
+                connection.execute(delete(_runs).where(*same))
             if rows:
                 connection.execute(insert(_runs), rows)
 
@@ -198,8 +234,8 @@ class RunIndex:
     def find(self, wanted: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Find at most `limit` runs that meet all conditions, the latest first."""
         order = (_runs.c.started_utc.desc(), _runs.c.name.desc())
-        names = select(_runs.c.name).where(*_conditions(wanted)).order_by(*order).limit(limit)
-        return self._found(select(_runs).where(_runs.c.name.in_(names)).order_by(*order))
+        rows = select(_rowid).select_from(_runs).where(*_conditions(wanted)).order_by(*order).limit(limit)
+        return self._found(select(_runs).where(_rowid.in_(rows)).order_by(*order))
 
     def count(self, wanted: RunFilter) -> int:
         """Return the number of runs that meet all conditions."""
@@ -261,10 +297,13 @@ class RunIndex:
         return self._try(lambda connection: [self._run(row) for row in connection.execute(query)])
 
     def _run(self, row: Row[Any]) -> IndexedRun:
-        """Return a stored run with the paths of its files in the folder of the index."""
+        """Return a stored run with the paths of its files in the folder of the index.
+
+        The log of a run of another folder gets a path in a folder named after its outbox.
+        """
         record = _RECORD.validate_python(json.loads(row.content))
         result = record.result and self._folder / record.result.name
-        record = replace(record, log=self._folder / record.log.name, result=result)
+        record = replace(record, log=self._folder / record.origin / record.log.name, result=result)
         names = json.loads(row.parameters)
         values, sigmas = (
             {name: number for name, number in zip(names, numbers, strict=True) if not math.isnan(number)}
@@ -349,7 +388,7 @@ def _row(run: IndexedRun) -> dict[str, Any]:
     columns["parameters"] = json.dumps([*run.values])
     numbers = [*run.values.values(), *(run.sigmas.get(name, math.nan) for name in run.values)]
     columns["numbers"] = np.array(numbers, dtype=float).tobytes()
-    return {"name": run.name, "stamp": run.stamp, **columns}
+    return {"origin": record.origin, "name": run.name, "stamp": run.stamp, **columns}
 
 
 def _estimates(

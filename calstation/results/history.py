@@ -106,7 +106,12 @@ class History:
         return next((run for run in self.passed(serial) if not run.partial), None)
 
     def result(self, record: RunRecord) -> Result:
-        """Return the result of a run in the index, from its log if there is no result file. Raises InputError."""
+        """Return the result of a run in the index, from its log if there is no result file. Raises InputError.
+
+        That of a run of another folder is only in the shared database.
+        """
+        if record.origin:
+            raise InputError("result.elsewhere", log=record.log.name, station=record.station or "?")
         if record.result is not None:
             return load_result(record.result)
         try:

@@ -20,6 +20,7 @@ COMPUTED = {
     "calstation/config/site_check.py",
     "calstation/config/station.py",
     "calstation/connection/link_test.py",
+    "calstation/database/connect.py",
     "calstation/gui/engineer/schedule_form.py",
     "calstation/gui/settings/fields.py",
 }

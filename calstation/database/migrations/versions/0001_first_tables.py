@@ -1,5 +1,7 @@
 """Create the tables of the shared database."""
 
+from uuid import uuid4
+
 import sqlalchemy as sa
 from alembic import op
 
@@ -28,6 +30,7 @@ def upgrade() -> None:
     op.create_table(
         "revisions",
         sa.Column("last", sa.BigInteger(), autoincrement=False, nullable=False),
+        sa.Column("database", sa.String(length=36), nullable=False),
         sa.PrimaryKeyConstraint("last", name=op.f("pk_revisions")),
     )
     op.create_table(
@@ -100,7 +103,7 @@ def upgrade() -> None:
         sa.ForeignKeyConstraint(["outbox", "name"], ["runs.outbox", "runs.name"], name=op.f("fk_log_copies_outbox")),
         sa.PrimaryKeyConstraint("outbox", "name", name=op.f("pk_log_copies")),
     )
-    op.execute("INSERT INTO revisions (last) VALUES (0)")
+    op.execute(f"INSERT INTO revisions (last, database) VALUES (0, '{uuid4()}')")
 
 
 def downgrade() -> None:
