@@ -13,6 +13,7 @@ import typer
 
 from calstation import __version__, applog
 from calstation.cli.device_commands import registers, table
+from calstation.cli.fleet import fleet
 from calstation.cli.options import (
     ByOption,
     ConfirmedByOption,
@@ -427,6 +428,7 @@ def report(
     raise typer.Exit(report_command(source, out, language, issued, revise, templates, dcc, sign, by, confirmed_by))
 
 
+app.add_typer(fleet, name="fleet")
 app.add_typer(quality, name="quality")
 app.add_typer(registers, name="registers")
 app.add_typer(table, name="table")

@@ -58,6 +58,7 @@ from .resolving import resolve_log as resolve_log
 from .resolving import resolve_with_state as resolve_with_state
 from .resolving import stored_result as stored_result
 from .resolving import warm_up as warm_up
+from .result import SCHEMA as SCHEMA
 from .result import CyclePhase as CyclePhase
 from .result import Override as Override
 from .result import Parameter as Parameter

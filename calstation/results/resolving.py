@@ -166,11 +166,11 @@ def _record_of(path: Path, result: Result, stored: Result | None) -> ResolveReco
     )
 
 
-def _with_states(meta: LogMeta, states: tuple[EffectName, ...]) -> tuple[LogMeta, list[str]]:
+def _with_states(meta: LogMeta, states: tuple[EffectName, ...]) -> tuple[LogMeta, list[EffectName]]:
     """Return the configuration of a log with more states in its model, and those that it did not have."""
     held = meta.model.states if meta.model is not None else []
     added = [state for state in dict.fromkeys(states) if state not in held]
-    return meta.model_copy(update={"model": ModelSection(states=[*held, *added])} if added else {}), list(added)
+    return meta.model_copy(update={"model": ModelSection(states=[*held, *added])} if added else {}), added
 
 
 def _check_range(log: Log, first: int | None, last: int | None) -> None:
