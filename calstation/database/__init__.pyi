@@ -1,6 +1,5 @@
 from .archive import LogCopy as LogCopy
 from .archive import archive_log as archive_log
-from .archive import local_copy as local_copy
 from .claims import claim_scanned as claim_scanned
 from .claims import release_scanned as release_scanned
 from .connect import connect as connect
@@ -17,3 +16,6 @@ from .remote import is_archived as is_archived
 from .state import Claim as Claim
 from .state import ExchangeState as ExchangeState
 from .state import read_state as read_state
+from .tables import log_copies as log_copies
+from .tables import runs as runs
+from .tables import solutions as solutions

@@ -6,11 +6,9 @@ Credentials come from where the file system looks for them, for S3 from the envi
 import hashlib
 import os
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from calstation.errors import ConfigurationError, InputError
@@ -58,29 +56,6 @@ def archive_log(log: Path, archive: str) -> LogCopy:
     except _FAILURES as exc:
         raise InputError("database.archive_failed", log=log.name, archive=archive, reason=str(exc)) from exc
     return copy
-
-
-@contextmanager
-def local_copy(url: str, file_sha256: str | None = None) -> Iterator[Path]:
-    """Yield the path of a copy of a log on the local disk, with the file beside a CSV; it is deleted afterwards.
-
-    `url` is a URL or a path, which may be on a mounted share; `file_sha256` is the digest that its bytes must have.
-    Raises InputError.
-    """
-    with TemporaryDirectory(prefix="calstation-log-", ignore_cleanup_errors=True) as folder:
-        local = Path(folder) / url.rstrip("/").replace("\\", "/").rsplit("/", 1)[-1]
-        try:
-            files, path = _open(url)
-            files.get_file(path, str(local))
-            stem, csv, _ = path.rpartition(".csv")
-            if csv:
-                files.get_file(f"{stem}.toml", str(local.parent / f"{local.name.rpartition('.csv')[0]}.toml"))
-        except _FAILURES as exc:
-            raise InputError("database.log_not_read", log=url, reason=str(exc)) from exc
-        with local.open("rb") as stream:
-            if file_sha256 is not None and _digest(stream) != file_sha256:
-                raise InputError("database.copy_damaged", log=url)
-        yield local
 
 
 def copy_to(url: str, target: Path, report: ProgressCallback) -> None:
