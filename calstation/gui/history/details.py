@@ -217,7 +217,7 @@ class RunDetails(QFrame):
         override = None if result is None else result.standard_override
         words = self.tr("Calibrated although a check standard or an instrument was not in order: {0}")
         started = [] if override is None else [words.format(override)]
-        self.reason_label.setText("\n".join(filter(None, (*started, self._reason(run)))))
+        show_text(self.reason_label, "\n".join(filter(None, (*started, self._reason(run)))))
         lines = []
         if result is not None and result.judged:
             failed = result.failed_checks

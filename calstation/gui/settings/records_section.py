@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QFileDialog
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import EDITOR, Field, Row, Section, WordEdit, panel
 from calstation.gui.shell import AppContext, ExchangeLabel
-from calstation.gui.text import on_language_change, say, show
+from calstation.gui.text import on_language_change, rendered, say
 from calstation.gui.widgets import button, column, label, row, show_text, theme
 from calstation.messages import local_time
 
@@ -46,8 +46,9 @@ class RecordsSection(Section):
             contact = state.contact_utc
             when = "" if contact is None else local_time(contact.isoformat())
             lines.append(self.tr("Last exchange: {0}").format(when) if when else self.tr("Not exchanged yet"))
-            errors = (state.error_text, state.archive_error_text)
-            lines += [show(error) for error in errors if error is not None]
+            for error in (state.error_text, state.archive_error_text):
+                if error is not None:
+                    lines += [rendered(error).text, rendered(error).remedy]
         show_text(self._status, "\n".join(lines))
 
     def _choose_folder(self) -> None:
