@@ -4,6 +4,7 @@ import json as json_module
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Annotated
 
@@ -12,9 +13,14 @@ import typer
 from calstation.cli.options import JsonOption, StagesOption, parsed_stages
 
 if TYPE_CHECKING:
-    from calstation.fleet import FleetRequest, FleetSummary
+    from calstation.fleet import Comparison, FleetRequest, FleetSummary
 
 fleet = typer.Typer(help="Many logs: solve them again on many cores, compare the solutions of two versions.")
+
+#: Width of the tables, characters.
+_WIDTH = 150
+#: Changed verdicts that are listed; the JSON has all.
+_MOST_CHANGES = 30
 
 DatabaseOption = Annotated[
     str, typer.Option(help="postgresql+psycopg://USER@HOST/NAME or sqlite:////PATH.", metavar="URL")
@@ -86,8 +92,8 @@ def resolve(
     raise typer.Exit(4 if summary.stopped else 1 if summary.failed else 0)
 
 
-def _target(json: str) -> IO[str]:
-    return open(sys.stdout.fileno(), "w", closefd=False) if json == "-" else Path(json).open("w", encoding="utf-8")
+def _target(json: str) -> AbstractContextManager[IO[str]]:
+    return nullcontext(sys.stdout) if json == "-" else Path(json).open("w", encoding="utf-8")
 
 
 def _json_parts(request: "FleetRequest", summary: "FleetSummary") -> Iterator[str]:
@@ -109,3 +115,82 @@ def _json_parts(request: "FleetRequest", summary: "FleetSummary") -> Iterator[st
         "seconds_per_log": steps,
     }
     yield ("" if begin == ",\n" else begin) + "],\n" + json_module.dumps(rest)[1:] + "\n"
+
+
+VersionOption = Annotated[str, typer.Option(help="A version, e.g. 0.1.0+label; online: the results of the runs.")]
+
+
+@fleet.command()
+def compare(database: DatabaseOption, before: VersionOption, after: VersionOption, json: JsonOption = None) -> None:
+    """Show which verdicts differ between two versions, and by how many sigmas each parameter moves."""
+    from calstation.cli.show import check_json, emit_json, job_progress
+    from calstation.fleet import compare as compare_versions
+
+    check_json(json)
+    with job_progress("reading the solutions") as progress:
+        found = compare_versions(progress, database, before, after)
+    emit_json(found.to_json(), json)
+    if json != "-":
+        _show(found)
+
+
+@fleet.command()
+def export(
+    database: DatabaseOption,
+    version: VersionOption,
+    out: Annotated[Path, typer.Option("-o", "--out", help="File to write.", metavar="FILE.parquet")],
+) -> None:
+    """Write the solutions of a version into a Parquet file, for DuckDB, pandas and others."""
+    from rich.console import Console
+
+    from calstation.cli.show import job_progress, show_line
+    from calstation.fleet import export_version
+
+    with job_progress("reading the solutions") as progress:
+        count = export_version(progress, database, version, out)
+    show_line(Console(stderr=True), f"{out}: {count} solutions")
+
+
+def _show(found: "Comparison") -> None:
+    """Show the changed verdicts, the moves of the parameters, and the groups."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    from calstation.cli.show import say, show_line
+
+    console = Console(file=sys.stdout, width=_WIDTH)
+
+    def table(title: str, texts: int, *headings: str) -> Table:
+        made = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        for k, heading in enumerate(headings):
+            made.add_column(heading, justify="left" if k < texts else "right", no_wrap=True)
+        return made
+
+    numbers = {"logs": found.logs, "only_before": found.only_before, "only_after": found.only_after}
+    show_line(console, say("cli.fleet_compared", before=found.before, after=found.after, **numbers))
+    verdicts = table("verdicts", 2, "before", "after", "logs")
+    for was, row in found.verdicts.items():
+        for now, count in row.items():
+            verdicts.add_row(was, now, str(count))
+    console.print(verdicts)
+    if found.changes:
+        shown = found.changes[:_MOST_CHANGES]
+        title = f"changed verdicts, {len(shown)} of {len(found.changes)}"
+        changes = table(title, 7, "unit", "product", "station", "start", "before", "after", "failed checks")
+        for each in shown:
+            failed = each.failed_after or each.failed_before
+            start = (each.started_utc or "")[:16]
+            changes.add_row(each.serial, each.product or "", each.station or "", start, each.before, each.after, failed)
+        console.print(changes)
+    moves = table("moves, sigmas", 1, "parameter", "median", "95 %", "largest", "unit")
+    for name, move in found.moves.items():
+        moves.add_row(name, *(f"{x:.3g}" for x in (move.median, move.percentile_95, move.largest)), move.serial)
+    console.print(moves)
+    for kind, members in found.groups.items():
+        groups = table(f"by {kind}", 1, kind, "logs", "pass to fail", "fail to pass", "largest median", "sigmas")
+        for group in members:
+            worst = max(group.moves, key=lambda name: group.moves[name].median, default="")
+            size = f"{group.moves[worst].median:.3g}" if worst else ""
+            groups.add_row(group.name, str(group.logs), str(group.pass_to_fail), str(group.fail_to_pass), worst, size)
+        console.print(groups)

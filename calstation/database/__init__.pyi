@@ -17,5 +17,6 @@ from .state import Claim as Claim
 from .state import ExchangeState as ExchangeState
 from .state import read_state as read_state
 from .tables import log_copies as log_copies
+from .tables import revisions as revisions
 from .tables import runs as runs
 from .tables import solutions as solutions

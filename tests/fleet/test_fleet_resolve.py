@@ -85,6 +85,7 @@ def test_damaged_logs_are_recorded_as_failed_and_the_rest_is_solved(logs: list[P
     assert counts(resolve_fleet(request_of(logs[0].parent, url))) == (0, 6, 0)
 
 
+@pytest.mark.long
 def test_a_log_that_kills_its_workers_is_recorded_as_failed(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     with dask.config.set({"distributed.worker.preload": [str(Path(__file__).with_name("dies_for_one_unit.py"))]}):
@@ -96,6 +97,7 @@ def test_a_log_that_kills_its_workers_is_recorded_as_failed(logs: list[Path], tm
     assert counts(resolve_fleet(request_of(logs, url))) == (0, 6, 0)
 
 
+@pytest.mark.long
 def test_a_log_that_is_not_reachable_is_tried_again(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     missing = tmp_path / "away.h5"
@@ -166,7 +168,7 @@ def test_a_csv_is_solved_with_its_configuration(logs: list[Path], tmp_path: Path
         ("[product.limits.accel_scal]\nwithin = 1e-3\n", "entry.in_file", "accel_scale"),
         ("[prior.gyro_bias_q]\nsigma = 1.0\n", "entry.in_file", "gyro_bias_"),
         ("[schedule.excitation]\nround = 1\n", "entry.in_file", "rounds"),
-        ("[schedule.excitatio]\nrounds = 1\n", "method.unknown", "excitation"),
+        ("[schedule.excitatio]\nrounds = 1\n", "plan.no_such_stage", "excitation"),
     ],
 )
 def test_an_unknown_change_is_refused_with_the_near_miss(tmp_path: Path, content: str, code: str, told: str) -> None:
