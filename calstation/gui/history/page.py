@@ -14,6 +14,7 @@ from calstation.gui.history.comparison import MAX_COMPARED, RunComparison
 from calstation.gui.history.details import Actions, RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
+from calstation.gui.history.versions_view import VersionsView
 from calstation.gui.operator import CertificateButton, LabelButton
 from calstation.gui.shell import AppContext, Page, ReleaseBar
 from calstation.gui.text import bind, on_language_change, say
@@ -74,7 +75,8 @@ class HistoryPage(Page):
         runs = QWidget()
         column(self._filters, (self._stack, 1), on=runs)
         self._comparison = RunComparison(self._show_list)
-        self._views = stack(runs, self._comparison)
+        self.versions = VersionsView(app, self.notice, self._show_list)
+        self._views = stack(runs, self._comparison, self.versions)
         wide = 2 * theme.GRID
         column(self.notice, (self._views, 1), on=self, margins=(wide, theme.GRID, wide, wide))
         self._connect()
@@ -84,7 +86,7 @@ class HistoryPage(Page):
     def busy(self) -> bool:
         """Whether a background job of the page is running."""
         watches = (self._refresher, self._offers, self._closer, self._loader, self._logs, self._results)
-        return any(watch.busy for watch in (*watches, self.exports.watch))
+        return self.versions.busy or any(watch.busy for watch in (*watches, self.exports.watch))
 
     def refresh(self) -> None:
         """Update the index from the folder, then list the runs."""
@@ -119,8 +121,10 @@ class HistoryPage(Page):
         self._clear_button = button("history_clear_button", lambda: self.tr("Show all runs"))
         self._compare_button = button("history_compare_button", lambda: self.tr("Compare"), self._compare)
         self._export_button = button("history_export_button", None, self._export)
+        versions = button("history_versions_button", lambda: self.tr("Versions"), self._show_versions)
+        bind(versions.setToolTip, lambda: self.tr("Compare solutions of all logs by two versions"))
         actions = QWidget()
-        buttons = (self._clear_button, self._compare_button, self._export_button)
+        buttons = (self._clear_button, self._compare_button, versions, self._export_button)
         row((self._count_label, 1), *buttons, on=actions)
         loading = JobRow(self._loader, "comparison_cancel_button")
         return JobStack(
@@ -272,6 +276,10 @@ class HistoryPage(Page):
         self._comparison.show_runs(self._compared, results)
         self._views.setCurrentWidget(self._comparison)
         self._comparison.focus()
+
+    def _show_versions(self) -> None:
+        self._views.setCurrentWidget(self.versions)
+        self.versions.open()
 
     def _show_list(self) -> None:
         self._views.setCurrentIndex(0)
