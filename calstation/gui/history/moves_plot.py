@@ -32,7 +32,7 @@ class MovesPlot(ThemedPlot):
     def show_moves(self, rows: Mapping[str, Move]) -> None:
         """Plot moves by the text of their row."""
         self._rows = rows
-        self.setMinimumHeight((theme.BODY + 2) * len(rows) + _AXIS)
+        self.setMinimumHeight(theme.BODY * len(rows) + _AXIS)
         self.getViewBox().reset()
         self.draw()
 
