@@ -25,25 +25,33 @@ def exchange(
 ) -> None:
     """Send the runs of a folder to the shared database and receive those of other stations."""
     from calstation.cli.show import say, show_line
-    from calstation.database import Exchange, exchange_once
+    from calstation.database import Exchange, exchange_once, read_state
     from calstation.database import watch as watch_folder
     from calstation.messages import event_text, sentence
 
-    url, name = _database_of(station)
+    url, name, archive = _database_of(station)
     out.mkdir(parents=True, exist_ok=True)
     if watch:
         stop = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: stop.set())
-        watch_folder(out, url, name, stop.wait)
+        watch_folder(out, url, name, stop.wait, archive=archive)
         return
     made = Exchange(out, url, name)
     try:
-        state = exchange_once(made, out)
+        exchange_once(made, out)
+        if archive is not None:
+            archiver = made.archiver(archive)
+            while archiver.copy_next():
+                pass
+            exchange_once(made, out)
     finally:
         made.close()
+    state = read_state(out)
     console = Console(stderr=True)
     show_line(console, say("cli.exchanged"))
+    if state.archive_error_text is not None:
+        show_line(console, sentence(state.archive_error_text))
     for claim in state.claims:
         show_line(console, sentence(event_text(claim.message.id, claim.message.values)))
 
@@ -76,8 +84,9 @@ def status(out: OutOption = Path("runs"), json: JsonOption = None) -> None:
     console = Console()
     contact = "-" if state.contact_utc is None else local_time(state.contact_utc.isoformat())
     show_line(console, say("cli.exchange_state", pending=state.pending, contact=contact))
-    if state.error_text is not None:
-        show_line(console, sentence(state.error_text))
+    for error in (state.error_text, state.archive_error_text):
+        if error is not None:
+            show_line(console, sentence(error))
 
 
 @database.command()
@@ -86,12 +95,12 @@ def roles() -> None:
     sys.stdout.write(resources.files("calstation.database").joinpath("roles.sql").read_text(encoding="utf-8"))
 
 
-def _database_of(station: Path | None) -> tuple[str, str]:
-    """Return the URL of a station's database and its name. Raises ConfigurationError if it has none."""
+def _database_of(station: Path | None) -> tuple[str, str, str | None]:
+    """Return the URL of a station's database, its name and its archive. Raises ConfigurationError if it has none."""
     from calstation.config import load_station
     from calstation.errors import ConfigurationError
 
     path, config = load_station(station)
     if config.records.database is None:
         raise ConfigurationError("database.not_named", path=path)
-    return config.records.database, config.name
+    return config.records.database, config.name, config.records.archive

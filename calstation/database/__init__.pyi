@@ -1,3 +1,5 @@
+from .archive import LogCopy as LogCopy
+from .archive import archive_log as archive_log
 from .claims import claim_scanned as claim_scanned
 from .claims import release_scanned as release_scanned
 from .connect import connect as connect
@@ -8,6 +10,13 @@ from .process import ExchangeProcess as ExchangeProcess
 from .process import exchange_once as exchange_once
 from .process import start_exchange as start_exchange
 from .process import watch as watch
+from .remote import fetch_log as fetch_log
+from .remote import fetch_result as fetch_result
+from .remote import is_archived as is_archived
 from .state import Claim as Claim
 from .state import ExchangeState as ExchangeState
 from .state import read_state as read_state
+from .tables import log_copies as log_copies
+from .tables import revisions as revisions
+from .tables import runs as runs
+from .tables import solutions as solutions

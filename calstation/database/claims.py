@@ -9,7 +9,6 @@ from sqlalchemy import Connection, Engine, delete, func, insert, select, update
 from sqlalchemy.exc import DBAPIError
 
 from calstation.config import load_station
-from calstation.database.connect import connect, public, reason_of
 from calstation.database.outbox import Outbox
 from calstation.database.state import Claim
 from calstation.database.tables import claims
@@ -72,6 +71,8 @@ def release_scanned(report: ProgressCallback, station: Path | None, folder: Path
 
 @contextmanager
 def _connected(url: str) -> Iterator[Engine]:
+    from calstation.database.connect import connect, public, reason_of  # not in the window, which names the jobs
+
     engine = connect(url)
     try:
         yield engine

@@ -9,6 +9,7 @@ from uuid import uuid4
 from sqlalchemy import Connection, Engine, Row, delete, func, insert, select, update
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 
+from calstation.database.archiver import LogArchiver
 from calstation.database.claims import claim_unit, other_claims
 from calstation.database.connect import connect, public, reason_of
 from calstation.database.outbox import Outbox, OutboxMessage
@@ -29,7 +30,7 @@ class Exchange:
 
     def __init__(self, folder: Path, url: str, station: str, claim: tuple[str, str | None] | None = None) -> None:
         """Create the exchange; `claim` is the serial number of a unit and its operator, to be claimed."""
-        self._url, self._station, self._claim = url, station, claim
+        self._folder, self._url, self._station, self._claim = folder, url, station, claim
         self._index = RunIndex(folder)
         self._engine: Engine | None = None
         self.outbox = Outbox(folder)
@@ -57,6 +58,10 @@ class Exchange:
             if lost:
                 raise ConfigurationError("database.unreachable", database=database, reason=reason_of(exc)) from exc
             raise ConfigurationError("database.refused", database=database, reason=reason_of(exc)) from exc
+
+    def archiver(self, archive: str) -> LogArchiver:
+        """Return what copies the logs of the folder to an archive."""
+        return LogArchiver(self._folder, archive)
 
     def close(self) -> None:
         """Close the connection; the next exchange opens a new one."""

@@ -44,11 +44,18 @@ logger = logging.getLogger(__name__)
 class ExchangeProcess:
     """The exchange of a folder in a process of its own, which ends with its owner; it never delays a run."""
 
-    def __init__(self, folder: Path, url: str, station: str, claim: tuple[str, str | None] | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        url: str,
+        station: str,
+        claim: tuple[str, str | None] | None = None,
+        archive: str | None = None,
+    ) -> None:
         """Start the process; `claim` is the serial number of a unit and its operator, to be claimed."""
         context = multiprocessing.get_context("spawn")
         self._connection, there = context.Pipe()
-        self.process = context.Process(target=_work, args=(there, folder, url, station, claim), daemon=True)
+        self.process = context.Process(target=_work, args=(there, folder, url, station, claim, archive), daemon=True)
         spawn_process(self.process)
         there.close()
         self._folder, self._shown, self._read_at = folder, set[Claim](), 0.0
@@ -95,11 +102,16 @@ def start_exchange(
     if config.records.database is None:
         return None
     folder.mkdir(parents=True, exist_ok=True)
-    return ExchangeProcess(folder, config.records.database, config.name, claim)
+    return ExchangeProcess(folder, config.records.database, config.name, claim, config.records.archive)
 
 
 def _work(
-    owner: "Connection[Any, Any]", folder: Path, url: str, station: str, claim: tuple[str, str | None] | None
+    owner: "Connection[Any, Any]",
+    folder: Path,
+    url: str,
+    station: str,
+    claim: tuple[str, str | None] | None,
+    archive: str | None,
 ) -> None:
     """Exchange until the owner closes the pipe or ends."""
     applog.configure("exchange")
@@ -112,7 +124,7 @@ def _work(
         return True
 
     try:
-        watch(folder, url, station, wait, claim)
+        watch(folder, url, station, wait, claim, archive)
     except Exception:
         logger.exception("the exchange ended by a mistake of the program")
         raise
@@ -124,8 +136,9 @@ def watch(
     station: str,
     wait: Callable[[float], bool],
     claim: tuple[str, str | None] | None = None,
+    archive: str | None = None,
 ) -> None:
-    """Exchange a folder again and again.
+    """Exchange a folder again and again, and copy its logs to an archive.
 
     Parameters
     ----------
@@ -133,8 +146,9 @@ def watch(
     url, station : URL of the database, and name of the station
     wait : waits for a pause, s, and returns whether to end after a last exchange
     claim : serial number of a unit and its operator, to be claimed; None for no unit
+    archive : folder or URL for copies of the logs; None for no copies
     """
-    failed, ended, exchange = FAILED_S, False, None
+    failed, ended, exchange, archiver = FAILED_S, False, None, None
     while True:
         begin = time.monotonic()
         try:
@@ -152,6 +166,12 @@ def watch(
             pause, failed = max(PAUSE_S, (time.monotonic() - begin) / _DUTY), FAILED_S
         if ended:
             break
+        try:
+            if archive is not None and exchange is not None:
+                archiver = archiver or exchange.archiver(archive)
+                pause = 0.0 if archiver.copy_next() else pause
+        except (CalstationError, OSError) as error:
+            logger.warning("archive of %s: %s", folder, error)
         ended = wait(pause)
     if exchange is not None:
         exchange.close()
@@ -170,7 +190,8 @@ def exchange_once(exchange: "Exchange", folder: Path) -> ExchangeState:
                 _note(folder, error, exchange.outbox.pending)
                 raise
             now = datetime.now(UTC)
-            write_state(folder, ExchangeState(exchange.outbox.pending, now, now, None, claims))
+            state = replace(read_state(folder), pending=exchange.outbox.pending, claims=claims, error=None)
+            write_state(folder, replace(state, attempt_utc=now, contact_utc=now))
     except OSError as exc:
         raise ConfigurationError("database.folder_unusable", folder=folder, reason=os_reason(exc)) from exc
     return read_state(folder)

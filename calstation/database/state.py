@@ -41,11 +41,18 @@ class ExchangeState:
     contact_utc: datetime | None = None  #: Time of the last exchange that succeeded.
     error: dict[str, Any] | None = None  #: Code and values of the error of the attempt; None if it succeeded.
     claims: tuple[Claim, ...] = ()  #: As of the last exchange that succeeded.
+    logs_pending: int = 0  #: Logs that have not been copied to the archive.
+    archive_error: dict[str, Any] | None = None  #: Code and values of the error of the last copy of a log.
 
     @property
     def error_text(self) -> Text | None:
         """The error as a message."""
-        return None if self.error is None else Text(self.error["code"], values_from_json(self.error["values"]))
+        return _text(self.error)
+
+    @property
+    def archive_error_text(self) -> Text | None:
+        """The error of the last copy of a log as a message."""
+        return _text(self.archive_error)
 
     def to_json(self) -> dict[str, Any]:
         """Return the state as JSON data."""
@@ -54,6 +61,10 @@ class ExchangeState:
 
 
 _STATE = TypeAdapter(ExchangeState)
+
+
+def _text(error: dict[str, Any] | None) -> Text | None:
+    return None if error is None else Text(error["code"], values_from_json(error["values"]))
 
 
 def read_state(folder: Path) -> ExchangeState:

@@ -120,8 +120,24 @@
         <translation>比较</translation>
     </message>
     <message>
+        <source>Copying the log</source>
+        <translation>正在复制日志</translation>
+    </message>
+    <message>
+        <source>Reading the result</source>
+        <translation>正在读取结果</translation>
+    </message>
+    <message>
         <source>The runs cannot be compared</source>
         <translation>无法比较这些标定</translation>
+    </message>
+    <message>
+        <source>The log was not opened</source>
+        <translation>日志未能打开</translation>
+    </message>
+    <message>
+        <source>The result was not opened</source>
+        <translation>结果未能打开</translation>
     </message>
     <message>
         <source>The run was not closed</source>
@@ -384,6 +400,14 @@
         <translation>节拍</translation>
     </message>
     <message>
+        <source>Log at</source>
+        <translation>日志位置</translation>
+    </message>
+    <message>
+        <source>The log is only at the station {0}, which keeps no archive of logs: {1}</source>
+        <translation>日志只在工位 {0}，该工位没有日志归档：{1}</translation>
+    </message>
+    <message>
         <source>{0}, of which {1} not in stages</source>
         <translation>{0}，其中标定阶段以外 {1}</translation>
     </message>
@@ -458,6 +482,10 @@
     <message>
         <source>Duration</source>
         <translation>用时</translation>
+    </message>
+    <message>
+        <source>Station</source>
+        <translation>工位</translation>
     </message>
     <message>
         <source>Stages</source>

@@ -53,6 +53,13 @@
     </message>
 </context>
 <context>
+    <name>ClaimNotice</name>
+    <message>
+        <source>Agree which station goes on with it.</source>
+        <translation>请商定由哪个工位继续。</translation>
+    </message>
+</context>
+<context>
     <name>Convergence</name>
     <message>
         <source>Sigma as a multiple of its target</source>

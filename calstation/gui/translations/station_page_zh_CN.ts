@@ -241,6 +241,30 @@
     </message>
 </context>
 <context>
+    <name>RecordsSection</name>
+    <message>
+        <source>Shared records</source>
+        <extracomment>Width of the input of a URL, px.</extracomment>
+        <translation>共享记录</translation>
+    </message>
+    <message>
+        <source>Choose a folder</source>
+        <translation>选择文件夹</translation>
+    </message>
+    <message>
+        <source>Last exchange: {0}</source>
+        <translation>上次交换：{0}</translation>
+    </message>
+    <message>
+        <source>Not exchanged yet</source>
+        <translation>尚未交换</translation>
+    </message>
+    <message>
+        <source>Archive of logs</source>
+        <translation>日志归档</translation>
+    </message>
+</context>
+<context>
     <name>SiteSection</name>
     <message>
         <source>Body +y at home, seen from above.</source>
@@ -280,7 +304,7 @@
     <name>StationPage</name>
     <message>
         <source>Station</source>
-        <extracomment>Key paths of the station file that each of the first four sections edits. Names of the files saved last; empty after the next edit.</extracomment>
+        <extracomment>Key paths of the station file that each of the first five sections edits. Names of the files saved last; empty after the next edit.</extracomment>
         <translation>工位</translation>
     </message>
     <message>
@@ -346,6 +370,10 @@
     <message>
         <source>Site</source>
         <translation>站址</translation>
+    </message>
+    <message>
+        <source>Shared records</source>
+        <translation>共享记录</translation>
     </message>
     <message>
         <source>Table</source>

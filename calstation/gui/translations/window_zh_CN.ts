@@ -64,6 +64,33 @@
     </message>
 </context>
 <context>
+    <name>ExchangeLabel</name>
+    <message>
+        <source>1 run waits for the database</source>
+        <translation>1 条标定记录等待发送到数据库</translation>
+    </message>
+    <message>
+        <source>{0} runs wait for the database</source>
+        <translation>{0} 条标定记录等待发送到数据库</translation>
+    </message>
+    <message>
+        <source>{0} runs wait for the database since {1}</source>
+        <translation>{0} 条标定记录自 {1} 起等待发送到数据库</translation>
+    </message>
+    <message>
+        <source>1 run waits for the database since {1}</source>
+        <translation>1 条标定记录自 {1} 起等待发送到数据库</translation>
+    </message>
+    <message>
+        <source>1 log waits for the archive</source>
+        <translation>1 份日志等待归档</translation>
+    </message>
+    <message>
+        <source>{0} logs wait for the archive</source>
+        <translation>{0} 份日志等待归档</translation>
+    </message>
+</context>
+<context>
     <name>FileExport</name>
     <message>
         <source>The export failed</source>
@@ -189,7 +216,7 @@
     <name>PeoplePanel</name>
     <message>
         <source>Confirm</source>
-        <extracomment>Called with the reason, the person who acts, and the one who confirms, None if none is required.</extracomment>
+        <extracomment>Emitted when the panel opens and closes.</extracomment>
         <translation>确认</translation>
     </message>
     <message>

@@ -1,0 +1,12 @@
+from .compare import GROUPS as GROUPS
+from .compare import VERDICTS as VERDICTS
+from .compare import Comparison as Comparison
+from .compare import Group as Group
+from .compare import Move as Move
+from .compare import VerdictChange as VerdictChange
+from .compare import compare as compare
+from .compare import export_version as export_version
+from .resolving import FleetRequest as FleetRequest
+from .resolving import FleetSummary as FleetSummary
+from .resolving import resolve_fleet as resolve_fleet
+from .resolving import solved_results as solved_results
