@@ -93,6 +93,8 @@ def shared_records(request: RunRequest) -> Iterator[Callable[[], Sequence[Claim]
         return
     with exchange:
         yield exchange.new_claims
+    for claim in exchange.new_claims():  # those of the last exchange
+        show_line(Console(stderr=True), sentence(event_text(claim.message.id, claim.message.values)))
 
 
 def engine_events(

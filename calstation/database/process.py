@@ -83,6 +83,7 @@ class ExchangeProcess:
             self.process.kill()
             self.process.join()
         self.process.close()
+        self._read_at = 0.0
 
     def __enter__(self) -> "ExchangeProcess":
         return self
