@@ -57,11 +57,11 @@ class ColumnFiles:
 
     paths: tuple[Path, ...]
 
-    def read(self, *names: str) -> Any:
-        """Return columns of all rows as a table of pyarrow."""
+    def read(self, *names: str, threads: bool = False) -> Any:
+        """Return columns of all rows as a table of pyarrow; `threads` unless the caller reads columns in parallel."""
         few = [name for name in names if name in _FEW]
         return pa.concat_tables(
-            pq.read_table(path, columns=list(names), read_dictionary=few, use_threads=False, memory_map=True)
+            pq.read_table(path, columns=list(names), read_dictionary=few, use_threads=threads, memory_map=True)
             for path in self.paths
         )
 
@@ -80,7 +80,7 @@ def update_columns(report: ProgressCallback, connection: Connection, version: st
     with locked(folder / ".lock", _LOCKED_WITHIN):
         files = sorted(folder.glob("*.parquet"))
         known = np.concatenate([np.empty(0, np.int64), *(ColumnFiles((path,)).numbers("number") for path in files)])
-        if len(np.unique(known)) < len(known):  # the program was killed while it joined files
+        if (np.diff(np.sort(known)) == 0).any():  # the program was killed while it joined files
             for path in files:
                 path.unlink()
             files, known = [], known[:0]

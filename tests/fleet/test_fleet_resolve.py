@@ -14,7 +14,7 @@ from sqlalchemy import create_engine, func, select
 from calstation.database import solutions
 from calstation.errors import ConfigurationError, InputError
 from calstation.fleet import FleetRequest, FleetSummary, resolve_fleet, solved_results
-from calstation.records import export_csv, open_log, resolves_path
+from calstation.records import export_csv, open_log, resolves_path, write_log
 from calstation.results import resolve
 from tests.cli.conftest import Done
 from tests.helpers import raises_code
@@ -135,12 +135,11 @@ def test_changes_give_the_solution_of_the_changed_configuration(
     assert result["outcome"] == "resolved"
     assert result["configuration_sha256"] != before.configuration_sha256
     assert result["log"]["sha256"] == before.log.sha256
-    changed = tmp_path / "changed.csv"
-    export_csv(logs[0], changed)
-    toml = changed.with_suffix(".toml")
-    toml.write_text(toml.read_text().replace(f"gravity_mps2 = {gravity}", f"gravity_mps2 = {gravity * (1 - 20e-6)}"))
-    for name, row in resolve(changed).result.to_json()["parameters"].items():
-        assert result["parameters"][name] == row
+    log = open_log(logs[0])
+    site = log.meta.site.model_copy(update={"gravity_mps2": gravity * (1 - 20e-6)})
+    changed = tmp_path / "changed.h5"
+    write_log(changed, log.meta.model_copy(update={"site": site}), log.blocks())
+    assert result["parameters"] == resolve(changed).result.to_json()["parameters"]
     patch.write_text("[site]\ngravity_mps2 = 9.8\n")
     with raises_code(ConfigurationError, "fleet.label_used"):
         resolve_fleet(request_of(logs[:1], url, patch=patch))
