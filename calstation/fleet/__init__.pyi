@@ -1,5 +1,5 @@
-from .compare import compare as compare
-from .compare import export_version as export_version
+from .comparing import compare as compare
+from .comparing import export_version as export_version
 from .comparison import GROUPS as GROUPS
 from .comparison import VERDICTS as VERDICTS
 from .comparison import Comparison as Comparison

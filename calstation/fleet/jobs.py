@@ -27,7 +27,7 @@ def versions_job(report: ProgressCallback, station: Path | None) -> list[str]:
 
 def compare_job(report: ProgressCallback, station: Path | None, before: str, after: str) -> Comparison:
     """Job: compare two versions in the database of a station. Raises ConfigurationError."""
-    from calstation.fleet.compare import compare
+    from calstation.fleet.comparing import compare
 
     return compare(report, _database(station), before, after)
 
@@ -37,7 +37,7 @@ def export_job(report: ProgressCallback, station: Path | None, before: str, afte
 
     Returns `target`. Raises ConfigurationError.
     """
-    from calstation.fleet.compare import compare, export_version
+    from calstation.fleet.comparing import compare, export_version
 
     url = _database(station)
     if target.suffix == ".parquet":
