@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import psutil
 import pytest
 from sqlalchemy import create_engine, select
 
@@ -28,29 +29,30 @@ KILLED_EVERY = 5.0
 WITHIN = 240.0
 
 
-def children(pid: int) -> list[int]:
-    """Worker processes of a coordinator."""
+def workers_of(process: subprocess.Popen[bytes]) -> list[psutil.Process]:
+    """Worker processes of a command."""
     found = []
-    for task in Path(f"/proc/{pid}/task").iterdir():
-        for child in (task / "children").read_text().split():
-            command = Path(f"/proc/{child}/cmdline").read_bytes()
-            if b"spawn_main" in command:
-                found.append(int(child))
+    with suppress(psutil.NoSuchProcess):
+        for child in psutil.Process(process.pid).children():
+            with suppress(psutil.NoSuchProcess):
+                if "spawn_main" in " ".join(child.cmdline()):
+                    found.append(child)
     return found
 
 
 @contextmanager
-def killing_workers(killed: list[int]) -> Iterator[None]:
-    """Kill a random worker of this process every few seconds."""
+def killing_workers(process: subprocess.Popen[bytes], killed: list[int]) -> Iterator[None]:
+    """Kill a random worker every few seconds."""
     stop = threading.Event()
 
     def kill() -> None:
         while not stop.wait(KILLED_EVERY):
-            with suppress(ProcessLookupError, FileNotFoundError):
-                workers = children(os.getpid())
-                if workers:
-                    killed.append(random.choice(workers))
-                    os.kill(killed[-1], signal.SIGKILL)
+            workers = workers_of(process)
+            if workers:
+                with suppress(psutil.NoSuchProcess):
+                    worker = random.choice(workers)
+                    worker.kill()
+                    killed.append(worker.pid)
 
     thread = threading.Thread(target=kill, daemon=True)
     thread.start()
@@ -68,32 +70,20 @@ def stored(url: str) -> list[tuple[str, str]]:
     return [(row.location, row.outcome) for row in rows]
 
 
-@pytest.mark.timeout(1200)
-def test_300_logs_are_solved_once_each_while_workers_are_killed(made: Callable[[int], list[Path]], url: str) -> None:
-    logs = made(LOGS)
-    killed: list[int] = []
-    with killing_workers(killed):
-        request = FleetRequest((str(logs[0].parent),), url, "local:2", allowed_failures=20)
-        summary = resolve_fleet(request)
-    assert len(killed) >= 3
-    assert (summary.solved_now + summary.already_there, summary.failed) == (LOGS, 0)
-    assert sorted(stored(url)) == [(str(log), "resolved") for log in sorted(logs)]
-    found = {result["log"]["file"]: result for result in map(json.loads, solved_results(url, summary))}
-    for log in logs[:: 1 if url.startswith("sqlite") else 10]:
-        assert found[str(log)] == resolve(log).result.to_json(), log
-
-
 @contextmanager
 def command(folder: Path, url: str) -> Iterator[subprocess.Popen[bytes]]:
     """`calstation fleet resolve` as a process."""
     arguments = ["fleet", "resolve", str(folder), "--database", url, "--scheduler", "local:2"]
-    process = subprocess.Popen([sys.executable, "-m", "calstation", *arguments], stderr=subprocess.PIPE)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "calstation", *arguments], stderr=subprocess.PIPE, start_new_session=True
+    )
     try:
         yield process
     finally:
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
+        process.kill()
+        process.wait()
+        assert process.stderr is not None
+        process.stderr.close()
 
 
 def wait_for(url: str, count: int) -> None:
@@ -104,6 +94,23 @@ def wait_for(url: str, count: int) -> None:
         time.sleep(0.2)
 
 
+@pytest.mark.timeout(1800)
+def test_300_logs_are_solved_once_each_while_workers_are_killed(made: Callable[[int], list[Path]], url: str) -> None:
+    logs = made(LOGS)
+    connect(url).dispose()
+    killed: list[int] = []
+    with command(logs[0].parent, url) as process, killing_workers(process, killed):
+        _, errors = process.communicate()
+    assert process.returncode == 0, errors
+    assert len(killed) >= 3
+    assert sorted(stored(url)) == [(str(log), "resolved") for log in sorted(logs)]
+    summary = resolve_fleet(FleetRequest((str(logs[0].parent),), url, "local:1"))
+    assert (summary.solved_now, summary.already_there, summary.failed) == (0, LOGS, 0)
+    found = {result["log"]["file"]: result for result in map(json.loads, solved_results(url, summary))}
+    for log in logs[:: 1 if url.startswith("sqlite") else 10]:
+        assert found[str(log)] == resolve(log).result.to_json(), log
+
+
 @pytest.mark.timeout(600)
 def test_interrupted_and_started_again_it_solves_only_the_rest(made: Callable[[int], list[Path]], url: str) -> None:
     logs = made(LOGS)
@@ -111,9 +118,8 @@ def test_interrupted_and_started_again_it_solves_only_the_rest(made: Callable[[i
     connect(url).dispose()
     with command(folder, url) as process:
         wait_for(url, 5)
-        workers = children(process.pid)
         begin = time.monotonic()
-        process.send_signal(signal.SIGINT)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
         _, errors = process.communicate(timeout=60.0)
         assert process.returncode == 4
         assert b"Stopped with" in errors
@@ -123,11 +129,11 @@ def test_interrupted_and_started_again_it_solves_only_the_rest(made: Callable[[i
     assert 5 <= interrupted < LOGS
     with command(folder, url) as process:
         wait_for(url, interrupted + 5)
-        workers = children(process.pid)
+        workers = workers_of(process)
         process.kill()
         process.wait()
     deadline = time.monotonic() + 30.0
-    while any(Path(f"/proc/{worker}").exists() for worker in workers):
+    while any(worker.is_running() for worker in workers):
         assert time.monotonic() < deadline  # the workers end with the program
         time.sleep(0.1)
     there = len(stored(url))

@@ -42,6 +42,7 @@ _INTERNAL = {
     "imu.reader_failed",
     "connection.bench_not_started",
     "connection.bench_refused",
+    "fleet.solving_failed",
     "label.typst",
     "report.template",
 }
