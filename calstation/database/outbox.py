@@ -245,6 +245,6 @@ def _result_text(run: IndexedRun, history: History) -> str | None:
     if run.record.outcome == "incomplete" and run.record.result is None:
         return None
     try:
-        return json.dumps(history.result(run.record).to_json(), ensure_ascii=False, allow_nan=False)
+        return json.dumps(history.result(run.record).to_json(), allow_nan=False)
     except InputError:
         return None

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 #: Pauses between two exchanges, s: while all is well, and at least and at most after a failure.
 PAUSE_S, FAILED_S, LONGEST_S = 2.0, 1.0, 60.0
 
-#: Part of the time that exchanges of a large folder may take.
-_DUTY = 0.05
+#: Largest share of a core that exchanges of a large folder may take.
+_DUTY = 0.1
 
 #: Longest time to wait for another process that exchanges the same folder, s.
 _LOCKED_S = 10.0
@@ -150,12 +150,12 @@ def watch(
     """
     failed, ended, exchange, archiver = FAILED_S, False, None, None
     while True:
-        begin = time.monotonic()
         try:
             if exchange is None:
                 from calstation.database.exchange import Exchange
 
                 exchange = Exchange(folder, url, station, claim)
+            begin = time.process_time()
             exchange_once(exchange, folder)
         except CalstationError as error:
             logger.warning("exchange of %s: %s", folder, error)
@@ -163,7 +163,7 @@ def watch(
                 _note(folder, error, read_state(folder).pending)
             pause, failed = failed, min(2.0 * failed, LONGEST_S)
         else:
-            pause, failed = max(PAUSE_S, (time.monotonic() - begin) / _DUTY), FAILED_S
+            pause, failed = min(max(PAUSE_S, (time.process_time() - begin) / _DUTY), LONGEST_S), FAILED_S
         if ended:
             break
         try:

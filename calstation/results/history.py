@@ -240,6 +240,8 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
     )
     texts = (record.serial, record.started_utc, record.outcome, record.product, record.station, record.operator)
     "".join(filter(None, (*texts, *record.stages, record.error))).encode()  # raises for a lone surrogate
+    if "\0" in record.serial + record.started_utc:
+        raise ValueError("PostgreSQL has no such character")
     known = {name: row for name, row in result.parameters.items() if math.isfinite(row.value)}
     values = {name: row.value for name, row in known.items()}
     sigmas = {name: row.sigma for name, row in known.items() if math.isfinite(row.sigma)}

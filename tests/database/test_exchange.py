@@ -162,6 +162,19 @@ def test_what_the_database_or_an_index_lost_is_sent_or_received_again(
     assert len({name for name, _ in in_database(url)}) == len(before)
 
 
+def test_characters_that_a_database_does_not_have_hold_nothing_up(url: str, stations: tuple[Path, Path]) -> None:
+    one, two = stations
+    check = {"name": "\ud800\0", "value": 2.0, "limit": 1.0, "unit": "1", "passed": False}
+    write_result(one, "a", 1, outcome="failed", checks=[check], operator="li\0", error="no\0answer")
+    write_result(one, "b", 2, "SN-\0")
+    write_result(one, "c", 3, station="\ud800")
+    write_result(one, "d", 4)
+    exchange(one, url)
+    exchange(two, url)
+    assert [row[0] for row in in_index(two)] == ["a", "d"]
+    assert RunIndex(two).find(RunFilter(names=("a",)))[0].failed_checks == ("\ud800\0",)
+
+
 def test_a_folder_with_more_runs_than_an_outbox_holds(
     url: str, stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -169,6 +169,7 @@ def test_other_files_are_ignored(three: Path) -> None:
         {"station": "\ud800"},
         {"stages": [None, {}]},
         {"unit": "SN-1"},
+        {"unit": {"serial": "SN-1\0"}},
         {"log": 3},
     ],
 )
