@@ -188,9 +188,10 @@ def _show(found: "Comparison") -> None:
         moves.add_row(name, *(f"{x:.3g}" for x in (move.median, move.percentile_95, move.largest)), move.serial)
     console.print(moves)
     for kind, members in found.groups.items():
-        groups = table(f"by {kind}", 1, kind, "logs", "pass to fail", "fail to pass", "largest median", "sigmas")
+        groups = table(f"by {kind}", 1, kind, "logs", "pass to fail", "fail to pass", "largest 95 %", "sigmas")
         for group in members:
-            worst = max(group.moves, key=lambda name: group.moves[name].median, default="")
-            size = f"{group.moves[worst].median:.3g}" if worst else ""
+            worst = max(group.moves, key=lambda name: group.moves[name].percentile_95, default="")
+            far = group.moves[worst].percentile_95 if worst else 0.0
+            worst, size = (worst, f"{far:.3g}") if far else ("", "0")
             groups.add_row(group.name, str(group.logs), str(group.pass_to_fail), str(group.fail_to_pass), worst, size)
         console.print(groups)
