@@ -108,9 +108,12 @@ class History:
     def result(self, record: RunRecord) -> Result:
         """Return the result of a run in the index, from its log if there is no result file. Raises InputError.
 
-        That of a run of another folder is only in the shared database.
+        That of a run of another folder is in the shared database, and beside the path of its log once it was opened.
         """
         if record.origin:
+            opened = record.log.with_suffix(".json")
+            if opened.exists():
+                return load_result(opened)
             raise InputError("result.elsewhere", log=record.log.name, station=record.station or "?")
         if record.result is not None:
             return load_result(record.result)

@@ -145,14 +145,20 @@ def _run_rows(history: History, runs: Sequence[IndexedRun]) -> Iterator[str]:
     yield _csv_row([*_RUN_COLUMNS, *(column for name in names for column in (name, f"{name}_sigma"))])
     for run in runs:
         record = run.record
-        result = _result_of(history, record)
-        failed = [check.name for check in result.failed_checks] if result is not None and result.judged else []
+        failed, rows = run.failed_checks, {name: (run.values[name], run.sigmas[name]) for name in run.values}
+        if not record.origin:
+            result = _result_of(history, record)
+            failed = _failed(result)
+            rows = {} if result is None else {name: (row.value, row.sigma) for name, row in result.parameters.items()}
         cells = [record.serial, record.started_utc, repr(record.duration), record.product, record.station]
         cells += [record.operator, str(record.attempt), record.verdict, " ".join(record.stages), "; ".join(failed)]
-        rows = {} if result is None else result.parameters
         for name in names:
-            cells += [repr(rows[name].value), repr(rows[name].sigma)] if name in rows else ["", ""]
+            cells += map(repr, rows[name]) if name in rows else ["", ""]
         yield _csv_row(cells)
+
+
+def _failed(result: Result | None) -> tuple[str, ...]:
+    return tuple(check.name for check in result.failed_checks) if result is not None and result.judged else ()
 
 
 def _csv_row(cells: Sequence[str | None]) -> str:

@@ -1,5 +1,6 @@
 """The history page with runs of other stations: their details, their logs from the archive, and their results."""
 
+import csv
 from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
@@ -9,12 +10,15 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QPushButton, QTab
 from pytestqt.qtbot import QtBot
 
 from calstation.database import is_archived
+from calstation.errors import InputError
 from calstation.gui.history.page import HistoryPage
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
-from calstation.records import IndexedRun, RunIndex, RunRecord
+from calstation.records import IndexedRun, RunFilter, RunIndex, RunRecord
+from calstation.results import History, export_runs, load_results
 from tests.gui.test_history_page import NOW, WAIT, rows, select_row, shown, write_run
+from tests.helpers import ignore_progress, raises_code
 
 pytestmark = pytest.mark.timeout(120)
 #: Name of the outbox of the other station.
@@ -139,6 +143,24 @@ def test_an_archive_that_is_away_is_reported(page: HistoryPage, folder: Path, tm
     assert page.notice.title_label.text() == "The log was not opened"
     assert "gone.h5" in page.notice.text_label.text()
     assert not list((folder / OTHER).iterdir())
+
+
+def test_runs_of_all_stations_are_exported_and_compared_once_they_were_opened(folder: Path, tmp_path: Path) -> None:
+    own = write_run(folder, "SN-000001", "passed", timedelta(hours=3))
+    record = receive(folder, "line2:/home/op/x.h5")
+    History(folder).refresh()
+    export_runs(ignore_progress, folder, RunFilter(), tmp_path / "runs.csv")
+    with (tmp_path / "runs.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["station"], row["verdict"]) for row in rows] == [("line 2", "passed"), *[("bench", "passed")] * 2]
+    assert (float(rows[0]["gyro_bias_x"]), float(rows[0]["gyro_bias_x_sigma"])) == (1e-6, 1e-8)
+    runs = History(folder).runs()
+    with raises_code(InputError, "result.elsewhere"):
+        load_results(ignore_progress, folder, runs)
+    opened = folder / OTHER / record.log.with_suffix(".json").name
+    opened.parent.mkdir()
+    opened.write_bytes(own.read_bytes())
+    assert load_results(ignore_progress, folder, runs)[0].station == "bench"
 
 
 @pytest.mark.parametrize(
