@@ -102,8 +102,8 @@ def export_runs(report: ProgressCallback, folder: Path, wanted: RunFilter, targe
     """Job: export the runs of a folder that meet all conditions, the latest first; a failure leaves no file.
 
     A ``.csv`` file has a row per run with its values and sigmas, SI, from the index; any other has a list of their
-    result JSONs, in which a run without a result is missing. Raises InputError if a result cannot be read, ConfigurationError if the
-    file cannot be written.
+    result JSONs, in which a run without a result is missing. Raises InputError if a result cannot be read,
+    ConfigurationError if the file cannot be written.
     """
     history = History(folder)
     runs = history.indexed(wanted)
