@@ -10,9 +10,11 @@ from .process import ExchangeProcess as ExchangeProcess
 from .process import exchange_once as exchange_once
 from .process import start_exchange as start_exchange
 from .process import watch as watch
+from .remote import export_shared_runs as export_shared_runs
 from .remote import fetch_log as fetch_log
 from .remote import fetch_result as fetch_result
 from .remote import is_archived as is_archived
+from .remote import load_shared_results as load_shared_results
 from .state import Claim as Claim
 from .state import ExchangeState as ExchangeState
 from .state import read_state as read_state

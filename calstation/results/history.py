@@ -108,13 +108,13 @@ class History:
     def result(self, record: RunRecord) -> Result:
         """Return the result of a run in the index, from its log if there is no result file. Raises InputError.
 
-        That of a run of another folder is in the shared database, and beside the path of its log once it was opened.
+        That of a run of another folder is in the shared database; a copy lies where its log would be.
         """
         if record.origin:
-            opened = record.log.with_suffix(".json")
-            if opened.exists():
-                return load_result(opened)
-            raise InputError("result.elsewhere", log=record.log.name, station=record.station or "?")
+            copy = record.log.with_suffix(".json")
+            if not copy.exists():
+                raise InputError("result.elsewhere", log=record.log.name, station=record.station or "?")
+            return load_result(copy)
         if record.result is not None:
             return load_result(record.result)
         try:

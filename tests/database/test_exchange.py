@@ -1,19 +1,22 @@
 """Stations exchange their runs through the database: each once, in order, and all of them see all."""
 
+import csv
+import json
 import sqlite3
 from pathlib import Path
 
 import pytest
 from sqlalchemy import create_engine, delete, select, text, update
 
-from calstation.database import Exchange, upgrade
+from calstation.database import Exchange, export_shared_runs, load_shared_results, upgrade
 from calstation.database.outbox import FILE, Outbox
 from calstation.database.tables import log_copies, outboxes, revisions, runs
-from calstation.errors import ConfigurationError
+from calstation.errors import ConfigurationError, InputError
 from calstation.records import RunFilter, RunIndex
-from calstation.results import History
+from calstation.results import History, load_results
 from tests.database.result_files import in_database, in_index, write_result
-from tests.helpers import raises_code
+from tests.database.test_claims import station_file
+from tests.helpers import ignore_progress, raises_code
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
@@ -216,3 +219,25 @@ def test_an_outbox_is_on_disk_before_its_message_is_sent(tmp_path: Path) -> None
     (tmp_path / FILE).write_bytes(b"no database at all" * 1000)
     with raises_code(ConfigurationError, "database.outbox_unusable"):
         outbox.fill()
+
+
+def test_results_of_other_stations_are_exported_and_compared(url: str, stations: tuple[Path, Path]) -> None:
+    one, two = stations
+    write_result(one, "a", 1, outcome="failed")
+    write_result(two, "b", 2)
+    for folder in (one, two):
+        exchange(folder, url)
+    station, target = station_file(two, url), two.parent / "runs.json"
+    runs = History(two).runs()
+    assert [run.origin == "" for run in runs] == [True, False]
+    with raises_code(InputError, "result.elsewhere"):
+        load_results(ignore_progress, two, runs)
+    found = load_shared_results(ignore_progress, station, two, runs)
+    assert [(result.station, result.outcome) for result in found] == [("two", "passed"), ("one", "failed")]
+    export_shared_runs(ignore_progress, station, two, RunFilter(), target)
+    assert [row["station"] for row in json.loads(target.read_text("utf-8"))] == ["two", "one"]
+    table = two.parent / "runs.csv"
+    export_shared_runs(ignore_progress, None, two, RunFilter(), table)  # needs no database
+    rows = list(csv.DictReader(table.read_text("utf-8").splitlines()))
+    assert [(row["station"], float(row["gyro_bias_x"])) for row in rows] == [("two", 0.2), ("one", 0.1)]
+    assert History(two).refresh() == 0  # the copies are no runs of this folder

@@ -8,7 +8,7 @@ from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShor
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import computer_user
-from calstation.database import fetch_log, fetch_result
+from calstation.database import export_shared_runs, fetch_log, fetch_result, load_shared_results
 from calstation.errors import InputError
 from calstation.gui.history.comparison import MAX_COMPARED, RunComparison
 from calstation.gui.history.details import Actions, RunDetails
@@ -36,7 +36,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.records import RunFilter, RunRecord
-from calstation.results import History, Result, export_runs, load_result, load_results, refresh_history
+from calstation.results import History, Result, load_result, refresh_history
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Verdict
 
@@ -269,7 +269,8 @@ class HistoryPage(Page):
     def _compare(self) -> None:
         """Read the results of the selected runs, and compare them in the order of time."""
         self._compared = self.table.chosen[::-1]
-        self._loader.watch(self.app.job_queue.submit(load_results, self.app.runs_folder, self._compared))
+        where = (self.app.station_path, self.app.runs_folder)
+        self._loader.watch(self.app.job_queue.submit(load_shared_results, *where, self._compared))
 
     def _show_comparison(self, results: list[Result]) -> None:
         self.notice.dismiss()
@@ -294,7 +295,7 @@ class HistoryPage(Page):
             self.tr("Export runs"),
             folder.absolute().parent / "runs.csv",
             ["CSV (*.csv)", "JSON (*.json)"],
-            lambda target: (export_runs, folder, wanted, target),
+            lambda target: (export_shared_runs, self.app.station_path, folder, wanted, target),
         )
 
     def _why_not_compare(self) -> str:
