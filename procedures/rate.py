@@ -41,6 +41,7 @@ from calstation.physics import (
     Step,
     TableGeometry,
     axis_rotation,
+    axis_rotations,
     group_indices,
     group_matrix,
     group_vector,
@@ -293,12 +294,14 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
 def _effects(data: StageData, turn: Turn) -> FloatArray:
     """Return what every effect adds to the integral of the raw rate over a rotation, rad, shape (3, k)."""
     stride = max(round(EFFECT_INTERVAL / data.dt), 1)
-    count = max((turn.stop - turn.start) // stride, 2)
+    length = turn.stop - turn.start
+    count = max(length // stride, 2)
+    sizes = length // count + (np.arange(count) < length % count)
     rate, force = (
-        np.array([part.mean(axis=0) for part in np.array_split(x[turn.start : turn.stop], count)])
+        np.add.reduceat(x[turn.start : turn.stop], np.cumsum(sizes) - sizes) / sizes[:, None]
         for x in (data.gyro, data.accel)
     )
-    time = (data.seq[turn.start] - data.seq[0] + (np.arange(count) + 0.5) / count * (turn.stop - turn.start)) * data.dt
+    time = (data.seq[turn.start] - data.seq[0] + (np.arange(count) + 0.5) / count * length) * data.dt
     motion = Motion(rate, force, np.zeros_like(rate), np.zeros_like(rate), time)
     candidates = tuple(changing(len(data) * data.dt))
     return np.asarray(all_errors(motion, candidates, np.array([count]))[0, :3] * turn.duration)
@@ -313,17 +316,13 @@ def _earth_integral(
     """
     progress = np.cumsum(np.linalg.norm(data.gyro[turn.start : turn.stop], axis=1))
     progress = progress / progress[-1]
-    way = turn.angles[1] - turn.angles[0]
     stride = max(len(progress) // 2000, 1)
-    vertical, north, east = np.zeros(3), np.zeros(3), np.zeros(3)
-    for share in progress[stride // 2 :: stride]:
-        outer, inner = turn.angles[0] + way * share
-        C_nb = geometry.body_to_level(outer, inner, azimuth).T
-        vertical += C_nb[:, 2] * earth[2]
-        north += C_nb[:, 1] * earth[1]
-        east += C_nb[:, 0] * earth[1]
-    weight = turn.duration / len(progress[stride // 2 :: stride])
-    return vertical * weight, (north * weight, east * weight)
+    shares = progress[stride // 2 :: stride, None]
+    outer, inner = (turn.angles[0] + (turn.angles[1] - turn.angles[0]) * shares).T
+    turned = axis_rotations(geometry.outer_axis, outer) @ axis_rotations(geometry.inner_axis, inner)
+    mean = axis_rotation((0.0, 0.0, 1.0), -azimuth) @ turned.mean(axis=0)  # of C_bn
+    vertical, north, east = mean[2] * earth[2], mean[1] * earth[1], mean[0] * earth[1]
+    return vertical * turn.duration, (north * turn.duration, east * turn.duration)
 
 
 METHOD = batch_method("rate", Schedule, plan, solve, ESTIMATED)

@@ -6,7 +6,7 @@ import re
 import threading
 import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -35,6 +35,7 @@ from calstation.results import SCHEMA
 try:
     import dask
     from distributed import Client, Future, LocalCluster
+    from distributed.comm.core import CommClosedError
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
 
@@ -193,9 +194,12 @@ def _cluster(scheduler: str, workers: int | None, allowed_failures: int) -> Iter
                 client = Client(scheduler, timeout=_CONNECT_TIMEOUT)
             except (OSError, ValueError) as exc:
                 raise ConfigurationError("fleet.no_scheduler", scheduler=scheduler, reason=str(exc)) from exc
+            stack.callback(client.close)
+            with suppress(CommClosedError):  # of a worker that ends meanwhile; all others have the plugin
+                client.register_plugin(WarmUp())
         else:
             cluster = LocalCluster(
-                n_workers=workers,
+                n_workers=0,
                 threads_per_worker=1,
                 processes=True,
                 dashboard_address="127.0.0.1:0",
@@ -203,8 +207,9 @@ def _cluster(scheduler: str, workers: int | None, allowed_failures: int) -> Iter
             )
             stack.callback(cluster.close)  # kills workers that are still solving after 4 s
             client = Client(cluster)
-        stack.callback(client.close)
-        client.register_plugin(WarmUp())
+            stack.callback(client.close)
+            client.register_plugin(WarmUp())
+            cluster.scale(workers)
         yield client
 
 

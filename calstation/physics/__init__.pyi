@@ -39,7 +39,9 @@ from .parameters import named as named
 from .parameters import pair_name as pair_name
 from .parameters import reached as reached
 from .rotation import axis_rotation as axis_rotation
+from .rotation import axis_rotations as axis_rotations
 from .rotation import level_attitude as level_attitude
+from .rotation import rotate as rotate
 from .rotation import rotation_matrix as rotation_matrix
 from .rotation import rotation_vector as rotation_vector
 from .rotation import skew as skew

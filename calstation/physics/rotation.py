@@ -41,11 +41,28 @@ def rotation_matrix(rotvec: FloatArray) -> FloatArray:
     return np.asarray(_compiled_rodrigues(rotvec[0], rotvec[1], rotvec[2]))
 
 
+@nb.njit(cache=True)
+def rotate(rotvec: FloatArray, C: FloatArray) -> None:
+    """Replace C, shape (3, 3), by the rotation of a rotation vector, rad, times C."""
+    R = _compiled_rodrigues(rotvec[0], rotvec[1], rotvec[2])
+    for j in range(3):
+        x, y, z = C[0, j], C[1, j], C[2, j]
+        for i in range(3):
+            C[i, j] = R[i, 0] * x + R[i, 1] * y + R[i, 2] * z
+
+
 def axis_rotation(axis: FloatArray | tuple[float, float, float], angle: float) -> FloatArray:
     """Return the right-handed rotation by `angle`, rad, about a unit `axis`, shape (3, 3)."""
     x, y, z = axis
     # not compiled, because loading the first compiled function takes most of a second at the start of a program
     return _rodrigues(float(x) * angle, float(y) * angle, float(z) * angle)
+
+
+def axis_rotations(axis: FloatArray | tuple[float, float, float], angles: FloatArray) -> FloatArray:
+    """Return the right-handed rotations by `angles`, rad, shape (n,), about a unit `axis`, shape (n, 3, 3)."""
+    K = skew(np.asarray(axis, np.float64))
+    angles = angles[:, None, None]
+    return np.asarray(np.eye(3) + np.sin(angles) * K + (1.0 - np.cos(angles)) * (K @ K))
 
 
 @nb.njit(cache=True)

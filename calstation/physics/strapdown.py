@@ -43,53 +43,6 @@ def interval_work() -> IntervalWork:
     return IntervalWork(np.eye(STATES), np.eye(3), np.zeros(3), np.zeros(3), np.zeros((3, 30)), np.zeros(3))
 
 
-@nb.njit(cache=True, inline="always")
-def _cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-
-
-@nb.njit(cache=True)
-def _exponential(rotvec: FloatArray, E: FloatArray) -> None:
-    """Write the rotation matrix of a rotation vector, rad, to `E` (Rodrigues' formula)."""
-    angle2 = rotvec[0] ** 2 + rotvec[1] ** 2 + rotvec[2] ** 2
-    if angle2 < 1e-8:
-        a, b = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
-    else:
-        angle = np.sqrt(angle2)
-        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
-    for i in range(3):
-        for j in range(3):
-            E[i, j] = b * rotvec[i] * rotvec[j]
-        E[i, i] += 1.0 - b * angle2
-    E[0, 1] -= a * rotvec[2]
-    E[0, 2] += a * rotvec[1]
-    E[1, 0] += a * rotvec[2]
-    E[1, 2] -= a * rotvec[0]
-    E[2, 0] -= a * rotvec[1]
-    E[2, 1] += a * rotvec[0]
-
-
-@nb.njit(cache=True)
-def _correct(c: Compensation, gyro: FloatArray, accel: FloatArray, omega: FloatArray, force: FloatArray) -> None:
-    """Compute angular rate and specific force, without size effect, from one raw sample."""
-    for i in range(3):
-        omega[i] = 0.0
-        for j in range(3):
-            omega[i] += c.gyro_inverse[i, j] * (gyro[j] - c.gyro_bias[j])
-    for i in range(3):
-        force[i] = 0.0
-        for j in range(3):
-            force[i] += c.accel_inverse[i, j] * (accel[j] - c.accel_bias[j])
-    for _ in range(3):
-        x = accel[0] - c.accel_bias[0] - c.quadratic[0] * force[0] * force[0]
-        y = accel[1] - c.accel_bias[1] - c.quadratic[1] * force[1] * force[1]
-        z = accel[2] - c.accel_bias[2] - c.quadratic[2] * force[2] * force[2]
-        for i in range(3):
-            force[i] = c.accel_inverse[i, 0] * x + c.accel_inverse[i, 1] * y + c.accel_inverse[i, 2] * z
-
-
 @nb.njit(cache=True)
 def _rate_jacobian(c: Compensation, omega: FloatArray, out: FloatArray) -> None:
     """Write ∂ω/∂(gyro bias 0:3, scale 3:6, misalignments 6:12) = −(I+M_g)⁻¹ [I, diag ω, ...], shape (3, ≥12)."""
@@ -133,6 +86,119 @@ def _force_jacobian(
             out[i, k] = 2.0 * c.inner_lever[i] * change
 
 
+#: A vector in registers: an array for each would cost more than the computation.
+Vector = tuple[float, float, float]
+
+
+@nb.njit(cache=True)
+def _vector(a: FloatArray) -> Vector:
+    return (a[0], a[1], a[2])
+
+
+@nb.njit(cache=True)
+def _cross_product(a: Vector, b: Vector) -> Vector:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@nb.njit(cache=True)
+def _product(A: FloatArray, b: Vector) -> Vector:
+    return (
+        A[0, 0] * b[0] + A[0, 1] * b[1] + A[0, 2] * b[2],
+        A[1, 0] * b[0] + A[1, 1] * b[1] + A[1, 2] * b[2],
+        A[2, 0] * b[0] + A[2, 1] * b[1] + A[2, 2] * b[2],
+    )
+
+
+@nb.njit(cache=True)
+def _squares(omega: Vector) -> Vector:
+    """Return |ω|² − ω_i² of every axis, (rad/s)²."""
+    x, y, z = omega[0] * omega[0], omega[1] * omega[1], omega[2] * omega[2]
+    return (y + z, x + z, x + y)
+
+
+@nb.njit(cache=True)
+def _angular_rate(c: Compensation, gyro: FloatArray, k: int) -> Vector:
+    """Return the angular rate of raw sample `k`, rad/s."""
+    b = c.gyro_bias
+    return _product(c.gyro_inverse, (gyro[k, 0] - b[0], gyro[k, 1] - b[1], gyro[k, 2] - b[2]))
+
+
+@nb.njit(cache=True)
+def _specific_force(c: Compensation, accel: FloatArray, k: int, omega: Vector) -> Vector:
+    """Return the specific force of raw sample `k` at the reference point, m/s²."""
+    b, q, lever = c.accel_bias, c.quadratic, c.inner_lever
+    x, y, z = accel[k, 0] - b[0], accel[k, 1] - b[1], accel[k, 2] - b[2]
+    f = _product(c.accel_inverse, (x, y, z))
+    for _ in range(3):
+        raw = (x - q[0] * f[0] * f[0], y - q[1] * f[1] * f[1], z - q[2] * f[2] * f[2])
+        f = _product(c.accel_inverse, raw)
+    square = _squares(omega)
+    return (f[0] + lever[0] * square[0], f[1] + lever[1] * square[1], f[2] + lever[2] * square[2])
+
+
+@nb.njit(cache=True)
+def _exponential(rotvec: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return the rows of the rotation matrix of a rotation vector, rad (Rodrigues' formula)."""
+    x, y, z = rotvec
+    angle2 = x * x + y * y + z * z
+    if angle2 < 1e-8:
+        a, b = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
+    else:
+        angle = np.sqrt(angle2)
+        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
+    one = 1.0 - b * angle2
+    return (
+        (b * x * x + one, b * x * y - a * z, b * x * z + a * y),
+        (b * x * y + a * z, b * y * y + one, b * y * z - a * x),
+        (b * x * z - a * y, b * y * z + a * x, b * z * z + one),
+    )
+
+
+@nb.njit(cache=True)
+def _increments(
+    last_omega: Vector, last_force: Vector, omega: Vector, force: Vector, dt: float
+) -> tuple[Vector, Vector]:
+    """Return rotation vector, rad, and velocity increment, m/s, in b over one sample.
+
+    Both contain coning and sculling, and the velocity the third-order term ωdt×(ωdt×f dt)/6, without which gravity in
+    a steadily rotating body is too small by (ω dt)²/6.
+    """
+    coning = _cross_product(last_omega, omega)
+    turned = _cross_product(omega, force)
+    third = _cross_product(omega, turned)
+    first, second = _cross_product(last_omega, force), _cross_product(last_force, omega)
+    square, cube, part = dt * dt, dt * dt * dt / 6.0, dt * dt / 12.0
+    rotvec = (
+        omega[0] * dt + coning[0] * part,
+        omega[1] * dt + coning[1] * part,
+        omega[2] * dt + coning[2] * part,
+    )
+    dv = (
+        force[0] * dt + 0.5 * turned[0] * square + (first[0] + second[0]) * part + third[0] * cube,
+        force[1] * dt + 0.5 * turned[1] * square + (first[1] + second[1]) * part + third[1] * cube,
+        force[2] * dt + 0.5 * turned[2] * square + (first[2] + second[2]) * part + third[2] * cube,
+    )
+    return rotvec, dv
+
+
+@nb.njit(cache=True)
+def _turn(earth: Vector, rotvec: Vector, dt: float, C: FloatArray, middle: FloatArray) -> None:
+    """Advance C by C_new = (I − [Ω dt×] + ½[Ω dt×]²) C Exp(rotvec); write the mean of both to `middle`."""
+    E = _exponential(rotvec)
+    for i in range(3):
+        a, b, c = C[i, 0], C[i, 1], C[i, 2]
+        for j in range(3):
+            middle[i, j] = a * E[0][j] + b * E[1][j] + c * E[2][j]
+    for j in range(3):
+        turned = (middle[0, j], middle[1, j], middle[2, j])
+        first = _cross_product(earth, turned)
+        second = _cross_product(earth, first)
+        for i in range(3):
+            new = turned[i] - first[i] * dt + 0.5 * second[i] * dt * dt
+            middle[i, j] = 0.5 * (C[i, j] + new)
+            C[i, j] = new
+
+
 @nb.njit(cache=True)
 def propagate(
     c: Compensation,
@@ -144,6 +210,7 @@ def propagate(
     start: int,
     stop: int,
     work: IntervalWork,
+    jacobian: bool = True,
 ) -> None:
     """Integrate attitude and velocity over samples `start` to `stop` and write the transition over this interval.
 
@@ -155,125 +222,125 @@ def propagate(
     gyro, accel : raw mean rates of all samples, rad/s and m/s², shape (n, 3)
     start, stop : samples of this interval; those before and after it are used for coning and the end rate
     work : state and output
+    jacobian : whether to write the columns of the parameters and the Jacobian of the rate
     """
-    C, v, F = work.attitude, work.velocity, work.transition
-    omega, force, last_omega, last_force = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    jw, jf = np.zeros((3, 27)), np.zeros((3, 27))
-    psi_phi, psi_v, psi_p = np.zeros((3, 27)), np.zeros((3, 27)), np.zeros((3, 27))
-    tilt, push = np.empty((3, 12)), np.empty((3, 27))
-    rotvec, dv, cross, step = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    E, middle, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    demanded = np.empty(3)
-    force_sum, force_moment, f_n = np.zeros(3), np.zeros(3), np.empty(3)
+    C, F, middle = work.attitude, work.transition, np.empty((3, 3))
+    rows = 3 if jacobian else 0
+    psi_phi, psi_v, psi_p = np.zeros((rows, 12)), np.zeros((rows, 27)), np.zeros((rows, 27))
+    turn, push = np.empty((rows, 12)), np.empty((rows, 27))
+    force_sum, force_moment = np.zeros(3), np.zeros(3)
+    rotation, v = _vector(earth), _vector(work.velocity)
 
     before = start - 1 if start > 0 else start
-    _correct(c, gyro[before], accel[before], last_omega, last_force)
-    for i in range(3):
-        square = 0.0
-        for j in range(3):
-            if j != i:
-                square += last_omega[j] * last_omega[j]
-        last_force[i] += c.inner_lever[i] * square
-
+    last_omega = _angular_rate(c, gyro, before)
+    last_force = _specific_force(c, accel, before, last_omega)
     for k in range(start, stop):
-        _correct(c, gyro[k], accel[k], omega, force)
-        _rate_jacobian(c, omega, jw)
-        # parameter errors act on the force implied by gravity and rotation: the measured force contains noise,
-        # which an observation with the same noise would mistake for a signal
-        _cross(omega, c.outer_lever, step)
-        _cross(omega, step, demanded)
+        omega = _angular_rate(c, gyro, k)
+        force = _specific_force(c, accel, k, omega)
+        rotvec, dv = _increments(last_omega, last_force, omega, force, dt)
+        f = _product(C, dv)
+        up = (C[2, 0], C[2, 1], C[2, 2])
+        _turn(rotation, rotvec, dt, C, middle)
+        cross, coriolis = _cross_product(rotation, f), _cross_product(rotation, v)
+        f = (
+            (f[0] - 0.5 * dt * cross[0]) / dt,
+            (f[1] - 0.5 * dt * cross[1]) / dt,
+            (f[2] - 0.5 * dt * cross[2]) / dt,
+        )
+        v = (
+            v[0] + (f[0] - 2.0 * coriolis[0]) * dt,
+            v[1] + (f[1] - 2.0 * coriolis[1]) * dt,
+            v[2] + (f[2] - 2.0 * coriolis[2]) * dt - gravity * dt,
+        )
         for i in range(3):
-            demanded[i] += C[2, i] * gravity
-        _force_jacobian(c, omega, demanded, jw, jf)
-        for i in range(3):
-            force[i] += c.inner_lever[i] * jf[i, 24 + i]
-
-        # rotation and velocity increments in b: coning, sculling, and the third-order term ωdt×(ωdt×f dt)/6 without
-        # which gravity in a steadily rotating body is too small by (ω dt)²/6
-        _cross(last_omega, omega, cross)
-        for i in range(3):
-            rotvec[i] = omega[i] * dt + cross[i] * dt * dt / 12.0
-        _cross(omega, force, dv)
-        _cross(omega, dv, turned[0])
-        _cross(last_omega, force, cross)
-        _cross(last_force, omega, step)
-        for i in range(3):
-            second = 0.5 * dv[i] + (cross[i] + step[i]) / 12.0
-            dv[i] = force[i] * dt + second * dt * dt + turned[0, i] * dt**3 / 6.0
-
-        # C_new = (I − [Ω dt×] + ½[Ω dt×]²) C Exp(rotvec)
-        _exponential(rotvec, E)
-        for i in range(3):
-            for j in range(3):
-                s = 0.0
-                for m in range(3):
-                    s += C[i, m] * E[m, j]
-                turned[i, j] = s
-        for j in range(3):
-            cross[0] = earth[1] * turned[2, j] - earth[2] * turned[1, j]
-            cross[1] = earth[2] * turned[0, j] - earth[0] * turned[2, j]
-            cross[2] = earth[0] * turned[1, j] - earth[1] * turned[0, j]
-            step[0] = earth[1] * cross[2] - earth[2] * cross[1]
-            step[1] = earth[2] * cross[0] - earth[0] * cross[2]
-            step[2] = earth[0] * cross[1] - earth[1] * cross[0]
-            for i in range(3):
-                turned[i, j] += -cross[i] * dt + 0.5 * step[i] * dt * dt
-        for i in range(3):
-            f_n[i] = 0.0
-            for j in range(3):
-                f_n[i] += C[i, j] * dv[j]
-                middle[i, j] = 0.5 * (C[i, j] + turned[i, j])
-        _cross(earth, f_n, cross)
-        _cross(earth, v, step)
-        for i in range(3):
-            f_n[i] = (f_n[i] - 0.5 * dt * cross[i]) / dt
-            v[i] += (f_n[i] - 2.0 * step[i]) * dt
-        v[2] -= gravity * dt
-        for i in range(3):
-            for j in range(3):
-                C[i, j] = turned[i, j]
-
-        # transition blocks of the parameters by the midpoint rule
-        for i in range(3):
-            force_moment[i] += (force_sum[i] + 0.5 * f_n[i] * dt) * dt
-            force_sum[i] += f_n[i] * dt
-        for i in range(3):
-            for p in range(12):
-                turn = middle[i, 0] * jw[0, p] + middle[i, 1] * jw[1, p] + middle[i, 2] * jw[2, p]
-                tilt[i, p] = psi_phi[i, p] + 0.5 * turn * dt
-                psi_phi[i, p] += turn * dt
-            for p in range(27):
-                push[i, p] = middle[i, 0] * jf[0, p] + middle[i, 1] * jf[1, p] + middle[i, 2] * jf[2, p]
+            force_moment[i] += (force_sum[i] + 0.5 * f[i] * dt) * dt
+            force_sum[i] += f[i] * dt
+        last_omega, last_force = omega, force
+        if not jacobian:
+            continue
+        # transition blocks of the parameters by the midpoint rule; their errors act on the force implied by gravity and
+        # rotation: the measured force contains noise, which an observation with the same noise would mistake for a
+        # signal
+        _parameter_columns(c, gravity, omega, up, middle, turn, push)
         for p in range(12):
-            push[0, p] -= f_n[1] * tilt[2, p] - f_n[2] * tilt[1, p]
-            push[1, p] -= f_n[2] * tilt[0, p] - f_n[0] * tilt[2, p]
-            push[2, p] -= f_n[0] * tilt[1, p] - f_n[1] * tilt[0, p]
+            x, y, z = turn[0, p] * dt, turn[1, p] * dt, turn[2, p] * dt
+            tilt = (psi_phi[0, p] + 0.5 * x, psi_phi[1, p] + 0.5 * y, psi_phi[2, p] + 0.5 * z)
+            push[0, p] -= f[1] * tilt[2] - f[2] * tilt[1]
+            push[1, p] -= f[2] * tilt[0] - f[0] * tilt[2]
+            push[2, p] -= f[0] * tilt[1] - f[1] * tilt[0]
+            psi_phi[0, p] += x
+            psi_phi[1, p] += y
+            psi_phi[2, p] += z
         for i in range(3):
             for p in range(27):
-                psi_p[i, p] += (psi_v[i, p] + 0.5 * push[i, p] * dt) * dt
-                psi_v[i, p] += push[i, p] * dt
-        for i in range(3):
-            last_omega[i] = omega[i]
-            last_force[i] = force[i]
+                change = push[i, p] * dt
+                psi_p[i, p] += (psi_v[i, p] + 0.5 * change) * dt
+                psi_v[i, p] += change
 
     # the rate at the end is the mean of the last sample and the next
+    rate = last_omega
     if stop < gyro.shape[0]:
-        _correct(c, gyro[stop], accel[stop], omega, force)
-        for i in range(3):
-            omega[i] = 0.5 * (omega[i] + last_omega[i])
-    for i in range(3):
-        work.rate[i] = omega[i]
-    _rate_jacobian(c, omega, work.rate_jacobian)
-
+        omega = _angular_rate(c, gyro, stop)
+        rate = (0.5 * (omega[0] + rate[0]), 0.5 * (omega[1] + rate[1]), 0.5 * (omega[2] + rate[2]))
     T = (stop - start) * dt
     for i in range(3):
+        work.velocity[i], work.rate[i] = v[i], rate[i]
         work.force[i] = force_sum[i] / T if stop > start else 0.0
-        for p in range(27):
-            F[i, 9 + p] = psi_phi[i, p]
-            F[3 + i, 9 + p] = psi_v[i, p]
-            F[6 + i, 9 + p] = psi_p[i, p]
         F[6 + i, 3 + i] = T
     write_navigation_block(F, earth, force_sum, force_moment, T)
+    if jacobian:
+        _rate_jacobian(c, work.rate, work.rate_jacobian)
+        for i in range(3):
+            for p in range(12):
+                F[i, 9 + p] = psi_phi[i, p]
+            for p in range(27):
+                F[3 + i, 9 + p] = psi_v[i, p]
+                F[6 + i, 9 + p] = psi_p[i, p]
+
+
+@nb.njit(cache=True)
+def _parameter_columns(
+    c: Compensation, gravity: float, omega: Vector, up: Vector, C: FloatArray, turn: FloatArray, push: FloatArray
+) -> None:
+    """Write C ∂ω/∂p, shape (3, 12), and C ∂f/∂p, shape (3, 27), as `dynamics`: one product for columns that share it.
+
+    `up` is the direction of up in b, for the force that gravity and rotation imply.
+    """
+    x, y, z = omega
+    lever, g, a, q = c.inner_lever, c.gyro_inverse, c.accel_inverse, c.quadratic
+    central = _cross_product(omega, _cross_product(omega, _vector(c.outer_lever)))
+    force = (central[0] + up[0] * gravity, central[1] + up[1] * gravity, central[2] + up[2] * gravity)
+    weight = (1.0 - 2.0 * q[0] * force[0], 1.0 - 2.0 * q[1] * force[1], 1.0 - 2.0 * q[2] * force[2])
+    square = _squares(omega)
+    for i in range(3):
+        s, t, u = C[i, 0], C[i, 1], C[i, 2]
+        d = -(s * g[0, 0] + t * g[1, 0] + u * g[2, 0])
+        e = -(s * g[0, 1] + t * g[1, 1] + u * g[2, 1])
+        f = -(s * g[0, 2] + t * g[1, 2] + u * g[2, 2])
+        turn[i, 0], turn[i, 1], turn[i, 2] = d, e, f
+        turn[i, 3], turn[i, 4], turn[i, 5] = d * x, e * y, f * z
+        turn[i, 6], turn[i, 7], turn[i, 8] = d * y, d * z, e * x
+        turn[i, 9], turn[i, 10], turn[i, 11] = e * z, f * x, f * y
+        # the size effect turns an error of the rate into one of the force
+        m = 2.0 * x * (t * lever[1] + u * lever[2])
+        n = 2.0 * y * (s * lever[0] + u * lever[2])
+        o = 2.0 * z * (s * lever[0] + t * lever[1])
+        d = -(m * g[0, 0] + n * g[1, 0] + o * g[2, 0])
+        e = -(m * g[0, 1] + n * g[1, 1] + o * g[2, 1])
+        f = -(m * g[0, 2] + n * g[1, 2] + o * g[2, 2])
+        push[i, 0], push[i, 1], push[i, 2] = d, e, f
+        push[i, 3], push[i, 4], push[i, 5] = d * x, e * y, f * z
+        push[i, 6], push[i, 7], push[i, 8] = d * y, d * z, e * x
+        push[i, 9], push[i, 10], push[i, 11] = e * z, f * x, f * y
+        d = -(s * a[0, 0] + t * a[1, 0] + u * a[2, 0]) * weight[0]
+        e = -(s * a[0, 1] + t * a[1, 1] + u * a[2, 1]) * weight[1]
+        f = -(s * a[0, 2] + t * a[1, 2] + u * a[2, 2]) * weight[2]
+        push[i, 12], push[i, 13], push[i, 14] = d, e, f
+        push[i, 15], push[i, 16], push[i, 17] = d * force[0], e * force[1], f * force[2]
+        push[i, 18], push[i, 19], push[i, 20] = e * force[0], f * force[0], f * force[1]
+        push[i, 21], push[i, 22] = d * force[0] * force[0], e * force[1] * force[1]
+        push[i, 23] = f * force[2] * force[2]
+        push[i, 24], push[i, 25], push[i, 26] = s * square[0], t * square[1], u * square[2]
 
 
 @nb.njit(cache=True)
@@ -303,24 +370,23 @@ def write_navigation_block(
 @nb.njit(cache=True)
 def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop: int) -> FloatArray:
     """Return the body rotation between two samples relative to inertial space, C_b(start)←b(stop), shape (3, 3)."""
-    B, K, turned = np.eye(3), np.zeros((3, 3)), np.empty((3, 3))
-    omega, last, cross, rotvec = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    before = start - 1 if start > 0 else start
-    last[:] = c.gyro_inverse @ (gyro[before] - c.gyro_bias)
+    B = np.eye(3)
+    last = _angular_rate(c, gyro, start - 1 if start > 0 else start)
     for k in range(start, stop):
+        omega = _angular_rate(c, gyro, k)
+        coning = _cross_product(last, omega)
+        E = _exponential(
+            (
+                omega[0] * dt + coning[0] * dt * dt / 12.0,
+                omega[1] * dt + coning[1] * dt * dt / 12.0,
+                omega[2] * dt + coning[2] * dt * dt / 12.0,
+            )
+        )
+        last = omega
         for i in range(3):
-            omega[i] = 0.0
+            x, y, z = B[i, 0], B[i, 1], B[i, 2]
             for j in range(3):
-                omega[i] += c.gyro_inverse[i, j] * (gyro[k, j] - c.gyro_bias[j])
-        _cross(last, omega, cross)
-        for i in range(3):
-            rotvec[i] = omega[i] * dt + cross[i] * dt * dt / 12.0
-            last[i] = omega[i]
-        _exponential(rotvec, K)
-        for i in range(3):
-            for j in range(3):
-                turned[i, j] = B[i, 0] * K[0, j] + B[i, 1] * K[1, j] + B[i, 2] * K[2, j]
-        B[:] = turned
+                B[i, j] = x * E[0][j] + y * E[1][j] + z * E[2][j]
     return B
 
 

@@ -102,10 +102,10 @@ def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: s
     steps = np.repeat(imu.quantisation, 3) * imu.rate_factor / size
     worst, cause = 0.0, Misfit("clipped")
     for i, name in enumerate(CHANNELS):
-        for side in (1.0, -1.0):
-            values = side * counts[:, i]
-            missing = _missing_samples(values, float(noise[i]), float(steps[i]), imu.sample_rate)
+        both = _missing_samples(np.ascontiguousarray(counts[:, i]), float(noise[i]), float(steps[i]), imu.sample_rate)
+        for side, missing in zip((1.0, -1.0), both, strict=True):
             if missing > worst:
+                values = side * counts[:, i]
                 at = np.flatnonzero(values == values.max())
                 level = float(side * values.max() * size[i])
                 shown, unit = (np.rad2deg(level), "°/s") if i < 3 else (level, "m/s²")
@@ -126,30 +126,39 @@ def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: s
     return ModelTest("clipping", worst, MISSING_SAMPLES, "1", cause)
 
 
-def _missing_samples(values: FloatArray, noise: float, step: float, rate: float) -> float:
-    """Return how many samples are missing above the largest one, at least.
+def _missing_samples(values: FloatArray, noise: float, step: float, rate: float) -> tuple[float, float]:
+    """Return how many samples are missing above the largest one, and below the smallest one, at least.
 
     `noise`, the profile's, and `step`, that of the rounding, are in counts; both are also taken from the data.
     """
-    levels = np.unique(values)
-    if len(levels) < 3:
-        return 0.0
-    step, top = max(step, float(np.diff(levels).min())), levels[-1]
+    ordered = np.sort(values)
+    steps = np.diff(ordered)
+    steps = steps[steps > 0.0]
+    if len(steps) < 2:
+        return 0.0, 0.0
+    step, low, high = max(step, float(steps.min())), ordered[0], ordered[-1]
     width = max(round(_WINDOW * rate), 8)
     rows = values[: len(values) // width * width].reshape(-1, width)
-    rows = rows[(rows.max(axis=1) < top) & (rows.min(axis=1) > levels[0])]
+    rows = rows[(rows.max(axis=1) < high) & (rows.min(axis=1) > low)]
     if not len(rows):
-        return 0.0
+        return 0.0, 0.0
     # Second differences exclude the motion, standard deviations include slow noise; both only limit the noise.
     fine = (np.diff(rows, 2, axis=1) ** 2).mean(axis=1) / 6.0
     noise = min(noise, float(np.sqrt(min(np.quantile(fine, 0.05), rows.var(axis=1).min()))))
     if not noise > 0.0:
-        return 0.0
+        return 0.0, 0.0
     bin_width = step * max(1, round(noise / step))
-    edge = top + 0.5 * step - bin_width
-    highest = np.count_nonzero(values > edge)
-    next_bin = np.count_nonzero(values > edge - bin_width) - highest
-    return float(highest**2 / (next_bin + 3.0 * next_bin**0.5 + 3.0) * np.exp(-((bin_width / noise) ** 2)))
+
+    def beyond(edge: float, sorted_values: FloatArray) -> int:
+        return len(values) - int(np.searchsorted(sorted_values, edge, side="right"))
+
+    def missing(sorted_values: FloatArray) -> float:
+        edge = sorted_values[-1] + 0.5 * step - bin_width
+        highest = beyond(edge, sorted_values)
+        next_bin = beyond(edge - bin_width, sorted_values) - highest
+        return float(highest**2 / (next_bin + 3.0 * next_bin**0.5 + 3.0) * np.exp(-((bin_width / noise) ** 2)))
+
+    return missing(ordered), missing(-ordered[::-1])
 
 
 @dataclass(frozen=True)

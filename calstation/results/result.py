@@ -389,6 +389,8 @@ def load_result(path: Path) -> Result:
 
 def plain(value: Any) -> Any:
     """Convert numbers and containers to JSON types; a non-finite number becomes null."""
+    if type(value) is float:  # most values, for which the tests of the others would take longest
+        return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

@@ -29,31 +29,32 @@ class MismatchedCovariance:
         times = np.tile(INSTABILITY_TIMES, len(levels))
         self._times, self._variance = times, variance
         self._into_bias = np.kron(np.eye(len(levels)), np.ones(len(INSTABILITY_TIMES)))
-        start = run.kf.P.copy()
+        start = run.state.P.copy()
         start[STATES:], start[:, STATES:] = 0.0, 0.0
         self.P = block_diag(start, np.diag(variance))
 
     def advance(self, run: NavigationFilter) -> None:
         """Propagate over one group of observations with the transition, gain and Jacobian just used by `run`."""
-        kf = run.kf
-        decay = np.exp(-len(kf.y) // 3 * run.stride * run.dt / self._times)
-        size = len(kf.x)
-        I_KH = np.eye(size) - kf.K @ kf.H
+        group, root = run.group, run.last.root[0]
+        gain = np.linalg.solve(root.T, run.last.gain[0]).T
+        decay = np.exp(-len(group.z) // 3 * run.stride * run.dt / self._times)
+        size = len(run.state.x)
+        I_KH = np.eye(size) - gain @ group.H
         into = np.zeros((size, len(BIAS)))
-        into[:PARAMETER_START] = kf.F[:PARAMETER_START, BIAS]
-        seen = kf.K @ kf.H[:, BIAS] @ self._into_bias
+        into[:PARAMETER_START] = group.transition[:PARAMETER_START, BIAS]
+        seen = gain @ group.H[:, BIAS] @ self._into_bias
         T = np.block(
             [
-                [I_KH @ kf.F, -I_KH @ into @ self._into_bias + seen * decay],
+                [I_KH @ group.transition, -I_KH @ into @ self._into_bias + seen * decay],
                 [np.zeros((len(decay), size)), np.diag(decay)],
             ]
         )
-        white = kf.Q.copy()
+        white = group.noise.copy()
         white[STATES:, STATES:] = 0.0
         driven = np.vstack([seen, np.eye(len(decay))])
         noise = driven @ np.diag(self._variance * (1.0 - decay**2)) @ driven.T
-        shared = I_KH @ kf.M @ kf.K.T
-        noise[:size, :size] += I_KH @ white @ I_KH.T + kf.K @ kf.R @ kf.K.T - shared - shared.T
+        shared = I_KH @ group.M @ gain.T
+        noise[:size, :size] += I_KH @ white @ I_KH.T + gain @ group.R @ gain.T - shared - shared.T
         self.P = T @ self.P @ T.T + noise
 
 

@@ -11,7 +11,8 @@ from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.errors import InsufficientDataError
 from calstation.estimation.common import Belief, stage_data
-from calstation.estimation.navigation import solve_navigation
+from calstation.estimation.navigation import relinearise, solve_navigation
+from calstation.estimation.navigation.filter import NavigationFilter
 from calstation.physics.motion import Dwell
 from calstation.physics.parameters import COUNT, INDEX, NAMES
 from tests.helpers import raises_code
@@ -154,3 +155,38 @@ def test_without_an_estimated_parameter_all_passes_linearise_about_the_prior(nav
     assert found.converged
     np.testing.assert_array_equal(found.point, known.mean)
     assert found.belief.sigma == pytest.approx(solution.belief.sigma, rel=0.02)
+
+
+def passes_of(stage, prior, monkeypatch, fits):
+    """Whether each pass of a solution followed a smoothed reference, and the solution."""
+    ways, run = [], NavigationFilter.run
+
+    def watched(self, data, start, attitude, smooth, **others):
+        ways.append(smooth)
+        run(self, data, start, attitude, smooth, **others)
+
+    monkeypatch.setattr(relinearise, "FITS", fits)
+    monkeypatch.setattr(NavigationFilter, "run", watched)
+    data = stage_data([stage.block], stage.context.imu)
+    found = solve_navigation("excitation", data, stage.context, prior, np.ones(COUNT, np.bool_))
+    monkeypatch.undo()
+    return ways, found
+
+
+def test_a_first_pass_that_fits_is_not_made_again_in_closed_loop(nav_stage, monkeypatch):
+    ways, found = passes_of(nav_stage, nav_stage.prior, monkeypatch, relinearise.FITS)
+    both_ways, both = passes_of(nav_stage, nav_stage.prior, monkeypatch, 0.0)
+    assert ways == [True, True]
+    assert both_ways == [True, False, True]
+    # far below the accuracy to which a solution is iterated
+    assert np.abs((found.belief.mean - both.belief.mean) / both.belief.sigma).max() < 1e-3
+
+
+def test_a_first_pass_that_does_not_fit_is_made_again_in_closed_loop(nav_stage, monkeypatch):
+    wrong = nav_stage.prior.mean.copy()
+    wrong[INDEX["gyro_scale_z"]] += 0.05  # a quarter turn ends 4.5° away
+    belief = Belief(wrong, nav_stage.prior.covariance + np.diag((wrong - nav_stage.prior.mean) ** 2))
+    ways, found = passes_of(nav_stage, belief, monkeypatch, relinearise.FITS)
+    assert ways[:3] == [True, False, True]
+    assert found.converged
+    assert np.abs(errors_in_sigma(found.belief, nav_stage.truth)).max() < 4.0

@@ -66,6 +66,7 @@ from .stage import REST_WINDOW as REST_WINDOW
 from .stage import SLOWEST as SLOWEST
 from .stage import StageData as StageData
 from .stage import find_rests as find_rests
+from .stage import largest as largest
 from .stage import mean_angles as mean_angles
 from .stage import quietest as quietest
 from .stage import runs as runs

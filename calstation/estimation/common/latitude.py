@@ -11,7 +11,7 @@ import numpy as np
 from calstation.estimation.common.context import Belief, ImuModel
 from calstation.estimation.common.noise import bias_drift_sigmas
 from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage import FORCE_STEP, runs
+from calstation.estimation.common.stage import FORCE_STEP, largest, runs
 from calstation.physics import RATE, FloatArray, IntArray, compensate, compensation, group_indices
 
 #: Deviation, in standard deviations, that indicates a different latitude; noise exceeds it once in 10^9 cases.
@@ -86,7 +86,7 @@ class RestOutput:
         omega, force = compensate(compensation(belief.mean), output[:, :3], output[:, 3:])
         noise = _noise(imu)
         slack = 5.0 * noise + 3.0 * float(belief.sigma[group_indices("gyro_bias")].max())
-        still = np.abs(omega).max(axis=1) < _MOVING + slack
+        still = largest(omega) < _MOVING + slack
         rests = _rests(second, still, force)
         if len(rests) < 4:
             return None
@@ -123,7 +123,7 @@ def _noise(imu: ImuModel) -> float:
 def _rests(second: IntArray, still: np.ndarray, force: FloatArray) -> list[tuple[int, int]]:
     """Return the windows (start, stop) of every rest, without its first and last window."""
     split = np.zeros(len(second), np.bool_)
-    split[1:] = (np.diff(second) != 1) | (np.abs(np.diff(force, axis=0)).max(axis=1) > FORCE_STEP)
+    split[1:] = (np.diff(second) != 1) | (largest(np.diff(force, axis=0)) > FORCE_STEP)
     found = []
     for a, b in runs(still):
         cuts = [a, *(a + 1 + np.flatnonzero(split[a + 1 : b])), b]

@@ -2,7 +2,9 @@
 
 import itertools
 from dataclasses import dataclass, field
+from functools import reduce
 
+import numba as nb
 import numpy as np
 
 from calstation.estimation.common.context import Belief, ImuModel
@@ -92,10 +94,24 @@ def _joined(parts: list[np.ndarray], dtype: type, columns: int = 0) -> np.ndarra
     return np.concatenate(parts).astype(dtype, copy=False)
 
 
+@nb.njit(cache=True)
 def window_mean(values: FloatArray, width: int) -> FloatArray:
     """Return the mean of the `width` samples ending at each index from width − 1, shape (n − width + 1, columns)."""
-    total = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), values]), axis=0)
-    return np.asarray((total[width:] - total[:-width]) / width)
+    count, columns = values.shape
+    total = np.zeros((count + 1, columns))
+    mean = np.empty((max(count - width + 1, 0), columns))
+    for k in range(count):
+        for j in range(columns):
+            total[k + 1, j] = total[k, j] + values[k, j]
+    for k in range(len(mean)):
+        for j in range(columns):
+            mean[k, j] = (total[k + width, j] - total[k, j]) / width
+    return mean
+
+
+def largest(values: FloatArray) -> FloatArray:
+    """Return the largest magnitude in each row, shape (n,); column by column, because NumPy is slow on short rows."""
+    return np.asarray(reduce(np.maximum, np.abs(values.T)))
 
 
 def find_rests(
@@ -116,13 +132,13 @@ def find_rests(
     mean = window_mean(data.gyro[start:stop] - gyro_bias, width)
     noise = _window_noise(imu, width, data.dt)
     largest_rate, largest_change = _limits_of_rest(imu, width, data.dt, bias_sigma)
-    small = np.abs(mean).max(axis=1) < largest_rate
+    small = largest(mean) < largest_rate
     flat = np.zeros(len(mean), dtype=np.bool_)
-    flat[width:] = np.abs(mean[width:] - mean[:-width]).max(axis=1) < largest_change
+    flat[width:] = largest(mean[width:] - mean[:-width]) < largest_change
     if not np.any(small & flat):
         return []
     at_rest = np.median(mean[small & flat], axis=0)
-    still = np.abs(mean - at_rest).max(axis=1) < 5.0 * noise + np.deg2rad(0.03)
+    still = largest(mean - at_rest) < 5.0 * noise + np.deg2rad(0.03)
     still &= _steady(window_mean(data.accel[start:stop], width), width)
     margin = round(REST_MARGIN / data.dt)
     found = []
@@ -153,8 +169,8 @@ def quietest(data: StageData, imu: ImuModel, belief: Belief) -> Quietest:
     if len(data) < 2 * width:
         return Quietest(np.nan, largest_rate, np.nan, largest_change)
     mean = window_mean(data.gyro - belief.mean[bias], width)
-    rate = float(np.abs(mean).max(axis=1).min())
-    change = float(np.abs(mean[width:] - mean[:-width]).max(axis=1).min())
+    rate = float(largest(mean).min())
+    change = float(largest(mean[width:] - mean[:-width]).min())
     return Quietest(rate, largest_rate, change, largest_change)
 
 
@@ -173,7 +189,7 @@ def _steady(force: FloatArray, width: int) -> BoolArray:
     """Whether each window of mean force agrees with the windows before and after it, shape (n,)."""
     steady = np.ones(len(force), dtype=np.bool_)
     if len(force) > width:
-        stepped = np.abs(force[width:] - force[:-width]).max(axis=1) > FORCE_STEP
+        stepped = largest(force[width:] - force[:-width]) > FORCE_STEP
         steady[width:] &= ~stepped
         steady[:-width] &= ~stepped
     return steady

@@ -64,25 +64,26 @@ class _Gatherer:
         self.groups: list[_Group] = []
 
     def __call__(self, run: NavigationFilter) -> None:
-        kf, states = run.kf, _boundary(run)
+        states = _boundary(run)
         if self._start is None:
             both = np.r_[states, _PARAMETERS]
-            covariance = kf.P[np.ix_(both, both)]
+            covariance = run.state.P[np.ix_(both, both)]
             known = np.diag(covariance) == 0.0  # parameters that the table fixes
             covariance[known, known] = (
                 _KNOWN * np.array([0.0] * len(states) + [p.prior_sigma**2 for p in PARAMETERS])[known]
             )
             self._start = np.linalg.inv(covariance)
             return
-        m, rows = len(states), len(kf.H)
+        group = run.group
+        m, rows = len(states), len(group.H)
         jacobian = np.zeros((m + rows, 2 * m + COUNT))
-        jacobian[:m, :m] = -kf.F[np.ix_(states, states)]
+        jacobian[:m, :m] = -group.transition[np.ix_(states, states)]
         jacobian[:m, m : 2 * m] = np.eye(m)
-        jacobian[:m, 2 * m :] = -kf.F[np.ix_(states, _PARAMETERS)]
-        jacobian[m:, m : 2 * m] = -kf.H[:, states]
-        jacobian[m:, 2 * m :] = -kf.H[:, _PARAMETERS]
-        noise = np.block([[kf.Q[np.ix_(states, states)], kf.M[states]], [kf.M[states].T, kf.R]])
-        bias = -np.vstack([kf.F[np.ix_(states, BIAS)], kf.H[:, BIAS]])
+        jacobian[:m, 2 * m :] = -group.transition[np.ix_(states, _PARAMETERS)]
+        jacobian[m:, m : 2 * m] = -group.H[:, states]
+        jacobian[m:, 2 * m :] = -group.H[:, _PARAMETERS]
+        noise = np.block([[group.noise[np.ix_(states, states)], group.M[states]], [group.M[states].T, group.R]])
+        bias = -np.vstack([group.transition[np.ix_(states, BIAS)], group.H[:, BIAS]])
         self.groups.append(_Group(jacobian, bias, noise, rows))
 
     def segment(self, errors: FloatArray) -> Segment:
@@ -105,7 +106,7 @@ class _Gatherer:
 
 def _boundary(run: NavigationFilter) -> IntArray:
     """Return the indices of the boundary states in the filter's state."""
-    return np.asarray(np.r_[0:_OBSERVED, STATES : len(run.kf.x)])
+    return np.asarray(np.r_[0:_OBSERVED, STATES : len(run.state.x)])
 
 
 def joined(first: FloatArray, second: FloatArray, states: int) -> FloatArray:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calstation.estimation.common import LocalScores, StageData
-from calstation.estimation.navigation.filter import Update
+from calstation.estimation.navigation.group_update import Updates
 from calstation.estimation.navigation.velocity_group import BIAS
 from calstation.physics import PARAMETER_START, STATES, FloatArray, IntArray
 
@@ -18,44 +18,46 @@ _TOGETHER = 100
 
 
 def local_scores(
-    data: StageData, spans: Sequence[tuple[int, int]], *, updates: Sequence[Update], index: IntArray
+    data: StageData, spans: Sequence[tuple[int, int]], *, updates: Sequence[Updates], index: IntArray
 ) -> LocalScores:
     """Return the score tests for spans (start, stop) of a stage's samples, in their order.
 
     `updates` are those of the last pass, and `index` the number of samples before each of its observations.
     """
     stops = np.array([stop for _, stop in spans])
-    size, width = updates[0].H.shape[1], 6 * len(spans)
+    size, width = updates[0].H.shape[2], 6 * len(spans)
     effect = np.zeros((size, width))  # error of the states due to the errors of the channels
     score, information = np.zeros(width), np.zeros((width, width))
     own_score, own_information = np.zeros((len(spans), 6)), np.zeros((len(spans), 6, 6))
     together: list[FloatArray] = []  # effect on the innovations of the last groups, and these innovations
     observed = 0
     for update in updates:
-        count = len(update.innovation) // 3
-        if not count:
+        if not update.transition.size:
             effect[:PARAMETER_START] = 0.0
-            effect -= update.gain @ (update.H @ effect)
+            effect -= update.gain[0].T @ np.linalg.solve(update.root[0], update.H[0] @ effect)
             continue
-        span = min(int(np.searchsorted(stops, index[observed + count // 2])), len(spans) - 1)
-        observed += count
-        begun, now = 6 * (span + 1), slice(6 * span, 6 * span + 6)
-        moved = update.transition @ effect[:, :begun]
-        moved[:, now] += update.transition[:, BIAS]
-        effect[:PARAMETER_START, :begun] = moved
-        effect[STATES:] *= update.decay[:, None]
-        white = np.zeros((len(update.H), width + 1))
-        white[:, :begun] = update.H @ effect[:, :begun]
-        white[:, now] += update.H[:, BIAS]
-        white[:, -1] = update.innovation
-        effect[:, :begun] -= update.gain @ white[:, :begun]
-        white = np.linalg.inv(np.linalg.cholesky(update.covariance)) @ white
-        own_score[span] += white[:, now].T @ white[:, -1]
-        own_information[span] += white[:, now].T @ white[:, now]
-        together.append(white)
-        if len(together) == _TOGETHER or observed == len(index):
-            rows = np.concatenate(together)
-            score += rows[:, :-1].T @ rows[:, -1]
-            information += rows[:, :-1].T @ rows[:, :-1]
-            together.clear()
+        rows_of_groups = zip(update.transition, update.H, update.root, update.gain, update.innovation, strict=True)
+        for transition, H, root, gain, innovation in rows_of_groups:
+            count = len(innovation) // 3
+            span = min(int(np.searchsorted(stops, index[observed + count // 2])), len(spans) - 1)
+            observed += count
+            begun, now = 6 * (span + 1), slice(6 * span, 6 * span + 6)
+            moved = transition @ effect[:, :begun]
+            moved[:, now] += transition[:, BIAS]
+            effect[:PARAMETER_START, :begun] = moved
+            effect[STATES:] *= update.decay[:, None]
+            white = np.zeros((len(H), width + 1))
+            white[:, :begun] = H @ effect[:, :begun]
+            white[:, now] += H[:, BIAS]
+            white = np.linalg.inv(root) @ white
+            white[:, -1] = innovation
+            effect[:, :begun] -= gain.T @ white[:, :begun]
+            own_score[span] += white[:, now].T @ white[:, -1]
+            own_information[span] += white[:, now].T @ white[:, now]
+            together.append(white)
+            if len(together) == _TOGETHER or observed == len(index):
+                rows = np.concatenate(together)
+                score += rows[:, :-1].T @ rows[:, -1]
+                information += rows[:, :-1].T @ rows[:, :-1]
+                together.clear()
     return LocalScores(score, information, -effect[PARAMETER_START:STATES], own_score, own_information)

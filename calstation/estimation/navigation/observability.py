@@ -7,42 +7,61 @@ strength of a state is computed from the total matrix, whose rows refer to the s
 the stripped matrix it contains the information in the angle of a rotation.
 """
 
-from collections.abc import Iterator
+from itertools import groupby, pairwise
 from typing import Any
 
+import numba as nb
 import numpy as np
 
 from calstation.estimation import Ranking
 from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise
 from calstation.estimation.navigation.filter import POSITION_SIGMA, History
-from calstation.physics import NAMES, OBSERVABLE, STATES, FloatArray, compensation, dynamics, rotation_rate, skew
+from calstation.physics import (
+    NAMES,
+    OBSERVABLE,
+    STATES,
+    Compensation,
+    FloatArray,
+    IntArray,
+    compensation,
+    dynamics,
+    rotation_rate,
+)
 
 STATE_NAMES = (
     *(f"{s}_{a}" for s in ("attitude_error", "velocity_error", "position_error") for a in ("east", "north", "up")),
     *NAMES,
 )
+#: A slower rotation, rad/s, is rest.
+SLOWEST_MOTION = np.deg2rad(0.5)
 #: Largest rotation of a piece, rad.
 LARGEST_TURN = np.deg2rad(5.0)
 #: Number of powers of F used: φ → δv → δp and the biases need four; each additional power adds earth rate times T.
 POWERS = 6
 
 
-def pieces(data: StageData, history: History) -> Iterator[tuple[int, int]]:
-    """Yield the observations (first, last + 1) of each piece, split at steps, every 5° and between motion and rest."""
+def pieces(data: StageData, history: History) -> list[tuple[int, int]]:
+    """Return the observations (first, last + 1) of each piece, split at steps, every 5° and between motion and rest."""
     index = history.index
-    step = data.step[index - 1]
-    rate = np.linalg.norm(history.rate, axis=1)
-    moving = rate > np.deg2rad(0.5)
     elapsed = np.diff(index, prepend=index[0]) * data.dt
-    first, turned = 0, 0.0
-    for k in range(1, len(index) + 1):
-        if k < len(index):
-            turned += rate[k] * elapsed[k] if moving[k] else 0.0
-            same = step[k] == step[first] and moving[k] == moving[first] and turned <= LARGEST_TURN
-            if same:
-                continue
-        yield first, k
-        first, turned = k, 0.0
+    edges = _edges(data.step[index - 1], np.linalg.norm(history.rate, axis=1), elapsed)
+    return list(pairwise(edges.tolist()))
+
+
+@nb.njit(cache=True)
+def _edges(step: IntArray, rate: FloatArray, elapsed: FloatArray) -> IntArray:
+    """Return the first observation of each piece, and the number of observations."""
+    count = len(step)
+    edges, found, turned = np.zeros(count + 1, np.int64), 0, 0.0
+    for k in range(1, count):
+        first, moving = edges[found], rate[k] > SLOWEST_MOTION
+        turned += rate[k] * elapsed[k] if moving else 0.0
+        same = step[k] == step[first] and moving == (rate[first] > SLOWEST_MOTION)
+        if not (same and turned <= LARGEST_TURN):
+            found, turned = found + 1, 0.0
+            edges[found] = k
+    edges[found + 1] = count
+    return edges[: found + 2]
 
 
 class ObservabilityAnalysis:
@@ -52,8 +71,9 @@ class ObservabilityAnalysis:
     """
 
     def __init__(self, context: SolveContext, prior: Belief, point: FloatArray) -> None:
-        self._context, self._point = context, point
         noise = filter_noise(context)
+        self._constants, self._gravity = compensation(point), context.site.local_gravity
+        self._earth = rotation_rate(context.site.latitude)
         self._interval, self._velocity = noise.interval, np.sqrt(noise.velocity)
         tilt = context.table.mount_sigma
         azimuth = np.hypot(tilt, context.table.azimuth_sigma)
@@ -70,21 +90,25 @@ class ObservabilityAnalysis:
         if not len(index):
             return
         steps, seqs = data.step[index - 1], data.seq[index - 1]
-        for a, b in pieces(data, history):
-            if steps[a] != self._step:
+        found = pieces(data, history)
+        first, last = np.array(found).T
+        time = (index[last - 1] - np.where(first > 0, index[first - 1], index[0] - 1)) * data.dt
+        middle = (first + last) // 2
+        rows, carried = _rows(
+            self._constants, self._earth, self._gravity, history.attitude[middle], history.rate[middle],
+            np.maximum(time, self._interval), self._carried,
+        )  # fmt: skip
+        weight = np.sqrt(last - first)[:, None, None] / self._velocity * self._scale
+        for step, group in groupby(range(len(found)), lambda k: int(steps[first[k]])):
+            chosen = list(group)
+            if step != self._step:
                 self._end_step()
-                self._step, self._seqs, self._count = int(steps[a]), (int(seqs[a]), 0), 0
-            middle = (a + b) // 2
-            T = float(index[b - 1] - index[a - 1] if a else index[b - 1] - index[0] + 1) * data.dt
-            rows, transition = _piece(
-                self._context, self._point, history.attitude[middle], history.rate[middle], max(T, self._interval)
-            )
-            weight = np.sqrt(b - a) / self._velocity
-            self._R = _stacked(self._R, rows * self._scale * weight)
-            self._total = _stacked(self._total, rows @ self._carried * self._scale * weight)
-            self._carried = transition @ self._carried
-            self._count += 1
-            self._seqs = (self._seqs[0], int(seqs[b - 1]))
+                self._step, self._seqs, self._count = step, (int(seqs[first[chosen[0]]]), 0), 0
+            part = slice(chosen[0], chosen[-1] + 1)
+            self._R = _stacked(self._R, rows[part] * weight[part])
+            self._total = _stacked(self._total, carried[part] * weight[part])
+            self._count += len(chosen)
+            self._seqs = (self._seqs[0], int(seqs[last[chosen[-1]] - 1]))
 
     def _end_step(self) -> None:
         if self._step is not None:
@@ -149,35 +173,73 @@ def observability_analysis(
 
 
 def _stacked(R: FloatArray, rows: FloatArray) -> FloatArray:
-    """Append `rows` to the triangular factor R, shape (39, 39), and return the updated factor."""
-    return np.asarray(np.linalg.qr(np.vstack([R, rows]), mode="r"))
+    """Append `rows`, shape (k, r, 39), to the triangular factor R, shape (39, 39), and return the updated factor."""
+    return np.asarray(np.linalg.qr(np.vstack([R, rows.reshape(-1, STATES)]), mode="r"))
 
 
-def _piece(
-    context: SolveContext, point: FloatArray, C: FloatArray, omega: FloatArray, T: float
+@nb.njit(cache=True)
+def _rows(
+    c: Compensation,
+    earth: FloatArray,
+    gravity: float,
+    attitude: FloatArray,
+    rate: FloatArray,
+    time: FloatArray,
+    carried: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the rows H (F T)^k / k! of a piece, shape (3 POWERS, 39), and its transition exp(F T), shape (39, 39)."""
-    c = compensation(point)
-    earth = rotation_rate(context.site.latitude)
-    w = omega - C.T @ earth
-    force = C.T @ np.array([0.0, 0.0, context.site.local_gravity]) + np.cross(w, np.cross(w, c.outer_lever))
-    rate_jacobian, force_jacobian = dynamics(c, omega, force)
-    F = np.zeros((STATES, STATES))
-    F[0:3, 0:3] = -skew(earth)
-    F[3:6, 3:6] = -2.0 * skew(earth)
-    F[3:6, 0:3] = -skew(C @ force)
-    F[6:9, 3:6] = np.eye(3)
-    F[0:3, 9:36] = C @ rate_jacobian
-    F[3:6, 9:36] = C @ force_jacobian
-    H = np.zeros((3, STATES))
-    H[:, 0:3] = skew(C @ np.cross(w, c.outer_lever))
-    H[:, 3:6] = np.eye(3)
-    H[:, 9:36] = C @ skew(c.outer_lever) @ rate_jacobian
-    H[:, 36:39] = -C @ skew(w)
-    rows, row, term, transition = [], H, np.eye(STATES), np.eye(STATES)
-    for k in range(POWERS):
-        rows.append(row)
-        row = row @ F * (T / (k + 1))
-        term = term @ F * (T / (k + 1))
-        transition += term
-    return np.vstack(rows), transition
+    """Return the rows H (F T)^k / k! of k pieces, and the same referred to the start, shape (k, 3 POWERS, 39) each.
+
+    `carried` is the transition from the start to the first piece, shape (39, 39); it is updated to the end of the last.
+    Nothing depends on δp, and only φ, δv and δp change, so that six columns and nine rows of a power of F are used.
+    """
+    found = np.zeros((len(time), 3 * POWERS, STATES))
+    first = np.zeros((len(time), 3 * POWERS, STATES))
+    F, term, moved = np.zeros((9, STATES)), np.zeros((9, STATES)), np.zeros((9, STATES))
+    for n in range(len(time)):
+        C, omega, T, rows = attitude[n], rate[n], time[n], found[n]
+        w = omega - C.T @ earth
+        force = C[2] * gravity + np.cross(w, np.cross(w, c.outer_lever))
+        rate_jacobian, force_jacobian = dynamics(c, omega, force)
+        F[0:3, 0:3] = -_skew(earth)
+        F[3:6, 3:6] = -2.0 * _skew(earth)
+        F[3:6, 0:3] = -_skew(C @ force)
+        F[6:9, 3:6] = np.eye(3)
+        F[0:3, 9:36] = C @ rate_jacobian
+        F[3:6, 9:36] = C @ force_jacobian
+        rows[:3, 0:3] = _skew(C @ np.cross(w, c.outer_lever))
+        rows[:3, 3:6] = np.eye(3)
+        rows[:3, 9:36] = C @ _skew(c.outer_lever) @ rate_jacobian
+        rows[:3, 36:39] = -C @ _skew(w)
+        for r in range(3, 3 * POWERS):
+            _add_product(rows[r - 3], F, T / (r // 3), rows[r])
+        for r in range(3 * POWERS):
+            first[n, r, 9:] = rows[r, 9:]
+            _add_product(rows[r], carried, 1.0, first[n, r])
+        transition = F * T
+        term[:] = transition
+        for k in range(2, POWERS + 1):
+            moved[:] = 0.0
+            for i in range(9):
+                _add_product(term[i], F, T / k, moved[i])
+            term[:] = moved
+            transition += term
+        for i in range(9):  # the transition less unity
+            moved[i] = 0.0
+            moved[i, 9:] = transition[i, 9:]
+            _add_product(transition[i], carried, 1.0, moved[i])
+        carried[:9] += moved
+    return found, first
+
+
+@nb.njit(cache=True)
+def _add_product(row: FloatArray, A: FloatArray, factor: float, out: FloatArray) -> None:
+    """Add the first six columns of `row` times the first six rows of A, times `factor`, to `out`."""
+    for k in range(6):
+        t = row[k] * factor
+        for j in range(STATES):
+            out[j] += t * A[k, j]
+
+
+@nb.njit(cache=True)
+def _skew(v: FloatArray) -> FloatArray:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

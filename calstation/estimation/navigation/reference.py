@@ -11,7 +11,8 @@ import numba as nb
 import numpy as np
 
 from calstation.estimation.common import FilterNoise, StageData
-from calstation.physics import Compensation, FloatArray, IntervalWork, interval_work, propagate, rotation_matrix
+from calstation.estimation.navigation.triangular import backward, cholesky, forward
+from calstation.physics import Compensation, FloatArray, IntervalWork, interval_work, propagate, rotate
 
 #: Prior sigma of the start heading, rad: small, because the parameters may be too inaccurate for gyrocompassing.
 HEADING_SIGMA = 1e-4
@@ -44,17 +45,14 @@ def smoothed_reference(
     variances = np.array([tilt_sigma**2, tilt_sigma**2, HEADING_SIGMA**2, *[noise.velocity] * 3])
     work = interval_work()
     work.attitude[:] = attitude
-    filtered, velocity, correction = _filter(
+    return _smoothed(
         c, earth, gravity, data.dt, data.gyro, data.accel, begin, count, stride,
         np.diag(variances), noise.rate, noise.force, noise.velocity, work,
     )  # fmt: skip
-    for k in range(count + 1):
-        filtered[k] = rotation_matrix(correction[k, :3]) @ filtered[k]
-    return Reference(filtered, velocity + correction[:, 3:])
 
 
 @nb.njit(cache=True)
-def _filter(
+def _smoothed(
     c: Compensation,
     earth: FloatArray,
     gravity: float,
@@ -69,43 +67,89 @@ def _filter(
     force_q: float,
     observation: float,
     work: IntervalWork,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Run the closed-loop filter and the RTS pass; return filtered attitudes, velocities and smoother corrections."""
+) -> Reference:
+    """Run the closed-loop filter and the RTS pass."""
     T = stride * dt
     attitude, velocity = np.empty((count + 1, 3, 3)), np.empty((count + 1, 3))
     gains = np.empty((count, 6, 6))
     corrections = np.zeros((count + 1, 6))
-    H, z = np.zeros((3, 6)), np.empty(3)
+    predicted, L, S, root = np.empty((6, 6)), np.empty((6, 6)), np.empty((3, 3)), np.empty((3, 3))
+    H, K, z, d = np.zeros((3, 6)), np.empty((3, 6)), np.empty((3, 1)), np.empty(6)
     H[0, 3] = H[1, 4] = H[2, 5] = 1.0
-    propagate(c, earth, gravity, dt, gyro, accel, begin, begin, work)
-    w = work.rate - work.attitude.T @ earth
-    work.velocity[:] = work.attitude @ np.cross(w, c.outer_lever)
+    propagate(c, earth, gravity, dt, gyro, accel, begin, begin, work, False)
+    work.velocity[:] = _arm_velocity(c, earth, work)
     attitude[0], velocity[0] = work.attitude, work.velocity
     for k in range(count):
         first = begin + k * stride
-        propagate(c, earth, gravity, dt, gyro, accel, first, first + stride, work)
-        F = np.ascontiguousarray(work.transition[:6, :6])
-        predicted = F @ P @ F.T
+        propagate(c, earth, gravity, dt, gyro, accel, first, first + stride, work, False)
+        F, gain = work.transition, gains[k]
+        for i in range(6):
+            for j in range(6):
+                gain[i, j] = 0.0
+            for m in range(6):
+                for j in range(6):
+                    gain[i, j] += F[i, m] * P[m, j]
+        for i in range(6):
+            for j in range(6):
+                t = 0.0
+                for m in range(6):
+                    t += gain[i, m] * F[j, m]
+                predicted[i, j] = t
         for i in range(3):
             predicted[i, i] += rate_q * T
             predicted[3 + i, 3 + i] += force_q * T
-        gains[k] = np.linalg.solve(predicted, F @ P).T
-        w = work.rate - work.attitude.T @ earth
-        u = work.attitude @ np.cross(w, c.outer_lever)
+        cholesky(predicted, L)
+        forward(L, gain)
+        backward(L, gain)
+        u = _arm_velocity(c, earth, work)
         H[0, 1], H[0, 2], H[1, 2] = -u[2], u[1], -u[0]
         H[1, 0], H[2, 0], H[2, 1] = u[2], -u[1], u[0]
         for i in range(3):
-            z[i] = u[i] - work.velocity[i]
-        S = H @ predicted @ H.T + observation * np.eye(3)
-        K = np.linalg.solve(S, H @ predicted).T
-        d = K @ z
-        P = predicted - K @ H @ predicted
-        P = 0.5 * (P + P.T)
-        work.attitude[:] = rotation_matrix(d[:3]) @ work.attitude
-        work.velocity[:] = work.velocity + d[3:]
-        corrections[k + 1] = d
-        attitude[k + 1], velocity[k + 1] = work.attitude, work.velocity
+            z[i, 0] = u[i] - work.velocity[i]
+            for j in range(6):
+                K[i, j] = predicted[3 + i, j]
+                for m in range(3):
+                    K[i, j] += H[i, m] * predicted[m, j]
+            for j in range(i + 1):
+                S[i, j] = K[i, 3 + j]
+                for m in range(3):
+                    S[i, j] += K[i, m] * H[j, m]
+            S[i, i] += observation
+        cholesky(S, root)
+        forward(root, K)
+        forward(root, z)
+        for i in range(6):
+            d[i] = K[0, i] * z[0, 0] + K[1, i] * z[1, 0] + K[2, i] * z[2, 0]
+            corrections[k + 1, i] = d[i]
+            for j in range(i + 1):
+                P[i, j] = predicted[i, j] - K[0, i] * K[0, j] - K[1, i] * K[1, j] - K[2, i] * K[2, j]
+                P[j, i] = P[i, j]
+        rotate(d, work.attitude)
+        for i in range(3):
+            work.velocity[i] += d[3 + i]
+            velocity[k + 1, i] = work.velocity[i]
+            for j in range(3):
+                attitude[k + 1, i, j] = work.attitude[i, j]
     smoothed = np.zeros((count + 1, 6))
     for k in range(count - 1, -1, -1):
-        smoothed[k] = gains[k] @ (corrections[k + 1] + smoothed[k + 1])
-    return attitude, velocity, smoothed
+        for m in range(6):
+            t = corrections[k + 1, m] + smoothed[k + 1, m]
+            for i in range(6):
+                smoothed[k, i] += gains[k, m, i] * t
+    for k in range(count + 1):
+        rotate(smoothed[k], attitude[k])
+        for i in range(3):
+            velocity[k, i] += smoothed[k, 3 + i]
+    return Reference(attitude, velocity)
+
+
+@nb.njit(cache=True)
+def _arm_velocity(c: Compensation, earth: FloatArray, work: IntervalWork) -> FloatArray:
+    """Return the velocity of the IMU about the table's centre, C (ω_nb × outer_lever), m/s, shape (3,)."""
+    C, r, w = work.attitude, c.outer_lever, np.empty(3)
+    for i in range(3):
+        w[i] = work.rate[i] - C[0, i] * earth[0] - C[1, i] * earth[1] - C[2, i] * earth[2]
+    x, y, z = w[1] * r[2] - w[2] * r[1], w[2] * r[0] - w[0] * r[2], w[0] * r[1] - w[1] * r[0]
+    for i in range(3):
+        w[i] = C[i, 0] * x + C[i, 1] * y + C[i, 2] * z
+    return w

@@ -20,7 +20,8 @@ from calstation.estimation.common import (
     quietest,
     starts,
 )
-from calstation.estimation.navigation.filter import History, NavigationFilter, Update
+from calstation.estimation.navigation.filter import History, NavigationFilter
+from calstation.estimation.navigation.group_update import Updates
 from calstation.physics import (
     BoolArray,
     FloatArray,
@@ -35,6 +36,9 @@ from calstation.physics import (
 MOST_PASSES = 20
 #: Passes about a fixed point, after which the attitudes no longer change significantly.
 PASSES_AT_POINT = 2
+#: Mean normalised innovation squared, of 3 degrees of freedom, below which a first pass follows the motion well enough:
+#: what the errors of its point add is smaller than the noise.
+FITS = 1.25 * 3.0
 #: Number of passes that a solution usually needs, for the progress report.
 USUAL_PASSES = 2
 #: A pass is the last if its step, or the next step predicted from the last two, is below this many sigmas.
@@ -57,7 +61,7 @@ class NavigationResult:
     passes: int
     converged: bool  #: Whether the last pass made no significant change.
     azimuth_free: bool  #: Whether the azimuth was found from the data alone.
-    updates: tuple[Update, ...]  #: Every update of the last pass, in order.
+    updates: tuple[Updates, ...]  #: Every update of the last pass, in order.
 
 
 def solve_navigation(
@@ -128,10 +132,10 @@ class _Meter:
         """Begin a pass of `groups` groups of observations."""
         self.groups, self.seen = groups, 0
 
-    def watch(self, _: NavigationFilter) -> None:
-        """Count a start or a group of observations."""
+    def advance(self, groups: int) -> None:
+        """Count groups of observations."""
         if self.report is not None:
-            self.seen += 1
+            self.seen += groups
             done = self.passes + min(1.0, self.seen / max(self.groups, 1))
             beyond = max(0.0, done - self.expected)
             self.report(0.9 * (done - beyond) / self.expected + 0.1 * (1.0 - 0.5**beyond))
@@ -175,15 +179,18 @@ class _Relinearisation:
     def iterate(self, found: list[Start], attitudes: list[FloatArray], point: FloatArray) -> NavigationResult:
         """Run passes until one makes no significant change.
 
-        The very first pass closes the loop or not, whichever leaves the smaller innovations: closing it follows large
-        errors of the first point, but may go astray while little has been observed.
+        If the very first pass leaves innovations larger than their noise, it is made again in closed loop, and the one
+        with the smaller innovations counts: closing the loop follows large errors of the first point, but may go astray
+        while little has been observed.
         """
         moved = 1.0  # before the first pass the rate at which steps shrink is unknown
         for _ in range(MOST_PASSES):
             self.passes += 1
-            ways = (True,) if self.passes > 1 else (False, True)
-            passes = [self.one_pass(point, found, attitudes, smooth=smooth) for smooth in ways]
-            run, ends = min(passes, key=lambda each: float(np.sum(each[0].history.nis)))
+            run, ends = self.one_pass(point, found, attitudes, smooth=True)
+            nis = run.history.nis
+            if self.passes == 1 and not np.sum(nis) < FITS * len(nis):
+                other = self.one_pass(point, found, attitudes, smooth=False)
+                run, ends = min(other, (run, ends), key=lambda each: float(np.sum(each[0].history.nis)))
             belief = run.belief
             sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
             before, moved = moved, float(np.max((np.abs(belief.mean - point) / sigma)[self.estimated], initial=0.0))
@@ -213,9 +220,9 @@ class _Relinearisation:
         """Run one pass about a point and start attitudes; also return the attitudes at the ends."""
         run = NavigationFilter(self.context, self.prior, point)
         ends = []
-        self.meter.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) + 1 for s in found))
+        self.meter.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) for s in found))
         for start, attitude in zip(found, attitudes, strict=True):
-            run.run(self.data, start, attitude, smooth, self.meter.watch)
+            run.run(self.data, start, attitude, smooth, progress=self.meter.advance)
             ends.append(run.attitude)
         self.meter.passes += 1
         return run, ends

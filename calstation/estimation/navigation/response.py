@@ -2,13 +2,16 @@
 
 from collections.abc import Sequence
 
+import numba as nb
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solve_triangular
 
 from calstation.estimation.common import SolveContext, StageData, Start
 from calstation.estimation.effects import Motion, Sensitivity, all_errors, changing
-from calstation.estimation.navigation.filter import History, Update
+from calstation.estimation.navigation.filter import History
+from calstation.estimation.navigation.group_update import Updates
+from calstation.estimation.navigation.triangular import forward
 from calstation.estimation.navigation.velocity_group import BIAS
 from calstation.physics import (
     COUNT,
@@ -30,7 +33,7 @@ SMOOTHED = 5
 
 
 def filter_sensitivity(
-    updates: Sequence[Update],
+    updates: Sequence[Updates],
     history: History,
     data: StageData,
     starts: Sequence[Start],
@@ -44,38 +47,63 @@ def filter_sensitivity(
     """
     duration = len(data) * data.dt
     candidates = tuple(changing(duration))
-    parameters = np.zeros((STATES + (len(BIAS) if updates[0].H.shape[1] > STATES else 0), COUNT))
-    parameters[PARAMETER_START:STATES] = np.eye(COUNT)
     motion = motion_between_observations(history, data, starts, context, point)
-    rows = [len(u.innovation) // 3 for u in updates]
-    counts = np.array([n for n in rows if n])
-    errors = all_errors(motion, candidates, counts)
+    counts = np.repeat([u.innovation.shape[1] // 3 for u in updates], [len(u.innovation) for u in updates])
+    errors = all_errors(motion, candidates, counts[counts > 0])
     columns = COUNT + errors.shape[2]
-    error = np.zeros((len(parameters), columns))
-    error[:, :COUNT] = parameters
+    error = np.zeros((updates[0].H.shape[2], columns))
+    error[PARAMETER_START:STATES, :COUNT] = np.eye(COUNT)
     score, information = np.zeros(columns), np.zeros((columns, columns))
-    group = 0
+    done = 0
     for update in updates:
-        if not len(update.innovation):
+        if not update.transition.size:
             error[:PARAMETER_START] = 0.0
-            error -= update.gain @ (update.H @ error)
+            error -= update.gain[0].T @ solve_triangular(update.root[0], update.H[0] @ error, lower=True)
             continue
-        added = errors[group]
-        group += 1
-        moved = update.transition @ error
-        moved[:, COUNT:] += update.transition[:, BIAS] @ added
-        error[:PARAMETER_START] = moved
-        error[STATES:] *= update.decay[:, None]
-        response = update.H @ error
-        response[:, COUNT:] += update.H[:, BIAS] @ added
-        root = np.linalg.cholesky(update.covariance)
-        white = solve_triangular(root, np.column_stack([response, update.innovation]), lower=True)
-        product = white.T @ white
-        information += product[:-1, :-1]
-        score += product[:-1, -1]
-        error -= update.gain @ response
+        groups = len(update.H)
+        white = np.empty((update.innovation.size, columns))
+        _follow(update, errors[done : done + groups], error, white)
+        done += groups
+        information += white.T @ white
+        score += white.T @ update.innovation.ravel()
     left = np.where(estimated[:, None], error[PARAMETER_START:STATES], np.eye(COUNT, columns))
     return Sensitivity(score, information, left, candidates, float(data.time[0]), duration)
+
+
+@nb.njit(cache=True)
+def _follow(update: Updates, added: FloatArray, error: FloatArray, white: FloatArray) -> None:
+    """Write the effect of the errors on the normalised innovations of g groups, shape (g r, columns).
+
+    `added` is the error of the biases during each group, shape (g, 6, columns − 30), and `error` that of the states,
+    shape (n, columns), updated in place.
+    """
+    groups, rows, _ = update.H.shape
+    size, columns = error.shape
+    moved, removed = np.empty((PARAMETER_START, columns)), np.empty((size, columns))
+    for g in range(groups):
+        F, H, response = update.transition[g], update.H[g], white[g * rows : (g + 1) * rows]
+        np.dot(F, error, moved)
+        error[:PARAMETER_START] = moved
+        for i in range(STATES, size):
+            for j in range(columns):
+                error[i, j] *= update.decay[i - STATES]
+        _add_bias(F, added[g], error)
+        np.dot(H, error, response)
+        _add_bias(H, added[g], response)
+        forward(update.root[g], response)
+        np.dot(update.gain[g].T, response, removed)
+        error -= removed
+
+
+@nb.njit(cache=True)
+def _add_bias(A: FloatArray, added: FloatArray, out: FloatArray) -> None:
+    """Add the effect of the errors of the biases by way of A, shape (m, n), to the first m rows of `out`."""
+    for i in range(len(A)):
+        for k in range(len(BIAS)):
+            t = A[i, BIAS[k]]
+            if t != 0.0:
+                for j in range(added.shape[1]):
+                    out[i, COUNT + j] += t * added[k, j]
 
 
 def motion_between_observations(

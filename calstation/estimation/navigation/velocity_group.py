@@ -91,67 +91,6 @@ def _inverse(S: FloatArray) -> FloatArray:
 
 
 @nb.njit(cache=True)
-def _cholesky(S: FloatArray) -> FloatArray:
-    """Return the lower Cholesky factor of a positive definite matrix, shape (n, n)."""
-    n = S.shape[0]
-    L = np.zeros((n, n))
-    for i in range(n):
-        for j in range(i + 1):
-            s = S[i, j]
-            for k in range(j):
-                s -= L[i, k] * L[j, k]
-            L[i, j] = np.sqrt(s) if i == j else s / L[j, j]
-    return L
-
-
-@nb.njit(cache=True)
-def inverse_of_positive(S: FloatArray) -> FloatArray:
-    """Return the inverse of a positive definite matrix, shape (n, n), computed from its Cholesky factor."""
-    n = S.shape[0]
-    L = _cholesky(S)
-    U = np.zeros((n, n))  # L⁻¹
-    for j in range(n):
-        U[j, j] = 1.0 / L[j, j]
-        for i in range(j + 1, n):
-            s = 0.0
-            for k in range(j, i):
-                s -= L[i, k] * U[k, j]
-            U[i, j] = s / L[i, i]
-    A = np.empty((n, n))
-    for i in range(n):
-        for j in range(i + 1):
-            s = 0.0
-            for k in range(i, n):
-                s += U[k, i] * U[k, j]
-            A[i, j] = s
-            A[j, i] = s
-    return A
-
-
-@nb.njit(cache=True)
-def whitened(S: FloatArray, y: FloatArray) -> FloatArray:
-    """Return L⁻¹ y, where S = L Lᵀ: innovations of unit variance, as if processed one by one, shape (n,)."""
-    L = _cholesky(S)
-    n = len(y)
-    white = np.empty(n)
-    for i in range(n):
-        s = y[i]
-        for k in range(i):
-            s -= L[i, k] * white[k]
-        white[i] = s / L[i, i]
-    return white
-
-
-@nb.njit(cache=True)
-def make_symmetric(P: FloatArray) -> None:
-    """Replace `P` in place by the mean of `P` and its transpose."""
-    for i in range(P.shape[0]):
-        for j in range(i):
-            P[i, j] = 0.5 * (P[i, j] + P[j, i])
-            P[j, i] = P[i, j]
-
-
-@nb.njit(cache=True)
 def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q: FloatArray) -> None:
     """Write into Q, shape (9, 9), the covariance in n of white rate and force noise over T s (Groves 14.80)."""
     fx, fy, fz = force[0], force[1], force[2]
@@ -185,42 +124,40 @@ def observation(work: IntervalWork, earth: FloatArray, c: Compensation, z: Float
         w[i] = work.rate[i]
         for j in range(3):
             w[i] -= C[j, i] * earth[j]
-    arm = np.array([w[1] * r[2] - w[2] * r[1], w[2] * r[0] - w[0] * r[2], w[0] * r[1] - w[1] * r[0]])
-    u = C @ arm
+    arm = (w[1] * r[2] - w[2] * r[1], w[2] * r[0] - w[0] * r[2], w[0] * r[1] - w[1] * r[0])
+    u = np.empty(3)
     for i in range(3):
+        u[i] = C[i, 0] * arm[0] + C[i, 1] * arm[1] + C[i, 2] * arm[2]
         z[i] = u[i] - work.velocity[i]
         H[i, 3 + i] = 1.0
         H[i, 36] = -(C[i, 1] * w[2] - C[i, 2] * w[1])
         H[i, 37] = -(C[i, 2] * w[0] - C[i, 0] * w[2])
         H[i, 38] = -(C[i, 0] * w[1] - C[i, 1] * w[0])
-        lever = np.array(
-            [C[i, 1] * r[2] - C[i, 2] * r[1], C[i, 2] * r[0] - C[i, 0] * r[2], C[i, 0] * r[1] - C[i, 1] * r[0]]
-        )
+        a, b, d = C[i, 1] * r[2] - C[i, 2] * r[1], C[i, 2] * r[0] - C[i, 0] * r[2], C[i, 0] * r[1] - C[i, 1] * r[0]
         for p in range(12):
-            s = 0.0
-            for j in range(3):
-                s += lever[j] * work.rate_jacobian[j, p]
-            H[i, 9 + p] = s
+            jacobian = work.rate_jacobian
+            H[i, 9 + p] = a * jacobian[0, p] + b * jacobian[1, p] + d * jacobian[2, p]
     H[0, 1], H[0, 2], H[1, 2] = -u[2], u[1], -u[0]
     H[1, 0], H[2, 0], H[2, 1] = u[2], -u[1], u[0]
-    return np.asarray(u)
+    return u
 
 
 @nb.njit(cache=True)
 def _add_interval_noise(N: FloatArray, force: FloatArray, s: Setting, T: float, Q: FloatArray, W: FloatArray) -> None:
     """Add the noise of one interval, referred to the end of the group, to W: W += N Q Nᵀ."""
     _process_noise(force, s.rate_noise, s.force_noise, T, Q)
-    row = np.empty(NAVIGATION)
+    row, transposed = np.empty(NAVIGATION), N.T.copy()
     for i in range(NAVIGATION):
         row[:] = 0.0
         for k in range(NAVIGATION):
+            t = N[i, k]
+            if t != 0.0:
+                for j in range(NAVIGATION):
+                    row[j] += t * Q[k, j]
+        for k in range(NAVIGATION):
+            t = row[k]
             for j in range(NAVIGATION):
-                row[j] += N[i, k] * Q[k, j]
-        for j in range(NAVIGATION):
-            t = 0.0
-            for k in range(NAVIGATION):
-                t += row[k] * N[j, k]
-            W[i, j] += t
+                W[i, j] += t * transposed[k, j]
 
 
 @nb.njit(cache=True)
@@ -274,15 +211,21 @@ def observe(
     T = s.stride * s.dt
     steps = np.empty((count, NAVIGATION, STATES))
     forces, shifts = np.empty((count, 3)), np.zeros((count + 1, NAVIGATION))
+    step, turned = np.zeros(NAVIGATION), np.empty((3, 3))
     group.H[:] = 0.0
     for k in range(count):
         first = start + k * s.stride
         propagate(c, s.earth, s.gravity, s.dt, gyro, accel, first, first + s.stride, work)
         forces[k] = work.force
-        step = np.zeros(NAVIGATION)
         if len(follow_attitude):
-            step[:3] = rotation_vector(follow_attitude[k] @ work.attitude.T)
-            step[3:6] = follow_velocity[k] - work.velocity
+            for i in range(3):
+                for j in range(3):
+                    turned[i, j] = 0.0
+                    for m in range(3):
+                        turned[i, j] += follow_attitude[k, i, m] * work.attitude[j, m]
+            step[:3] = rotation_vector(turned)
+            for i in range(3):
+                step[3 + i] = follow_velocity[k, i] - work.velocity[i]
             work.attitude[:] = follow_attitude[k]
             work.velocity[:] = follow_velocity[k]
         rows = slice(3 * k, 3 * k + 3)
@@ -291,8 +234,9 @@ def observe(
         force_sum[2] += s.gravity * T
         arm_velocity[:] = u
         write_navigation_block(work.transition, s.earth, force_sum, 0.5 * T * force_sum, T)
-        steps[k] = work.transition[:NAVIGATION]
         for i in range(NAVIGATION):
+            for j in range(STATES):
+                steps[k, i, j] = work.transition[i, j]
             t = -step[i]
             for j in range(NAVIGATION):
                 t += steps[k, i, j] * shifts[k, j]
@@ -310,14 +254,15 @@ def _refer_to_end(
     count = len(steps)
     N, B = np.eye(NAVIGATION), np.zeros((NAVIGATION, COUNT))
     W, Q = np.zeros((NAVIGATION, NAVIGATION)), np.zeros((NAVIGATION, NAVIGATION))
-    end = shifts[count]
+    moved, row, end = np.empty(NAVIGATION), np.empty(OBSERVED), shifts[count]
     for k in range(count - 1, -1, -1):
         back = _inverse_transition(N)
         G = group.H[3 * k : 3 * k + 3]
         for i in range(3):
-            row = np.zeros(OBSERVED)
             for j in range(OBSERVED):
-                for m in range(OBSERVED):
+                row[j] = 0.0
+            for m in range(OBSERVED):
+                for j in range(OBSERVED):
                     row[j] += G[i, m] * back[m, j]
             t = group.z[3 * k + i]
             for j in range(OBSERVED):
@@ -344,17 +289,18 @@ def _refer_to_end(
                 group.R[this, r] = t
                 group.R[r, this] = t
         _add_interval_noise(N, forces[k], s, T, Q, W)
-        B_new, N_new = np.zeros((NAVIGATION, COUNT)), np.zeros((NAVIGATION, NAVIGATION))
         for i in range(NAVIGATION):
+            for j in range(NAVIGATION):
+                moved[j] = 0.0
             for m in range(NAVIGATION):
                 x = N[i, m]
                 if x != 0.0:
                     for j in range(NAVIGATION):
-                        N_new[i, j] += x * steps[k, m, j]
+                        moved[j] += x * steps[k, m, j]
                     for p in range(COUNT):
-                        B_new[i, p] += x * steps[k, m, NAVIGATION + p]
-        N[:] = N_new
-        B += B_new
+                        B[i, p] += x * steps[k, m, NAVIGATION + p]
+            for j in range(NAVIGATION):
+                N[i, j] = moved[j]
     group.shift[:] = end
     for i in range(NAVIGATION):
         for j in range(NAVIGATION):

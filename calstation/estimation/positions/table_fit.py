@@ -17,6 +17,7 @@ from calstation.estimation.common import (
     Belief,
     SolveContext,
     StageData,
+    largest,
     mean_angles,
     rest_mean_variance,
     runs,
@@ -26,6 +27,7 @@ from calstation.estimation.common import (
 from calstation.physics import (
     FloatArray,
     axis_rotation,
+    axis_rotations,
     compensate,
     compensation,
     group_indices,
@@ -84,7 +86,7 @@ def table_rests(data: StageData, context: SolveContext, found: Belief) -> TableR
         if stop - start < width:
             continue
         mean = window_mean(data.gyro[start:stop] - found.mean[bias], width)
-        for first, last in runs(np.abs(mean).max(axis=1) < slowest):
+        for first, last in runs(largest(mean) < slowest):
             a, b = start + first + margin, start + last + width - 1 - margin
             duration = (b - a) * data.dt
             encoder = mean_angles(data, a, b) if duration >= _SHORTEST else None
@@ -161,7 +163,8 @@ def _up(context: SolveContext, values: FloatArray, angles: FloatArray) -> FloatA
     between = axis_rotation(hinge / np.linalg.norm(hinge), values[0]).T
     up = np.array([-values[2], values[1], 1.0]) / np.sqrt(1.0 + values[1] ** 2 + values[2] ** 2)
     mount = rotation_matrix(values[3:]).T
-    return np.array([mount @ axis_rotation(inner, i).T @ between @ axis_rotation(outer, o).T @ up for o, i in angles])
+    turned = axis_rotations(outer, -angles[:, 0]) @ up @ between.T
+    return np.asarray(np.einsum("kij,kj->ki", axis_rotations(inner, -angles[:, 1]), turned) @ mount.T)
 
 
 def _directions(parameters: FloatArray, force: FloatArray) -> FloatArray:
