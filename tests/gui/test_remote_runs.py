@@ -9,14 +9,16 @@ import pytest
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QPushButton, QTableView, QWidget
 from pytestqt.qtbot import QtBot
 
-from calstation.database import is_archived
+from calstation.config import library
+from calstation.database import Exchange, is_archived
 from calstation.errors import InputError
 from calstation.gui.history.page import HistoryPage
+from calstation.gui.quality.page import QualityPage
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
 from calstation.records import IndexedRun, RunFilter, RunIndex, RunRecord
-from calstation.results import History, export_runs, load_results
+from calstation.results import History, export_runs, load_result, load_results
 from tests.gui.test_history_page import NOW, WAIT, rows, select_row, shown, write_run
 from tests.helpers import ignore_progress, raises_code
 
@@ -143,6 +145,32 @@ def test_an_archive_that_is_away_is_reported(page: HistoryPage, folder: Path, tm
     assert page.notice.title_label.text() == "The log was not opened"
     assert "gone.h5" in page.notice.text_label.text()
     assert not list((folder / OTHER).iterdir())
+
+
+def test_quality_counts_the_runs_of_all_stations_and_opens_them(
+    app: AppContext, folder: Path, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    other = tmp_path / "line-2"
+    other.mkdir()
+    stem = write_run(other, "SN-000002", "passed", timedelta(hours=3), product="Navigation grade A").stem
+    write_run(folder, "SN-000001", "passed", timedelta(hours=4), product="Navigation grade A")
+    for each in (other, folder):
+        exchange = Exchange(each, url, each.name)
+        exchange.exchange()
+        exchange.close()
+    shipped = library.find("stations", "virtual_bench").read_text(encoding="utf-8")
+    station = tmp_path / "line-1.toml"
+    station.write_text(f'{shipped}\n[records]\ndatabase = "{url}"\n', encoding="utf-8")
+    monkeypatch.setattr(app, "station_path", station)
+    page = QualityPage(app)
+    qtbot.addWidget(page)
+    page.show()
+    qtbot.waitUntil(lambda: not page.busy and page.count_label.text() != "", timeout=WAIT)
+    assert page.count_label.text().startswith("2 runs")
+    with qtbot.waitSignal(app.open_run, timeout=WAIT) as opened:
+        page.control.run_wanted.emit(stem)
+    assert load_result(opened.args[0]).serial == "SN-000002"
 
 
 def test_runs_of_all_stations_are_exported_and_compared_once_they_were_opened(folder: Path, tmp_path: Path) -> None:
