@@ -1,6 +1,7 @@
 """The exchange of a station copies its closed logs to the archive and tells the other stations where they are."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -86,7 +87,7 @@ def test_a_result_is_not_fetched_without_its_database(folder: Path, tmp_path: Pa
     exchange = Exchange(folder, f"sqlite:///{tmp_path / 'shared.sqlite'}", "line 1")
     exchange.exchange()
     exchange.close()
-    run = received(folder)["a"]
+    run = replace(received(folder)["a"], origin="other")
     with raises_code(ConfigurationError, "database.not_named"):
         fetch_result(ignore_progress, None, run)
     away = station_file(folder, "postgresql+psycopg://station@127.0.0.1:9/calstation")
