@@ -6,7 +6,7 @@ import pytest
 from PySide6.QtWidgets import QLabel, QListWidget, QPushButton
 from pytestqt.qtbot import QtBot
 
-from calstation.database import Exchange
+from calstation.database import Exchange, upgrade
 from tests.database.result_files import write_result
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
 
@@ -17,6 +17,7 @@ RECORDS = 4
 def shared(site_folder: SiteFolder, tmp_path: Path) -> str:
     """URL of a database that the station of the window shares."""
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    upgrade(url)
     site_folder.write(station={"records": {"database": url}})
     return url
 
