@@ -12,7 +12,9 @@ from typing import Annotated
 import typer
 
 from calstation import __version__, applog
+from calstation.cli.database import database
 from calstation.cli.device_commands import registers, table
+from calstation.cli.fleet import fleet
 from calstation.cli.options import (
     ByOption,
     ConfirmedByOption,
@@ -198,18 +200,23 @@ def apply(
 @app.command()
 def record(
     kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="hand, pair (of IMUs on one body) or gimbal; history: many results.")
+        str, typer.Argument(metavar="KIND", help="hand, pair (of IMUs on one body) or gimbal; many: history, logs.")
     ],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Raw log to write; history: folder.", metavar="LOG")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Raw log to write; history, logs: folder.", metavar="LOG")],
     grade: Annotated[str, typer.Option(help="nav, tactical or mems.")] = "mems",
     seed: Annotated[int, typer.Option(min=0, help="Of unit, motion and noise.")] = 1,
     runs: Annotated[int, typer.Option(min=1, help="history: number of runs.")] = 2000,
+    count: Annotated[int, typer.Option(min=1, help="logs: number of logs.")] = 300,
 ) -> None:
-    """Make a recording on the virtual bench for the methods that need no table, or a synthetic history of runs."""
+    """Make a recording on the virtual bench for the methods that need no table, a history of runs, or many logs."""
     if kind == "history":
         from calstation.cli.quality import history_command
 
         raise typer.Exit(history_command(out, runs, seed))
+    if kind == "logs":
+        from calstation.cli.logs import record_logs_command
+
+        raise typer.Exit(record_logs_command(out, count, grade, seed))
     from calstation.cli.logs import record_command
 
     raise typer.Exit(record_command(kind, out, grade, seed))
@@ -427,6 +434,8 @@ def report(
     )
 
 
+app.add_typer(database, name="database")
+app.add_typer(fleet, name="fleet")
 app.add_typer(quality, name="quality")
 app.add_typer(registers, name="registers")
 app.add_typer(table, name="table")

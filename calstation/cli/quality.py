@@ -1,8 +1,7 @@
 """`quality` and `record history`: statistics of stored runs over time, gauge studies, and a synthetic history."""
 
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,12 +9,10 @@ from typing import Literal, cast
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from calstation.cli.show import check_json, emit_json, ignore_progress, say, show_line
+from calstation.cli.show import check_json, emit_json, ignore_progress, job_progress, say, show_line
 from calstation.errors import ConfigurationError, InputError
-from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, display, further_parameter, number
 from calstation.quality import (
     LEAST_CATEGORIES,
@@ -52,7 +49,7 @@ def quality_command(
     _check_parameter(parameter)
     check_json(json)
     begin = None if since is None else since.astimezone()
-    with _progress("reading the runs") as progress:
+    with job_progress("reading the runs") as progress:
         summary = summarise_quality(progress, out, product, serial, parameter, begin)
     emit_json(summary.to_json(), json)
     if json != "-":
@@ -111,24 +108,10 @@ def history_command(folder: Path, runs: int, seed: int) -> int:
     """Write a synthetic history of runs into a folder without other runs."""
     if folder.is_dir() and any(folder.iterdir()):
         raise ConfigurationError("cli.folder_not_empty", folder=folder)
-    with _progress("making runs") as progress:
+    with job_progress("making runs") as progress:
         plan = synthesise_runs(progress, folder, runs, seed)
     show_line(Console(stderr=True), say("quality.history_made", folder=folder, runs=runs, plan=plan))
     return 0
-
-
-@contextmanager
-def _progress(text: str) -> Iterator[ProgressCallback]:
-    """Show the progress of a job."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(text, total=1.0)
-
-        def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-            bar.update(task, completed=fraction)
-
-        yield show
 
 
 def _check_folder(folder: Path) -> None:

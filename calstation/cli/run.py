@@ -2,7 +2,8 @@
 
 import shlex
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from math import degrees
 
@@ -13,6 +14,7 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 from calstation.cli.errors import command_options, complain, complete_commands, station_options
 from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, result_table, say, show_line
 from calstation.config import RegisterOperation, RunRequest, load_station, prepare_run
+from calstation.database import Claim, start_exchange
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.messages import Text, event_text, render, sentence, step_text, term
 from calstation.results import Result
@@ -49,9 +51,10 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
     if ask and not typer.confirm(question, err=True):
         raise StoppedError("cli.not_confirmed")
     verdict = fault = None
-    for event in engine_events(request):
-        verdict = event if isinstance(event, Verdict) else verdict
-        fault = event if isinstance(event, Fault) else fault
+    with shared_records(request) as new_claims:
+        for event in engine_events(request, new_claims=new_claims):
+            verdict = event if isinstance(event, Verdict) else verdict
+            fault = event if isinstance(event, Fault) else fault
     if verdict is not None:
         _show_verdict(verdict, json, request)
     if fault is not None:
@@ -78,10 +81,31 @@ def complete_request(request: RunRequest) -> RunRequest:
     return replace(request, serial=serial)
 
 
-def engine_events(request: RunRequest, work: RunRequest | RegisterOperation | None = None) -> Iterator[Event]:
+@contextmanager
+def shared_records(request: RunRequest) -> Iterator[Callable[[], Sequence[Claim]]]:
+    """Exchange records with the database of the station, if it has one, and claim the unit, while the context is open.
+
+    Gives a function that returns new claims of other stations on the unit.
+    """
+    exchange = start_exchange(request.station, request.out, (request.serial, request.operator))
+    if exchange is None:
+        yield tuple
+        return
+    with exchange:
+        yield exchange.new_claims
+    for claim in exchange.new_claims():  # those of the last exchange
+        show_line(Console(stderr=True), sentence(event_text(claim.message.id, claim.message.values)))
+
+
+def engine_events(
+    request: RunRequest,
+    work: RunRequest | RegisterOperation | None = None,
+    new_claims: Callable[[], Sequence[Claim]] = tuple,
+) -> Iterator[Event]:
     """Run the engine, show its events and yield them; Ctrl-C requests a safe stop.
 
-    `work` is the job for the engine, by default the request itself.
+    `work` is the job for the engine, by default the request itself. `new_claims` is asked after every event for claims
+    of other stations on the unit, which are shown.
     """
     options = command_options(request.station, request.product, request.out)
     display = _Display(Console(stderr=True))
@@ -100,6 +124,8 @@ def engine_events(request: RunRequest, work: RunRequest | RegisterOperation | No
             on_line(_END_STAGE, end_stage)
         for event in engine.events():
             display.show(event)
+            for claim in new_claims():
+                display.show(claim.message)
             yield event
 
 

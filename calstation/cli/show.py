@@ -13,9 +13,11 @@ from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from calstation.errors import ConfigurationError
+from calstation.jobs import ProgressCallback
 from calstation.messages import Value, known, render, sentence, term
 from calstation.physics import DEGREE, display, display_by_unit, number
 from calstation.records import Check
@@ -39,6 +41,20 @@ def show_line(console: Console, text: str) -> None:
 
 def ignore_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
     """Ignore the progress of a job that takes only seconds."""
+
+
+@contextmanager
+def job_progress(text: str) -> Iterator[ProgressCallback]:
+    """Show the progress of a job."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(text, total=1.0)
+
+        def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+            bar.update(task, completed=fraction)
+
+        yield show
 
 
 def check_json(target: str | None) -> None:

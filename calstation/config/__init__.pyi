@@ -30,6 +30,8 @@ from .library import pair_folder as pair_folder
 from .library import site_folder as site_folder
 from .pair import PairConfiguration as PairConfiguration
 from .pair import resolve_pair as resolve_pair
+from .records import RecordsSection as RecordsSection
+from .records import check_database_url as check_database_url
 from .request import Confirmation as Confirmation
 from .request import RegisterOperation as RegisterOperation
 from .request import RunRequest as RunRequest

@@ -12,6 +12,7 @@ from pydantic import Field, JsonValue, field_validator, model_validator
 from calstation.config import library
 from calstation.config.check_standards import CheckStandardSection
 from calstation.config.laboratory import InstrumentSection, LaboratorySection, ReportSection
+from calstation.config.records import RecordsSection
 from calstation.config.sign_in import SignInSection
 from calstation.devices.codecs import SLOTS, legal_range, parameter_of
 from calstation.devices.links import SOCKETS, host_and_port
@@ -134,6 +135,7 @@ class StationConfig(StrictModel):
     laboratory: LaboratorySection | None = None
     instruments: list[InstrumentSection] = Field(default_factory=list)
     report: ReportSection | None = None
+    records: RecordsSection = RecordsSection()
 
     @property
     def virtual_serial(self) -> str:

@@ -1,22 +1,43 @@
 """Connection to a shared database: URL, credentials and version of its tables."""
 
+import os
 from contextlib import suppress
 from pathlib import Path
 
-from alembic import command
-from alembic.config import Config
-from alembic.runtime.migration import MigrationContext
-from alembic.script import ScriptDirectory
 from sqlalchemy import URL, Engine, create_engine, make_url
-from sqlalchemy.exc import ArgumentError, OperationalError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError, SQLAlchemyError
 
+from calstation.config import check_database_url
 from calstation.errors import ConfigurationError
+from calstation.schema import EntryError
+
+try:
+    import keyring
+    import psycopg  # noqa: F401 - used by SQLAlchemy
+    from alembic import command
+    from alembic.config import Config
+    from alembic.runtime.migration import MigrationContext
+    from alembic.script import ScriptDirectory
+    from keyring.errors import KeyringError
+except ImportError as exc:
+    raise ConfigurationError("database.not_installed") from exc
 
 #: Name under which a password is kept in the system's keyring.
 KEYRING = "calstation database"
 
 #: Longest time to wait for a connection, s.
 CONNECT_TIMEOUT_S = 5
+
+#: A connection whose other end has vanished ends within half a minute on both sides; its locks end with it.
+_CONNECTION: dict[str, int | str] = {
+    "connect_timeout": CONNECT_TIMEOUT_S,
+    "keepalives_idle": 10,
+    "keepalives_interval": 5,
+    "keepalives_count": 3,
+    "tcp_user_timeout": 30_000,
+    "options": "-c idle_in_transaction_session_timeout=30s -c tcp_keepalives_idle=10 -c tcp_keepalives_interval=5"
+    " -c tcp_keepalives_count=3",
+}
 
 
 def connect(url: str) -> Engine:
@@ -33,52 +54,59 @@ def connect(url: str) -> Engine:
         with engine.connect() as connection:
             found = MigrationContext.configure(connection).get_current_revision()
     except OperationalError as exc:
-        raise ConfigurationError("database.unreachable", database=_public(parsed), reason=str(exc.orig)) from exc
-    if found != ScriptDirectory.from_config(_alembic(parsed)).get_current_head():
-        raise ConfigurationError("database.other_version", database=_public(parsed))
+        raise ConfigurationError("database.unreachable", database=public(parsed), reason=reason_of(exc)) from exc
+    if found != ScriptDirectory.from_config(_alembic()).get_current_head():
+        engine.dispose()
+        raise ConfigurationError("database.other_version", database=public(parsed))
     return engine
 
 
 def upgrade(url: str) -> None:
     """Bring the tables of a database to this version. Raises ConfigurationError."""
     parsed = _parse(url)
+    engine = _engine(parsed)
     try:
-        with _engine(parsed).begin() as connection:
-            configuration = _alembic(parsed)
+        with engine.begin() as connection:
+            configuration = _alembic()
             configuration.attributes["connection"] = connection
             command.upgrade(configuration, "head")
     except SQLAlchemyError as exc:
-        raise ConfigurationError("database.not_upgraded", database=_public(parsed), reason=str(exc)) from exc
+        raise ConfigurationError("database.not_upgraded", database=public(parsed), reason=reason_of(exc)) from exc
+    finally:
+        engine.dispose()
+
+
+def public(url: URL) -> str:
+    """Return the text of a URL for messages, without a password."""
+    return url.render_as_string(hide_password=True)
+
+
+def reason_of(error: SQLAlchemyError) -> str:
+    """Return the first line of what the database says, without the statement and its values."""
+    text = str(error.orig) if isinstance(error, DBAPIError) else str(error)
+    return text.partition("\n")[0]
 
 
 def _parse(url: str) -> URL:
     try:
-        parsed = make_url(url)
-    except ArgumentError as exc:
-        raise ConfigurationError("database.no_url", url=url) from exc
-    if parsed.drivername not in ("sqlite", "postgresql+psycopg"):
-        raise ConfigurationError("database.other_kind", kind=parsed.drivername)
-    if parsed.password is not None:
-        raise ConfigurationError("database.password_in_url")
-    return parsed
+        check_database_url(url)
+        return make_url(url)
+    except EntryError as exc:
+        raise ConfigurationError(exc.code, **exc.values) from None
+    except (ArgumentError, ValueError):
+        raise ConfigurationError("database.no_url") from None
 
 
 def _engine(url: URL) -> Engine:
     if url.get_backend_name() == "sqlite":
         return create_engine(url, connect_args={"timeout": 30.0})
-    import keyring
-    from keyring.errors import KeyringError
-
-    with suppress(KeyringError):  # a computer without a keyring
-        url = url.set(password=keyring.get_password(KEYRING, f"{url.username}@{url.host}"))
-    return create_engine(url, connect_args={"connect_timeout": CONNECT_TIMEOUT_S}, pool_pre_ping=True)
+    if "PGPASSWORD" not in os.environ:
+        with suppress(KeyringError):  # a computer without a keyring
+            url = url.set(password=keyring.get_password(KEYRING, f"{url.username}@{url.host}"))
+    return create_engine(url, connect_args=_CONNECTION, pool_pre_ping=True, hide_parameters=True)
 
 
-def _alembic(url: URL) -> Config:
+def _alembic() -> Config:
     configuration = Config()
     configuration.set_main_option("script_location", str(Path(__file__).parent / "migrations"))
     return configuration
-
-
-def _public(url: URL) -> str:
-    return url.render_as_string(hide_password=True)

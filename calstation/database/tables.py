@@ -26,8 +26,14 @@ metadata = MetaData(
     }
 )
 
-#: One row: the last revision of a run. Its lock orders the transactions, so that revisions appear in their order.
-revisions = Table("revisions", metadata, Column("last", BigInteger, primary_key=True, autoincrement=False))
+#: One row: the last revision of a run, and a random name of the database. The row's lock orders the transactions, so
+#: that revisions appear in their order.
+revisions = Table(
+    "revisions",
+    metadata,
+    Column("last", BigInteger, primary_key=True, autoincrement=False),
+    Column("database", String(36), nullable=False),
+)
 
 #: The outbox of each folder of runs; `last_number` is the last of its messages that arrived.
 outboxes = Table(
@@ -82,19 +88,18 @@ claims = Table(
     Column("expires", DateTime(timezone=True), nullable=False),
 )
 
-#: Logs that were solved again. A solution is identified by log, program, configuration, range and stages.
+#: Logs that were solved again. A solution is identified by log, version, configuration, wanted range and stages.
 solutions = Table(
     "solutions",
     metadata,
     Column("id", BigInteger().with_variant(Integer, "sqlite"), primary_key=True),
-    Column("log_sha256", String(64), nullable=False),
-    Column("software", String, nullable=False),
-    Column("configuration_sha256", String(64), nullable=False),
-    Column("first_seq", BigInteger, nullable=False),
-    Column("last_seq", BigInteger, nullable=False),
-    Column("stages", String, nullable=False),
+    Column("log_sha256", String(64), nullable=False),  #: That of the bytes of the file for an unreadable log.
     Column("version", String, nullable=False),  #: Software version, with ``+label`` if the configuration was changed.
-    Column("request_sha256", String(64), nullable=False),  #: Digest of the wanted range, stages and changes.
+    Column("configuration_sha256", String(64), nullable=False),
+    Column("first_seq", BigInteger, nullable=False),  #: First wanted sequence number; 0 for the start of the log.
+    Column("last_seq", BigInteger, nullable=False),  #: Last wanted sequence number; -1 for the end of the log.
+    Column("stages", String, nullable=False),  #: Wanted stages, separated by commas; empty for those of the log.
+    Column("changes_sha256", String(64), nullable=False),  #: Digest of the changes to the configuration.
     Column("location", Text, nullable=False),  #: URL or path of the log.
     Column("fingerprint", String, nullable=False),  #: Stamp of the file at `location`.
     Column("outcome", String, nullable=False),  #: ``resolved`` or ``failed``.
@@ -107,9 +112,8 @@ solutions = Table(
     Column("failed_checks", Text, nullable=False),
     Column("parameters", Text, nullable=False),
     Column("numbers", LargeBinary, nullable=False),
-    Column("result", Text, nullable=False),
     Column("solved", DateTime(timezone=True), nullable=False),
-    UniqueConstraint("log_sha256", "software", "configuration_sha256", "first_seq", "last_seq", "stages"),
+    Column("result", Text, nullable=False),
+    UniqueConstraint("log_sha256", "version", "configuration_sha256", "first_seq", "last_seq", "stages"),
     Index("ix_solutions_version", "version", "id"),
-    Index("ix_solutions_request", "request_sha256", "software"),
 )

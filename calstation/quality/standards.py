@@ -153,7 +153,8 @@ def whole_runs(
 ) -> list[RunRecord]:
     """Return the whole runs of a check standard at a station that passed or failed, the latest first.
 
-    A run without a readable start, or with one after `now`, does not count: it would hide all later ones.
+    A run without a readable start, or with one after `now`, does not count: it would hide all later ones. Nor does a
+    run of another folder, whose result is elsewhere.
     """
     wanted = RunFilter(search=standard.serial, station=station.name, product=product.name)
     return [run for run in history.runs(wanted, limit=None) if _counts(run, standard, now)]
@@ -225,7 +226,9 @@ def _state(
 
 
 def _counts(run: RunRecord, standard: CheckStandardSection, now: datetime) -> bool:
-    judged = run.serial == standard.serial and not run.partial and run.outcome in ("passed", "failed")
+    judged = (
+        run.serial == standard.serial and not run.origin and not run.partial and run.outcome in ("passed", "failed")
+    )
     try:
         return judged and _time(run.started_utc) <= now
     except InputError:

@@ -21,6 +21,7 @@ from .convert import import_csv as import_csv
 from .convert import partial_path as partial_path
 from .convert import write_log as write_log
 from .csv_log import is_text as is_text
+from .csv_log import meta_path as meta_path
 from .facts import LogFacts as LogFacts
 from .files import locked as locked
 from .files import sync_folder as sync_folder
@@ -92,4 +93,6 @@ from .run_index import RunColumns as RunColumns
 from .run_index import RunFilter as RunFilter
 from .run_index import RunIndex as RunIndex
 from .run_index import RunRecord as RunRecord
+from .run_index import from_columns as from_columns
+from .run_index import to_columns as to_columns
 from .run_index import verdict_of as verdict_of

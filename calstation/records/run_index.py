@@ -12,12 +12,14 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import TypeAdapter
 from sqlalchemy import (
+    BigInteger,
     Boolean,
     Column,
     ColumnElement,
     Connection,
     Engine,
     Index,
+    Integer,
     LargeBinary,
     MetaData,
     Row,
@@ -29,6 +31,7 @@ from sqlalchemy import (
     event,
     func,
     insert,
+    literal_column,
     select,
     text,
 )
@@ -38,7 +41,7 @@ from sqlalchemy.pool import NullPool, StaticPool
 from calstation.physics import BoolArray, FloatArray
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 11
+_VERSION = 12
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -59,7 +62,7 @@ def verdict_of(outcome: str, *, partial: bool) -> str:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """A run in the index."""
+    """A run in the index. Of a run of another folder, `log` does not exist and `result` is None."""
 
     serial: str
     started_utc: str  #: ISO 8601.
@@ -78,6 +81,8 @@ class RunRecord:
     partial: bool = False  #: Whether the run omitted stages of its product.
     released: bool = False  #: Whether an engineer released the unit although it failed.
     check_standard: bool = False  #: Whether the unit was a check standard of the product, and none of production.
+    origin: str = ""  #: Outbox of the folder that holds the run; "" for a run of this folder.
+    location: str | None = None  #: Where the log of a run of another folder lies: a URL or ``host:path``.
 
     @property
     def verdict(self) -> str:
@@ -155,6 +160,7 @@ _metadata = MetaData()
 _runs = Table(
     "runs",
     _metadata,
+    Column("origin", String, primary_key=True),
     Column("name", String, primary_key=True),
     Column("stamp", String, nullable=False),
     *(Column(name, String, index=name == "serial") for name in _SEARCHED),
@@ -167,6 +173,9 @@ _runs = Table(
     Column("numbers", LargeBinary, nullable=False),
 )
 Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
+#: One row: the shared database from which runs of other folders came, and the last revision that was received.
+_received = Table("received", _metadata, Column("database", String, primary_key=True), Column("revision", BigInteger))
+_rowid: ColumnElement[int] = literal_column("runs.rowid", Integer)
 
 
 class RunIndex:
@@ -180,19 +189,47 @@ class RunIndex:
         self._try(_create)
 
     def stamps(self) -> dict[str, str]:
-        """Return the stamp of each run by name."""
-        return self._try(
-            lambda connection: {row.name: row.stamp for row in connection.execute(select(_runs.c.name, _runs.c.stamp))}
-        )
+        """Return the stamp of each run of the folder by name."""
+        query = select(_runs.c.name, _runs.c.stamp).where(_runs.c.origin == "")
+        return self._try(lambda connection: {row.name: row.stamp for row in connection.execute(query)})
 
     def put(self, runs: Iterable[IndexedRun], gone: Iterable[str] = ()) -> None:
-        """Add or replace runs, and remove those in `gone`."""
+        """Add or replace runs of the folder, and remove those in `gone`."""
         rows = [_row(run) for run in runs]
         names = [*gone, *(row["name"] for row in rows)]
 
         def change(connection: Connection) -> None:
             for name in names:
-                connection.execute(delete(_runs).where(_runs.c.name == name))
+                connection.execute(delete(_runs).where(_runs.c.origin == "", _runs.c.name == name))
+            if rows:
+                connection.execute(insert(_runs), rows)
+
+        self._try(change)
+
+    def own(self, names: Sequence[str]) -> list[IndexedRun]:
+        """Return the runs of the folder with these names."""
+        return self._found(select(_runs).where(_runs.c.origin == "", _runs.c.name.in_(names)))
+
+    def received(self) -> tuple[str, int]:
+        """Return the name of the shared database and the last revision received from it, ("", 0) for none."""
+        rows = self._try(lambda connection: connection.execute(select(_received)).all())
+        return (rows[0].database, rows[0].revision) if rows else ("", 0)
+
+    def receive(self, runs: Iterable[IndexedRun], database: str, revision: int) -> None:
+        """Add or replace runs of other folders, received from a shared database up to a revision.
+
+        Runs received from another database are removed.
+        """
+        rows = [_row(run) for run in runs]
+
+        def change(connection: Connection) -> None:
+            if connection.execute(delete(_received).where(_received.c.database == database)).rowcount == 0:
+                connection.execute(delete(_runs).where(_runs.c.origin != ""))
+                connection.execute(delete(_received))
+            connection.execute(insert(_received).values(database=database, revision=revision))
+            for row in rows:
+                same = (_runs.c.origin == row["origin"], _runs.c.name == row["name"])
+                connection.execute(delete(_runs).where(*same))
             if rows:
                 connection.execute(insert(_runs), rows)
 
@@ -201,8 +238,8 @@ class RunIndex:
     def find(self, wanted: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Find at most `limit` runs that meet all conditions, the latest first."""
         order = (_runs.c.started_utc.desc(), _runs.c.name.desc())
-        names = select(_runs.c.name).where(*_conditions(wanted)).order_by(*order).limit(limit)
-        return self._found(select(_runs).where(_runs.c.name.in_(names)).order_by(*order))
+        rows = select(_rowid).select_from(_runs).where(*_conditions(wanted)).order_by(*order).limit(limit)
+        return self._found(select(_runs).where(_rowid.in_(rows)).order_by(*order))
 
     def count(self, wanted: RunFilter) -> int:
         """Return the number of runs that meet all conditions."""
@@ -288,16 +325,14 @@ class RunIndex:
         return self._try(lambda connection: [self._run(row) for row in connection.execute(query)])
 
     def _run(self, row: Row[Any]) -> IndexedRun:
-        """Return a stored run with the paths of its files in the folder of the index."""
-        record = _RECORD.validate_python(json.loads(row.content))
+        """Return a stored run with the paths of its files in the folder of the index.
+
+        The log of a run of another folder gets a path in a folder named after its outbox.
+        """
+        run = from_columns(row.name, row.stamp, row.content, row.failed_checks, row.parameters, row.numbers)
+        record = run.record
         result = record.result and self._folder / record.result.name
-        record = replace(record, log=self._folder / record.log.name, result=result)
-        names = json.loads(row.parameters)
-        values, sigmas = (
-            {name: number for name, number in zip(names, numbers, strict=True) if not math.isnan(number)}
-            for numbers in np.frombuffer(row.numbers).reshape(2, len(names)).tolist()
-        )
-        return IndexedRun(row.name, row.stamp, record, values, sigmas, tuple(json.loads(row.failed_checks)))
+        return replace(run, record=replace(record, log=self._folder / record.origin / record.log.name, result=result))
 
     def _try(self, action: Callable[[Connection], T]) -> T:
         """Run `action`; if the file is damaged or not writable, retry with a new file, then in memory."""
@@ -376,14 +411,33 @@ def _row(run: IndexedRun) -> dict[str, Any]:
     columns = {name: getattr(record, name) for name in _SEARCHED}
     texts = (record.serial, run.name, record.product, record.station, record.operator)
     columns["text"] = "\n".join(filter(None, texts)).casefold()
-    columns["content"] = json.dumps(asdict(record), default=str)
     columns["partial"] = record.partial
     columns["check_standard"] = record.check_standard
-    columns["failed_checks"] = json.dumps(run.failed_checks)
-    columns["parameters"] = json.dumps([*run.values])
+    return {"origin": record.origin, "name": run.name, "stamp": run.stamp, **columns, **to_columns(run)}
+
+
+def to_columns(run: IndexedRun) -> dict[str, Any]:
+    """Return the columns that hold a run as a whole: ``content``, ``failed_checks``, ``parameters``, ``numbers``."""
     numbers = [*run.values.values(), *(run.sigmas.get(name, math.nan) for name in run.values)]
-    columns["numbers"] = np.array(numbers, dtype=float).tobytes()
-    return {"name": run.name, "stamp": run.stamp, **columns}
+    return {
+        "content": json.dumps(asdict(run.record), default=str),
+        "failed_checks": json.dumps(run.failed_checks),
+        "parameters": json.dumps([*run.values]),
+        "numbers": np.array(numbers, dtype=float).tobytes(),
+    }
+
+
+def from_columns(
+    name: str, stamp: str, content: str, failed_checks: str, parameters: str, numbers: bytes
+) -> IndexedRun:
+    """Return the run of a row, see `to_columns`."""
+    names = json.loads(parameters)
+    values, sigmas = (
+        {name: number for name, number in zip(names, part, strict=True) if not math.isnan(number)}
+        for part in np.frombuffer(numbers).reshape(2, len(names)).tolist()
+    )
+    record = _RECORD.validate_python(json.loads(content))
+    return IndexedRun(name, stamp, record, values, sigmas, tuple(json.loads(failed_checks)))
 
 
 def _estimates(

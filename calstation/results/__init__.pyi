@@ -54,9 +54,11 @@ from .resolving import Resolved as Resolved
 from .resolving import find_log as find_log
 from .resolving import load_finished_run as load_finished_run
 from .resolving import resolve as resolve
+from .resolving import resolve_log as resolve_log
 from .resolving import resolve_with_state as resolve_with_state
 from .resolving import stored_result as stored_result
 from .resolving import warm_up as warm_up
+from .result import SCHEMA as SCHEMA
 from .result import CyclePhase as CyclePhase
 from .result import Override as Override
 from .result import Parameter as Parameter

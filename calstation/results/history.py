@@ -106,7 +106,15 @@ class History:
         return next((run for run in self.passed(serial) if not run.partial), None)
 
     def result(self, record: RunRecord) -> Result:
-        """Return the result of a run in the index, from its log if there is no result file. Raises InputError."""
+        """Return the result of a run in the index, from its log if there is no result file. Raises InputError.
+
+        That of a run of another folder is in the shared database; a copy lies where its log would be.
+        """
+        if record.origin:
+            copy = record.log.with_suffix(".json")
+            if not copy.exists():
+                raise InputError("result.elsewhere", log=record.log.name, station=record.station or "?")
+            return load_result(copy)
         if record.result is not None:
             return load_result(record.result)
         try:
@@ -236,6 +244,8 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
     )
     texts = (record.serial, record.started_utc, record.outcome, record.product, record.station, record.operator)
     "".join(filter(None, (*texts, *record.stages, record.error))).encode()  # raises for a lone surrogate
+    if "\0" in record.serial + record.started_utc:
+        raise ValueError("PostgreSQL has no such character")
     known = {name: row for name, row in result.parameters.items() if math.isfinite(row.value)}
     values = {name: row.value for name, row in known.items()}
     sigmas = {name: row.sigma for name, row in known.items() if math.isfinite(row.sigma)}

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -100,13 +101,13 @@ def export_result(report: ProgressCallback, result: Result, stored: Result | Non
 def export_runs(report: ProgressCallback, folder: Path, wanted: RunFilter, target: Path) -> Path:
     """Job: export the runs of a folder that meet all conditions, the latest first; a failure leaves no file.
 
-    A ``.csv`` file has a row per run with its values and sigmas, SI; any other has a list of their result JSONs, in
-    which a run without a result is missing. Raises InputError if a result cannot be read, ConfigurationError if the
-    file cannot be written.
+    A ``.csv`` file has a row per run with its values and sigmas, SI, from the index; any other has a list of their
+    result JSONs, in which a run without a result is missing. Raises InputError if a result cannot be read,
+    ConfigurationError if the file cannot be written.
     """
     history = History(folder)
     runs = history.indexed(wanted)
-    rows = _run_rows(history, runs) if target.suffix == ".csv" else _run_results(history, runs)
+    rows = _run_rows(runs) if target.suffix == ".csv" else _run_results(history, runs)
     partial = partial_path(target)
     try:
         with partial.open("w", encoding="utf-8", newline="") as stream:
@@ -138,20 +139,18 @@ def _run_results(history: History, runs: Sequence[IndexedRun]) -> Iterator[str]:
     yield "[]\n" if begin == "[" else "\n]\n"
 
 
-def _run_rows(history: History, runs: Sequence[IndexedRun]) -> Iterator[str]:
+def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[str]:
     """Return the header row, then the row of each run."""
     found = dict.fromkeys(name for run in runs for name in run.values)
     names = [*(name for name in NAMES if name in found), *(name for name in found if name not in INDEX)]
     yield _csv_row([*_RUN_COLUMNS, *(column for name in names for column in (name, f"{name}_sigma"))])
     for run in runs:
         record = run.record
-        result = _result_of(history, record)
-        failed = [check.name for check in result.failed_checks] if result is not None and result.judged else []
         cells = [record.serial, record.started_utc, repr(record.duration), record.product, record.station]
-        cells += [record.operator, str(record.attempt), record.verdict, " ".join(record.stages), "; ".join(failed)]
-        rows = {} if result is None else result.parameters
+        cells += [record.operator, str(record.attempt), record.verdict, " ".join(record.stages)]
+        cells.append("; ".join(run.failed_checks))
         for name in names:
-            cells += [repr(rows[name].value), repr(rows[name].sigma)] if name in rows else ["", ""]
+            cells += [repr(run.values[name]), repr(run.sigmas.get(name, math.nan))] if name in run.values else ["", ""]
         yield _csv_row(cells)
 
 

@@ -1,6 +1,6 @@
 """Solves a stored log again with the same solver chain as a run; loads finished runs for analysis."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -72,12 +72,40 @@ def resolve(
 
     Raises InputError or ConfigurationError if the log cannot be used or solved.
     """
+    log = open_log(path)
+    meta, added = _with_states(log.meta, states)
+    resolved = resolve_log(log, meta, stages, first_seq, last_seq, progress, residuals=residuals, added=added)
+    try:
+        append_resolve(path.absolute().parent, _record_of(path, resolved.result, stored_result(log)))
+    except OSError as exc:
+        file = resolves_path(path.parent)
+        unrecorded = ("resolve_unrecorded", {"file": str(file), "reason": os_reason(exc)})
+        return replace(resolved, messages=(*resolved.messages, unrecorded))
+    return resolved
+
+
+def resolve_log(
+    log: Log,
+    meta: LogMeta,
+    stages: tuple[str, ...] | None = None,
+    first_seq: int | None = None,
+    last_seq: int | None = None,
+    progress: SolveProgress | None = None,
+    *,
+    residuals: bool = False,
+    added: Sequence[EffectName] = (),
+) -> Resolved:
+    """Solve an open log like `resolve`, but record nothing, with a configuration that may differ from the log's.
+
+    `added` are the states in the model of `meta` that the log's own model lacks. The result is checked against the
+    stored one only if the configuration is that of the log.
+
+    Raises InputError or ConfigurationError if the log cannot be used or solved.
+    """
     if first_seq is not None and last_seq is not None and first_seq > last_seq:
         raise ConfigurationError("solution.range_reversed", first=first_seq, last=last_seq)
-    log = open_log(path)
     _check_range(log, first_seq, last_seq)
-    meta, added = _with_states(log.meta, states)
-    chain = solve(lambda: log.blocks(first_seq, last_seq), meta, stages, source=path, progress=progress)
+    chain = solve(lambda: log.blocks(first_seq, last_seq), meta, stages, source=log.path, progress=progress)
     facts = log.facts()
     if log.damaged_rows and stages is None and first_seq is None and last_seq is None:
         _check_complete(log, [*(solution.stage for solution in chain.solutions), *chain.missing_data])
@@ -85,7 +113,7 @@ def resolve(
     judgement = judge(meta, chain.prior, solutions)
     section = meta.product.checks if meta.product is not None else None
     stored = stored_result(log)
-    if section is not None and stored is not None and not added:
+    if section is not None and stored is not None and meta == log.meta:
         both = (solved_parameters(solutions), stored.parameters)
         offline, online = ({name: row.model_dump() for name, row in rows.items()} for rows in both)
         judgement = judgement.with_more(offline_online(section, offline, online))
@@ -94,7 +122,7 @@ def resolve(
         judgement = replace(judgement, passed=None)
     with one_blas_thread():
         table = chain.table()
-    ending = Ending("resolved", str(path), facts, first_seq=first_seq, last_seq=last_seq, table=table)
+    ending = Ending("resolved", str(log.path), facts, first_seq=first_seq, last_seq=last_seq, table=table)
     result = build_result(meta, chain.prior, solutions, judgement, ending)
     messages = [(key, dict(values)) for solution in solutions for key, values in solution.messages]
     unconfirmed = unconfirmed_latitude(meta, solutions)
@@ -106,23 +134,18 @@ def resolve(
     if site is not None:
         messages.append(("site_unconfirmed", site))
     if added:
-        result = result.model_copy(update={"states_added": added})
+        result = result.model_copy(update={"states_added": list(added)})
         messages.insert(0, ("states_added", {"states": ", ".join(added)}))
     if log.damaged_rows:
         damaged = [DamagedRange(rows=hole.count, seq=hole.missing) for hole in log.damaged_rows]
         result = result.model_copy(update={"log": result.log.model_copy(update={"damaged": damaged})})
-        messages.insert(0, ("log_damaged", {"file": path.name, **damage_summary(log.damaged_rows)}))
+        messages.insert(0, ("log_damaged", {"file": log.path.name, **damage_summary(log.damaged_rows)}))
     if missing:
         result = result.model_copy(update={"missing_data": {stage: sentence(why) for stage, why in missing.items()}})
     by_stage = {}
     if residuals:
         with one_blas_thread():
             by_stage = {d.stage: d.residuals for d in stage_diagnostics(log, chain, first_seq, last_seq)}
-    try:
-        append_resolve(path.absolute().parent, _record_of(path, result, stored))
-    except OSError as exc:
-        file = resolves_path(path.parent)
-        messages.append(("resolve_unrecorded", {"file": str(file), "reason": os_reason(exc)}))
     return Resolved(result, tuple(messages), tuple(missing.values()), by_stage)
 
 
@@ -143,11 +166,11 @@ def _record_of(path: Path, result: Result, stored: Result | None) -> ResolveReco
     )
 
 
-def _with_states(meta: LogMeta, states: tuple[EffectName, ...]) -> tuple[LogMeta, list[str]]:
+def _with_states(meta: LogMeta, states: tuple[EffectName, ...]) -> tuple[LogMeta, list[EffectName]]:
     """Return the configuration of a log with more states in its model, and those that it did not have."""
     held = meta.model.states if meta.model is not None else []
     added = [state for state in dict.fromkeys(states) if state not in held]
-    return meta.model_copy(update={"model": ModelSection(states=[*held, *added])} if added else {}), list(added)
+    return meta.model_copy(update={"model": ModelSection(states=[*held, *added])} if added else {}), added
 
 
 def _check_range(log: Log, first: int | None, last: int | None) -> None:

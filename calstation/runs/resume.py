@@ -87,12 +87,12 @@ def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
 
 
 def _most_complete(runs: list[RunRecord]) -> RunRecord | None:
-    """Return the latest of the runs with the most finished stages since the unit's last verdict."""
+    """Return the latest of the folder's runs with the most finished stages since the unit's last verdict anywhere."""
     best: RunRecord | None = None
     for run in runs:
         if run.outcome in _ENDED or run.closed:
             break
-        if run.stages and (best is None or len(run.stages) > len(best.stages)):
+        if run.stages and not run.origin and (best is None or len(run.stages) > len(best.stages)):
             best = run
     return best
 

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from calstation.bench import BenchConfig
-from calstation.bench.truth import GRADES, BenchTruth, Effects, GradeName, Simulator
+from calstation.bench.truth import GRADES, BenchTruth, Effects, GradeName, Simulated, Simulator
 from calstation.config import RunRequest, library, resolve_configuration
 from calstation.estimation import StageSolver
 from calstation.estimation.common import (
@@ -209,10 +209,14 @@ def simulate_stages(truth: BenchTruth, seed: int, stages: list[str], schedules: 
         m = method(stage)
         schedule = m.schedule(**schedules.get(stage, {}))
         steps = m.plan(TableGeometry(), schedule)
-        s = simulator.run(steps, stage, getattr(schedule, "rounds", None))
-        valid = np.ones(len(s.seq), dtype=np.bool_)
-        blocks[stage] = SampleBlock(s.stage, s.seq, s.time, s.counts, s.angles, s.step, valid, s.temperature)
+        blocks[stage] = block_of(simulator.run(steps, stage, getattr(schedule, "rounds", None)))
     return blocks
+
+
+def block_of(s: Simulated) -> SampleBlock:
+    """Return the samples of a simulated stage as one block."""
+    valid = np.ones(len(s.seq), dtype=np.bool_)
+    return SampleBlock(s.stage, s.seq, s.time, s.counts, s.angles, s.step, valid, s.temperature)
 
 
 def _solve(

@@ -48,7 +48,7 @@ from calstation.sequencer.events import Fault
 from tests.gui.station_driver import PIN, PageDriver, station_page
 from tests.site_folder import STATION as STATION_DATA
 
-STATION, TABLE_LINK, IMU_LINK, SITE, TABLE, PROFILES, PERSONAL = range(7)
+STATION, TABLE_LINK, IMU_LINK, SITE, RECORDS, TABLE, PROFILES, PERSONAL = range(8)
 LATCHED = DeviceFaultError("table.latched_interlock", fault="interlock", station_options="")
 
 
@@ -181,6 +181,21 @@ def test_saving_makes_a_version_and_keeps_comments(page_driver: PageDriver, site
     assert page_driver.find(QLabel, "unsaved_label").text() == "✓ Saved: test"
     page_driver.type("site_latitude_deg_edit", "39")
     assert "Not saved" in page_driver.find(QLabel, "unsaved_label").text()
+
+
+def test_the_shared_database_and_the_archive_are_edited(page_driver: PageDriver, site_folder: Any) -> None:
+    page_driver.show_section(RECORDS)
+    page_driver.type("records_database_edit", "postgresql+psycopg://station:secret@db/calstation")
+    assert "contains a password" in page_driver.message("records_database")
+    assert not page_driver.find(QPushButton, "save_station_button").isEnabled()
+    url = "postgresql+psycopg://station@db/calstation"
+    page_driver.type("records_database_edit", url)
+    page_driver.type("records_archive_edit", "s3://logs/plant-2")
+    page_driver.press("save_station_button")
+    assert saved(site_folder.station)["records"] == {"database": url, "archive": "s3://logs/plant-2"}
+    page_driver.type("records_archive_edit", "")
+    page_driver.press("save_station_button")
+    assert saved(site_folder.station)["records"] == {"database": url}
 
 
 def test_the_current_station_is_listed_once(page_driver: PageDriver, site_folder: Any) -> None:

@@ -179,12 +179,13 @@ def test_tab_order_follows_reading_order(window: MainWindow, qtbot: QtBot) -> No
 
 
 def test_the_window_starts_without_the_solvers() -> None:
-    """Compiled kernels and scipy.stats would delay the first paint by more than a second."""
+    """Compiled kernels, scipy.stats and the shared database would delay the first paint by more than a second."""
     script = (
         "import sys; from calstation.gui import create_window; from PySide6.QtWidgets import QApplication\n"
         "window = create_window(); window.show(); QApplication.processEvents()\n"
         "window.make_pages()\n"
-        "print([n for n in sys.modules if n in ('scipy.stats', 'filterpy') or n.startswith('calstation.design.')])\n"
+        "late = {'scipy.stats', 'filterpy', 'psycopg', 'alembic', 'keyring', 'fsspec', 'distributed', 'pyarrow'}\n"
+        "print([n for n in sys.modules if n in late or n.startswith('calstation.design.')])\n"
         "from calstation.physics.rotation import rotation_matrix; print(rotation_matrix.signatures)\n"
         "window.app.close()\n"
     )

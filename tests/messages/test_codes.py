@@ -20,12 +20,14 @@ COMPUTED = {
     "calstation/config/site_check.py",
     "calstation/config/station.py",
     "calstation/connection/link_test.py",
+    "calstation/database/connect.py",
     "calstation/gui/engineer/schedule_form.py",
     "calstation/gui/settings/fields.py",
 }
 
 #: Files in which codes come from data, which other tests check: the machinery itself, and remarks of solutions.
 CODE_FROM_ELSEWHERE = {
+    "calstation/database/state.py",
     "calstation/sequencer/events.py",
     "calstation/errors.py",
     "calstation/schema.py",
@@ -40,6 +42,7 @@ _INTERNAL = {
     "imu.reader_failed",
     "connection.bench_not_started",
     "connection.bench_refused",
+    "fleet.solving_failed",
     "label.typst",
     "report.template",
 }

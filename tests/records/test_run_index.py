@@ -128,3 +128,30 @@ def test_columns_have_the_runs_with_a_time_the_oldest_first(index: RunIndex) -> 
     assert len(index.columns(RunFilter()).names) == 6  # without g and h
     nothing = index.columns(RunFilter(search="zzz"))
     assert (nothing.names, nothing.started.tolist(), nothing.values) == ((), [], {})
+
+
+def test_runs_of_other_folders_are_found_with_those_of_the_folder(index: RunIndex, tmp_path: Path) -> None:
+    there = run("a", 5, outcome="failed", station="bench 9", serial="A", origin="other", location="bench9:/runs/a.h5")
+    index.receive([there], "db", 1)
+    assert index.received() == ("db", 1)
+    assert [each.name for each in index.find(RunFilter(), 3)] == ["a", "d", "c"]
+    assert index.count(RunFilter(names=("a",))) == 2
+    assert index.attempts("A") == 2
+    assert index.choices().stations == ("bench 1", "bench 2", "bench 9")
+    assert index.columns(RunFilter(verdict="failed")).names == ("a", "a")
+    found = index.of("A")[0].record
+    assert (found.origin, found.location, found.log) == ("other", "bench9:/runs/a.h5", tmp_path / "other" / "a.h5")
+    assert index.stamps().keys() == set("abcd")
+    assert [each.record.station for each in index.own(["a"])] == ["bench 2"]
+    index.put([], ["a"])
+    assert [each.record.station for each in index.of("A")] == ["bench 9"]
+    index.receive([replace(there, record=replace(there.record, released=True))], "db", 2)
+    assert [each.record.badge for each in index.of("A")] == ["released"]
+    assert RunIndex(tmp_path).received() == ("db", 2)
+
+
+def test_runs_of_another_database_replace_those_received(index: RunIndex) -> None:
+    index.receive([run("x", 5, origin="other")], "db", 7)
+    index.receive([run("y", 6, origin="third")], "restored", 3)
+    assert [each.name for each in index.find(RunFilter(), 2)] == ["y", "d"]
+    assert index.received() == ("restored", 3)

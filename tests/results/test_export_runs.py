@@ -74,7 +74,7 @@ def test_only_runs_that_meet_the_conditions_are_exported(folder: Path, tmp_path:
 
 def test_a_failed_export_leaves_no_file(folder: Path, tmp_path: Path) -> None:
     (folder / "a.json").write_text("{", "utf-8")
-    target = tmp_path / "runs.csv"
+    target = tmp_path / "runs.json"
     with pytest.raises(InputError, match=r"a\.json: The file is not JSON"):
         export_runs(Progress(), folder, RunFilter(), target)
     assert not target.exists()

@@ -4,18 +4,21 @@ import json
 import os
 import shutil
 import sqlite3
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from calstation.errors import InputError
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.records.run_index import FILE, RunFilter
+from calstation.records.run_index import FILE, IndexedRun, RunFilter, RunIndex
 from calstation.results import history as history_module
 from calstation.results.history import History, refresh_history
 from calstation.runs.incomplete import recover_startup
 from calstation.runs.resume import resumable
+from tests.helpers import raises_code
 from tests.records.records_samples import META, make_block
 
 
@@ -166,6 +169,7 @@ def test_other_files_are_ignored(three: Path) -> None:
         {"station": "\ud800"},
         {"stages": [None, {}]},
         {"unit": "SN-1"},
+        {"unit": {"serial": "SN-1\0"}},
         {"log": 3},
     ],
 )
@@ -249,3 +253,19 @@ def test_failed_checks_are_those_of_a_judged_run(tmp_path: Path) -> None:
     assert found.failed_checks == (("rate consistency",), ())
     assert found.values["gyro_bias_x"].tolist()[0] == 1.5
     assert found.sigmas["gyro_bias_x"].tolist()[0] == 1.0
+
+
+def test_a_unit_counts_at_all_stations_but_is_resumed_where_its_log_is(three: Path) -> None:
+    history = refreshed(three)
+    (own,) = history.indexed(RunFilter(names=("b",)))
+    there = replace(
+        own.record, started_utc="2026-11-05T08:00:00+00:00", outcome="failed", origin="o", station="bench 2"
+    )
+    RunIndex(three).receive([IndexedRun("far", "", there, {"gyro_bias_x": 7.0}, {})], "db", 1)
+    assert history.refresh() == 0
+    assert (history.attempts("SN-1"), history.failures("SN-1")) == (3, 1)
+    assert history.previous("SN-1")["gyro_bias_x"] == 7.0
+    assert [run.station for run in history.of("SN-1")] == ["bench 2", "bench 1", "bench 1"]
+    with raises_code(InputError, "result.elsewhere"):
+        history.result(history.of("SN-1")[0])
+    assert resumable(three) == []

@@ -27,6 +27,7 @@ from .manual_rig import record as record
 from .noise import INSTABILITY_TIMES as INSTABILITY_TIMES
 from .noise import instability_variance as instability_variance
 from .simulate import BenchTruth as BenchTruth
+from .simulate import Simulated as Simulated
 from .simulate import Simulator as Simulator
 from .stream import SensorStream as SensorStream
 from .table import TableTruth as TableTruth

@@ -9,6 +9,7 @@ from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QColor, QPen
 from PySide6.QtWidgets import QComboBox, QFormLayout, QFrame, QSizePolicy, QWidget
 
+from calstation.database import is_archived
 from calstation.gui.history.comparison import limits_of
 from calstation.gui.history.resolves_table import ResolvesTable
 from calstation.gui.history.run_table import stages_text
@@ -213,7 +214,7 @@ class RunDetails(QFrame):
             return
         self._serial.setText(run.serial)
         self.badge.show_state(KINDS.get(run.verdict, "none"), term("badge", run.badge))
-        self.reason_label.setText("\n".join(filter(None, (*advice.override_notes(result), self._reason(run)))))
+        show_text(self.reason_label, "\n".join(filter(None, (*advice.override_notes(result), self._reason(run)))))
         lines = []
         if result is not None and result.judged:
             failed = result.failed_checks
@@ -266,12 +267,23 @@ class RunDetails(QFrame):
             (self.tr("Software"), software.version if software is not None else ""),
             (self.tr("Resumed from"), run.resumed_from),
             (self.tr("Stages"), stages_text(run)),
+            (self.tr("Log at"), run.location),
         ):
             if text:
                 caption, value = label(kind="muted"), ElidedLabel()
                 caption.setText(name)
                 value.setText(text)
                 self._facts.addRow(caption, value)
+
+    def _why_no_log(self, run: RunRecord) -> str:
+        """Return why the log cannot be opened, "" if it can; that of another station is copied from an archive."""
+        if run.log.exists() or is_archived(run.location):
+            return ""
+        if not run.origin:
+            return self.tr("The log is no longer there")
+        return self.tr("The log is only at the station {0}, which keeps no archive of logs: {1}").format(
+            run.station or "?", run.location or "?"
+        )
 
     def _cycle_text(self) -> str:
         """Return the durations of the cycle and of everything but its stages; "" for a result without them."""
@@ -287,17 +299,15 @@ class RunDetails(QFrame):
         incomplete = run.outcome == "incomplete"
         self.close_button.setText(self.tr("Close as incomplete") if incomplete else self.tr("Do not resume"))
         self.resume_button.setVisible(actions.resumable)
-        self.close_button.setVisible(actions.resumable or (incomplete and not run.closed))
+        self.close_button.setVisible(actions.resumable or (incomplete and not run.closed and not run.origin))
+        solved = bool(run.stages) if run.origin else self.has_parameters
         enable(
             self.result_button,
-            "" if self.has_parameters else self.tr("No parameter was solved in this run"),
+            "" if solved else self.tr("No parameter was solved in this run"),
             self.tr("Show every parameter of this run"),
         )
-        enable(
-            self.log_button,
-            "" if run.log.exists() else self.tr("The log is no longer there"),
-            self.tr("Draw the log and solve it again"),
-        )
+        enable(self.log_button, self._why_no_log(run), self.tr("Draw the log and solve it again"))
+        self.folder_button.setVisible(not run.origin)
         self.folder_button.setToolTip(str(run.log.parent))
         busy = self.tr("A run is going on; wait for its end") if actions.running else ""
         enable(self.resume_button, busy, self.tr("Resume after the last completed stage"))

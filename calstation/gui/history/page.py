@@ -8,11 +8,13 @@ from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShor
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import computer_user
+from calstation.database import export_shared_runs, fetch_log, fetch_result, load_shared_results
 from calstation.errors import InputError
 from calstation.gui.history.comparison import MAX_COMPARED, RunComparison
 from calstation.gui.history.details import Actions, RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
+from calstation.gui.history.versions_view import VersionsView
 from calstation.gui.operator import CertificateButton, LabelButton
 from calstation.gui.shell import AppContext, Page, ReleaseBar
 from calstation.gui.text import bind, on_language_change, say
@@ -34,7 +36,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.records import RunFilter, RunRecord
-from calstation.results import History, Result, export_runs, load_result, load_results, refresh_history
+from calstation.results import History, Result, load_result, refresh_history
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Verdict
 
@@ -64,6 +66,7 @@ class HistoryPage(Page):
         )
         self.exports = FileExport(app.job_queue, self, self.notice, self.table.setFocus)
         self._loader = JobWatch(self)
+        self._logs, self._results = JobWatch(self, self.app.open_log.emit), JobWatch(self, self._open_fetched)
         self._filters = Filters(self._build_actions())
         self._clear_button.clicked.connect(self._filters.clear)
         self._nothing = EmptyState()
@@ -72,7 +75,8 @@ class HistoryPage(Page):
         runs = QWidget()
         column(self._filters, (self._stack, 1), on=runs)
         self._comparison = RunComparison(self._show_list)
-        self._views = stack(runs, self._comparison)
+        self.versions = VersionsView(app, self.notice, self._show_list)
+        self._views = stack(runs, self._comparison, self.versions)
         wide = 2 * theme.GRID
         column(self.notice, (self._views, 1), on=self, margins=(wide, theme.GRID, wide, wide))
         self._connect()
@@ -81,8 +85,8 @@ class HistoryPage(Page):
     @property
     def busy(self) -> bool:
         """Whether a background job of the page is running."""
-        watches = (self._refresher, self._offers, self._closer, self._loader, self.exports.watch)
-        return any(watch.busy for watch in watches)
+        watches = (self._refresher, self._offers, self._closer, self._loader, self._logs, self._results)
+        return self.versions.busy or any(watch.busy for watch in (*watches, self.exports.watch))
 
     def refresh(self) -> None:
         """Update the index from the folder, then list the runs."""
@@ -117,11 +121,19 @@ class HistoryPage(Page):
         self._clear_button = button("history_clear_button", lambda: self.tr("Show all runs"))
         self._compare_button = button("history_compare_button", lambda: self.tr("Compare"), self._compare)
         self._export_button = button("history_export_button", None, self._export)
+        versions = button("history_versions_button", lambda: self.tr("Versions"), self._show_versions)
+        bind(versions.setToolTip, lambda: self.tr("Compare solutions of all logs by two versions"))
         actions = QWidget()
-        buttons = (self._clear_button, self._compare_button, self._export_button)
+        buttons = (self._clear_button, self._compare_button, versions, self._export_button)
         row((self._count_label, 1), *buttons, on=actions)
         loading = JobRow(self._loader, "comparison_cancel_button")
-        return JobStack(actions, loading, JobRow(self.exports.watch, "history_export_cancel_button"))
+        return JobStack(
+            actions,
+            loading,
+            JobRow(self._logs, "log_cancel_button", lambda: self.tr("Copying the log")),
+            JobRow(self._results, "result_cancel_button", lambda: self.tr("Reading the result")),
+            JobRow(self.exports.watch, "history_export_cancel_button"),
+        )
 
     def _connect(self) -> None:
         details, app = self.details, self.app
@@ -129,7 +141,7 @@ class HistoryPage(Page):
         self.table.selected.connect(self._show_details)
         self.table.doubleClicked.connect(lambda _: self._open_result())
         details.result_button.clicked.connect(self._open_result)
-        details.log_button.clicked.connect(lambda: self._emit_log(app.open_log))
+        details.log_button.clicked.connect(self._open_log)
         details.folder_button.clicked.connect(self._open_folder)
         details.resume_button.clicked.connect(lambda: self._emit_log(app.resume_run))
         details.close_button.clicked.connect(self._close_run)
@@ -141,6 +153,8 @@ class HistoryPage(Page):
         self.notice.report_failures(self._refresher, unread, focus)
         self.notice.report_failures(self._offers, unread, focus)
         self.notice.report_failures(self._loader, lambda: self.tr("The runs cannot be compared"), focus)
+        self.notice.report_failures(self._logs, lambda: self.tr("The log was not opened"), focus)
+        self.notice.report_failures(self._results, lambda: self.tr("The result was not opened"), focus)
         self.notice.report_failures(self._closer, lambda: self.tr("The run was not closed"), focus)
         self._offers.done.connect(self._show_resumable)
         for ended in (self._closer.done, self._closer.failed):
@@ -200,9 +214,28 @@ class HistoryPage(Page):
     # ---- actions on the selected run
 
     def _open_result(self) -> None:
+        """Open the result of a run; that of another station's run is read from the shared database first."""
         run = self.table.run
-        if run is not None and run.result is not None and self.details.has_parameters:
+        if run is None:
+            return
+        if run.origin and run.stages:
+            self._results.watch(self.app.job_queue.submit(fetch_result, self.app.station_path, run))
+        elif run.result is not None and self.details.has_parameters:
             self.app.open_run.emit(run.result)
+
+    def _open_fetched(self, result: Path) -> None:
+        self._show_details(self.table.run)
+        self.app.open_run.emit(result)
+
+    def _open_log(self) -> None:
+        """Open the log of a run; that of another station's run is copied from the archive first."""
+        run = self.table.run
+        if run is None:
+            return
+        if run.log.exists():
+            self.app.open_log.emit(run.log)
+        else:
+            self._logs.watch(self.app.job_queue.submit(fetch_log, run))
 
     def _emit_log(self, signal: SignalInstance) -> None:
         if self.table.run is not None:
@@ -236,13 +269,18 @@ class HistoryPage(Page):
     def _compare(self) -> None:
         """Read the results of the selected runs, and compare them in the order of time."""
         self._compared = self.table.chosen[::-1]
-        self._loader.watch(self.app.job_queue.submit(load_results, self.app.runs_folder, self._compared))
+        where = (self.app.station_path, self.app.runs_folder)
+        self._loader.watch(self.app.job_queue.submit(load_shared_results, *where, self._compared))
 
     def _show_comparison(self, results: list[Result]) -> None:
         self.notice.dismiss()
         self._comparison.show_runs(self._compared, results)
         self._views.setCurrentWidget(self._comparison)
         self._comparison.focus()
+
+    def _show_versions(self) -> None:
+        self._views.setCurrentWidget(self.versions)
+        self.versions.open()
 
     def _show_list(self) -> None:
         self._views.setCurrentIndex(0)
@@ -257,7 +295,7 @@ class HistoryPage(Page):
             self.tr("Export runs"),
             folder.absolute().parent / "runs.csv",
             ["CSV (*.csv)", "JSON (*.json)"],
-            lambda target: (export_runs, folder, wanted, target),
+            lambda target: (export_shared_runs, self.app.station_path, folder, wanted, target),
         )
 
     def _why_not_compare(self) -> str:
@@ -295,10 +333,16 @@ class HistoryPage(Page):
 
 
 def _result(run: RunRecord) -> Result | None:
-    """Return the result of a run, None if there is no readable one."""
-    if run.result is None:
+    """Return the result of a run, None if there is no readable one.
+
+    The result of another station's run is there once it has been opened; it can be outdated after a release.
+    """
+    path = run.log.with_suffix(".json") if run.origin else run.result
+    if path is None:
         return None
     try:
-        return load_result(run.result)
+        result = load_result(path)
     except InputError:
         return None
+    outdated = run.origin and (result.released, result.closed_utc is not None) != (run.released, run.closed)
+    return None if outdated else result

@@ -1,4 +1,4 @@
-"""The table of runs: outcome, unit, time, operator, duration and stages."""
+"""The table of runs: outcome, unit, time, operator, duration, station and stages."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from calstation.records import RunRecord
 
 #: Columns hidden first if there is too little space: attempt, operator, product; the details also show them.
 _HIDDEN_FIRST = (4, 5, 3)
-_OUTCOME, _STARTED, _STAGES = 0, 2, 7
+_OUTCOME, _STARTED, _STATION, _STAGES = 0, 2, 7, 8
 #: Right-aligned columns of numbers: attempt, duration.
 _NUMBERS = (4, 6)
 
@@ -95,6 +95,7 @@ class RunTable(QTableWidget):
             self.tr("Attempt"),
             self.tr("Operator"),
             self.tr("Duration"),
+            self.tr("Station"),
             self.tr("Stages"),
         )
         for column, text in enumerate(headings):
@@ -111,6 +112,7 @@ class RunTable(QTableWidget):
             str(run.attempt),
             run.operator or "",
             duration_text(run.duration),
+            run.station or "",
             stages_text(run),
         )
         cells = [_cell(text, column) for column, text in enumerate(texts)]
@@ -122,9 +124,13 @@ class RunTable(QTableWidget):
             self.setItem(number, column, cell)
 
     def _share_width(self) -> None:
-        """Fit the columns to their contents, the stages to the remaining width; hide columns if it is too small."""
+        """Fit the columns to their contents, the stages to the remaining width; hide columns if it is too small.
+
+        The station is shown only if the runs are those of several.
+        """
+        one = len({run.station for run in self.runs if run.station}) < 2
         for column in range(_STAGES):
-            self.setColumnHidden(column, False)
+            self.setColumnHidden(column, one and column == _STATION)
         self.resizeColumnsToContents()
         for column in range(_STAGES):
             self.setColumnWidth(column, self.columnWidth(column) + 2 * theme.GRID)

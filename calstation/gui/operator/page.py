@@ -17,6 +17,7 @@ from calstation.config import (
     run_summary,
 )
 from calstation.errors import CalstationError
+from calstation.gui.operator.claims import ClaimNotice
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live_view import LiveView
 from calstation.gui.operator.loading import Loading
@@ -25,7 +26,7 @@ from calstation.gui.operator.questions import ask
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.verdict import VerdictPanel
-from calstation.gui.shell import AppContext, Page, run_badge
+from calstation.gui.shell import AppContext, ExchangeLabel, Page, run_badge
 from calstation.gui.text import (
     event_sentence,
     fault_text,
@@ -77,14 +78,16 @@ class OperatorPage(Page):
         self.closing, self.notice = NoticeBar(), NoticeBar("operator_notice")
         self._loading, self._live = Loading(), LiveView(app.run)
         self._verdict, self._shift = VerdictPanel(app, self.notice, self.await_scan), ShiftCounter(app)
-        self._starting = RunStarter(app, self.header, self.notice)
+        self._claimed = ClaimNotice(app)
+        self._starting = RunStarter(app, self.header, self.notice, self._claimed.claim)
         self._views = stack(self._loading, self._live, self._verdict)
         self._progress = progress_bar(theme.GRID, "run_progress")
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
         self._stages.setFixedWidth(38 * theme.GRID)
-        right = column(self.closing, self.notice, self._starting.people, (self._views, 1))
-        foot = panel(row((column(self._message, self._shift, spacing=0), 1), self._badge))
+        right = column(self.closing, self._claimed, self.notice, self._starting.people, (self._views, 1))
+        counts = row(self._shift, None, ExchangeLabel(app), spacing=3 * theme.GRID)
+        foot = panel(row((column(self._message, counts, spacing=0), 1), self._badge))
         page_margins = (2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
         content = QWidget()
         row(self._stages, (right, 1), on=content)

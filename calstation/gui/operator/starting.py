@@ -34,9 +34,10 @@ from calstation.sound import play
 class RunStarter(QObject):
     """Performs all steps from a scan, or from the offer of an interrupted run, to the start of the engine."""
 
-    def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar) -> None:
+    def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar, claim: Callable[[str], None]) -> None:
+        """Create it; `claim` is called with the serial number of every unit that is scanned."""
         super().__init__(header)
-        self._app, self._header, self._notice = app, header, notice
+        self._app, self._header, self._notice, self._claim = app, header, notice, claim
         #: Asks for the engineers who allow a run.
         self.people = PeoplePanel("override")
         #: Summary of the next run; None while station and product cannot be used.
@@ -131,6 +132,7 @@ class RunStarter(QObject):
         before = history.attempts(header.serial) if history is not None else 0
         if self._app.run.ended:
             self._app.run.acknowledge()
+        self._claim(header.serial)
         note = self.tr("attempt {count}").format(count=before + 1) if before else self.tr("accepted")
         header.note_serial(note, accepted=True)
         if header.badge_field.required:
@@ -159,7 +161,9 @@ class RunStarter(QObject):
         if history is not None and allowed is not None and (failures := history.failures(serial)) >= allowed:
             self._ask_attempt(failures, request)
         elif history is not None and (passed := history.passed_before(serial)) is not None:
-            question = Text.of("question.passed_before", serial=serial, when=passed.started_utc)
+            where = "passed_elsewhere" if passed.origin else "passed_before"
+            when, station = passed.started_utc, passed.station or "?"
+            question = Text.of(f"question.{where}", serial=serial, when=when, station=station)
             self._ask(question, {"repeat": lambda: self.run(request)})
         else:
             self.run(request)

@@ -8,6 +8,7 @@ from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from calstation.config import DEFAULT_PRODUCT, library, load_product
+from calstation.database import fetch_result
 from calstation.errors import CalstationError
 from calstation.gui.quality.capability_view import CapabilityView
 from calstation.gui.quality.control_view import ControlView
@@ -30,7 +31,8 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.quality import LEAST_VALUES, QualitySummary, StationQuality, station_quality, summarise_quality
-from calstation.results import refresh_history
+from calstation.records import RunFilter
+from calstation.results import History, refresh_history
 from calstation.sequencer import Event, Verdict
 
 #: Numbers of past days that can be chosen; None for all.
@@ -72,6 +74,8 @@ class QualityPage(Page):
             combo.currentIndexChanged.connect(lambda _: self.read())
         for view in (self.control, self.standards):
             view.run_wanted.connect(self._open_run)
+        self._fetcher = JobWatch(self, app.open_run.emit)
+        self.notice.report_failures(self._fetcher, lambda: self.tr("The result was not opened"), self.tabs.setFocus)
         for watch in (self._refresher, self._watch, self._station_watch):
             self.notice.report_failures(watch, lambda: self.tr("The runs could not be read"), self.tabs.setFocus)
         app.engine_link.event.connect(self._follow)
@@ -210,9 +214,14 @@ class QualityPage(Page):
         self.count_label.setText("" if overall is None else say("chart.judged_runs", count=overall.count))
 
     def _open_run(self, name: str) -> None:
+        """Open the result of a run; that of another station's run is read from the shared database first."""
         file = self.app.runs_folder / f"{name}.json"
         if file.is_file():
             self.app.open_run.emit(file)
+            return
+        for run in History(self.app.runs_folder).runs(RunFilter(names=(name,))):
+            if run.origin:
+                self._fetcher.watch(self.app.job_queue.submit(fetch_result, self.app.station_path, run))
 
     def _show_texts(self) -> None:
         titles = (

@@ -14,6 +14,7 @@ from calstation.gui.settings.fields import problem_text_with_name
 from calstation.gui.settings.link_section import LinkSection
 from calstation.gui.settings.personal_section import PersonalSection
 from calstation.gui.settings.profiles_section import NewFileBar, ProfilesSection
+from calstation.gui.settings.records_section import RecordsSection
 from calstation.gui.settings.site_section import SiteSection
 from calstation.gui.settings.station_section import StationSection
 from calstation.gui.settings.table_section import TableSection
@@ -36,12 +37,13 @@ from calstation.schema import KeyPath
 
 _NAV = 26 * theme.GRID
 _LINK = ("port", "timeout_s", "serial")
-#: Key paths of the station file that each of the first four sections edits.
+#: Key paths of the station file that each of the first five sections edits.
 _SECTION_KEYS: tuple[tuple[KeyPath, ...], ...] = (
     (("name",), ("table", "profile"), ("handover",), ("bench",)),
     (*(("table", key) for key in _LINK), ("table", "unit")),
     tuple(("imu", key) for key in _LINK),
     (("site",),),
+    (("records",),),
 )
 
 
@@ -67,6 +69,7 @@ class StationPage(Page):
             self.table_link,
             self.imu_link,
             SiteSection(self.drafts.station),
+            RecordsSection(app, self.drafts.station),
             TableSection(self.drafts.table),
             self.profiles,
             self.personal,
@@ -226,6 +229,7 @@ class StationPage(Page):
             self.tr("Link to the table"),
             self.tr("Link to the IMU"),
             self.tr("Site"),
+            self.tr("Shared records"),
             self.tr("Table"),
             self.tr("Profiles and products"),
             self.tr("This computer"),

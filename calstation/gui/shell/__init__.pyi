@@ -3,6 +3,7 @@ from .app import main as main
 from .context import AppContext as AppContext
 from .context import Page as Page
 from .end_stage import EndStageButton as EndStageButton
+from .exchange_label import ExchangeLabel as ExchangeLabel
 from .people_panel import PeoplePanel as PeoplePanel
 from .release_bar import ReleaseBar as ReleaseBar
 from .reset_bar import ResetBar as ResetBar

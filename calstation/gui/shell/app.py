@@ -9,6 +9,7 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication
 
 from calstation.gui.shell.context import AppContext
+from calstation.gui.shell.exchange import RecordsExchange
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
@@ -23,6 +24,7 @@ def create_window(station: Path | None = None) -> MainWindow:
         app.setStyle("Fusion")
     app.setFont(theme.font())
     context = AppContext(station)
+    RecordsExchange(context)
     dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
     theme.apply(str(context.settings.value("theme", "dark" if dark else "light")))
     language.use(str(context.settings.value("language", language.system_language())))

@@ -8,6 +8,7 @@ from PySide6.QtCore import QObject, QSettings, Signal
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import library
+from calstation.database import ExchangeState
 from calstation.gui.shell.engine_link import EngineLink
 from calstation.gui.shell.role import RoleLock
 from calstation.gui.shell.run_status import RunStatus
@@ -35,6 +36,7 @@ class AppContext(QObject):
     released = Signal(object)  #: The unit of the run with this result file was released although it failed.
     page_wanted = Signal(str)  #: Object name of the page to show.
     runs_folder_changed = Signal()
+    exchange_changed = Signal()  #: `exchange_state` has changed.
     closing = Signal()
 
     def __init__(self, station: Path | None = None, runs_folder: Path | None = None) -> None:
@@ -55,6 +57,8 @@ class AppContext(QObject):
         #: Stages and schedule chosen by an engineer instead of the product's; None selects those of the product.
         self.stages: tuple[str, ...] | None = None
         self.schedule: Mapping[str, Mapping[str, Any]] | None = None
+        #: State of the exchange with the shared database; None for a station that shares no records.
+        self.exchange_state: ExchangeState | None = None
         self.runs_folder = runs_folder or Path(str(self.settings.value("runs_folder", "runs")))
 
     def set_station(self, path: Path | None) -> None:

@@ -13,7 +13,6 @@
     </message>
     <message>
         <source>Reset</source>
-        <extracomment>Stages of each part of the calibration, by the suffix of its check box&apos;s object name.</extracomment>
         <translation>恢复</translation>
     </message>
     <message>
@@ -33,7 +32,6 @@
     <name>CycleView</name>
     <message>
         <source>Phases of the cycle, to scale</source>
-        <extracomment>Height of a bar, and size of a colour in the legend, px. Role in the palette and opacity of each phase that is not a stage. Opacity of the first stage, its decrease from stage to stage, and the lowest opacity. A phase and, if it is the motion of a stage, that stage, otherwise &quot;&quot;.</extracomment>
         <translation>节拍各环节（按比例）</translation>
     </message>
     <message>
@@ -73,7 +71,6 @@
     </message>
     <message>
         <source>Saves a product with this schedule in place of its stages</source>
-        <extracomment>The widgets in the order of the Tab key.</extracomment>
         <translation>另存为产品，以此流程代替原有阶段</translation>
     </message>
     <message>
@@ -149,7 +146,6 @@
     <name>DesignForm</name>
     <message>
         <source>Design</source>
-        <extracomment>Goals of a search.</extracomment>
         <translation>设计</translation>
     </message>
     <message>
@@ -237,7 +233,6 @@
     <name>DesignView</name>
     <message>
         <source>Stop with the best so far</source>
-        <extracomment>Product and table of the answer, and those and the station file of the current search.</extracomment>
         <translation>以当前最优结束</translation>
     </message>
     <message>
@@ -345,7 +340,6 @@
     </message>
     <message>
         <source>Open</source>
-        <extracomment>Serial number that the virtual bench has suggested last. Error that prevents the use of station and product, or None.</extracomment>
         <translation>打开</translation>
     </message>
 </context>
@@ -357,7 +351,6 @@
     </message>
     <message>
         <source>largest σ / limit</source>
-        <extracomment>Largest turn of a joint between two points of the drawn path, rad. Range of the ratios shown; the first moves are far above it. Degrees that an arrow key turns the sphere.</extracomment>
         <translation>最大 σ/限差</translation>
     </message>
     <message>
@@ -420,7 +413,6 @@
     <name>InnovationsView</name>
     <message>
         <source>Stage</source>
-        <extracomment>Maximum number of observations within ±3 σ drawn per plot; larger numbers are decimated. With fewer observations, a mean below its band is not significant. Minimum half range of a plot, in sigmas.</extracomment>
         <translation>阶段</translation>
     </message>
     <message>
@@ -479,7 +471,6 @@
     <name>ObservabilityView</name>
     <message>
         <source>Stage</source>
-        <extracomment>Strength above which a state counts as observable. Range of the colour scale in decades: strengths from 1 to 100 000. Size of the font of states and steps, and least width of a step that is named, px. Label of a move, from the plan. Latest ranking of each stage of the run that is followed; empty for a result or a preview.</extracomment>
         <translation>阶段</translation>
     </message>
     <message>
@@ -545,7 +536,6 @@
     <name>PreviewView</name>
     <message>
         <source>Preview</source>
-        <extracomment>Badge shape (`widgets.badge.KINDS`) of each parameter verdict. Whether the choice has changed since the job of the preview was started, and since that of the next one.</extracomment>
         <translation>预览</translation>
     </message>
     <message>
@@ -605,7 +595,6 @@
     </message>
     <message>
         <source>Read the unit</source>
-        <extracomment>Placeholder for the serial number in a request while none has been entered. Events that report the state in which an incomplete write has left the unit. Registers read from the unit, None before reading, and the target registers of the result, None without one. Name of the station whose table rotates to verify a write, &quot;&quot; for a manual rig. The last event of the current write that is in `_INCOMPLETE`, &quot;&quot; if none. How the current write was verified, &quot;&quot; if it was not; see `Settled.proof`.</extracomment>
         <translation>读取产品</translation>
     </message>
     <message>
@@ -641,7 +630,6 @@
     <name>ResidualsView</name>
     <message>
         <source>test, σ</source>
-        <extracomment>Width of the bars of rests and moves, in rests. Stage and index within the stage of each rest period drawn. Stage, row and horizontal position of each rest and move drawn; moves are between the rests.</extracomment>
         <translation>检验值，σ</translation>
     </message>
     <message>
@@ -665,7 +653,6 @@
     <name>ResultAnalysis</name>
     <message>
         <source>Opening {0}</source>
-        <extracomment>Whether the observability shown is that of the run in progress. Whether a run or a register operation has begun, and no stage has reported its observability since. Labels of the moves of the run in progress, by step. The log whose diagnostics are shown or being computed. The views in order: parameters, innovations, residuals, observability.</extracomment>
         <translation>正在打开 {0}</translation>
     </message>
 </context>
@@ -673,7 +660,6 @@
     <name>ResultView</name>
     <message>
         <source>Unit</source>
-        <extracomment>Maximum height of the table of checks that do not concern a single parameter, px. Columns that compare with the previous run, or with the result without an added state. Column of the acceptance limits where the decision rule narrows the limits. Badge shape (`widgets.badge.KINDS`) of each parameter verdict.</extracomment>
         <translation>单位</translation>
     </message>
     <message>
@@ -753,7 +739,6 @@
     </message>
     <message>
         <source>Cancel</source>
-        <extracomment>The last widget in the order of the Tab key.</extracomment>
         <translation>取消</translation>
     </message>
     <message>

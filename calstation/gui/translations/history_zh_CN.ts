@@ -36,7 +36,6 @@
     </message>
     <message>
         <source>Part of a serial number, name or file</source>
-        <extracomment>Verdicts that can be chosen, and numbers of past days; &quot;&quot; and None for all, 0 for the dates beside it.</extracomment>
         <translation>序列号、名称或文件名的一部分</translation>
     </message>
     <message>
@@ -96,8 +95,11 @@
     </message>
     <message>
         <source>Runs, the latest first</source>
-        <extracomment>Maximum number of runs listed.</extracomment>
         <translation>标定记录，最近的在前</translation>
+    </message>
+    <message>
+        <source>Versions</source>
+        <translation>版本对比</translation>
     </message>
     <message>
         <source>Folder of this run</source>
@@ -120,8 +122,28 @@
         <translation>比较</translation>
     </message>
     <message>
+        <source>Compare solutions of all logs by two versions</source>
+        <translation>比较全部日志在两个版本下的解算结果</translation>
+    </message>
+    <message>
+        <source>Copying the log</source>
+        <translation>正在复制日志</translation>
+    </message>
+    <message>
+        <source>Reading the result</source>
+        <translation>正在读取结果</translation>
+    </message>
+    <message>
         <source>The runs cannot be compared</source>
         <translation>无法比较这些标定</translation>
+    </message>
+    <message>
+        <source>The log was not opened</source>
+        <translation>日志未能打开</translation>
+    </message>
+    <message>
+        <source>The result was not opened</source>
+        <translation>结果未能打开</translation>
     </message>
     <message>
         <source>The run was not closed</source>
@@ -190,10 +212,20 @@
     </message>
 </context>
 <context>
+    <name>MovesPlot</name>
+    <message>
+        <source>Distribution of the moves</source>
+        <translation>变化量分布</translation>
+    </message>
+    <message>
+        <source>move, σ:  ● median   | 95 %   × largest</source>
+        <translation>变化量，σ：  ● 中位数   | 95 %   × 最大</translation>
+    </message>
+</context>
+<context>
     <name>ResolvesTable</name>
     <message>
         <source>Solved again offline</source>
-        <extracomment>Height of a row, px, and number of rows visible without scrolling.</extracomment>
         <translation>离线重新解算</translation>
     </message>
     <message>
@@ -261,7 +293,6 @@
     <name>RunComparison</name>
     <message>
         <source>Back to the list</source>
-        <extracomment>Symbol of each run in the plot, and the same symbol in the heading of the table. Maximum number of runs that can be compared. Fraction of a row of the plot that is used for the symbols. Height of the horizontal axis with its label, px. Low and high limit of each parameter, SI.</extracomment>
         <translation>返回列表</translation>
     </message>
     <message>
@@ -376,6 +407,14 @@
         <translation>节拍</translation>
     </message>
     <message>
+        <source>Log at</source>
+        <translation>日志位置</translation>
+    </message>
+    <message>
+        <source>The log is only at the station {0}, which keeps no archive of logs: {1}</source>
+        <translation>日志只在工位 {0}，该工位没有日志归档：{1}</translation>
+    </message>
+    <message>
         <source>{0}, of which {1} not in stages</source>
         <translation>{0}，其中标定阶段以外 {1}</translation>
     </message>
@@ -424,7 +463,6 @@
     <name>RunTable</name>
     <message>
         <source>Outcome</source>
-        <extracomment>Columns hidden first if there is too little space: attempt, operator, product; the details also show them. Right-aligned columns of numbers: attempt, duration.</extracomment>
         <translation>结果</translation>
     </message>
     <message>
@@ -452,6 +490,10 @@
         <translation>用时</translation>
     </message>
     <message>
+        <source>Station</source>
+        <translation>工位</translation>
+    </message>
+    <message>
         <source>Stages</source>
         <translation>阶段</translation>
     </message>
@@ -468,12 +510,190 @@
     </message>
     <message>
         <source>Parameter</source>
-        <extracomment>Maximum numbers of failed checks listed, of runs in the trend, and of dates on its axis. Vertical margin of the trend as a fraction of its range, and space for the first and last date per run.</extracomment>
         <translation>参数</translation>
     </message>
     <message>
         <source>The parameter over the unit&apos;s runs</source>
         <translation>该参数随历次标定的变化</translation>
+    </message>
+</context>
+<context>
+    <name>VersionsView</name>
+    <message>
+        <source>Back to the list</source>
+        <translation>返回列表</translation>
+    </message>
+    <message>
+        <source>The versions could not be read</source>
+        <translation>无法读取版本</translation>
+    </message>
+    <message>
+        <source>The versions cannot be compared</source>
+        <translation>无法比较这些版本</translation>
+    </message>
+    <message>
+        <source>Rows of the plot</source>
+        <translation>图中各行</translation>
+    </message>
+    <message>
+        <source>Compare</source>
+        <translation>比较</translation>
+    </message>
+    <message>
+        <source>Export…</source>
+        <translation>导出…</translation>
+    </message>
+    <message>
+        <source>Before</source>
+        <translation>变更前</translation>
+    </message>
+    <message>
+        <source>After</source>
+        <translation>变更后</translation>
+    </message>
+    <message>
+        <source>Changed verdicts</source>
+        <translation>判定变化</translation>
+    </message>
+    <message>
+        <source>Moves of the parameters, σ</source>
+        <translation>参数变化量，σ</translation>
+    </message>
+    <message>
+        <source>Median, σ</source>
+        <translation>中位数，σ</translation>
+    </message>
+    <message>
+        <source>95 %, σ</source>
+        <translation>95 %，σ</translation>
+    </message>
+    <message>
+        <source>Largest, σ</source>
+        <translation>最大，σ</translation>
+    </message>
+    <message>
+        <source>Unit with the largest</source>
+        <translation>变化最大的产品</translation>
+    </message>
+    <message>
+        <source>Results of the runs</source>
+        <translation>标定时的结果</translation>
+    </message>
+    <message>
+        <source>Export the comparison, or the later version as Parquet</source>
+        <translation>导出比较结果，或将变更后的版本导出为 Parquet</translation>
+    </message>
+    <message>
+        <source>There are no two versions to compare</source>
+        <translation>没有可比较的两个版本</translation>
+    </message>
+    <message>
+        <source>Choose two different versions</source>
+        <translation>请选择两个不同的版本</translation>
+    </message>
+    <message>
+        <source>Compare these versions on the logs that both have</source>
+        <translation>在两个版本共有的日志上进行比较</translation>
+    </message>
+    <message>
+        <source>Write the comparison, or the later version as Parquet</source>
+        <translation>保存比较结果，或将变更后的版本存为 Parquet</translation>
+    </message>
+    <message>
+        <source>By parameter</source>
+        <translation>按参数</translation>
+    </message>
+    <message>
+        <source>{0} logs in both versions</source>
+        <translation>两个版本共有 {0} 份日志</translation>
+    </message>
+    <message>
+        <source>{0} only before, {1} only after</source>
+        <translation>仅变更前有 {0} 份，仅变更后有 {1} 份</translation>
+    </message>
+    <message>
+        <source>{0} passed and fail now, {1} failed and pass now</source>
+        <translation>合格变为不合格 {0} 份，不合格变为合格 {1} 份</translation>
+    </message>
+    <message>
+        <source>Solutions of many logs are kept in a database that stations share. Name one on the page Station.</source>
+        <translation>大量日志的解算结果保存在各工位共用的数据库中，请在“工位”页面填写该数据库。</translation>
+    </message>
+    <message>
+        <source>This station shares no records</source>
+        <translation>本工位未共享记录</translation>
+    </message>
+    <message>
+        <source>Reading the versions</source>
+        <translation>正在读取版本</translation>
+    </message>
+    <message>
+        <source>Solve the logs again with another version of the program or another configuration, and compare the answers here: calstation fleet resolve archive --database URL --patch FILE.toml</source>
+        <translation>用另一版本的程序或另一配置重新解算日志，然后在此比较结果：calstation fleet resolve archive --database URL --patch FILE.toml</translation>
+    </message>
+    <message>
+        <source>There are no two versions to compare yet</source>
+        <translation>还没有可比较的两个版本</translation>
+    </message>
+    <message>
+        <source>Changed verdicts and how far every parameter moved, in sigmas, over the logs of all stations.</source>
+        <translation>显示所有工位日志的判定变化，以及每个参数变化了多少 σ。</translation>
+    </message>
+    <message>
+        <source>Choose two versions and press Compare</source>
+        <translation>请选择两个版本，然后按“比较”</translation>
+    </message>
+    <message>
+        <source>By product</source>
+        <translation>按产品</translation>
+    </message>
+    <message>
+        <source>By station</source>
+        <translation>按工位</translation>
+    </message>
+    <message>
+        <source>By month</source>
+        <translation>按月份</translation>
+    </message>
+    <message>
+        <source>Changed verdicts: {0}</source>
+        <translation>判定变化：{0} 份</translation>
+    </message>
+    <message>
+        <source>Changed verdicts: {0}, the first {1} listed</source>
+        <translation>判定变化：{0} 份，列出前 {1} 份</translation>
+    </message>
+    <message>
+        <source>No verdict changed</source>
+        <translation>判定均未变化</translation>
+    </message>
+    <message>
+        <source>Serial number</source>
+        <translation>序列号</translation>
+    </message>
+    <message>
+        <source>Product</source>
+        <translation>产品</translation>
+    </message>
+    <message>
+        <source>Station</source>
+        <translation>工位</translation>
+    </message>
+    <message>
+        <source>Started</source>
+        <translation>开始时间</translation>
+    </message>
+    <message>
+        <source>Failed checks</source>
+        <translation>未通过的检查</translation>
+    </message>
+    <message>
+        <source>not judged</source>
+        <translation>未判定</translation>
+    </message>
+    <message>
+        <source>not solved</source>
+        <translation>未解出</translation>
     </message>
 </context>
 </TS>

@@ -91,7 +91,6 @@
     <name>AppliedView</name>
     <message>
         <source>Apply to a recording…</source>
-        <extracomment>Emitted when a job starts; earlier notices are then out of date. The solution shown, and the one that the running job applies.</extracomment>
         <translation>应用于数据…</translation>
     </message>
     <message>
@@ -241,7 +240,6 @@
     <name>MethodBar</name>
     <message>
         <source>Stages of the log</source>
-        <extracomment>Stage names of the methods, in the order of the tabs. The kind of recording (`simulation.recordings.Kind`) that each method solves.</extracomment>
         <translation>记录中的阶段</translation>
     </message>
     <message>
@@ -277,7 +275,6 @@
     </message>
     <message>
         <source>Solve</source>
-        <extracomment>Emitted when a job on a recording begins and after it has ended.</extracomment>
         <translation>解算</translation>
     </message>
     <message>
@@ -321,7 +318,6 @@
     <name>PairBars</name>
     <message>
         <source>IMU {0}</source>
-        <extracomment>Display unit of a deviation at rest, and its size in SI.</extracomment>
         <translation>IMU {0}</translation>
     </message>
     <message>

@@ -5,7 +5,6 @@
     <name>AllanPlot</name>
     <message>
         <source>random walk</source>
-        <extracomment>Unit of the deviation of each sensor, and its size in SI. Entries of `[noise]` of each sensor: its random walk and its bias instability.</extracomment>
         <translation>随机游走</translation>
     </message>
     <message>
@@ -148,7 +147,6 @@
     <name>ChannelButton</name>
     <message>
         <source>Channels</source>
-        <extracomment>Channels of each plot, and the unit and decimals of their values.</extracomment>
         <translation>通道</translation>
     </message>
     <message>
@@ -369,7 +367,6 @@
     </message>
     <message>
         <source>The log&apos;s curves</source>
-        <extracomment>Height of the row of stage names, px. Margin beyond the ends of the log as a fraction of its length, so that a range edge there can be dragged. Ratio of the width of the view after zooming in to the width before. Number of samples merged into a drawn column; 1 if single samples are drawn.</extracomment>
         <translation>记录曲线</translation>
     </message>
 </context>
@@ -433,7 +430,6 @@
     </message>
     <message>
         <source>Open a log…</source>
-        <extracomment>Range and stages selected when the last solve was started, and when that of `solved` was.</extracomment>
         <translation>打开记录…</translation>
     </message>
     <message>
@@ -477,7 +473,6 @@
     <name>RangeBar</name>
     <message>
         <source>First sample</source>
-        <extracomment>Number of stage check boxes in a row. Largest number up to which a double, the value type of the spin box, represents every integer. The longest rest of the log is to be selected.</extracomment>
         <translation>起始采样点</translation>
     </message>
     <message>
@@ -521,7 +516,6 @@
     </message>
     <message>
         <source>Logs (*.h5 *.csv *.csv.gz)</source>
-        <extracomment>File name endings of logs. Maximum number of recent logs, and of logs of the latest runs, in the menu.</extracomment>
         <translation>数据记录 (*.h5 *.csv *.csv.gz)</translation>
     </message>
     <message>
@@ -534,7 +528,6 @@
     </message>
     <message>
         <source>Path of a raw log (.h5) or of a CSV with its TOML beside it</source>
-        <extracomment>A path that is unchanged for this interval, such as a pasted one, is opened if the file exists.</extracomment>
         <translation>原始记录（.h5）的路径，或旁边有 TOML 的 CSV 的路径</translation>
     </message>
     <message>

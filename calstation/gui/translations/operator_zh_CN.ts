@@ -5,7 +5,6 @@
     <name>BadgeField</name>
     <message>
         <source>Sign out</source>
-        <extracomment>Events that count as activity of the operator. Width for a name beside the button to sign out, px.</extracomment>
         <translation>退出登录</translation>
     </message>
     <message>
@@ -53,10 +52,16 @@
     </message>
 </context>
 <context>
+    <name>ClaimNotice</name>
+    <message>
+        <source>Agree which station goes on with it.</source>
+        <translation>请商定由哪个工位继续。</translation>
+    </message>
+</context>
+<context>
     <name>Convergence</name>
     <message>
         <source>Sigma as a multiple of its target</source>
-        <extracomment>Maximum number of stored points per line; beyond it, every second point is dropped. Minimum host time between two drawings, s. Ratios that the vertical axis always includes, and its margin, decades.</extracomment>
         <translation>标准差与目标值之比</translation>
     </message>
     <message>
@@ -80,7 +85,6 @@
     </message>
     <message>
         <source>value</source>
-        <extracomment>Margin at the right end of the banner, px, and smallest gap between its texts, in units of their size.</extracomment>
         <translation>值</translation>
     </message>
     <message>
@@ -130,7 +134,6 @@
     <name>PositionPanel</name>
     <message>
         <source>Enough positions: finish</source>
-        <extracomment>Text sizes, px, legible from two metres; a third larger on a wide panel.</extracomment>
         <translation>位置已够，结束采集</translation>
     </message>
 </context>
@@ -138,7 +141,6 @@
     <name>PositionPicture</name>
     <message>
         <source>down</source>
-        <extracomment>Half size of the unit&apos;s box along x, y, z; the globe&apos;s radius is 1. Radius and width of the ring that fills while the unit is at rest. Opacity of elements behind the unit, and of the next position if it is behind the unit. Cosine of the angle below which two positions are drawn as one dot.</extracomment>
         <translation>下</translation>
     </message>
 </context>
@@ -146,7 +148,6 @@
     <name>Preparation</name>
     <message>
         <source>Preparing</source>
-        <extracomment>Preparation steps, each identified by the message that starts it; the first step starts with START.</extracomment>
         <translation>准备</translation>
     </message>
 </context>
@@ -166,7 +167,6 @@
     </message>
     <message>
         <source>Product</source>
-        <extracomment>Size of the symbol in the serial field that shows whether a scan was accepted, px.</extracomment>
         <translation>产品</translation>
     </message>
     <message>
@@ -190,7 +190,6 @@
     <name>RunStarter</name>
     <message>
         <source>The run was not closed</source>
-        <extracomment>Asks for the engineers who allow a run. Summary of the next run; None while station and product cannot be used. Serial number that the virtual bench has suggested last.</extracomment>
         <translation>这次标定未能结束</translation>
     </message>
     <message>
@@ -222,7 +221,6 @@
     <name>ShiftCounter</name>
     <message>
         <source>Since {time}</source>
-        <extracomment>Time between two checks whether another shift has begun, ms.</extracomment>
         <translation>自 {time} 起</translation>
     </message>
     <message>
@@ -281,7 +279,6 @@
     <name>TablePanel</name>
     <message>
         <source>outer</source>
-        <extracomment>Corners of the unit&apos;s box on the disc, shape (8, 3), along two directions in the disc&apos;s plane and its normal. Radius of a gimbal&apos;s middle ring, width of its rings, and corners of the unit&apos;s box within them, shape (8, 3).</extracomment>
         <translation>外框</translation>
     </message>
     <message>
@@ -341,7 +338,6 @@
     </message>
     <message>
         <source>Hold</source>
-        <extracomment>Selectable time spans, s; the second is the default. Approximate number of points drawn per line, and number of rows stored, about a quarter of an hour. Newest rows: time, s, and the six outputs, shape (n, 7).</extracomment>
         <translation>定格</translation>
     </message>
     <message>

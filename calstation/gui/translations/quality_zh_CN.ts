@@ -5,7 +5,6 @@
     <name>CapabilityView</name>
     <message>
         <source>Process capability by parameter</source>
-        <extracomment>Smallest capability index that is usually required. Standard deviations around the mean in which the normal distribution is drawn.</extracomment>
         <translation>各参数的过程能力</translation>
     </message>
     <message>
@@ -53,7 +52,6 @@
     <name>ControlCharts</name>
     <message>
         <source>run</source>
-        <extracomment>The chart at the bottom. Largest number of runs whose points are drawn one by one. Width of the left axes, px. Number of these units in one of the charts.</extracomment>
         <translation>序号</translation>
     </message>
     <message>
@@ -77,7 +75,6 @@
     <name>ControlView</name>
     <message>
         <source>Chart of slow changes</source>
-        <extracomment>Largest number of signalling runs that are listed, the latest first. Number of the latest runs whose signals make a quantity notable.</extracomment>
         <translation>缓变控制图</translation>
     </message>
     <message>
@@ -176,8 +173,11 @@
 <context>
     <name>QualityPage</name>
     <message>
+        <source>The result was not opened</source>
+        <translation>结果未能打开</translation>
+    </message>
+    <message>
         <source>The runs could not be read</source>
-        <extracomment>Numbers of past days that can be chosen; None for all.</extracomment>
         <translation>无法读取标定记录</translation>
     </message>
     <message>
@@ -249,7 +249,6 @@
     <name>StandardsView</name>
     <message>
         <source>Check standards of the product</source>
-        <extracomment>Quantities of the table&apos;s geometry in the order of the plots.</extracomment>
         <translation>该产品的标准件</translation>
     </message>
     <message>
@@ -349,7 +348,6 @@
     <name>StudyView</name>
     <message>
         <source>Quantity</source>
-        <extracomment>State of each verdict. Components in the order of the table.</extracomment>
         <translation>量</translation>
     </message>
     <message>
@@ -436,7 +434,6 @@
     <name>YieldView</name>
     <message>
         <source>Yield by product, station and operator</source>
-        <extracomment>Largest number of failed checks drawn. Largest number of days that are drawn one by one. Smallest fraction shown on the axis of the yield.</extracomment>
         <translation>按产品、工位和操作员的合格率</translation>
     </message>
     <message>

@@ -12,7 +12,6 @@
     <name>FormView</name>
     <message>
         <source>Add</source>
-        <extracomment>Largest width of a column, and additional width of the input of a cell with choices, px.</extracomment>
         <translation>添加</translation>
     </message>
     <message>
@@ -56,7 +55,6 @@
     </message>
     <message>
         <source>Look for ports again</source>
-        <extracomment>Address schemes of the network connections, and the usual port number of each. The address typed last for each kind of connection.</extracomment>
         <translation>重新查找端口</translation>
     </message>
     <message>
@@ -241,6 +239,29 @@
     </message>
 </context>
 <context>
+    <name>RecordsSection</name>
+    <message>
+        <source>Shared records</source>
+        <translation>共享记录</translation>
+    </message>
+    <message>
+        <source>Choose a folder</source>
+        <translation>选择文件夹</translation>
+    </message>
+    <message>
+        <source>Last exchange: {0}</source>
+        <translation>上次交换：{0}</translation>
+    </message>
+    <message>
+        <source>Not exchanged yet</source>
+        <translation>尚未交换</translation>
+    </message>
+    <message>
+        <source>Archive of logs</source>
+        <translation>日志归档</translation>
+    </message>
+</context>
+<context>
     <name>SiteSection</name>
     <message>
         <source>Body +y at home, seen from above.</source>
@@ -260,7 +281,6 @@
     </message>
     <message>
         <source>given here</source>
-        <extracomment>Gravity shown until the surveyed value is typed, m/s²; it occurs nowhere on earth, so no run starts with it. The azimuth and gravity entered last.</extracomment>
         <translation>在此填写</translation>
     </message>
     <message>
@@ -280,7 +300,6 @@
     <name>StationPage</name>
     <message>
         <source>Station</source>
-        <extracomment>Key paths of the station file that each of the first four sections edits. Names of the files saved last; empty after the next edit.</extracomment>
         <translation>工位</translation>
     </message>
     <message>
@@ -346,6 +365,10 @@
     <message>
         <source>Site</source>
         <translation>站址</translation>
+    </message>
+    <message>
+        <source>Shared records</source>
+        <translation>共享记录</translation>
     </message>
     <message>
         <source>Table</source>
@@ -502,7 +525,6 @@
     </message>
     <message>
         <source>Test the table</source>
-        <extracomment>Symbols for the states of a finding and of the whole test. Findings after which a reset of the table is offered. The settings that were tested.</extracomment>
         <translation>测试转台</translation>
     </message>
     <message>

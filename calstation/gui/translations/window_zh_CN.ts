@@ -40,7 +40,6 @@
     <name>ComparisonTable</name>
     <message>
         <source>unit</source>
-        <extracomment>Returns the symbol of a parameter&apos;s cell, or None. Whether notable differences to the first set are marked. Difference to the first set in sigmas by parameter, for each further set.</extracomment>
         <translation>单位</translation>
     </message>
     <message>
@@ -64,6 +63,33 @@
     </message>
 </context>
 <context>
+    <name>ExchangeLabel</name>
+    <message>
+        <source>1 run waits for the database</source>
+        <translation>1 条标定记录等待发送到数据库</translation>
+    </message>
+    <message>
+        <source>{0} runs wait for the database</source>
+        <translation>{0} 条标定记录等待发送到数据库</translation>
+    </message>
+    <message>
+        <source>{0} runs wait for the database since {1}</source>
+        <translation>{0} 条标定记录自 {1} 起等待发送到数据库</translation>
+    </message>
+    <message>
+        <source>1 run waits for the database since {1}</source>
+        <translation>1 条标定记录自 {1} 起等待发送到数据库</translation>
+    </message>
+    <message>
+        <source>1 log waits for the archive</source>
+        <translation>1 份日志等待归档</translation>
+    </message>
+    <message>
+        <source>{0} logs wait for the archive</source>
+        <translation>{0} 份日志等待归档</translation>
+    </message>
+</context>
+<context>
     <name>FileExport</name>
     <message>
         <source>The export failed</source>
@@ -78,7 +104,6 @@
     <name>JobRow</name>
     <message>
         <source>Cancel</source>
-        <extracomment>Minimum progress, as a fraction, at which the remaining time is shown. A function that receives the arguments of a signal; None for no function.</extracomment>
         <translation>取消</translation>
     </message>
     <message>
@@ -94,7 +119,6 @@
     <name>MainWindow</name>
     <message>
         <source>STOP</source>
-        <extracomment>Pages that must exist before a run starts, another page is shown or some time has passed; the rest is created when first shown. Time after which they are created, ms; the window has been painted by then.</extracomment>
         <translation>停止</translation>
     </message>
     <message>
@@ -111,7 +135,6 @@
     </message>
     <message>
         <source>Operator</source>
-        <extracomment>Height of the strip with STOP at the top of every page, px. Usual size of the window, its smallest, and the most that the frame of any system adds, logical px. Each page and its title. The package of a page is imported when the page is created.</extracomment>
         <translation>操作员</translation>
     </message>
     <message>
@@ -173,7 +196,6 @@
     <name>ParameterTable</name>
     <message>
         <source>Copy</source>
-        <extracomment>Smallest width of an elided column, px. Height of a row of a table of texts, px. Differences above this number of sigmas are highlighted. Whether cells are right-aligned. Symbol before the text, one of `badge.KINDS` or None. Tooltip.</extracomment>
         <translation>复制</translation>
     </message>
     <message>
@@ -189,7 +211,6 @@
     <name>PeoplePanel</name>
     <message>
         <source>Confirm</source>
-        <extracomment>Called with the reason, the person who acts, and the one who confirms, None if none is required.</extracomment>
         <translation>确认</translation>
     </message>
     <message>
@@ -322,7 +343,6 @@
     </message>
     <message>
         <source>Cancel</source>
-        <extracomment>The engineer&apos;s PIN is to be requested from the user.</extracomment>
         <translation>取消</translation>
     </message>
     <message>

@@ -1,5 +1,7 @@
 """Create the tables of the shared database."""
 
+from uuid import uuid4
+
 import sqlalchemy as sa
 from alembic import op
 
@@ -28,19 +30,19 @@ def upgrade() -> None:
     op.create_table(
         "revisions",
         sa.Column("last", sa.BigInteger(), autoincrement=False, nullable=False),
+        sa.Column("database", sa.String(length=36), nullable=False),
         sa.PrimaryKeyConstraint("last", name=op.f("pk_revisions")),
     )
     op.create_table(
         "solutions",
         sa.Column("id", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False),
         sa.Column("log_sha256", sa.String(length=64), nullable=False),
-        sa.Column("software", sa.String(), nullable=False),
+        sa.Column("version", sa.String(), nullable=False),
         sa.Column("configuration_sha256", sa.String(length=64), nullable=False),
         sa.Column("first_seq", sa.BigInteger(), nullable=False),
         sa.Column("last_seq", sa.BigInteger(), nullable=False),
         sa.Column("stages", sa.String(), nullable=False),
-        sa.Column("version", sa.String(), nullable=False),
-        sa.Column("request_sha256", sa.String(length=64), nullable=False),
+        sa.Column("changes_sha256", sa.String(length=64), nullable=False),
         sa.Column("location", sa.Text(), nullable=False),
         sa.Column("fingerprint", sa.String(), nullable=False),
         sa.Column("outcome", sa.String(), nullable=False),
@@ -53,12 +55,12 @@ def upgrade() -> None:
         sa.Column("failed_checks", sa.Text(), nullable=False),
         sa.Column("parameters", sa.Text(), nullable=False),
         sa.Column("numbers", sa.LargeBinary(), nullable=False),
-        sa.Column("result", sa.Text(), nullable=False),
         sa.Column("solved", sa.DateTime(timezone=True), nullable=False),
+        sa.Column("result", sa.Text(), nullable=False),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_solutions")),
         sa.UniqueConstraint(
             "log_sha256",
-            "software",
+            "version",
             "configuration_sha256",
             "first_seq",
             "last_seq",
@@ -67,7 +69,6 @@ def upgrade() -> None:
         ),
     )
     with op.batch_alter_table("solutions", schema=None) as batch_op:
-        batch_op.create_index("ix_solutions_request", ["request_sha256", "software"], unique=False)
         batch_op.create_index("ix_solutions_version", ["version", "id"], unique=False)
 
     op.create_table(
@@ -102,7 +103,7 @@ def upgrade() -> None:
         sa.ForeignKeyConstraint(["outbox", "name"], ["runs.outbox", "runs.name"], name=op.f("fk_log_copies_outbox")),
         sa.PrimaryKeyConstraint("outbox", "name", name=op.f("pk_log_copies")),
     )
-    op.execute("INSERT INTO revisions (last) VALUES (0)")
+    op.execute(f"INSERT INTO revisions (last, database) VALUES (0, '{uuid4()}')")
 
 
 def downgrade() -> None:
@@ -113,7 +114,6 @@ def downgrade() -> None:
     op.drop_table("runs")
     with op.batch_alter_table("solutions", schema=None) as batch_op:
         batch_op.drop_index("ix_solutions_version")
-        batch_op.drop_index("ix_solutions_request")
 
     op.drop_table("solutions")
     op.drop_table("revisions")

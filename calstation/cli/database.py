@@ -1,0 +1,106 @@
+"""`database`: exchange with the database that stations share, by hand or as a service; its tables; its state."""
+
+import signal
+import sys
+import threading
+from importlib import resources
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from calstation.cli.options import JsonOption, StationOption
+
+database = typer.Typer(help="The database that stations share.", no_args_is_help=True)
+
+OutOption = Annotated[Path, typer.Option("--out", help="Folder of the runs.")]
+
+
+@database.command()
+def exchange(
+    station: StationOption = None,
+    out: OutOption = Path("runs"),
+    watch: Annotated[bool, typer.Option("--watch", help="Go on until Ctrl-C.")] = False,
+) -> None:
+    """Send the runs of a folder to the shared database and receive those of other stations."""
+    from calstation.cli.show import say, show_line
+    from calstation.database import Exchange, exchange_once, read_state
+    from calstation.database import watch as watch_folder
+    from calstation.messages import event_text, sentence
+
+    url, name, archive = _database_of(station)
+    out.mkdir(parents=True, exist_ok=True)
+    if watch:
+        stop = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: stop.set())
+        watch_folder(out, url, name, stop.wait, archive=archive)
+        return
+    made = Exchange(out, url, name)
+    try:
+        exchange_once(made, out)
+        if archive is not None:
+            archiver = made.archiver(archive)
+            while archiver.copy_next():
+                pass
+            exchange_once(made, out)
+    finally:
+        made.close()
+    state = read_state(out)
+    console = Console(stderr=True)
+    show_line(console, say("cli.exchanged"))
+    if state.archive_error_text is not None:
+        show_line(console, sentence(state.archive_error_text))
+    for claim in state.claims:
+        show_line(console, sentence(event_text(claim.message.id, claim.message.values)))
+
+
+@database.command()
+def upgrade(
+    url: Annotated[
+        str | None, typer.Argument(metavar="[URL]", help="Database, with its owner as user; default: the station's.")
+    ] = None,
+    station: StationOption = None,
+) -> None:
+    """Create the tables of the shared database, or bring them to this version; as the owner of the database."""
+    from calstation.database import upgrade as upgrade_tables
+
+    upgrade_tables(url or _database_of(station)[0])
+
+
+@database.command()
+def status(out: OutOption = Path("runs"), json: JsonOption = None) -> None:
+    """Show what waits for the shared database and when it was last reached. Does not use the network."""
+    from calstation.cli.show import check_json, emit_json, say, show_line
+    from calstation.database import read_state
+    from calstation.messages import local_time, sentence
+
+    check_json(json)
+    state = read_state(out)
+    emit_json(state.to_json(), json)
+    if json == "-":
+        return
+    console = Console()
+    contact = "-" if state.contact_utc is None else local_time(state.contact_utc.isoformat())
+    show_line(console, say("cli.exchange_state", pending=state.pending, contact=contact))
+    for error in (state.error_text, state.archive_error_text):
+        if error is not None:
+            show_line(console, sentence(error))
+
+
+@database.command()
+def roles() -> None:
+    """Print the SQL of the roles with the least rights, to be executed by the owner of the database."""
+    sys.stdout.write(resources.files("calstation.database").joinpath("roles.sql").read_text(encoding="utf-8"))
+
+
+def _database_of(station: Path | None) -> tuple[str, str, str | None]:
+    """Return the URL of a station's database, its name and its archive. Raises ConfigurationError if it has none."""
+    from calstation.config import load_station
+    from calstation.errors import ConfigurationError
+
+    path, config = load_station(station)
+    if config.records.database is None:
+        raise ConfigurationError("database.not_named", path=path)
+    return config.records.database, config.name, config.records.archive

@@ -1,0 +1,197 @@
+"""`fleet`: many logs solved again on many cores, and the solutions of two versions compared."""
+
+import json as json_module
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Annotated
+
+import typer
+
+from calstation.cli.options import JsonOption, StagesOption, parsed_stages
+
+if TYPE_CHECKING:
+    from calstation.fleet import Comparison, FleetRequest, FleetSummary
+
+fleet = typer.Typer(help="Many logs: solve them again on many cores, compare the solutions of two versions.")
+
+#: Width of the tables, characters.
+_WIDTH = 150
+#: Changed verdicts that are listed; the JSON has all.
+_MOST_CHANGES = 30
+
+DatabaseOption = Annotated[
+    str, typer.Option(help="postgresql+psycopg://USER@HOST/NAME or sqlite:////PATH.", metavar="URL")
+]
+
+
+@fleet.command()
+def resolve(
+    sources: Annotated[
+        list[str], typer.Argument(metavar="SOURCE...", help="Logs, folders or URLs; archive: that of the database.")
+    ],
+    database: DatabaseOption,
+    scheduler: Annotated[
+        str,
+        typer.Option(help="local: workers on this computer, or a Dask cluster.", metavar="local[:N]|tcp://HOST:PORT"),
+    ] = "local",
+    patch: Annotated[
+        Path | None, typer.Option(help="Changes to the stored configuration of the logs.", metavar="FILE.toml")
+    ] = None,
+    label: Annotated[str | None, typer.Option(help="Name of the changes; default: that of their file.")] = None,
+    first: Annotated[int | None, typer.Option("--from", help="First sequence number.", metavar="SEQ")] = None,
+    last: Annotated[int | None, typer.Option("--to", help="Last sequence number.", metavar="SEQ")] = None,
+    stages: StagesOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Solve many logs again; what the database already has is not solved again. Ctrl-C stops, what is done stays."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    from calstation.cli.show import check_json, on_interrupt, say, show_line
+    from calstation.fleet import FleetRequest, resolve_fleet
+
+    check_json(json)
+    request = FleetRequest(tuple(sources), database, scheduler, patch, label, parsed_stages(stages), first, last)
+    stop = threading.Event()
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("solving logs"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar, on_interrupt(stop.set):
+        task = bar.add_task("", total=None, rate="")
+
+        def show(summary: "FleetSummary") -> None:
+            speed = bar.tasks[0].speed
+            rate = "" if speed is None else f"{speed:.1f} per s, {summary.failed} failed"
+            bar.update(task, completed=summary.done, total=summary.total, rate=rate)
+
+        summary = resolve_fleet(request, show, stop)
+    if json is not None:
+        with _target(json) as stream:
+            stream.writelines(_json_parts(request, summary))
+    for status in summary.failures:
+        show_line(console, f"{status.location}: {status.error['error']}")
+    code = "cli.fleet_stopped" if summary.stopped else "cli.fleet_done"
+    numbers = {name: getattr(summary, name) for name in ("version", "total", "solved_now", "already_there", "failed")}
+    show_line(console, say(code, **numbers, left=summary.total - summary.done, seconds=summary.duration_s))
+    raise typer.Exit(4 if summary.stopped else 1 if summary.failed else 0)
+
+
+def _target(json: str) -> AbstractContextManager[IO[str]]:
+    return nullcontext(sys.stdout) if json == "-" else Path(json).open("w", encoding="utf-8")
+
+
+def _json_parts(request: "FleetRequest", summary: "FleetSummary") -> Iterator[str]:
+    """Yield the JSON of the contract; the results of many logs are never in memory together."""
+    from calstation.fleet import solved_results
+
+    begin = '{"results": [\n'
+    for text in solved_results(request.database, summary):
+        yield begin + text
+        begin = ",\n"
+    steps = {step: seconds / summary.answered for step, seconds in summary.seconds.items()}
+    rest = {
+        "solved_now": summary.solved_now,
+        "already_there": summary.already_there,
+        "failed": summary.failed,
+        "duration_s": summary.duration_s,
+        "version": summary.version,
+        "stopped": summary.stopped,
+        "seconds_per_log": steps,
+    }
+    yield ("" if begin == ",\n" else begin) + "],\n" + json_module.dumps(rest)[1:] + "\n"
+
+
+VersionOption = Annotated[str, typer.Option(help="A version, e.g. 0.1.0+label; online: the results of the runs.")]
+
+
+@fleet.command()
+def compare(database: DatabaseOption, before: VersionOption, after: VersionOption, json: JsonOption = None) -> None:
+    """Show which verdicts differ between two versions, and by how many sigmas each parameter moves."""
+    from calstation.cli.show import check_json, emit_json, job_progress
+    from calstation.fleet import compare as compare_versions
+
+    check_json(json)
+    with job_progress("reading the solutions") as progress:
+        found = compare_versions(progress, database, before, after)
+    emit_json(found.to_json(), json)
+    if json != "-":
+        _show(found)
+
+
+@fleet.command()
+def export(
+    database: DatabaseOption,
+    version: VersionOption,
+    out: Annotated[Path, typer.Option("-o", "--out", help="File to write.", metavar="FILE.parquet")],
+) -> None:
+    """Write the solutions of a version into a Parquet file, for DuckDB, pandas and others."""
+    from rich.console import Console
+
+    from calstation.cli.show import job_progress, show_line
+    from calstation.fleet import export_version
+
+    with job_progress("reading the solutions") as progress:
+        count = export_version(progress, database, version, out)
+    show_line(Console(stderr=True), f"{out}: {count} solutions")
+
+
+def _show(found: "Comparison") -> None:
+    """Show the changed verdicts, the moves of the parameters, and the groups."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    from calstation.cli.show import say, show_line
+
+    console = Console(file=sys.stdout, width=_WIDTH)
+
+    def table(title: str, texts: int, *headings: str) -> Table:
+        made = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        for k, heading in enumerate(headings):
+            made.add_column(heading, justify="left" if k < texts else "right", no_wrap=True)
+        return made
+
+    numbers = {"logs": found.logs, "only_before": found.only_before, "only_after": found.only_after}
+    show_line(console, say("cli.fleet_compared", before=found.before, after=found.after, **numbers))
+    verdicts = table("verdicts", 2, "before", "after", "logs")
+    for was, row in found.verdicts.items():
+        for now, count in row.items():
+            verdicts.add_row(was, now, str(count))
+    console.print(verdicts)
+    if found.changes:
+        shown = found.changes[:_MOST_CHANGES]
+        title = f"changed verdicts, {len(shown)} of {len(found.changes)}"
+        changes = table(title, 7, "unit", "product", "station", "start", "before", "after", "failed checks")
+        for each in shown:
+            failed = each.failed_after or each.failed_before
+            start = (each.started_utc or "")[:16]
+            changes.add_row(each.serial, each.product or "", each.station or "", start, each.before, each.after, failed)
+        console.print(changes)
+    moves = table("moves, sigmas", 1, "parameter", "median", "95 %", "largest", "unit")
+    for name, move in found.moves.items():
+        moves.add_row(name, *(f"{x:.3g}" for x in (move.median, move.percentile_95, move.largest)), move.serial)
+    console.print(moves)
+    for kind, members in found.groups.items():
+        groups = table(f"by {kind}", 1, kind, "logs", "pass to fail", "fail to pass", "largest 95 %", "sigmas")
+        for group in members:
+            worst = max(group.moves, key=lambda name: group.moves[name].percentile_95, default="")
+            far = group.moves[worst].percentile_95 if worst else 0.0
+            worst, size = (worst, f"{far:.3g}") if far else ("", "0")
+            groups.add_row(group.name, str(group.logs), str(group.pass_to_fail), str(group.fail_to_pass), worst, size)
+        console.print(groups)

@@ -1,0 +1,49 @@
+"""`[records]` of a station file: the database that stations share, and the archive of their logs."""
+
+from urllib.parse import parse_qs, urlsplit
+
+from pydantic import Field, field_validator
+
+from calstation.schema import EntryError, StrictModel
+
+#: Schemes of the databases that are supported.
+_SCHEMES = ("postgresql+psycopg", "sqlite")
+
+
+class RecordsSection(StrictModel):
+    """`[records]` of a station: by default its records stay on the computer."""
+
+    #: ``postgresql+psycopg://USER@HOST/NAME`` or ``sqlite:////PATH``, without a password.
+    database: str | None = None
+    #: Folder or URL for copies of the logs, e.g. ``/mnt/share/logs`` or ``s3://bucket/prefix``, without credentials.
+    archive: str | None = Field(default=None, min_length=1)
+
+    @field_validator("database")
+    @classmethod
+    def _database(cls, url: str | None) -> str | None:
+        if url is not None:
+            check_database_url(url)
+        return url
+
+    @field_validator("archive")
+    @classmethod
+    def _archive(cls, url: str | None) -> str | None:
+        if url is not None and _has_password(url):
+            raise EntryError("database.password_in_archive")
+        return url
+
+
+def check_database_url(url: str) -> None:
+    """Raise EntryError for a URL of no supported database, or with a password; the error does not show the URL."""
+    scheme, separator, _ = url.partition("://")
+    if not separator:
+        raise EntryError("database.no_url")
+    if scheme not in _SCHEMES:
+        raise EntryError("database.other_kind", kind=scheme)
+    if _has_password(url):
+        raise EntryError("database.password_in_url")
+
+
+def _has_password(url: str) -> bool:
+    parts = urlsplit(url)
+    return parts.password is not None or bool({"password", "secret"} & parse_qs(parts.query).keys())

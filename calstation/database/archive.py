@@ -1,0 +1,117 @@
+"""Archive of closed logs in a folder, a mounted share or an S3 bucket (fsspec).
+
+Credentials come from where the file system looks for them, for S3 from the environment or the AWS profile.
+"""
+
+import hashlib
+import os
+import shutil
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from calstation.errors import ConfigurationError, InputError
+from calstation.jobs import ProgressCallback
+from calstation.records import sync_folder
+
+try:
+    from botocore.exceptions import BotoCoreError
+    from fsspec import AbstractFileSystem
+    from fsspec.core import url_to_fs
+    from fsspec.implementations.local import LocalFileSystem
+except ImportError as exc:
+    raise ConfigurationError("database.not_installed") from exc
+
+#: Number of bytes read at once.
+_CHUNK = 8 * 1024 * 1024
+
+#: Errors of an archive that cannot be reached, is full or refuses access.
+_FAILURES = (OSError, BotoCoreError)
+
+
+@dataclass(frozen=True)
+class LogCopy:
+    """A verified copy of a log."""
+
+    url: str
+    file_sha256: str  #: Digest of the bytes of the file.
+    size: int  #: Number of bytes.
+
+
+def archive_log(log: Path, archive: str) -> LogCopy:
+    """Copy a closed log into a folder of an archive, unless the same bytes are already there.
+
+    The copy gets its name after its bytes have been read back and compared, so that an interrupted copy leaves no file
+    of that name. Raises InputError, after which the copy can be tried again.
+    """
+    url = f"{archive.rstrip('/')}/{log.name}"
+    try:
+        files, path = _open(url)
+        with log.open("rb") as stream:
+            place = path if isinstance(files, LocalFileSystem) else url  # absolute
+            copy = LogCopy(place, _digest(stream), stream.tell())
+        if not (files.exists(path) and _digest_at(files, path) == copy.file_sha256):
+            _copy(log, files, path, copy)
+    except _FAILURES as exc:
+        raise InputError("database.archive_failed", log=log.name, archive=archive, reason=str(exc)) from exc
+    return copy
+
+
+def copy_to(url: str, target: Path, report: ProgressCallback) -> None:
+    """Copy a log of the archive to a file, which is complete or not there. Raises InputError."""
+    partial = target.with_name(f".{target.name}.partial")
+    try:
+        files, path = _open(url)
+        size = max(1, files.size(path))
+        with files.open(path, "rb", block_size=_CHUNK) as source, partial.open("wb") as copy:
+            while chunk := source.read(_CHUNK):
+                copy.write(chunk)
+                report(copy.tell() / size)
+        partial.replace(target)
+    except _FAILURES as exc:
+        raise InputError("database.log_not_read", log=url, reason=str(exc)) from exc
+
+
+def _copy(log: Path, files: AbstractFileSystem, path: str, copy: LogCopy) -> None:
+    folder, _, name = path.rpartition("/")
+    temporary = f"{folder}/.{name}.partial"
+    files.makedirs(folder, exist_ok=True)
+    try:
+        with log.open("rb") as source, files.open(temporary, "wb", block_size=_CHUNK) as target:
+            shutil.copyfileobj(source, target, _CHUNK)
+            if isinstance(files, LocalFileSystem):
+                target.flush()
+                os.fsync(target.fileno())
+        if _digest_at(files, temporary) != copy.file_sha256:
+            raise InputError("database.copy_damaged", log=copy.url)
+        if isinstance(files, LocalFileSystem):
+            Path(temporary).replace(path)
+            sync_folder(Path(folder))
+        else:
+            files.mv(temporary, path)
+    except BaseException:
+        with suppress(*_FAILURES):
+            files.rm_file(temporary)
+        raise
+
+
+def _open(url: str) -> tuple[AbstractFileSystem, str]:
+    """Return the file system of a URL or path, which lists no names from a cache, and the path in it."""
+    try:
+        files, path = url_to_fs(url, use_listings_cache=False, skip_instance_cache=True)
+    except (ValueError, ImportError) as exc:  # an unknown or missing file system
+        raise InputError("database.no_archive", url=url, reason=str(exc)) from exc
+    return files, path
+
+
+def _digest_at(files: AbstractFileSystem, path: str) -> str:
+    with files.open(path, "rb", block_size=_CHUNK) as stream:
+        return _digest(stream)
+
+
+def _digest(stream: Any) -> str:
+    digest = hashlib.sha256()
+    while chunk := stream.read(_CHUNK):
+        digest.update(chunk)
+    return digest.hexdigest()

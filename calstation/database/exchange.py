@@ -1,0 +1,182 @@
+"""Exchange of a folder of runs with the shared database: sends its outbox and receives the runs of other folders."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+from sqlalchemy import Connection, Engine, Row, delete, func, insert, select, update
+from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+
+from calstation.database.archiver import LogArchiver
+from calstation.database.claims import claim_unit, other_claims
+from calstation.database.connect import connect, public, reason_of
+from calstation.database.outbox import Outbox, OutboxMessage
+from calstation.database.state import Claim
+from calstation.database.tables import claims, log_copies, outboxes, revisions, runs
+from calstation.errors import ConfigurationError
+from calstation.records import IndexedRun, RunIndex, from_columns
+
+#: Number of runs that are received at once.
+_PAGE = 500
+
+#: Columns of a run that the local index needs; its result JSON stays in the database.
+_INDEXED = [column for column in runs.c if column.name != "result"]
+
+
+class Exchange:
+    """Exchange of one folder; it keeps its connection from pass to pass."""
+
+    def __init__(self, folder: Path, url: str, station: str, claim: tuple[str, str | None] | None = None) -> None:
+        """Create the exchange; `claim` is the serial number of a unit and its operator, to be claimed."""
+        self._folder, self._url, self._station, self._claim = folder, url, station, claim
+        self._index = RunIndex(folder)
+        self._engine: Engine | None = None
+        self.outbox = Outbox(folder)
+
+    def exchange(self) -> list[Claim]:
+        """Send all that is pending, receive what is new, and return other stations' claims on this one's units.
+
+        Raises ConfigurationError if the database is not reachable or refuses something; the next call continues.
+        """
+        try:
+            sent = True
+            while sent:
+                self.outbox.fill()
+                engine = self._connected()
+                self._synchronise(engine)
+                sent = False
+                while self._send(engine):
+                    sent = True
+            self._receive(engine)
+            return other_claims(engine, self.outbox.id)
+        except DBAPIError as exc:
+            lost = isinstance(exc, OperationalError | InterfaceError) or exc.connection_invalidated
+            database = "" if self._engine is None else public(self._engine.url)
+            self.close()
+            if lost:
+                raise ConfigurationError("database.unreachable", database=database, reason=reason_of(exc)) from exc
+            raise ConfigurationError("database.refused", database=database, reason=reason_of(exc)) from exc
+
+    def archiver(self, archive: str) -> LogArchiver:
+        """Return what copies the logs of the folder to an archive."""
+        return LogArchiver(self._folder, archive)
+
+    def close(self) -> None:
+        """Close the connection; the next exchange opens a new one."""
+        if self._engine is not None:
+            self._engine.dispose()
+            self._engine = None
+
+    def _connected(self) -> Engine:
+        if self._engine is None:
+            self._engine = connect(self._url)
+        if self._claim is not None:
+            claim_unit(self._engine, self.outbox.id, self._station, *self._claim)
+            self._claim = None
+        return self._engine
+
+    def _synchronise(self, engine: Engine) -> None:
+        """Take the messages that the database has out of the outbox; queue again those that it has lost.
+
+        If it lost some, it was restored from a backup or replaced, and all folders receive all runs again.
+        """
+        sent = self.outbox.sent
+        with engine.begin() as connection:
+            here = outboxes.c.id == self.outbox.id
+            arrived = connection.execute(select(outboxes.c.last_number).where(here)).scalar() or 0
+            if arrived < sent:
+                connection.execute(update(revisions).values(database=str(uuid4())))
+        if arrived < sent:
+            self.outbox.restart(arrived)
+            self.outbox.fill()
+        else:
+            self.outbox.arrived(arrived)
+
+    def _send(self, engine: Engine) -> bool:
+        """Send the first messages in one transaction; return whether there were any.
+
+        The database counts the messages of each outbox, so that one whose arrival was not noticed is not repeated.
+        """
+        messages = self.outbox.messages()
+        if not messages:
+            return False
+        last = messages[-1].number
+        with engine.begin() as connection:
+            in_order = self._advance(connection, messages[0].number - 1, last)
+            if in_order:
+                _store(connection, self.outbox.id, messages)
+        if in_order:
+            self.outbox.arrived(last)
+        else:
+            self._synchronise(engine)
+        return True
+
+    def _advance(self, connection: Connection, before: int, last: int) -> bool:
+        """Set the last number of the outbox, which locks its row; return False unless it was `before`."""
+        here = outboxes.c.id == self.outbox.id
+        values = {"last_number": last, "station": self._station}
+        step = update(outboxes).where(here, outboxes.c.last_number == before).values(values)
+        if connection.execute(step).rowcount:
+            return True
+        if before or connection.execute(select(outboxes.c.id).where(here)).first():
+            return False
+        connection.execute(insert(outboxes).values(id=self.outbox.id, **values))
+        return True
+
+    def _receive(self, engine: Engine) -> None:
+        """Receive the runs of other folders that are new or have changed since the last time."""
+        database, cursor = self._index.received()
+        more = True
+        while more:
+            with engine.connect() as connection:
+                # read first: all revisions up to the last one have been committed
+                last, found = connection.execute(select(revisions.c.last, revisions.c.database)).one()
+                if found != database or last < cursor:
+                    self._index.receive((), "", 0)  # a database that was restored or replaced
+                    database, cursor = found, 0
+                wanted = (runs.c.revision > cursor, runs.c.outbox != self.outbox.id)
+                query = select(*_INDEXED).where(*wanted).order_by(runs.c.revision).limit(_PAGE)
+                rows = connection.execute(query).all()
+            more = len(rows) == _PAGE
+            reached = rows[-1].revision if more else max([last, *(row.revision for row in rows)])
+            if reached > cursor:
+                self._index.receive([_received(row) for row in rows], database, reached)
+                cursor = reached
+
+
+def _store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> None:
+    step = update(revisions).values(last=revisions.c.last + len(messages)).returning(revisions.c.last)
+    revision = connection.execute(step).scalar_one() - len(messages)
+    for message in messages:
+        revision += 1
+        store = _store_run if message.kind == "run" else _store_copy
+        store(connection, outbox, revision, dict(message.columns))
+
+
+def _store_run(connection: Connection, outbox: str, revision: int, columns: dict[str, Any]) -> None:
+    """Add or replace a run; the unit's claim ends."""
+    same = (runs.c.outbox == outbox, runs.c.name == columns["name"])
+    copy = (log_copies.c.outbox == outbox, log_copies.c.name == columns["name"])
+    url = connection.execute(select(log_copies.c.url).where(*copy)).scalar()
+    columns = {**columns, "log": url or columns["log"], "revision": revision}
+    if connection.execute(update(runs).where(*same).values(columns)).rowcount == 0:
+        connection.execute(insert(runs).values(outbox=outbox, **columns))
+    connection.execute(delete(claims).where(claims.c.outbox == outbox, claims.c.serial == columns["serial"]))
+
+
+def _store_copy(connection: Connection, outbox: str, revision: int, columns: dict[str, Any]) -> None:
+    """Add or replace the copy of a log, and note in its run where it is."""
+    same = (log_copies.c.outbox == outbox, log_copies.c.name == columns["name"])
+    row = {**columns, "archived": func.now()}
+    if connection.execute(update(log_copies).where(*same).values(row)).rowcount == 0:
+        connection.execute(insert(log_copies).values(outbox=outbox, **row))
+    run = (runs.c.outbox == outbox, runs.c.name == columns["name"])
+    connection.execute(update(runs).where(*run).values(log=columns["url"], revision=revision))
+
+
+def _received(row: Row[Any]) -> IndexedRun:
+    """Return a run of another folder as it is indexed."""
+    run = from_columns(row.name, "", row.content, row.failed_checks, row.parameters, row.numbers)
+    return replace(run, record=replace(run.record, origin=row.outbox, location=row.log))

@@ -1,0 +1,250 @@
+"""Outbox of a folder of runs: numbered messages for the shared database, on disk until they have arrived.
+
+The folder's files are the source: what was queued is compared with them, so that a process killed between a result and
+its message loses nothing.
+"""
+
+import json
+import socket
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+from sqlalchemy import (
+    Column,
+    Connection,
+    Engine,
+    Integer,
+    LargeBinary,
+    MetaData,
+    String,
+    Table,
+    create_engine,
+    delete,
+    event,
+    func,
+    insert,
+    select,
+    text,
+    update,
+)
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.pool import NullPool
+
+from calstation.errors import ConfigurationError, InputError
+from calstation.records import IndexedRun, RunIndex, to_columns
+from calstation.results import History
+
+#: File name of the outbox in the folder of the runs.
+FILE = "outbox.sqlite"
+
+#: Largest number of messages in an outbox; the folder's files are the queue of what is beyond.
+CAPACITY = 1000
+
+#: Number of messages that are written or read at once.
+_AT_ONCE = 50
+
+#: Longest time to wait for another process that uses the outbox, s.
+_BUSY_S = 30.0
+
+_metadata = MetaData()
+#: One row: the random name of the outbox, and the number of its last message.
+_outbox = Table(
+    "outbox",
+    _metadata,
+    Column("one", Integer, primary_key=True),
+    Column("id", String, nullable=False),
+    Column("last_number", Integer, nullable=False),
+)
+#: What was queued: stamps of runs, and URLs of copies of logs.
+_queued = Table(
+    "queued",
+    _metadata,
+    Column("kind", String, primary_key=True),
+    Column("name", String, primary_key=True),
+    Column("stamp", String, nullable=False),
+)
+_messages = Table(
+    "messages",
+    _metadata,
+    Column("number", Integer, primary_key=True),
+    Column("kind", String, nullable=False),
+    Column("content", String, nullable=False),
+    Column("numbers", LargeBinary, nullable=False),
+)
+#: Verified copies of the folder's logs in an archive.
+_copies = Table(
+    "copies",
+    _metadata,
+    Column("name", String, primary_key=True),
+    Column("url", String, nullable=False),
+    Column("file_sha256", String, nullable=False),
+    Column("size", Integer, nullable=False),
+)
+
+
+@dataclass(frozen=True)
+class OutboxMessage:
+    """A message for the shared database."""
+
+    number: int
+    kind: str  #: ``run``, or ``copy`` of a log.
+    columns: Mapping[str, Any]  #: Columns of `tables.runs` or `tables.log_copies` that the station knows.
+
+
+class Outbox:
+    """The outbox of a folder. Only one process at a time may fill it."""
+
+    def __init__(self, folder: Path) -> None:
+        """Open or create the outbox. Raises ConfigurationError, as all methods do if the file cannot be used."""
+        self._folder, self._path = folder, folder / FILE
+        self._engine = _engine(self._path)
+        first = text("INSERT OR IGNORE INTO outbox (one, id, last_number) VALUES (1, :id, 0)")
+        with self._transaction() as connection:
+            _metadata.create_all(connection)
+            connection.execute(first, {"id": str(uuid4())})
+            self.id: str = connection.execute(select(_outbox.c.id)).scalar_one()
+
+    def fill(self) -> int:
+        """Queue the runs and copies that are new or have changed, the oldest runs first; return their number.
+
+        At most `CAPACITY` messages wait; the others are queued when these have arrived.
+        """
+        history, index = History(self._folder), RunIndex(self._folder)
+        history.refresh()
+        stamps = index.stamps()
+        with self._transaction() as connection:
+            queued = {(row.kind, row.name): row.stamp for row in connection.execute(select(_queued))}
+            copies = connection.execute(select(_copies)).all()
+            room = max(0, CAPACITY - _count(connection))
+        changed = [name for name in stamps if queued.get(("run", name)) != stamps[name]]
+        changed = sorted(changed, key=lambda name: (_file_time(stamps[name]), name))[:room]
+        for start in range(0, len(changed), _AT_ONCE):
+            names = changed[start : start + _AT_ONCE]
+            runs = {run.name: run for run in index.own(names)}
+            rows = [_run_row(self._folder, runs[name], history) for name in names if name in runs]
+            self._append("run", rows, [stamps[name] for name in names if name in runs])
+        known = {name for kind, name in queued if kind == "run"}.union(changed)
+        new = [row for row in copies if row.name in known and queued.get(("copy", row.name)) != row.url]
+        new = new[: room - len(changed)]
+        self._append("copy", [dict(row._mapping) for row in new], [row.url for row in new])
+        return len(changed) + len(new)
+
+    def add_copy(self, name: str, url: str, file_sha256: str, size: int) -> None:
+        """Record the verified copy of the log of a run in an archive; `fill` queues it after its run."""
+        row = {"name": name, "url": url, "file_sha256": file_sha256, "size": size}
+        with self._transaction() as connection:
+            connection.execute(delete(_copies).where(_copies.c.name == name))
+            connection.execute(insert(_copies).values(row))
+
+    def copies(self) -> dict[str, str]:
+        """Return the URLs of the recorded copies by the names of their runs."""
+        with self._transaction() as connection:
+            return {row.name: row.url for row in connection.execute(select(_copies))}
+
+    def messages(self, count: int = _AT_ONCE) -> list[OutboxMessage]:
+        """Return the first messages that have not arrived."""
+        query = select(_messages).order_by(_messages.c.number).limit(count)
+        with self._transaction() as connection:
+            rows = connection.execute(query).all()
+        return [_message(row.number, row.kind, json.loads(row.content), row.numbers) for row in rows]
+
+    def arrived(self, number: int) -> None:
+        """Delete the messages up to a number, which are in the database."""
+        with self._transaction() as connection:
+            connection.execute(delete(_messages).where(_messages.c.number <= number))
+
+    def restart(self, number: int) -> None:
+        """Forget what was queued, for a database that lacks messages; `fill` queues it again from `number` + 1 on."""
+        with self._transaction() as connection:
+            connection.execute(delete(_messages))
+            connection.execute(delete(_queued))
+            connection.execute(update(_outbox).values(last_number=number))
+
+    @property
+    def pending(self) -> int:
+        """Number of messages that have not arrived."""
+        with self._transaction() as connection:
+            return _count(connection)
+
+    @property
+    def sent(self) -> int:
+        """Number of the last message that has arrived."""
+        with self._transaction() as connection:
+            return int(connection.execute(select(_outbox.c.last_number)).scalar_one()) - _count(connection)
+
+    @contextmanager
+    def _transaction(self) -> Iterator[Connection]:
+        try:
+            with self._engine.begin() as connection:
+                yield connection
+        except DBAPIError as exc:
+            raise ConfigurationError("database.outbox_unusable", file=self._path, reason=str(exc.orig)) from exc
+
+    def _append(self, kind: str, rows: Sequence[Mapping[str, Any]], stamps: Sequence[str]) -> None:
+        """Number messages and add them together with the stamps of what they contain."""
+        if not rows:
+            return
+        step = update(_outbox).values(last_number=_outbox.c.last_number + len(rows)).returning(_outbox.c.last_number)
+        with self._transaction() as connection:
+            first = connection.execute(step).scalar_one() - len(rows) + 1
+            for number, (row, stamp) in enumerate(zip(rows, stamps, strict=True), first):
+                content = json.dumps({name: value for name, value in row.items() if name != "numbers"})
+                message = {"number": number, "kind": kind, "content": content, "numbers": row.get("numbers", b"")}
+                same = (_queued.c.kind == kind, _queued.c.name == row["name"])
+                connection.execute(insert(_messages).values(message))
+                connection.execute(delete(_queued).where(*same))
+                connection.execute(insert(_queued).values(kind=kind, name=row["name"], stamp=stamp))
+
+
+def _engine(path: Path) -> Engine:
+    engine = create_engine(f"sqlite:///{path}", poolclass=NullPool, connect_args={"timeout": _BUSY_S})
+
+    @event.listens_for(engine, "connect")
+    def _prepare(connection: sqlite3.Connection, _: object) -> None:
+        connection.execute("PRAGMA synchronous=FULL")  # a message is on disk before its number is used
+
+    return engine
+
+
+def _count(connection: Connection) -> int:
+    return int(connection.execute(select(func.count()).select_from(_messages)).scalar_one())
+
+
+def _file_time(stamp: str) -> int:
+    """Return the time of change, ns, in a stamp of `RunIndex`."""
+    return int(stamp.removeprefix("log ").split()[0])
+
+
+def _message(number: int, kind: str, columns: dict[str, Any], numbers: bytes) -> OutboxMessage:
+    return OutboxMessage(number, kind, {**columns, "numbers": numbers} if kind == "run" else columns)
+
+
+def _run_row(folder: Path, run: IndexedRun, history: History) -> dict[str, Any]:
+    """Return the columns of a run in the shared database."""
+    record = run.record
+    result = _result_text(run, history)
+    content = replace(record, log=Path(record.log.name), result=None)
+    return {
+        "name": run.name,
+        "serial": record.serial,
+        "started_utc": record.started_utc,
+        **to_columns(replace(run, record=content)),
+        "result": result,
+        "log_sha256": None if result is None else json.loads(result)["log"].get("sha256"),
+        "log": f"{socket.gethostname()}:{(folder / record.log.name).absolute()}",
+    }
+
+
+def _result_text(run: IndexedRun, history: History) -> str | None:
+    """Return the result JSON of a run; None for one that did not end, or whose result cannot be read any more."""
+    if run.record.outcome == "incomplete" and run.record.result is None:
+        return None
+    try:
+        return json.dumps(history.result(run.record).to_json(), allow_nan=False)
+    except InputError:
+        return None

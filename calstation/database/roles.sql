@@ -1,0 +1,38 @@
+-- Roles of the shared database, each with the least rights that its work needs. To be executed in the database by its
+-- owner, once it has its tables and again after every upgrade; the owner may create roles (CREATEROLE), or an
+-- administrator has created the three roles before.
+--
+--   calstation_station  a station: adds and changes runs, claims units; deletes no run, sees no solution
+--   calstation_fleet    solves logs again: reads runs, adds solutions
+--   calstation_reader   reads all, for evaluations
+--
+-- A login of each station is a member of its role: CREATE ROLE line1 LOGIN PASSWORD '...' IN ROLE calstation_station;
+
+DO $$
+DECLARE
+    name text;
+BEGIN
+    FOREACH name IN ARRAY ARRAY['calstation_station', 'calstation_fleet', 'calstation_reader'] LOOP
+        IF NOT EXISTS (SELECT FROM pg_roles WHERE rolname = name) THEN
+            EXECUTE format('CREATE ROLE %I NOLOGIN', name);
+        END IF;
+        EXECUTE format('GRANT CONNECT ON DATABASE %I TO %I', current_database(), name);
+    END LOOP;
+    EXECUTE format('REVOKE ALL ON DATABASE %I FROM PUBLIC', current_database());
+END $$;
+
+REVOKE ALL ON SCHEMA public FROM PUBLIC;
+REVOKE ALL ON ALL TABLES IN SCHEMA public FROM PUBLIC, calstation_station, calstation_fleet, calstation_reader;
+GRANT USAGE ON SCHEMA public TO calstation_station, calstation_fleet, calstation_reader;
+
+GRANT SELECT ON alembic_version TO calstation_station, calstation_fleet, calstation_reader;
+GRANT SELECT ON outboxes, revisions, runs, log_copies TO calstation_station, calstation_fleet, calstation_reader;
+
+GRANT INSERT, UPDATE ON outboxes, runs, log_copies TO calstation_station;
+GRANT UPDATE ON revisions TO calstation_station;
+GRANT SELECT, INSERT, UPDATE, DELETE ON claims TO calstation_station;
+
+GRANT SELECT, INSERT ON solutions TO calstation_fleet;
+GRANT USAGE ON SEQUENCE solutions_id_seq TO calstation_fleet;
+
+GRANT SELECT ON claims, solutions TO calstation_reader;

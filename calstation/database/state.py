@@ -1,0 +1,80 @@
+"""State of the exchange with the shared database, in a file that the window reads without the network."""
+
+import json
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from calstation.messages import Text, values_from_json
+from calstation.records import write_atomic
+from calstation.sequencer import Message
+
+#: File name of the state in the folder of the runs; the history ignores hidden files.
+FILE = ".exchange.json"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """The claim of another station on a unit that this station has claimed as well."""
+
+    serial: str
+    station: str
+    operator: str | None
+    since: datetime  #: UTC, by the clock of the database.
+
+    @property
+    def message(self) -> Message:
+        """The message for the operator."""
+        since = f"{self.since.astimezone():%H:%M}"
+        return Message("claimed_elsewhere", {"serial": self.serial, "station": self.station, "since": since})
+
+
+@dataclass(frozen=True)
+class ExchangeState:
+    """What the last attempt of an exchange left."""
+
+    pending: int = 0  #: Messages that have not arrived.
+    attempt_utc: datetime | None = None  #: Time of the attempt.
+    contact_utc: datetime | None = None  #: Time of the last exchange that succeeded.
+    error: dict[str, Any] | None = None  #: Code and values of the error of the attempt; None if it succeeded.
+    claims: tuple[Claim, ...] = ()  #: As of the last exchange that succeeded.
+    logs_pending: int = 0  #: Logs that have not been copied to the archive.
+    archive_error: dict[str, Any] | None = None  #: Code and values of the error of the last copy of a log.
+
+    @property
+    def error_text(self) -> Text | None:
+        """The error as a message."""
+        return _text(self.error)
+
+    @property
+    def archive_error_text(self) -> Text | None:
+        """The error of the last copy of a log as a message."""
+        return _text(self.archive_error)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the state as JSON data."""
+        state: dict[str, Any] = _STATE.dump_python(self, mode="json")
+        return state
+
+
+_STATE = TypeAdapter(ExchangeState)
+
+
+def _text(error: dict[str, Any] | None) -> Text | None:
+    return None if error is None else Text(error["code"], values_from_json(error["values"]))
+
+
+def read_state(folder: Path) -> ExchangeState:
+    """Return the state of the exchange of a folder; an empty one if there was no exchange. Takes milliseconds."""
+    try:
+        return _STATE.validate_json((folder / FILE).read_bytes())
+    except (OSError, ValueError):
+        return ExchangeState()
+
+
+def write_state(folder: Path, state: ExchangeState) -> None:
+    """Write the state of the exchange of a folder. Raises OSError."""
+    write_atomic(folder / FILE, json.dumps(state.to_json()))

@@ -1,0 +1,15 @@
+from .comparing import compare as compare
+from .comparing import export_version as export_version
+from .comparison import GROUPS as GROUPS
+from .comparison import VERDICTS as VERDICTS
+from .comparison import Comparison as Comparison
+from .comparison import Group as Group
+from .comparison import Move as Move
+from .comparison import VerdictChange as VerdictChange
+from .jobs import compare_job as compare_job
+from .jobs import export_job as export_job
+from .jobs import versions_job as versions_job
+from .resolving import FleetRequest as FleetRequest
+from .resolving import FleetSummary as FleetSummary
+from .resolving import resolve_fleet as resolve_fleet
+from .resolving import solved_results as solved_results

@@ -1,0 +1,244 @@
+"""Solutions of a version in Parquet files, brought up to date from the database when they are used.
+
+A database has a folder in the site's folder, with a folder for each version. Solutions are only added; those of the
+runs (version `ONLINE`) may be replaced, and a later row of the same run counts. Numbers of solutions appear in another
+order than they are given, so that a number below the last one may be missing; the count of rows shows it.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import Connection, Row, Select, func, select
+
+from calstation.config import site_folder
+from calstation.database import revisions, runs, solutions
+from calstation.errors import ConfigurationError
+from calstation.jobs import ProgressCallback
+from calstation.physics import NAMES
+from calstation.records import locked
+
+try:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+except ImportError as exc:
+    raise ConfigurationError("database.not_installed") from exc
+
+#: Version that stands for the results which the runs stored.
+ONLINE = "online"
+#: Rows read from the database and written at a time.
+_CHUNK = 100_000
+#: Number of files from which on they are joined.
+_MOST_FILES = 8
+#: Longest time to wait for another program that updates the same files, s.
+_LOCKED_WITHIN = 600.0
+
+_TEXTS = ("log_sha256", "serial", "product", "station", "started_utc", "month", "verdict", "failed_checks", "location")
+#: Columns with few different texts.
+_FEW = ("product", "station", "month", "verdict")
+SCHEMA = pa.schema(
+    [
+        ("number", pa.int64()),
+        ("log_key", pa.uint64()),
+        *((name, pa.string()) for name in _TEXTS),
+        *((f"{name}{suffix}", pa.float64()) for name in NAMES for suffix in ("", "_sigma")),
+    ],
+)
+
+
+@dataclass(frozen=True)
+class ColumnFiles:
+    """Parquet files of a version; together they have every solution."""
+
+    paths: tuple[Path, ...]
+
+    def read(self, *names: str, threads: bool = False) -> Any:
+        """Return columns of all rows as a table of pyarrow; `threads` unless the caller reads columns in parallel."""
+        few = [name for name in names if name in _FEW]
+        return pa.concat_tables(
+            pq.read_table(path, columns=list(names), read_dictionary=few, use_threads=threads, memory_map=True)
+            for path in self.paths
+        )
+
+    def numbers(self, name: str) -> NDArray[Any]:
+        """Return a column of numbers."""
+        parts = [chunk.to_numpy() for chunk in self.read(name).column(0).chunks]
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def update_columns(report: ProgressCallback, connection: Connection, version: str) -> ColumnFiles:
+    """Bring the files of a version up to date. Raises ConfigurationError if the database has no such version."""
+    database = connection.execute(select(revisions.c.database)).scalar_one()
+    folder = site_folder() / "fleet" / str(database) / quote(version, safe="+.")
+    source = _Runs() if version == ONLINE else _Solutions(version)
+    folder.mkdir(parents=True, exist_ok=True)
+    with locked(folder / ".lock", _LOCKED_WITHIN):
+        files = sorted(folder.glob("*.parquet"))
+        known = np.concatenate([np.empty(0, np.int64), *(ColumnFiles((path,)).numbers("number") for path in files)])
+        if (np.diff(np.sort(known)) == 0).any():  # the program was killed while it joined files
+            for path in files:
+                path.unlink()
+            files, known = [], known[:0]
+        last = int(known.max(initial=0))
+        total = source.count(connection, 0)
+        statement = source.rows(last)
+        if source.count(connection, last) + len(known) != total and version != ONLINE:
+            missing = np.setdiff1d(source.all_numbers(connection), known)
+            statement = source.rows(int(missing.min(initial=last + 1)) - 1)
+        left = max(total - len(known), 1)
+        done = 0
+        for table in _tables(connection, statement, known):
+            _write(table, folder / f"{len(files):06d}.parquet")
+            files.append(folder / f"{len(files):06d}.parquet")
+            done += len(table)
+            report(min(done / left, 1.0))
+        if len(files) > _MOST_FILES:
+            files = [_joined(files)]
+    if not files:
+        raise ConfigurationError("fleet.no_version", version=version, versions=versions(connection))
+    return ColumnFiles(tuple(files))
+
+
+def versions(connection: Connection) -> list[str]:
+    """Return the versions that the database has solutions of, ``online`` first."""
+    found = connection.execute(select(solutions.c.version).distinct().order_by(solutions.c.version)).scalars()
+    online = connection.execute(select(runs.c.name).limit(1)).first() is not None
+    return [*([ONLINE] if online else []), *found]
+
+
+class _Solutions:
+    """Rows of a version that was solved again."""
+
+    def __init__(self, version: str) -> None:
+        self._of_version = solutions.c.version == version
+
+    def count(self, connection: Connection, after: int) -> int:
+        wanted = select(func.count()).select_from(solutions).where(self._of_version, solutions.c.id > after)
+        return connection.execute(wanted).scalar_one()
+
+    def all_numbers(self, connection: Connection) -> NDArray[np.int64]:
+        return np.array(connection.execute(select(solutions.c.id).where(self._of_version)).scalars().all(), np.int64)
+
+    def rows(self, after: int) -> Select[Any]:
+        c = solutions.c
+        verdict = (c.outcome, c.passed)
+        texts = (c.log_sha256, c.serial, c.product, c.station, c.started_utc, c.failed_checks, c.location)
+        columns = (c.id.label("number"), *texts, *verdict, c.parameters, c.numbers)
+        return select(*columns).where(self._of_version, c.id > after).order_by(c.id)
+
+
+class _Runs:
+    """Rows of the runs of all stations."""
+
+    def count(self, connection: Connection, after: int) -> int:
+        wanted = select(func.count()).select_from(runs).where(runs.c.log_sha256.is_not(None), runs.c.revision > after)
+        return connection.execute(wanted).scalar_one()
+
+    def all_numbers(self, connection: Connection) -> NDArray[np.int64]:
+        return np.array(connection.execute(select(runs.c.revision)).scalars().all(), np.int64)
+
+    def rows(self, after: int) -> Select[Any]:
+        c = runs.c
+        texts = (c.log_sha256, c.serial, c.started_utc, c.failed_checks, c.log.label("location"), c.content)
+        columns = (c.revision.label("number"), *texts, c.parameters, c.numbers)
+        return select(*columns).where(c.log_sha256.is_not(None), c.revision > after).order_by(c.revision)
+
+
+def _tables(connection: Connection, statement: Select[Any], known: NDArray[np.int64]) -> Iterator[Any]:
+    """Yield the rows of a statement in tables, without those whose number is known."""
+    held = set(known.tolist()) if len(known) else set()
+    found = connection.execution_options(yield_per=_CHUNK).execute(statement)
+    for part in found.partitions(_CHUNK):
+        rows = [row for row in part if row.number not in held]
+        if rows:
+            yield _table(rows)
+
+
+def _table(rows: list[Row[Any]]) -> Any:
+    columns: dict[str, Any] = {
+        "number": [row.number for row in rows],
+        "log_key": np.array([int(row.log_sha256[:16], 16) for row in rows], np.uint64),
+        **{name: [getattr(row, name) for row in rows] for name in ("log_sha256", "serial", "started_utc", "location")},
+        "month": [(row.started_utc or "")[:7] for row in rows],
+        "failed_checks": [", ".join(json.loads(row.failed_checks)) for row in rows],
+    }
+    if "content" in rows[0]._fields:
+        contents = [json.loads(row.content) for row in rows]
+        columns |= {name: [content[name] for content in contents] for name in ("product", "station")}
+        columns["verdict"] = [_verdict(content["outcome"]) for content in contents]
+    else:
+        columns |= {name: [getattr(row, name) for row in rows] for name in ("product", "station")}
+        columns["verdict"] = [_solved_verdict(row.outcome, row.passed) for row in rows]
+    numbers = np.full((len(NAMES), 2, len(rows)), np.nan)
+    alike: dict[str, list[int]] = {}
+    for k, row in enumerate(rows):
+        alike.setdefault(row.parameters, []).append(k)
+    for text, where in alike.items():
+        names = json.loads(text)
+        values = np.frombuffer(b"".join(rows[k].numbers for k in where)).reshape(len(where), 2, len(names))
+        for j, name in enumerate(names):
+            if name in NAMES:
+                numbers[NAMES.index(name), :, where] = values[:, :, j]
+    for i, name in enumerate(NAMES):
+        columns[name], columns[f"{name}_sigma"] = numbers[i]
+    return pa.table([columns[name] for name in SCHEMA.names], schema=SCHEMA)
+
+
+def _verdict(outcome: str) -> str:
+    return outcome if outcome in ("passed", "failed") else "unjudged"
+
+
+def _solved_verdict(outcome: str, passed: bool | None) -> str:
+    if outcome == "failed":
+        return "error"
+    return "unjudged" if passed is None else "passed" if passed else "failed"
+
+
+def _write(table: Any, path: Path) -> None:
+    """Write a file that is complete or absent."""
+    partial = path.with_suffix(".partial")
+    floats = {name: "NONE" for name in SCHEMA.names if SCHEMA.field(name).type == pa.float64()}
+    compression = {name: floats.get(name, "ZSTD") for name in SCHEMA.names}
+    pq.write_table(
+        table,
+        partial,
+        compression=compression,
+        use_dictionary=list(_FEW),
+        write_statistics=False,
+        row_group_size=1 << 20,
+    )
+    partial.replace(path)
+
+
+def _joined(files: list[Path]) -> Path:
+    """Join the files of a version into one; return it."""
+    _write(pa.concat_tables([pq.read_table(path, memory_map=True) for path in files]), files[0])
+    for path in files[1:]:
+        path.unlink()
+    return files[0]
+
+
+def latest_rows(files: ColumnFiles) -> tuple[NDArray[np.uint64], NDArray[np.intp]]:
+    """Return the keys of the logs, in order, and the row of the last solution of each."""
+    keys, numbers = files.numbers("log_key"), files.numbers("number")
+    order = np.argsort(keys, kind="stable")
+    ordered = keys[order]
+    first = np.flatnonzero(np.append(True, ordered[1:] != ordered[:-1]))
+    if len(first) < len(keys):
+        order = np.lexsort((numbers, keys))
+        last = np.append(first[1:], len(keys)) - 1
+        return ordered[first], order[last]
+    return ordered, order
+
+
+def export_columns(files: ColumnFiles, path: Path) -> int:
+    """Write the last solution of every log of a version into one Parquet file; return their number. Raises OSError."""
+    _, rows = latest_rows(files)
+    table = files.read(*(name for name in SCHEMA.names if name != "log_key")).take(np.sort(rows))
+    _write(table, path)
+    return len(table)

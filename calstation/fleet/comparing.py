@@ -1,0 +1,219 @@
+"""Comparison of the solutions of two versions: changed verdicts, and how far the parameters moved."""
+
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calstation.database import connect
+from calstation.errors import ConfigurationError
+from calstation.fleet.columns import ColumnFiles, export_columns, latest_rows, update_columns
+from calstation.fleet.comparison import GROUPS, VERDICTS, Comparison, Group, Move, VerdictChange
+from calstation.jobs import ProgressCallback
+from calstation.messages import os_reason
+from calstation.physics import NAMES, FloatArray
+
+#: Share of the duration that bringing the columns up to date takes, for the progress.
+_UPDATE = 0.9
+
+
+def compare(report: ProgressCallback, url: str, before: str, after: str) -> Comparison:
+    """Job: compare the solutions of two versions in the database at `url`; ``online`` means those of the runs.
+
+    Of several solutions of a log under one version, the last counts. Raises ConfigurationError if the database cannot
+    be used or has no such version.
+    """
+    engine = connect(url)
+    try:
+        with engine.connect() as connection:
+            old = update_columns(_part(report, 0.0), connection, before)
+            new = update_columns(_part(report, 0.5), connection, after)
+    finally:
+        engine.dispose()
+    return _Pair(old, new).comparison(report, before, after)
+
+
+def export_version(report: ProgressCallback, url: str, version: str, path: Path) -> int:
+    """Job: write the solutions of a version to a Parquet file; return their number. Raises ConfigurationError."""
+    engine = connect(url)
+    try:
+        with engine.connect() as connection:
+            files = update_columns(_part(report, 0.0), connection, version)
+        return export_columns(files, path)
+    except OSError as exc:
+        raise ConfigurationError("csv.not_written", file=path, reason=os_reason(exc)) from exc
+    finally:
+        engine.dispose()
+
+
+def _part(report: ProgressCallback, begin: float) -> ProgressCallback:
+    def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+        report(_UPDATE * (begin + 0.5 * fraction))
+
+    return show
+
+
+class _Pair:
+    """Rows of the logs that two versions have in common."""
+
+    def __init__(self, old: ColumnFiles, new: ColumnFiles) -> None:
+        self._old, self._new = old, new
+        keys_old, rows_old = latest_rows(old)
+        keys_new, rows_new = latest_rows(new)
+        place = np.minimum(np.searchsorted(keys_new, keys_old), len(keys_new) - 1)
+        common = keys_new[place] == keys_old
+        self._rows_old, self._rows_new = rows_old[common], rows_new[place[common]]
+        self._only = (len(rows_old) - len(self._rows_old), len(rows_new) - len(self._rows_new))
+        order = np.argsort(self._rows_old, kind="stable")  # reading columns in their order is faster
+        self._rows_old, self._rows_new = self._rows_old[order], self._rows_new[order]
+        self._whole_old, self._whole_new = (
+            len(rows) == count and bool((rows == np.arange(count)).all())
+            for rows, count in ((self._rows_old, len(rows_old)), (self._rows_new, len(rows_new)))
+        )
+
+    def comparison(self, report: ProgressCallback, before: str, after: str) -> Comparison:
+        was, now = (self._codes(files, "verdict", VERDICTS)[0] for files in (self._old, self._new))
+        table = np.bincount(was * len(VERDICTS) + now, minlength=len(VERDICTS) ** 2).reshape(2 * (len(VERDICTS),))
+        kinds = {kind: self._codes(self._old, kind) for kind in GROUPS}
+        groups = {kind: _Groups(codes, names) for kind, (codes, names) in kinds.items()}
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            found = dict(zip(NAMES, pool.map(lambda name: self._moves(name, groups), NAMES), strict=True))
+        everything = {name: moves[0] for name, moves in found.items()}
+        by_group = {kind: {name: moves[1][kind] for name, moves in found.items()} for kind in GROUPS}
+        wanted = {each[-1] for each in everything.values() if each is not None}
+        for kind in GROUPS:
+            wanted |= {each[-1] for moves in by_group[kind].values() for each in moves if each is not None}
+        logs = self._texts(self._old, self._rows_old, sorted(wanted), "location", "serial")
+        down, up = (was == 0) & (now == 1), (was == 1) & (now == 0)
+        report(1.0)
+        return Comparison(
+            before,
+            after,
+            len(was),
+            *self._only,
+            {
+                old: {new: int(table[i, j]) for j, new in enumerate(VERDICTS) if table[i, j]}
+                for i, old in enumerate(VERDICTS)
+                if table[i].any()
+            },
+            self._changes(np.flatnonzero(was != now)),
+            _named(everything, logs),
+            {
+                kind: tuple(
+                    Group(
+                        name,
+                        int(each.counts[k]),
+                        int(np.count_nonzero(down[each.rows(k)])),
+                        int(np.count_nonzero(up[each.rows(k)])),
+                        _named({parameter: moves[k] for parameter, moves in by_group[kind].items()}, logs),
+                    )
+                    for k, name in each.named
+                )
+                for kind, each in groups.items()
+            },
+        )
+
+    def _codes(self, files: ColumnFiles, name: str, known: tuple[str, ...] = ()) -> tuple[NDArray[np.int64], list[str]]:
+        """Return the number of the text of each row, and the texts."""
+        names = {text: code for code, text in enumerate(known)}
+        parts = []
+        for chunk in files.read(name).column(0).chunks:
+            own = np.array([names.setdefault(text or "", len(names)) for text in chunk.dictionary.to_pylist()] + [-1])
+            codes = own[chunk.indices.fill_null(len(own) - 1).to_numpy(zero_copy_only=False)]
+            if chunk.null_count:
+                codes[codes < 0] = names.setdefault("", len(names))
+            parts.append(codes)
+        rows = self._rows_old if files is self._old else self._rows_new
+        return np.concatenate(parts)[rows], list(names)
+
+    def _moves(self, name: str, groups: Mapping[str, "_Groups"]) -> tuple["_Found", dict[str, list["_Found"]]]:
+        """Return the moves of a parameter over all logs and by group."""
+        old, old_sigma, new, new_sigma = (
+            files.numbers(column) if whole else files.numbers(column)[rows]
+            for files, rows, whole in (
+                (self._old, self._rows_old, self._whole_old),
+                (self._new, self._rows_new, self._whole_new),
+            )
+            for column in (name, f"{name}_sigma")
+        )
+        with np.errstate(invalid="ignore", divide="ignore"):
+            moves = np.abs(new - old) / np.maximum(new_sigma, old_sigma)
+        moves[new == old] = 0.0
+        return _found(moves, None), {kind: each.found(moves) for kind, each in groups.items()}
+
+    def _texts(
+        self, files: ColumnFiles, rows: NDArray[np.intp], wanted: list[int], *names: str
+    ) -> dict[int, tuple[Any, ...]]:
+        """Return texts of rows by their number among the common ones."""
+        chosen = files.read(*names, threads=True).take(rows[np.array(wanted, np.intp)])
+        return dict(zip(wanted, zip(*(chosen.column(name).to_pylist() for name in names), strict=True), strict=True))
+
+    def _changes(self, changed: NDArray[np.intp]) -> tuple[VerdictChange, ...]:
+        wanted = changed.tolist()
+        names = ("serial", "location", "product", "station", "started_utc", "verdict", "failed_checks")
+        old = self._texts(self._old, self._rows_old, wanted, *names)
+        new = self._texts(self._new, self._rows_new, wanted, "verdict", "failed_checks")
+        found = [
+            VerdictChange(serial or "", log, product, station, start, was, new[k][0], checks, new[k][1])
+            for k, (serial, log, product, station, start, was, checks) in old.items()
+        ]
+        return tuple(sorted(found, key=lambda each: (each.product or "", each.station or "", each.started_utc or "")))
+
+
+#: Median, 95th percentile and largest move, and the number of its row; None if no log has the parameter.
+_Found = tuple[float, float, float, int] | None
+
+
+class _Groups:
+    """Rows by group."""
+
+    def __init__(self, codes: NDArray[np.int64], names: list[str]) -> None:
+        self.counts = np.bincount(codes, minlength=len(names))
+        self._order = np.argsort(codes, kind="stable")
+        self._ends = np.cumsum(self.counts)
+        self._names = names
+
+    @property
+    def named(self) -> list[tuple[int, str]]:
+        """Numbers and names of the groups that have rows, in the order of the names."""
+        return sorted(((k, name) for k, name in enumerate(self._names) if self.counts[k]), key=lambda each: each[1])
+
+    def rows(self, k: int) -> NDArray[np.intp]:
+        """Return the rows of a group."""
+        return self._order[self._ends[k] - self.counts[k] : self._ends[k]]
+
+    def found(self, moves: FloatArray) -> list[_Found]:
+        """Return the moves of each group."""
+        if len(self._names) == 1:
+            return [_found(moves, None)]
+        return [_found(moves[self.rows(k)], self.rows(k)) for k in range(len(self._names))]
+
+
+def _found(moves: FloatArray, rows: NDArray[np.intp] | None) -> _Found:
+    """Return the distribution of moves; NaN, where a log lacks the parameter, does not count."""
+    held = np.flatnonzero(~np.isnan(moves)) if np.isnan(moves.sum()) else None
+    if held is not None:
+        rows = held if rows is None else rows[held]
+        moves = moves[held]
+    if not len(moves):
+        return None
+    ordered = np.sort(moves)  # faster than selecting the few that are needed
+    count = len(moves)
+    median = 0.5 * float(ordered[(count - 1) // 2] + ordered[count // 2])
+    place = 0.95 * (count - 1)
+    below, above = ordered[int(place)], ordered[min(int(place) + 1, count - 1)]
+    largest = int(np.argmax(moves))
+    row = largest if rows is None else int(rows[largest])
+    return median, float(below + (place - int(place)) * (above - below)), float(moves[largest]), row
+
+
+def _named(found: Mapping[str, _Found], logs: Mapping[int, tuple[Any, ...]]) -> dict[str, Move]:
+    return {
+        name: Move(*each[:3], log=logs[each[3]][0], serial=logs[each[3]][1] or "")
+        for name, each in found.items()
+        if each is not None
+    }

@@ -1,0 +1,254 @@
+"""Solves many logs again on the workers of a Dask cluster; whatever is finished is in the database."""
+
+import json
+import logging
+import re
+import threading
+import time
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+from sqlalchemy import Engine
+from sqlalchemy.exc import SQLAlchemyError
+
+from calstation.database import connect
+from calstation.errors import CalstationError, ConfigurationError
+from calstation.fleet.changes import Changes, load_changes
+from calstation.fleet.sources import StoredLog, find_logs
+from calstation.fleet.store import Wanted, label_used, read_results, solved_files
+from calstation.fleet.task import (
+    Assignment,
+    Status,
+    WarmUp,
+    failed_result,
+    file_digest,
+    solve_stored_log,
+    unreachable,
+    write,
+)
+from calstation.messages import values_from_json
+from calstation.results import SCHEMA
+
+try:
+    import dask
+    from distributed import Client, Future, LocalCluster
+    from distributed.comm.core import CommClosedError
+except ImportError as exc:
+    raise ConfigurationError("database.not_installed") from exc
+
+#: Largest number of logs given to the scheduler at a time.
+WINDOW = 1000
+#: Number of workers that a log may end before it is recorded as failed.
+ALLOWED_FAILURES = 3
+#: Interval at which a wish to stop is noticed, s.
+_POLL = 0.2
+#: Longest time to wait for a scheduler's answer.
+_CONNECT_TIMEOUT = "10s"
+_LOCAL = re.compile(r"local(?::([1-9]\d*))?")
+
+
+@dataclass(frozen=True)
+class FleetRequest:
+    """Logs to solve, and with what."""
+
+    sources: tuple[str, ...]  #: Files, folders and URLs; ``archive`` for the archive of the database.
+    database: str  #: URL of the shared database.
+    scheduler: str = "local"  #: ``local``, ``local:N`` or ``tcp://HOST:PORT``.
+    patch: Path | None = None  #: TOML file with changes to the configuration of the logs.
+    label: str | None = None  #: Name of the changes; by default that of the file.
+    stages: tuple[str, ...] | None = None
+    first_seq: int | None = None
+    last_seq: int | None = None
+    allowed_failures: int = ALLOWED_FAILURES
+
+
+@dataclass
+class FleetSummary:
+    """State of a request: how many logs are done, and what became of them."""
+
+    version: str
+    total: int = 0
+    solved_now: int = 0
+    already_there: int = 0
+    failed: int = 0  #: Failed now, including unreachable logs.
+    stopped: bool = False
+    duration_s: float = 0.0
+    solutions: list[int] = field(default_factory=list)  #: Numbers in the database.
+    failures: list[Status] = field(default_factory=list)  #: The logs that failed now.
+    #: Total duration by step of the logs that workers answered, s: ``copy``, ``solve`` and ``write``.
+    seconds: dict[str, float] = field(default_factory=dict)
+    answered: int = 0  #: Number of logs that workers answered.
+
+    @property
+    def done(self) -> int:
+        """Number of logs that are done."""
+        return self.solved_now + self.already_there + self.failed
+
+    def add(self, status: Status) -> None:
+        """Count a log."""
+        self.solved_now += status.outcome == "solved"
+        self.already_there += status.outcome == "there"
+        self.failed += status.outcome in ("failed", "unreachable")
+        if status.outcome in ("failed", "unreachable"):
+            self.failures.append(status)
+        if status.solution is not None:
+            self.solutions.append(status.solution)
+        self.answered += bool(status.seconds)
+        for step, seconds in status.seconds.items():
+            self.seconds[step] = self.seconds.get(step, 0.0) + seconds
+
+
+def resolve_fleet(
+    request: FleetRequest,
+    report: Callable[[FleetSummary], None] = lambda summary: None,
+    stop: threading.Event | None = None,
+) -> FleetSummary:
+    """Solve every log that is not solved yet under the same version, configuration, range and stages.
+
+    A log that cannot be solved, or that ends its workers, is recorded as failed; one that is not reachable is tried
+    again by the next call. `report` is called after each log. Once `stop` is set, the call returns within seconds, and
+    everything finished stays.
+
+    Raises InputError for a source without logs, ConfigurationError for the changes, the database or the scheduler.
+    """
+    begin = time.monotonic()
+    changes = load_changes(request.patch, request.label)
+    wanted = Wanted(changes, request.stages, request.first_seq, request.last_seq)
+    if request.first_seq is not None and request.last_seq is not None and request.first_seq > request.last_seq:
+        raise ConfigurationError("solution.range_reversed", first=request.first_seq, last=request.last_seq)
+    workers = _workers(request.scheduler)
+    engine = connect(request.database)
+    try:
+        _check_label(engine, changes)
+        logs = list(find_logs(request.sources, engine))
+        there = solved_files(engine, wanted)
+        summary = FleetSummary(changes.version, len(logs))
+        left = []
+        for log in logs:
+            solution = there.get((log.location, log.fingerprint or ""))
+            if solution is None:
+                left.append(log)
+            else:
+                summary.add(Status(log.location, "there", solution))
+        report(summary)
+        if left:
+            assignment = Assignment(request.database, wanted)
+            with _cluster(request.scheduler, workers, request.allowed_failures) as client:
+                for status in _solved(client, engine, assignment, left, stop or threading.Event()):
+                    summary.add(status)
+                    summary.duration_s = time.monotonic() - begin
+                    report(summary)
+    except SQLAlchemyError as exc:
+        raise ConfigurationError("fleet.database_failed", reason=str(exc).partition("\n")[0]) from exc
+    finally:
+        engine.dispose()
+    summary.stopped = summary.done < summary.total
+    summary.duration_s = time.monotonic() - begin
+    return summary
+
+
+def solved_results(database: str, summary: FleetSummary) -> Iterator[str]:
+    """Yield the result JSON of every log that is done; unreachable ones have only outcome, error and location.
+
+    Raises ConfigurationError for the database.
+    """
+    engine = connect(database)
+    yield from read_results(engine, summary.solutions)
+    engine.dispose()
+    for status in summary.failures:
+        if status.solution is None:
+            log = {"file": status.location}
+            yield json.dumps({"schema": SCHEMA, "outcome": "failed", **status.error, "log": log}, ensure_ascii=False)
+
+
+def _check_label(engine: Engine, changes: Changes) -> None:
+    if label_used(engine, changes):
+        raise ConfigurationError("fleet.label_used", version=changes.version)
+
+
+def _workers(scheduler: str) -> int | None:
+    """Return the number of local workers; None for a cluster."""
+    local = _LOCAL.fullmatch(scheduler)
+    if local is not None:
+        return int(local[1]) if local[1] else int(dask.system.CPU_COUNT)
+    if not scheduler.startswith(("tcp://", "tls://")):
+        raise ConfigurationError("fleet.scheduler", scheduler=scheduler)
+    return None
+
+
+@contextmanager
+def _cluster(scheduler: str, workers: int | None, allowed_failures: int) -> Iterator[Client]:
+    """Connect to a scheduler, or start local workers, and prepare the workers."""
+    settings = {
+        "distributed.scheduler.allowed-failures": allowed_failures,
+        "distributed.scheduler.worker-saturation": 1.0,
+        "distributed.comm.timeouts.connect": _CONNECT_TIMEOUT,
+    }
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(settings))
+        if workers is None:
+            try:
+                client = Client(scheduler, timeout=_CONNECT_TIMEOUT)
+            except (OSError, ValueError) as exc:
+                raise ConfigurationError("fleet.no_scheduler", scheduler=scheduler, reason=str(exc)) from exc
+            stack.callback(client.close)
+            with suppress(CommClosedError):  # of a worker that ends meanwhile; all others have the plugin
+                client.register_plugin(WarmUp())
+        else:
+            cluster = LocalCluster(
+                n_workers=0,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+            stack.callback(cluster.close)  # kills workers that are still solving after 4 s
+            client = Client(cluster)
+            stack.callback(client.close)
+            client.register_plugin(WarmUp())
+            cluster.scale(workers)
+        yield client
+
+
+def _solved(
+    client: Client, engine: Engine, assignment: Assignment, logs: Sequence[StoredLog], stop: threading.Event
+) -> Iterator[Status]:
+    """Yield the status of each log in the order in which they are done, until `stop` is set."""
+    done: SimpleQueue[Future[Status]] = SimpleQueue()
+    waiting = iter(logs)
+    running: dict[Hashable, tuple[Future[Status], StoredLog]] = {}
+    while not stop.is_set():
+        while len(running) < WINDOW and (log := next(waiting, None)) is not None:
+            future = client.submit(solve_stored_log, assignment, log, pure=False)
+            running[future.key] = (future, log)
+            future.add_done_callback(done.put)
+        if not running:
+            return
+        try:
+            future = done.get(timeout=_POLL)
+        except Empty:
+            continue
+        _, log = running.pop(future.key)
+        yield _status(engine, assignment.wanted, log, future)
+    client.cancel([future for future, _ in running.values()], force=True)
+
+
+def _status(engine: Engine, wanted: Wanted, log: StoredLog, future: Future[Status]) -> Status:
+    """Return the status of a log, which is recorded as failed if it ended its workers.
+
+    Raises ConfigurationError or SQLAlchemyError if the reason of a failure is not the log.
+    """
+    if future.status == "error":
+        died = CalstationError("fleet.worker_died", file=log.location)
+        try:
+            result = failed_result(died, None, log.location, file_digest(log.location))
+            return write(engine, wanted, log, result, log.location, {})
+        except OSError as exc:
+            return Status(log.location, "unreachable", error=unreachable(exc))
+    status: Status = future.result()
+    if status.outcome == "refused":
+        raise ConfigurationError(status.error["error_code"], **values_from_json(status.error["error_values"]))
+    return status

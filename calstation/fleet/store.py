@@ -1,0 +1,112 @@
+"""Solutions in the shared database: written once each, found again by log or file, and read."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+from sqlalchemy import ColumnElement, Engine, select
+from sqlalchemy.dialects import postgresql, sqlite
+
+from calstation.database import solutions
+from calstation.fleet.changes import Changes
+from calstation.results import Result
+
+#: Solutions read at a time.
+_CHUNK = 200
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is solved in every log."""
+
+    changes: Changes = field(default_factory=Changes)
+    stages: tuple[str, ...] | None = None  #: None for those of the log.
+    first_seq: int | None = None  #: None for the start of the log.
+    last_seq: int | None = None  #: None for the end of the log.
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """The columns of the solutions that say what was solved."""
+        return {
+            "version": self.changes.version,
+            "changes_sha256": self.changes.sha256,
+            "first_seq": 0 if self.first_seq is None else self.first_seq,
+            "last_seq": -1 if self.last_seq is None else self.last_seq,
+            "stages": ",".join(self.stages or ()),
+        }
+
+
+def label_used(engine: Engine, changes: Changes) -> bool:
+    """Whether the version names solutions with other changes."""
+    others = (solutions.c.version == changes.version) & (solutions.c.changes_sha256 != changes.sha256)
+    with engine.connect() as connection:
+        return connection.execute(select(solutions.c.id).where(others).limit(1)).first() is not None
+
+
+def solved_files(engine: Engine, wanted: Wanted) -> dict[tuple[str, str], int]:
+    """Return the solutions by location and fingerprint of their logs."""
+    columns = (solutions.c.location, solutions.c.fingerprint, solutions.c.id)
+    with engine.connect() as connection:
+        rows = connection.execute(select(*columns).where(*_conditions(wanted.columns)))
+        return {(location, fingerprint): number for location, fingerprint, number in rows}
+
+
+def find_solution(engine: Engine, wanted: Wanted, log_sha256: str, configuration_sha256: str) -> int | None:
+    """Return the solution of a log; None if there is none."""
+    key = {**wanted.columns, "log_sha256": log_sha256, "configuration_sha256": configuration_sha256}
+    with engine.connect() as connection:
+        return connection.execute(select(solutions.c.id).where(*_conditions(key))).scalar()
+
+
+def add_solution(
+    engine: Engine, wanted: Wanted, location: str, fingerprint: str, result: Result, text: str
+) -> tuple[int, bool]:
+    """Write a solution unless there is one; return its number, and whether it was written. `text` is its JSON."""
+    rows = result.parameters
+    numbers = [number for kind in ("value", "sigma") for number in (getattr(row, kind) for row in rows.values())]
+    row = {
+        **wanted.columns,
+        "log_sha256": result.log.sha256,
+        "configuration_sha256": result.configuration_sha256,
+        "location": location,
+        "fingerprint": fingerprint,
+        "outcome": result.outcome,
+        "error_code": result.error_code,
+        "passed": result.passed,
+        "serial": result.serial or None,
+        "product": result.product,
+        "station": result.station,
+        "started_utc": result.started_utc,
+        "failed_checks": json.dumps([check.name for check in result.failed_checks]),
+        "parameters": json.dumps([*rows]),
+        "numbers": np.array(numbers, dtype=float).tobytes(),
+        "solved": datetime.now(UTC),
+        "result": text,
+    }
+    insert = postgresql.insert if engine.dialect.name == "postgresql" else sqlite.insert
+    with engine.begin() as connection:
+        written = connection.execute(
+            insert(solutions).values(row).on_conflict_do_nothing().returning(solutions.c.id)
+        ).scalar()
+    if written is not None:
+        return int(written), True
+    there = find_solution(engine, wanted, result.log.sha256, result.configuration_sha256)
+    assert there is not None
+    return there, False
+
+
+def read_results(engine: Engine, numbers: Sequence[int]) -> Iterator[str]:
+    """Yield the result JSON of solutions in order."""
+    for start in range(0, len(numbers), _CHUNK):
+        part = numbers[start : start + _CHUNK]
+        with engine.connect() as connection:
+            rows = connection.execute(select(solutions.c.id, solutions.c.result).where(solutions.c.id.in_(part)))
+            found = {row.id: row.result for row in rows}
+        yield from (found[number] for number in part)
+
+
+def _conditions(values: Mapping[str, Any]) -> list[ColumnElement[bool]]:
+    return [solutions.c[name] == value for name, value in values.items()]

@@ -1,0 +1,315 @@
+"""Compares two versions of the solutions of all logs: changed verdicts, and how far the parameters moved."""
+
+from collections.abc import Callable, Sequence
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QAbstractItemView, QComboBox, QTableWidget, QTableWidgetItem, QWidget
+
+from calstation.fleet import GROUPS, Comparison, VerdictChange, compare_job, export_job, versions_job
+from calstation.gui.history.moves_plot import MovesPlot
+from calstation.gui.shell import AppContext
+from calstation.gui.text import bind, on_language_change, parameter_text, product_text, term
+from calstation.gui.widgets import (
+    ROW,
+    CellTable,
+    EmptyState,
+    FileExport,
+    JobRow,
+    JobStack,
+    JobWatch,
+    NoticeBar,
+    button,
+    column,
+    enable,
+    label,
+    row,
+    show_text,
+    split,
+    stack,
+    theme,
+)
+from calstation.messages import local_time
+
+#: Version of the results that the runs stored.
+_ONLINE = "online"
+#: Largest number of changed verdicts that are listed; an export has all.
+_MOST = 1000
+
+
+class VersionsView(QWidget):
+    """Chooses two versions, compares them by a job and shows the answer; `back` is called to return to the list."""
+
+    def __init__(self, app: AppContext, notice: NoticeBar, back: Callable[[], None]) -> None:
+        super().__init__()
+        self._app = app
+        self._versions: list[str] = []
+        self._found: Comparison | None = None
+        self._reader, self._worker = JobWatch(self, self._offer), JobWatch(self, self._show_found)
+        self.back_button = button("versions_back_button", lambda: self.tr("Back to the list"), back)
+        self.exports = FileExport(app.job_queue, self, notice, self.back_button.setFocus)
+        notice.report_failures(self._reader, lambda: self.tr("The versions could not be read"), back)
+        notice.report_failures(self._worker, lambda: self.tr("The versions cannot be compared"), back)
+        for watch in (self._worker, self.exports.watch):
+            watch.busy_changed.connect(notice.dismiss)
+        self._reader.busy_changed.connect(self._show_texts)
+        self._summary = label(wrap=True, name="versions_summary_label")
+        self._changes_title = label(kind="section")
+        self.changes = self._make_changes()
+        self.moves = self._make_moves()
+        self.plot = MovesPlot()
+        self._group = QComboBox()
+        self._group.setObjectName("versions_group_combo")
+        bind(self._group.setAccessibleName, lambda: self.tr("Rows of the plot"))
+        self._group.currentIndexChanged.connect(lambda _: self._draw())
+        left = QWidget()
+        column(self._changes_title, (self.changes, 2), (self.moves, 3), on=left)
+        right = QWidget()
+        column(row(None, self._group), (self.plot, 1), on=right)
+        answer = QWidget()
+        column(self._summary, (split((left, 5), (right, 4), handle=2 * theme.GRID), 1), on=answer)
+        self._nothing = EmptyState()
+        self._body, self._answer = stack(self._nothing, answer), answer
+        column(self._make_choice(), (self._body, 1), on=self)
+        on_language_change(self, self._show_texts)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a job of the view is running."""
+        return self._reader.busy or self._worker.busy or self.exports.watch.busy
+
+    def open(self) -> None:
+        """Read the versions of the database."""
+        if self._app.exchange_state is not None and not self._reader.busy:
+            self._reader.watch(self._app.job_queue.submit(versions_job, self._app.station_path))
+        self._show_texts()
+        self.back_button.setFocus()
+
+    def _make_choice(self) -> QWidget:
+        self._before, self._after = self._version_combo("before"), self._version_combo("after")
+        self._compare_button = button(
+            "versions_compare_button", lambda: self.tr("Compare"), self._compare, kind="primary"
+        )
+        self._export_button = button("versions_export_button", lambda: self.tr("Export…"), self._export)
+        idle = QWidget()
+        row(None, self._compare_button, self._export_button, on=idle)
+        progress = JobStack(
+            idle,
+            JobRow(self._reader, "versions_read_cancel_button"),
+            JobRow(self._worker, "versions_cancel_button"),
+            JobRow(self.exports.watch, "versions_export_cancel_button"),
+        )
+        before = label(lambda: self.tr("Before"), buddy=self._before)
+        after = label(lambda: self.tr("After"), buddy=self._after)
+        choice = QWidget()
+        row(self.back_button, before, (self._before, 2), after, (self._after, 2), (progress, 3), on=choice)
+        return choice
+
+    def _version_combo(self, name: str) -> QComboBox:
+        combo = QComboBox()
+        combo.setObjectName(f"versions_{name}_combo")
+        combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        combo.setMinimumContentsLength(10)
+        combo.currentIndexChanged.connect(lambda _: self._show_texts())
+        return combo
+
+    def _make_changes(self) -> QTableWidget:
+        table = QTableWidget(0, 7)
+        table.setObjectName("versions_changes_table")
+        table.setFont(theme.font())
+        table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        table.setAlternatingRowColors(True)
+        table.setShowGrid(False)
+        table.setWordWrap(False)
+        table.setTabKeyNavigation(False)
+        table.verticalHeader().hide()
+        table.verticalHeader().setDefaultSectionSize(ROW)
+        table.horizontalHeader().setHighlightSections(False)
+        table.horizontalHeader().setStretchLastSection(True)
+        table.horizontalHeader().setResizeContentsPrecision(_MOST)
+        table.horizontalHeader().setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        bind(table.setAccessibleName, lambda: self.tr("Changed verdicts"))
+        return table
+
+    def _make_moves(self) -> CellTable:
+        table = CellTable("versions_moves_table")
+        bind(table.setAccessibleName, lambda: self.tr("Moves of the parameters, σ"))
+        table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        text = table.column
+        table.parameters.set_columns(
+            (
+                text(lambda: self.tr("Median, σ"), "median"),
+                text(lambda: self.tr("95 %, σ"), "percentile_95"),
+                text(lambda: self.tr("Largest, σ"), "largest"),
+                text(lambda: self.tr("Unit with the largest"), "serial", number=False, hint=self._log_of),
+            )
+        )
+        table.selectionModel().currentRowChanged.connect(lambda *_: self._draw())
+        return table
+
+    # ---- choosing and comparing
+
+    def _offer(self, versions: list[str]) -> None:
+        """Offer the versions; by default the results of the runs, or the first version, and the last one."""
+        if versions == self._versions:
+            self._show_texts()
+            return
+        self._versions, self._found = versions, None
+        for combo, index in ((self._before, 0), (self._after, len(versions) - 1)):
+            combo.clear()
+            for version in versions:
+                combo.addItem(self._name(version), version)
+            combo.setCurrentIndex(index)
+        self._show_texts()
+
+    def _name(self, version: str) -> str:
+        return self.tr("Results of the runs") if version == _ONLINE else version
+
+    def _chosen(self) -> tuple[str, str]:
+        return self._before.currentData() or "", self._after.currentData() or ""
+
+    def _compare(self) -> None:
+        self._worker.watch(self._app.job_queue.submit(compare_job, self._app.station_path, *self._chosen()))
+
+    def _export(self) -> None:
+        station, (before, after) = self._app.station_path, self._chosen()
+        self.exports.ask(
+            self.tr("Export the comparison, or the later version as Parquet"),
+            self._app.runs_folder.absolute().parent / "comparison.json",
+            ["JSON (*.json)", "Parquet (*.parquet)"],
+            lambda target: (export_job, station, before, after, target),
+        )
+
+    def _show_found(self, found: Comparison) -> None:
+        self._found = found
+        self._show_texts()
+
+    # ---- showing
+
+    def _why_not(self) -> str:
+        before, after = self._chosen()
+        if len(self._versions) < 2:
+            return self.tr("There are no two versions to compare")
+        return self.tr("Choose two different versions") if before == after else ""
+
+    def _show_texts(self) -> None:
+        why = self._why_not()
+        enable(self._compare_button, why, self.tr("Compare these versions on the logs that both have"))
+        enable(self._export_button, why, self.tr("Write the comparison, or the later version as Parquet"))
+        for combo in (self._before, self._after):
+            for index in range(combo.count()):
+                combo.setItemText(index, self._name(combo.itemData(index)))
+        found = self._found
+        if found is None or (found.before, found.after) != self._chosen():
+            self._body.setCurrentWidget(self._nothing)
+            self._nothing.say(*self._empty_texts())
+            return
+        self._body.setCurrentWidget(self._answer)
+        for index, text in enumerate((self.tr("By parameter"), *(self._group_name(kind) for kind in GROUPS))):
+            if index < self._group.count():
+                self._group.setItemText(index, text)
+            else:
+                self._group.addItem(text, ("", *GROUPS)[index])
+        down, up = len(found.pass_to_fail), len(found.fail_to_pass)
+        lines = [self.tr("{0} logs in both versions").format(found.logs)]
+        if found.only_before or found.only_after:
+            lines.append(self.tr("{0} only before, {1} only after").format(found.only_before, found.only_after))
+        lines.append(self.tr("{0} passed and fail now, {1} failed and pass now").format(down, up))
+        show_text(self._summary, "  ·  ".join(lines))
+        self._fill_changes(found.changes)
+        self._fill_moves(found)
+        self._draw()
+
+    def _empty_texts(self) -> tuple[str, str]:
+        """Return title and text of the place where the answer will be."""
+        if self._app.exchange_state is None:
+            text = self.tr(
+                "Solutions of many logs are kept in a database that stations share. Name one on the page Station."
+            )
+            return self.tr("This station shares no records"), text
+        if self._reader.busy:
+            return self.tr("Reading the versions"), ""
+        if len(self._versions) < 2:
+            text = self.tr(
+                "Solve the logs again with another version of the program or another configuration, "
+                "and compare the answers here: calstation fleet resolve archive --database URL --patch FILE.toml"
+            )
+            return self.tr("There are no two versions to compare yet"), text
+        text = self.tr("Changed verdicts and how far every parameter moved, in sigmas, over the logs of all stations.")
+        return self.tr("Choose two versions and press Compare"), text
+
+    def _group_name(self, kind: str) -> str:
+        names = {"product": self.tr("By product"), "station": self.tr("By station"), "month": self.tr("By month")}
+        return names[kind]
+
+    def _fill_changes(self, changes: Sequence[VerdictChange]) -> None:
+        table, shown = self.changes, changes[:_MOST]
+        title = self.tr("Changed verdicts: {0}").format(len(changes))
+        if len(shown) < len(changes):
+            title = self.tr("Changed verdicts: {0}, the first {1} listed").format(len(changes), len(shown))
+        self._changes_title.setText(title if changes else self.tr("No verdict changed"))
+        table.setVisible(bool(changes))
+        headings = (
+            self.tr("Serial number"),
+            self.tr("Product"),
+            self.tr("Station"),
+            self.tr("Started"),
+            self.tr("Before"),
+            self.tr("After"),
+            self.tr("Failed checks"),
+        )
+        table.setHorizontalHeaderLabels(headings)
+        table.setRowCount(len(shown))
+        for number, change in enumerate(shown):
+            texts = (
+                change.serial,
+                product_text(change.product or ""),
+                change.station or "",
+                local_time(change.started_utc or ""),
+                self._verdict(change.before),
+                self._verdict(change.after),
+                _checks_text(change.failed_after or change.failed_before),
+            )
+            for k, text in enumerate(texts):
+                cell = QTableWidgetItem(text)
+                cell.setToolTip(change.log)
+                table.setItem(number, k, cell)
+        table.resizeColumnsToContents()
+
+    def _verdict(self, verdict: str) -> str:
+        others = {"unjudged": self.tr("not judged"), "error": self.tr("not solved")}
+        return others.get(verdict) or term("badge", verdict)
+
+    def _fill_moves(self, found: Comparison) -> None:
+        numbers = ("median", "percentile_95", "largest")
+        self.moves.show_cells(
+            {
+                name: {**{key: f"{getattr(move, key):.3f}" for key in numbers}, "serial": move.serial}
+                for name, move in found.moves.items()
+            },
+            numbers,
+        )
+        if found.moves and not self.moves.currentIndex().isValid():
+            self.moves.selectRow(0)
+
+    def _log_of(self, name: str) -> str:
+        assert self._found is not None
+        return self._found.moves[name].log
+
+    def _draw(self) -> None:
+        found, kind = self._found, self._group.currentData()
+        if found is None:
+            return
+        rows = {parameter_text(name): move for name, move in found.moves.items()}
+        line = self.moves.currentIndex().row()
+        if kind and 0 <= line < len(found.moves):
+            name = list(found.moves)[line]
+            naming = product_text if kind == "product" else str
+            rows = {naming(group.name): group.moves[name] for group in found.groups[kind] if name in group.moves}
+        self.plot.show_moves(rows)
+
+
+def _checks_text(names: str) -> str:
+    """Return the quantities whose checks failed."""
+    quantities = dict.fromkeys(name.split()[0] for name in names.split(", ") if name)
+    return ", ".join(map(parameter_text, quantities))

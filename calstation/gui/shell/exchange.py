@@ -1,0 +1,56 @@
+"""Exchange of the runs folder with the database that stations share, while the window is open."""
+
+from PySide6.QtCore import QObject, QTimer
+
+from calstation.database import ExchangeProcess, read_state, start_exchange
+from calstation.errors import CalstationError
+from calstation.gui.shell.context import AppContext
+
+#: Time between two readings of the state of the exchange, ms.
+_READ_MS = 1000
+
+
+class RecordsExchange(QObject):
+    """Keeps the exchange process of the present station and runs folder, and reads its state for the pages."""
+
+    def __init__(self, app: AppContext) -> None:
+        super().__init__(app)
+        self._app = app
+        self._process: ExchangeProcess | None = None
+        self._ended: list[ExchangeProcess] = []
+        app.station_changed.connect(self._restart)
+        app.runs_folder_changed.connect(self._restart)
+        app.closing.connect(self._close)
+        self._timer = QTimer(self, interval=_READ_MS)
+        self._timer.timeout.connect(self._read)
+        self._restart()
+
+    def _restart(self) -> None:
+        self._end()
+        try:
+            self._process = start_exchange(self._app.station_path, self._app.runs_folder)
+        except CalstationError:  # the pages show what is wrong with the station file
+            self._process = None
+        if self._process is not None:
+            self._timer.start()
+        else:
+            self._timer.stop()
+        self._read()
+
+    def _read(self) -> None:
+        state = None if self._process is None else read_state(self._app.runs_folder)
+        if state != self._app.exchange_state:
+            self._app.exchange_state = state
+            self._app.exchange_changed.emit()
+
+    def _end(self) -> None:
+        if self._process is not None:
+            self._process.end()
+            self._ended.append(self._process)
+            self._process = None
+
+    def _close(self) -> None:
+        self._timer.stop()
+        self._end()
+        while self._ended:
+            self._ended.pop().close()

@@ -1,0 +1,77 @@
+"""Many short raw logs as several stations would record them in a year, for solving them again and comparing.
+
+They show what a comparison should find: from March on, the configuration of `WRONG_STATION` has a surveyed gravity that
+is too high by `GRAVITY_ERROR`, and the limits of the accelerometer scale factors are so narrow that units fail.
+"""
+
+import zlib
+from datetime import UTC, datetime, timedelta
+from multiprocessing import get_context
+from pathlib import Path
+
+from calstation.bench import BenchConfig
+from calstation.bench.truth import GRADES, GradeName, Simulator
+from calstation.config import ResolvedConfiguration, RunRequest, library, resolve_configuration
+from calstation.jobs import ProgressCallback
+from calstation.records import SUFFIX, LogMeta, RawLogWriter
+from calstation.simulation.study import FAST, block_of
+from procedures import method
+
+STATIONS = ("bench 1", "bench 2", "bench 3")
+#: The station whose configured gravity is wrong, and since when.
+WRONG_STATION, WRONG_SINCE = "bench 2", datetime(2026, 3, 1, tzinfo=UTC)
+#: Relative error of its configured gravity.
+GRAVITY_ERROR = 20e-6
+#: Limit of the accelerometer scale factors, in standard deviations of the grade's units.
+SCALE_LIMIT = 1.5
+_BEGIN, _PERIOD = datetime(2025, 12, 1, 6, tzinfo=UTC), timedelta(days=240)
+_PROCESSES = 2
+
+
+def record_logs(
+    progress: ProgressCallback, folder: Path, count: int, grade: GradeName = "mems", seed: int = 1
+) -> list[Path]:
+    """Job: write `count` logs of different units into a folder, each of all 30 parameters; return their paths.
+
+    The product is the one of the grade with a designed schedule. Equal seeds give equal logs.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    jobs = [(folder, grade, seed, number, count) for number in range(count)]
+    paths = []
+    with get_context("spawn").Pool(min(_PROCESSES, count)) as pool:
+        for done, path in enumerate(pool.imap(_record, jobs, chunksize=4), 1):
+            paths.append(path)
+            progress(done / count)
+    return paths
+
+
+def _record(job: tuple[Path, GradeName, int, int, int]) -> Path:
+    folder, grade, seed, number, count = job
+    serial, station = f"SN-{number + 1:05d}", STATIONS[number % len(STATIONS)]
+    started = _BEGIN + number / count * _PERIOD
+    request = RunRequest(serial, None, library.find("products", FAST[grade]), seed=seed)
+    setup = resolve_configuration(request)
+    bench = setup.bench_config()
+    assert bench is not None
+    bench["seed"] = zlib.crc32(f"{seed} {serial}".encode())
+    truth = BenchConfig(**bench).truth()
+    meta = _meta(setup, station, started, float(truth.table.up_force_n[2]), grade)
+    path = folder / f"{serial}_{started:%Y%m%dT%H%M%S}{SUFFIX}"
+    path.unlink(missing_ok=True)
+    simulator = Simulator(truth, bench["seed"])
+    writer = RawLogWriter(path, meta)
+    for stage, schedule in setup.schedules.items():
+        steps = method(stage).plan(setup.table.geometry(), schedule)
+        writer.append(block_of(simulator.run(steps, stage, getattr(schedule, "rounds", None))))
+    writer.close("recorded")
+    return path
+
+
+def _meta(setup: ResolvedConfiguration, station: str, started: datetime, gravity: float, grade: GradeName) -> LogMeta:
+    """Return the configuration of a log; the surveyed gravity of `WRONG_STATION` is wrong from `WRONG_SINCE` on."""
+    plain = setup.log_meta(started).model_dump()
+    wrong = station == WRONG_STATION and started >= WRONG_SINCE
+    plain["site"]["gravity_mps2"] = round(gravity * (1.0 + GRAVITY_ERROR * wrong), 7)
+    plain["run"]["station"] = station
+    plain["product"]["limits"]["accel_scale"]["within"] = SCALE_LIMIT * GRADES[grade].sigma["accel_scale"]
+    return LogMeta.model_validate(plain)

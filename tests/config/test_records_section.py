@@ -1,0 +1,48 @@
+"""`[records]` of a station file names a database and an archive, and holds no credentials."""
+
+from pathlib import Path
+
+import pytest
+
+from calstation.config import library, load_station
+from calstation.errors import ConfigurationError
+
+
+def station(folder: Path, text: str) -> Path:
+    """The shipped virtual station with a section `[records]`."""
+    path = folder / "line.toml"
+    shipped = library.find("stations", "virtual_bench").read_text(encoding="utf-8")
+    path.write_text(f"{shipped}\n[records]\n{text}\n", encoding="utf-8")
+    return path
+
+
+def test_records_stay_on_the_computer_by_default() -> None:
+    records = load_station(None)[1].records
+    assert (records.database, records.archive) == (None, None)
+
+
+def test_a_database_and_an_archive_are_read(tmp_path: Path) -> None:
+    text = 'database = "postgresql+psycopg://line@server/records"\narchive = "s3://bucket/logs"'
+    records = load_station(station(tmp_path, text))[1].records
+    assert records.database == "postgresql+psycopg://line@server/records"
+    assert records.archive == "s3://bucket/logs"
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ('database = "postgresql+psycopg://line:geheim@server/records"', "database.password_in_url"),
+        ('database = "postgresql+psycopg://line@server/records?password=geheim"', "database.password_in_url"),
+        ('database = "mysql://line:geheim@server/records"', "database.other_kind"),
+        ('database = "geheim"', "database.no_url"),
+        ('archive = "s3://key:geheim@bucket/logs"', "database.password_in_archive"),
+        ('databse = "geheim"', None),
+    ],
+)
+def test_a_file_with_a_password_is_refused_without_showing_it(tmp_path: Path, text: str, code: str | None) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        load_station(station(tmp_path, text))
+    what = caught.value.values["what"]
+    if code is not None:
+        assert code in (what.code, getattr(what.values.get("what"), "code", None))
+        assert "geheim" not in str(caught.value)

@@ -1,0 +1,171 @@
+"""The archive of logs: verified copies in a folder and in S3, interrupted copies, and copies read again."""
+
+import hashlib
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from calstation.database import archive_log
+from calstation.database.archive import copy_to
+from calstation.errors import InputError
+from tests.helpers import ignore_progress
+
+moto_server = pytest.importorskip("moto.server", reason="the package moto[server] is not installed")
+
+CONTENT = bytes(range(256)) * 100_000  # 25.6 MB: S3 takes it in several parts
+DIGEST = hashlib.sha256(CONTENT).hexdigest()
+
+#: Program that archives a log and is killed after `AFTER` bytes have been written.
+KILLED = """
+import os, shutil, signal, sys
+from pathlib import Path
+from calstation.database import archive_log
+
+def copy(source, target, length):
+    target.write(source.read({after}))
+    target.flush()
+    os.kill(os.getpid(), signal.SIGKILL)
+
+shutil.copyfileobj = copy
+archive_log(Path(sys.argv[1]), sys.argv[2])
+"""
+
+#: Program that archives a log where a file can have 1 MB.
+FULL = """
+import resource, signal, sys
+from pathlib import Path
+from calstation.database import archive_log
+from calstation.errors import InputError
+
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
+try:
+    archive_log(Path(sys.argv[1]), sys.argv[2])
+except InputError as error:
+    print(error.code)
+"""
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    path = tmp_path / "SN-000001_20261123T120000.h5"
+    path.write_bytes(CONTENT)
+    return path
+
+
+@pytest.fixture
+def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    import s3fs
+
+    server = moto_server.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "station")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+    s3fs.S3FileSystem(skip_instance_cache=True).mkdir("calibration-logs")
+    yield "s3://calibration-logs/plant-2"
+    server.stop()
+
+
+def archived(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_copies_a_log_into_a_folder_and_reads_it_back(log: Path, tmp_path: Path) -> None:
+    archive = tmp_path / "share" / "logs"
+    copy = archive_log(log, str(archive))
+    assert (copy.url, copy.file_sha256, copy.size) == (f"{archive}/{log.name}", DIGEST, len(CONTENT))
+    assert archived(archive) == [log.name]
+    copy_to(copy.url, tmp_path / "copy.h5", ignore_progress)
+    assert (tmp_path / "copy.h5").read_bytes() == CONTENT
+
+
+def test_copies_a_log_to_s3_and_reads_it_back(log: Path, bucket: str, tmp_path: Path) -> None:
+    import s3fs
+
+    copy = archive_log(log, bucket)
+    assert copy.url == f"{bucket}/{log.name}"
+    assert archive_log(log, bucket) == copy
+    names = s3fs.S3FileSystem(skip_instance_cache=True).ls(bucket)
+    assert names == [f"calibration-logs/plant-2/{log.name}"]
+    fractions: list[float] = []
+    copy_to(copy.url, tmp_path / "copy.h5", lambda fraction, *_: fractions.append(fraction))
+    assert (tmp_path / "copy.h5").read_bytes() == CONTENT
+    assert fractions[-1] == 1.0
+    assert len(fractions) > 2
+
+
+def test_does_not_copy_the_same_bytes_again_and_replaces_a_damaged_copy(log: Path, tmp_path: Path) -> None:
+    archive = tmp_path / "share"
+    copy = archive_log(log, str(archive))
+    there = archive / log.name
+    stamp = there.stat()
+    assert archive_log(log, str(archive)) == copy
+    assert (there.stat().st_ino, there.stat().st_mtime_ns) == (stamp.st_ino, stamp.st_mtime_ns)
+    there.write_bytes(CONTENT[:-1] + b"x")
+    assert archive_log(log, str(archive)) == copy
+    assert there.read_bytes() == CONTENT
+
+
+def test_a_copy_that_reads_back_differently_gets_no_name(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import shutil
+
+    archive = tmp_path / "share"
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "copyfileobj", lambda source, target, length: target.write(source.read()[:-1]))
+        with pytest.raises(InputError) as refused:
+            archive_log(log, str(archive))
+    assert refused.value.code == "database.copy_damaged"
+    assert archived(archive) == []
+    archive_log(log, str(archive))
+    assert archived(archive) == [log.name]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
+@pytest.mark.parametrize("after", [0, 1_000_000, len(CONTENT)])
+def test_a_killed_copy_leaves_no_file_of_that_name(log: Path, tmp_path: Path, after: int) -> None:
+    archive = tmp_path / "share"
+    command = [sys.executable, "-c", KILLED.format(after=after), str(log), str(archive)]
+    assert subprocess.run(command, timeout=120).returncode == -signal.SIGKILL
+    assert log.name not in archived(archive)
+    archive_log(log, str(archive))
+    assert archived(archive) == [log.name]
+    assert (archive / log.name).read_bytes() == CONTENT
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit of file sizes")
+def test_a_full_archive_is_an_error_and_leaves_nothing(log: Path, tmp_path: Path) -> None:
+    archive = tmp_path / "share"
+    command = [sys.executable, "-c", FULL, str(log), str(archive)]
+    assert (
+        subprocess.run(command, timeout=120, capture_output=True, text=True).stdout.strip() == "database.archive_failed"
+    )
+    assert archived(archive) == []
+
+
+def test_an_archive_that_is_not_there_is_an_error(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "share").write_text("the share is not mounted")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "station")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")
+    for archive, code in (
+        (str(tmp_path / "share" / "logs"), "archive_failed"),
+        ("s3://calibration-logs", "archive_failed"),
+        ("tape://logs", "no_archive"),
+    ):
+        with pytest.raises(InputError) as failed:
+            archive_log(log, archive)
+        assert failed.value.code == f"database.{code}"
+    for url in (str(tmp_path / "gone.h5"), "s3://calibration-logs/gone.h5"):
+        with pytest.raises(InputError) as failed:
+            copy_to(url, tmp_path / "copy.h5", ignore_progress)
+        assert failed.value.code == "database.log_not_read"

@@ -1,0 +1,139 @@
+"""The exchange of a station copies its closed logs to the archive and tells the other stations where they are."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from calstation.cli.app import run_app
+from calstation.config import library
+from calstation.database import Exchange, fetch_log, fetch_result, read_state, upgrade, watch
+from calstation.database.archiver import LogArchiver
+from calstation.database.outbox import Outbox
+from calstation.errors import ConfigurationError
+from calstation.records import RunFilter, RunIndex, RunRecord
+from calstation.results import load_result
+from tests.database.result_files import write_result
+from tests.helpers import ignore_progress, raises_code
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """URL of a database with tables."""
+    if request.param == "postgresql":
+        return str(request.getfixturevalue("shared_database"))
+    made = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    upgrade(made)
+    return made
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Runs folder of a station, with two runs."""
+    made = tmp_path / "line 1"
+    made.mkdir()
+    for number, name in enumerate("ab"):
+        write_result(made, name, number)
+        (made / f"{name}.h5").write_bytes(f"samples of {name}".encode())
+    return made
+
+
+def station_file(folder: Path, url: str) -> Path:
+    """The virtual bench as a station that shares its records."""
+    shipped = library.find("stations", "virtual_bench").read_text(encoding="utf-8")
+    path = folder.parent / f"{folder.name}.toml"
+    path.write_text(f'{shipped}\n[records]\ndatabase = "{url}"\n', encoding="utf-8")
+    return path
+
+
+def until(condition: Callable[[], bool]) -> Callable[[float], bool]:
+    """A `wait` that ends an exchange when a condition holds."""
+    return lambda _: condition()
+
+
+def received(folder: Path) -> dict[str, RunRecord]:
+    return {run.name: run.record for run in RunIndex(folder).find(RunFilter())}
+
+
+def test_logs_are_archived_and_read_by_another_station(url: str, folder: Path, tmp_path: Path) -> None:
+    archive = tmp_path / "archive"
+    outbox = Outbox(folder)
+    watch(
+        folder,
+        url,
+        "line 1",
+        until(lambda: len(outbox.copies()) == 2 and outbox.pending == 0),
+        archive=str(archive),
+    )
+    state = read_state(folder)
+    assert (state.pending, state.logs_pending, state.archive_error) == (0, 0, None)
+    assert sorted(path.name for path in (archive / outbox.id).iterdir()) == ["a.h5", "b.h5"]
+    other = tmp_path / "line 2"
+    other.mkdir()
+    exchange = Exchange(other, url, "line 2")
+    exchange.exchange()
+    exchange.close()
+    run = received(other)["a"]
+    assert (run.origin, run.location) == (outbox.id, str(archive / outbox.id / "a.h5"))
+    assert fetch_log(ignore_progress, run).read_bytes() == b"samples of a"
+    assert run.log == other / outbox.id / "a.h5"
+    result = fetch_result(ignore_progress, station_file(other, url), run)
+    assert load_result(result) == load_result(folder / "a.json")
+
+
+def test_a_result_is_not_fetched_without_its_database(folder: Path, tmp_path: Path) -> None:
+    write_result(folder, "a", 1)
+    exchange = Exchange(folder, f"sqlite:///{tmp_path / 'shared.sqlite'}", "line 1")
+    exchange.exchange()
+    exchange.close()
+    run = replace(received(folder)["a"], origin="other")
+    with raises_code(ConfigurationError, "database.not_named"):
+        fetch_result(ignore_progress, None, run)
+    away = station_file(folder, "postgresql+psycopg://station@127.0.0.1:9/calstation")
+    with raises_code(ConfigurationError, "database.unreachable"):
+        fetch_result(ignore_progress, away, run)
+
+
+def test_an_absent_archive_stops_nothing_and_is_tried_again(url: str, folder: Path, tmp_path: Path) -> None:
+    share = tmp_path / "share"
+    share.write_text("not mounted")
+    outbox = Outbox(folder)
+    passes = iter(range(5))
+    watch(folder, url, "line 1", until(lambda: next(passes) == 4), archive=str(share / "logs"))
+    state = read_state(folder)
+    assert (state.pending, state.error, state.logs_pending) == (0, None, 2)
+    assert state.archive_error is not None
+    assert state.archive_error["code"] == "database.archive_failed"
+    share.unlink()
+    watch(folder, url, "line 1", until(lambda: len(outbox.copies()) == 2), archive=str(share / "logs"))
+    state = read_state(folder)
+    assert (state.logs_pending, state.archive_error) == (0, None)
+
+
+def test_a_log_that_cannot_be_copied_does_not_hold_up_the_others(
+    url: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exchange = Exchange(folder, url, "line 1")
+    exchange.exchange()
+    archive = tmp_path / "archive"
+    (archive / exchange.outbox.id / "a.h5").mkdir(parents=True)  # in the way
+    archiver = LogArchiver(folder, str(archive))
+    assert not archiver.copy_next()
+    assert not archiver.copy_next()  # a pause follows a failure
+    archiver._due = 0.0
+    assert archiver.copy_next()
+    assert list(exchange.outbox.copies()) == ["b"]
+    exchange.close()
+
+
+def test_the_command_archives_all_logs_at_once(
+    url: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    station = station_file(folder, url)
+    with station.open("a", encoding="utf-8") as file:
+        file.write(f'archive = "{tmp_path / "archive"}"\n')
+    assert run_app(["database", "exchange", "--station", str(station), "--out", str(folder)]) == 0
+    outbox = Outbox(folder)
+    assert (outbox.pending, sorted(outbox.copies())) == (0, ["a", "b"])
+    assert capsys.readouterr().err == "All runs of the folder are in the shared database.\n"

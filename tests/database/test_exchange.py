@@ -1,0 +1,243 @@
+"""Stations exchange their runs through the database: each once, in order, and all of them see all."""
+
+import csv
+import json
+import sqlite3
+from pathlib import Path
+
+import pytest
+from sqlalchemy import create_engine, delete, select, text, update
+
+from calstation.database import Exchange, export_shared_runs, load_shared_results, upgrade
+from calstation.database.outbox import FILE, Outbox
+from calstation.database.tables import log_copies, outboxes, revisions, runs
+from calstation.errors import ConfigurationError, InputError
+from calstation.records import RunFilter, RunIndex
+from calstation.results import History, load_results
+from tests.database.result_files import in_database, in_index, write_result
+from tests.database.test_claims import station_file
+from tests.helpers import ignore_progress, raises_code
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """URL of a database with tables."""
+    if request.param == "postgresql":
+        return str(request.getfixturevalue("shared_database"))
+    made = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    upgrade(made)
+    return made
+
+
+@pytest.fixture
+def stations(tmp_path: Path) -> tuple[Path, Path]:
+    """Runs folders of two stations."""
+    folders = tmp_path / "one", tmp_path / "two"
+    for folder in folders:
+        folder.mkdir()
+    return folders
+
+
+def exchange(folder: Path, url: str) -> None:
+    """Exchange a folder once, as a process of its own would."""
+    made = Exchange(folder, url, folder.name)
+    made.exchange()
+    assert made.outbox.pending == 0
+    made.close()
+
+
+def test_all_stations_see_all_runs(url: str, stations: tuple[Path, Path]) -> None:
+    one, two = stations
+    for number in range(60):
+        write_result(one, f"a{number:02d}", number)
+        write_result(two, f"b{number:02d}", number, outcome="failed", attempt=2)
+    for folder in (one, two, one):
+        exchange(folder, url)
+    names = [f"{letter}{number:02d}" for letter in "ab" for number in range(60)]
+    assert in_database(url) == [(name, "one" if name[0] == "a" else "two") for name in names]
+    assert in_index(one) == in_index(two)
+    assert [row[0] for row in in_index(one)] == names
+    history = History(one)
+    history.refresh()
+    assert (history.attempts("SN-1"), history.count(RunFilter(station="two"))) == (120, 60)
+    assert len(history.columns().values["gyro_bias_x"]) == 120
+    for folder in (one, two):
+        exchange(folder, url)
+    assert len(in_database(url)) == 120
+
+
+def test_a_changed_result_replaces_the_run(url: str, stations: tuple[Path, Path]) -> None:
+    one, two = stations
+    write_result(one, "a", 1, outcome="failed")
+    write_result(one, "b", 2)
+    exchange(one, url)
+    exchange(two, url)
+    released = {"by": "wang", "confirmed_by": None, "why": "known", "utc": "2026-11-02T00:00:00+00:00"}
+    write_result(one, "a", 1, outcome="failed", override=released)
+    exchange(one, url)
+    exchange(two, url)
+    assert [row[:3] for row in in_index(two)] == [("a", "one", "released"), ("b", "one", "passed")]
+    assert [name for name, _ in in_database(url)] == ["b", "a"]
+
+
+def test_the_database_has_result_digest_and_place_of_the_log(url: str, stations: tuple[Path, Path]) -> None:
+    one, two = stations
+    path = write_result(one, "a", 1)
+    exchange(one, url)
+    outbox = Outbox(one)
+    engine = create_engine(url)
+    with engine.connect() as connection:
+        row = connection.execute(select(runs)).one()
+    assert row.outbox == outbox.id
+    assert row.log_sha256 == "0" * 64
+    assert row.log.endswith(f":{path.with_suffix('.h5')}")
+    assert '"gyro_bias_x"' in row.result
+    outbox.add_copy("a", "s3://logs/a.h5", "1" * 64, 17)
+    exchange(one, url)
+    exchange(two, url)
+    write_result(one, "a", 2)  # its log remains where it is
+    exchange(one, url)
+    with engine.connect() as connection:
+        assert connection.execute(select(runs.c.log)).scalar_one() == "s3://logs/a.h5"
+        copy = connection.execute(select(log_copies)).one()
+    engine.dispose()
+    assert (copy.url, copy.size, copy.file_sha256) == ("s3://logs/a.h5", 17, "1" * 64)
+    assert [run.record.location for run in RunIndex(two).find(RunFilter())] == ["s3://logs/a.h5"]
+
+
+def test_a_message_whose_arrival_was_not_noticed_is_not_repeated(url: str, stations: tuple[Path, Path]) -> None:
+    one, _ = stations
+    write_result(one, "a", 1)
+    made = Exchange(one, url, "one")
+    made.outbox.fill()
+    kept = made.outbox.messages()
+    made.exchange()
+    with sqlite3.connect(one / FILE) as connection:  # as if the process had been killed before it deleted the message
+        (number,) = {message.number for message in kept}
+        row = (number, "run", '{"name": "a", "serial": "other", "log": ""}', b"")
+        connection.execute("INSERT INTO messages VALUES (?, ?, ?, ?)", row)
+    connection.close()
+    write_result(one, "b", 2)
+    made.exchange()
+    assert [name for name, _ in in_database(url)] == ["a", "b"]
+    assert made.outbox.pending == 0
+    made.close()
+
+
+@pytest.mark.parametrize("lost", ["index", "all", "some"])
+def test_what_the_database_or_an_index_lost_is_sent_or_received_again(
+    url: str, stations: tuple[Path, Path], lost: str
+) -> None:
+    one, two = stations
+    for number in range(5):
+        write_result(one, f"a{number}", number)
+        exchange(one, url)
+    write_result(two, "b", 9)
+    Outbox(one).add_copy("a1", "s3://logs/a1.h5", "1" * 64, 17)
+    for folder in (two, one):
+        exchange(folder, url)
+    before = in_index(two)
+    assert len(before) == 6
+    if lost == "index":
+        for path in two.glob("history.sqlite*"):
+            path.unlink()
+    else:  # a backup without the last or without any messages was restored
+        engine = create_engine(url)
+        with engine.begin() as connection:
+            connection.execute(delete(log_copies))
+            here = runs.c.outbox == Outbox(one).id
+            if lost == "all":
+                connection.execute(delete(runs))
+                connection.execute(delete(outboxes))
+                connection.execute(update(revisions).values(last=0))
+            else:
+                connection.execute(delete(runs).where(here, runs.c.revision > 2))
+                connection.execute(update(outboxes).where(outboxes.c.id == Outbox(one).id).values(last_number=2))
+        engine.dispose()
+        write_result(one, "c", 10)
+        before = sorted([*before, ("c", "one", "passed", {"gyro_bias_x": 1.0})])
+    write_result(two, "d", 11)
+    before.append(("d", "two", "passed", {"gyro_bias_x": 0.1 * 11}))
+    for folder in (one, two, one):
+        exchange(folder, url)
+    assert in_index(two) == in_index(one) == before
+    assert len(in_database(url)) == len(before)
+    assert len({name for name, _ in in_database(url)}) == len(before)
+
+
+def test_characters_that_a_database_does_not_have_hold_nothing_up(url: str, stations: tuple[Path, Path]) -> None:
+    one, two = stations
+    check = {"name": "\ud800\0", "value": 2.0, "limit": 1.0, "unit": "1", "passed": False}
+    write_result(one, "a", 1, outcome="failed", checks=[check], operator="li\0", error="no\0answer")
+    write_result(one, "b", 2, "SN-\0")
+    write_result(one, "c", 3, station="\ud800")
+    write_result(one, "d", 4)
+    exchange(one, url)
+    exchange(two, url)
+    assert [row[0] for row in in_index(two)] == ["a", "d"]
+    assert RunIndex(two).find(RunFilter(names=("a",)))[0].failed_checks == ("\ud800\0",)
+
+
+def test_a_folder_with_more_runs_than_an_outbox_holds(
+    url: str, stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("calstation.database.outbox.CAPACITY", 7)
+    one, _ = stations
+    for number in range(40):
+        write_result(one, f"a{number:02d}", number)
+    outbox = Outbox(one)
+    assert (outbox.fill(), outbox.fill(), outbox.pending) == (7, 0, 7)
+    exchange(one, url)
+    assert [name for name, _ in in_database(url)] == [f"a{number:02d}" for number in range(40)]
+
+
+def test_without_the_database_messages_wait(postgres, shared_database: str, stations: tuple[Path, Path]) -> None:
+    one, two = stations
+    exchange(two, shared_database)
+    made = Exchange(one, shared_database, "one")
+    made.exchange()
+    postgres.stop()
+    try:
+        for number in range(3):
+            write_result(one, f"a{number}", number)
+            with raises_code(ConfigurationError, "database.unreachable"):
+                made.exchange()
+            assert made.outbox.pending == number + 1
+    finally:
+        postgres.start()
+    made.exchange()
+    assert made.outbox.pending == 0
+    made.close()
+    exchange(two, shared_database)
+    assert [row[0] for row in in_index(two)] == ["a0", "a1", "a2"]
+
+
+def test_an_outbox_is_on_disk_before_its_message_is_sent(tmp_path: Path) -> None:
+    outbox = Outbox(tmp_path)
+    with outbox._transaction() as connection:
+        assert connection.execute(text("PRAGMA synchronous")).scalar_one() == 2  # FULL
+    (tmp_path / FILE).write_bytes(b"no database at all" * 1000)
+    with raises_code(ConfigurationError, "database.outbox_unusable"):
+        outbox.fill()
+
+
+def test_results_of_other_stations_are_exported_and_compared(url: str, stations: tuple[Path, Path]) -> None:
+    one, two = stations
+    write_result(one, "a", 1, outcome="failed")
+    write_result(two, "b", 2)
+    for folder in (one, two):
+        exchange(folder, url)
+    station, target = station_file(two, url), two.parent / "runs.json"
+    runs = History(two).runs()
+    assert [run.origin == "" for run in runs] == [True, False]
+    with raises_code(InputError, "result.elsewhere"):
+        load_results(ignore_progress, two, runs)
+    found = load_shared_results(ignore_progress, station, two, runs)
+    assert [(result.station, result.outcome) for result in found] == [("two", "passed"), ("one", "failed")]
+    export_shared_runs(ignore_progress, station, two, RunFilter(), target)
+    assert [row["station"] for row in json.loads(target.read_text("utf-8"))] == ["two", "one"]
+    table = two.parent / "runs.csv"
+    export_shared_runs(ignore_progress, None, two, RunFilter(), table)  # needs no database
+    rows = list(csv.DictReader(table.read_text("utf-8").splitlines()))
+    assert [(row["station"], float(row["gyro_bias_x"])) for row in rows] == [("two", 0.2), ("one", 0.1)]
+    assert History(two).refresh() == 0  # the copies are no runs of this folder

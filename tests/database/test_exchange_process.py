@@ -1,0 +1,164 @@
+"""The exchange runs in a process of its own, which ends with its owner and says in a file how it is."""
+
+import json
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from calstation.cli.app import run_app
+from calstation.database import read_state, start_exchange, watch
+from calstation.database.process import FAILED_S, LONGEST_S, PAUSE_S, ExchangeProcess
+from tests.database.result_files import in_database, in_index, write_result
+from tests.database.test_claims import station_file
+
+
+def eventually(condition: Callable[[], object]) -> None:
+    """Wait until a condition holds."""
+    deadline = time.monotonic() + 120.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Runs folder of a station."""
+    made = tmp_path / "line 1"
+    made.mkdir()
+    return made
+
+
+def test_runs_are_exchanged_while_the_process_lives(
+    shared_database: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("calstation.database.process._END_S", 60.0)  # on a busy computer the last exchange takes longer
+    other = tmp_path / "line 2"
+    other.mkdir()
+    write_result(folder, "a", 1)
+    with start_exchange(station_file(folder, shared_database), folder, ("SN-7", "li")) as exchange:
+        eventually(lambda: in_database(shared_database) == [("a", "line 1")])
+        write_result(folder, "b", 2)
+        eventually(lambda: len(in_database(shared_database)) == 2)
+        with start_exchange(station_file(other, shared_database), other, ("SN-7", None)):
+            eventually(lambda: len(in_index(other)) == 2)
+            claims = []
+            eventually(lambda: claims.extend(exchange.new_claims()) or claims)
+            assert [(claim.serial, claim.station) for claim in claims] == [("SN-7", "line 2")]
+            assert exchange.new_claims() == []
+            write_result(other, "c", 3)
+        # its last exchange sends what it had
+        eventually(lambda: len(in_index(folder)) == 3)
+        write_result(folder, "d", 4)
+    assert [name for name, _ in in_database(shared_database)] == ["a", "b", "c", "d"]
+    state = read_state(folder)
+    assert (state.pending, state.error) == (0, None)
+    assert state.contact_utc == state.attempt_utc
+
+
+def _own(url: str, folder: Path, connection) -> None:
+    process = ExchangeProcess(folder, url, "line 1")
+    connection.send(process.process.pid)
+    time.sleep(600)
+
+
+def test_it_ends_when_its_owner_is_killed(shared_database: str, folder: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe()
+    owner = context.Process(target=_own, args=(shared_database, folder, there))
+    owner.start()
+    pid = here.recv()
+    eventually(lambda: read_state(folder).contact_utc)
+    write_result(folder, "a", 1)
+    owner.kill()
+    owner.join()
+    eventually(lambda: not _alive(pid))
+    assert len(in_database(shared_database)) == 1
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    status = Path(f"/proc/{pid}/stat")
+    return not status.exists() or status.read_text(encoding="utf-8").split()[2] != "Z"
+
+
+def test_an_unreachable_database_is_tried_with_growing_pauses(folder: Path) -> None:
+    write_result(folder, "a", 1)
+    pauses: list[float] = []
+
+    def wait(seconds: float) -> bool:
+        pauses.append(seconds)
+        state = read_state(folder)
+        assert state.pending == 1
+        assert state.error_text is not None
+        assert state.error_text.code == "database.unreachable"
+        return len(pauses) == 9
+
+    watch(folder, "postgresql+psycopg://line@127.0.0.1:1/none", "line 1", wait)
+    assert pauses == [FAILED_S * 2**k for k in range(6)] + [LONGEST_S] * 3
+    assert min(FAILED_S, PAUSE_S) >= 1.0
+
+
+def test_no_password_is_in_logs_state_or_errors(
+    postgres, shared_database: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    postgres.execute("CREATE ROLE guarded LOGIN PASSWORD 'geheim' IN ROLE with_password")
+    name = shared_database.rpartition("/")[2]
+    station = station_file(folder, postgres.url(name, "guarded"))
+    logs = tmp_path / "logs"
+    monkeypatch.setenv("CALSTATION_LOG_FOLDER", str(logs))
+    monkeypatch.setenv("CALSTATION_LOG_LEVEL", "debug")
+    command = [sys.executable, "-m", "calstation", "--log-level", "debug", "database", "exchange"]
+    command += ["--station", str(station), "--out", str(folder)]
+    found = []
+    for password in ("falsch geheim", "geheim"):  # one that is wrong, then a role without any right
+        monkeypatch.setenv("PGPASSWORD", password)
+        for extra in ([], ["--debug"]):
+            done = subprocess.run([*command, *extra], capture_output=True, text=True, check=False)
+            assert done.returncode == 2
+            found.append(done.stderr)
+    assert "password authentication failed" in found[0]
+    assert "permission denied" in found[2]
+    texts = [*found, *(path.read_text("utf-8") for path in logs.iterdir())]
+    texts += [path.read_text("utf-8", "replace") for path in folder.iterdir() if path.is_file()]
+    assert len(texts) > 6
+    assert not [text for text in texts if "geheim" in text]
+
+
+def test_the_commands_exchange_and_show_the_state(
+    shared_database: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    station = station_file(folder, shared_database)
+    write_result(folder, "a", 1)
+    common = ["--station", str(station), "--out", str(folder)]
+    assert run_app(["database", "upgrade", "--station", str(station)]) == 0
+    assert run_app(["database", "upgrade", shared_database]) == 0
+    assert run_app(["database", "exchange", *common]) == 0
+    assert "All runs of the folder are in the shared database." in capsys.readouterr().err
+    assert run_app(["database", "status", "--out", str(folder), "--json", "-"]) == 0
+    state = json.loads(capsys.readouterr().out)
+    assert (state["pending"], state["error"]) == (0, None)
+    assert run_app(["database", "status", "--out", str(folder)]) == 0
+    assert "0 messages wait for the shared database; last contact: 20" in capsys.readouterr().out
+    assert run_app(["database", "exchange", "--out", str(folder)]) == 2
+    assert "names no shared database" in capsys.readouterr().err
+
+
+def test_a_service_ends_at_its_signal(shared_database: str, folder: Path) -> None:
+    station = station_file(folder, shared_database)
+    command = [sys.executable, "-m", "calstation", "database", "exchange", "--watch", "--station", str(station)]
+    process = subprocess.Popen([*command, "--out", str(folder)])
+    eventually(lambda: read_state(folder).contact_utc)
+    write_result(folder, "a", 1)
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(60.0) == 0
+    assert len(in_database(shared_database)) == 1

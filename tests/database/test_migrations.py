@@ -1,0 +1,75 @@
+"""The migrations make exactly the declared tables, on PostgreSQL and SQLite, forwards and backwards."""
+
+from pathlib import Path
+
+import pytest
+from alembic import command
+from alembic.autogenerate import compare_metadata
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from sqlalchemy import create_engine, inspect, select
+
+from calstation.database import connect, upgrade
+from calstation.database import connect as connect_function
+from calstation.database.tables import metadata, revisions
+from calstation.errors import ConfigurationError
+from tests.helpers import raises_code
+
+MIGRATIONS = Path(connect_function.__code__.co_filename).parent / "migrations"
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """URL of an empty database."""
+    if request.param == "sqlite":
+        return f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    server = request.getfixturevalue("postgres")
+    return str(server.url(server.new_database()))
+
+
+def test_the_migrations_make_the_declared_tables(url: str) -> None:
+    upgrade(url)
+    upgrade(url)  # of tables of this version changes nothing
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), metadata) == []
+        assert connection.execute(select(revisions.c.last)).all() == [(0,)]
+        configuration = Config()
+        configuration.set_main_option("script_location", str(MIGRATIONS))
+        configuration.attributes["connection"] = connection
+        command.downgrade(configuration, "base")
+    assert inspect(engine).get_table_names() == ["alembic_version"]
+    engine.dispose()
+    upgrade(url)
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), metadata) == []
+    engine.dispose()
+
+
+def test_a_database_without_tables_is_refused(postgres) -> None:
+    with raises_code(ConfigurationError, "database.other_version"):
+        connect(postgres.url(postgres.new_database()))
+
+
+def test_an_unreachable_database_is_named_without_its_password(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PGPASSWORD", "geheim")
+    with raises_code(ConfigurationError, "database.unreachable") as caught:
+        connect("postgresql+psycopg://line@127.0.0.1:1/none")
+    assert "line@127.0.0.1" in str(caught.value)
+    assert "geheim" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("url", "code"),
+    [
+        ("postgresql+psycopg://line:geheim@host/name", "database.password_in_url"),
+        ("postgresql+psycopg://line@host/name?password=geheim", "database.password_in_url"),
+        ("mysql://line:geheim@host/name", "database.other_kind"),
+        ("nothing geheim", "database.no_url"),
+    ],
+)
+def test_a_url_that_cannot_be_used_is_refused_without_showing_it(url: str, code: str) -> None:
+    with raises_code(ConfigurationError, code) as caught:
+        connect(url)
+    assert "geheim" not in str(caught.value)

@@ -1,0 +1,50 @@
+"""Many short logs, and databases for their solutions."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from calstation.simulation import record_logs
+from tests.cli.conftest import calstation as calstation
+from tests.helpers import ignore_progress
+from tests.postgres import postgres as postgres
+from tests.postgres import shared_database as shared_database
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], list[Path]]:
+    """Make that many logs of different units, or take those made before."""
+    logs: list[Path] = []
+
+    def make(count: int) -> list[Path]:
+        if len(logs) < count:
+            logs[:] = record_logs(ignore_progress, tmp_path_factory.mktemp("logs"), count, seed=4)
+        return logs[:count]
+
+    return make
+
+
+@pytest.fixture
+def logs(made: Callable[[int], list[Path]], tmp_path: Path) -> list[Path]:
+    """Six logs in a folder of their own."""
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    return [Path(shutil.copy2(path, folder)) for path in made(6)]
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """URL of a database."""
+    if request.param == "sqlite":
+        return f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    return str(request.getfixturevalue("shared_database"))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Allow sockets that distributed leaves to the garbage collector."""
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(pytest.mark.filterwarnings("ignore::ResourceWarning"))
+            item.add_marker(pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"))

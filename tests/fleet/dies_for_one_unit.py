@@ -1,0 +1,16 @@
+"""Preloaded by workers in tests: solving the log of the unit SN-00002 kills its worker."""
+
+import os
+import signal
+
+from calstation.fleet import task
+from calstation.results import resolve_log
+
+
+def _resolve_log(log, *arguments):
+    if log.meta.imu.serial == "SN-00002":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return resolve_log(log, *arguments)
+
+
+task.resolve_log = _resolve_log

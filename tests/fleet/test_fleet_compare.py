@@ -1,0 +1,192 @@
+"""Comparisons agree with a small set worked out by hand, also after the database has grown and rows were replaced."""
+
+import json
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from sqlalchemy import create_engine, delete, insert, select
+
+from calstation.database import connect, runs, solutions
+from calstation.database.tables import outboxes
+from calstation.errors import ConfigurationError
+from calstation.fleet import Comparison, Move, compare
+from calstation.fleet.columns import _MOST_FILES, update_columns
+from tests.cli.conftest import Done
+from tests.helpers import ignore_progress, raises_code
+
+Run = Callable[..., Done]
+
+#: Unit, product, station, month, and before and after: verdict, gyro_bias_x, its sigma. The moves in sigmas are
+#: |2 - 1| / 0.5 = 2, |5 - 2| / 1 = 3 (the sigma after is larger), 0, and |4 - 3| / 0.25 = 4.
+UNITS: tuple[tuple[Any, ...], ...] = (
+    ("A", "p", "bench 1", "2026-01", (True, 1.0, 0.5), (False, 2.0, 0.25)),
+    ("B", "p", "bench 2", "2026-01", (False, 2.0, 0.5), (True, 5.0, 1.0)),
+    ("C", "q", "bench 1", "2026-03", (True, 7.0, 0.1), (True, 7.0, 0.1)),
+    ("D", "q", "bench 2", "2026-03", (True, 3.0, 0.25), (None, 4.0, 0.25)),
+)
+
+
+@pytest.fixture(autouse=True)
+def _home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+
+
+def row(unit: tuple[Any, ...], version: str, which: int, **more: Any) -> dict[str, Any]:
+    """A row of the table of solutions."""
+    serial, product, station, month, *answers = unit
+    passed, value, sigma = answers[which]
+    return {
+        "log_sha256": f"{ord(serial):064x}"[::-1],
+        "version": version,
+        "configuration_sha256": str(which),
+        "first_seq": 0,
+        "last_seq": -1,
+        "stages": "",
+        "changes_sha256": "",
+        "location": f"/logs/{serial}.h5",
+        "fingerprint": "",
+        "outcome": "resolved",
+        "passed": passed,
+        "serial": serial,
+        "product": product,
+        "station": station,
+        "started_utc": f"{month}-05T00:00:00+00:00",
+        "failed_checks": json.dumps(["gyro_bias_x within"] if passed is False else []),
+        "parameters": '["gyro_bias_x"]',
+        "numbers": np.array([value, sigma]).tobytes(),
+        "solved": datetime(2026, 11, 1),
+        "result": "{}",
+        **more,
+    }
+
+
+def add(url: str, *rows: dict[str, Any]) -> None:
+    """Insert solutions."""
+    engine = connect(url)
+    with engine.begin() as connection:
+        connection.execute(insert(solutions), list(rows))
+    engine.dispose()
+
+
+def check(found: Comparison) -> None:
+    """Check all numbers of the four units."""
+    assert (found.logs, found.only_before, found.only_after) == (4, 0, 0)
+    assert found.verdicts == {"passed": {"passed": 1, "failed": 1, "unjudged": 1}, "failed": {"passed": 1}}
+    assert [each.serial for each in found.pass_to_fail] == ["A"]
+    assert [each.serial for each in found.fail_to_pass] == ["B"]
+    assert [each.serial for each in found.changes] == ["A", "B", "D"]
+    assert (found.changes[0].failed_before, found.changes[0].failed_after) == ("", "gyro_bias_x within")
+    # in order 0, 2, 3, 4: the median is 2.5, and the 95th percentile 3 + 0.85 * (4 - 3)
+    assert found.moves == {"gyro_bias_x": Move(2.5, pytest.approx(3.85), 4.0, "/logs/D.h5", "D")}  # type: ignore[arg-type]
+    groups = {
+        kind: [(each.name, each.logs, each.pass_to_fail, each.fail_to_pass) for each in each_kind]
+        for kind, each_kind in found.groups.items()
+    }
+    assert groups == {
+        "product": [("p", 2, 1, 1), ("q", 2, 0, 0)],
+        "station": [("bench 1", 2, 1, 0), ("bench 2", 2, 0, 1)],
+        "month": [("2026-01", 2, 1, 1), ("2026-03", 2, 0, 0)],
+    }
+    largest = {
+        kind: [(each.moves["gyro_bias_x"].largest, each.moves["gyro_bias_x"].serial) for each in each_kind]
+        for kind, each_kind in found.groups.items()
+    }
+    assert largest["product"] == [(3.0, "B"), (4.0, "D")]
+    assert largest["station"] == [(2.0, "A"), (4.0, "D")]
+    assert found.groups["station"][1].moves["gyro_bias_x"].median == 3.5
+
+
+def test_four_units_worked_out_by_hand(url: str, calstation: Run) -> None:
+    add(url, *(row(unit, "1", 0) for unit in UNITS), *(row(unit, "2", 1) for unit in reversed(UNITS)))
+    found = compare(ignore_progress, url, "1", "2")
+    check(found)
+    done = calstation("fleet", "compare", "--database", url, "--before", "1", "--after", "2", "--json", "-")
+    assert done.code == 0
+    assert done.json == json.loads(json.dumps(found.to_json()))
+    shown = calstation("fleet", "compare", "--database", url, "--before", "1", "--after", "2").out
+    for told in ("4 logs in both", "A", "bench 2", "gyro_bias_x", "2026-03", "3.85"):
+        assert told in shown
+
+
+def test_the_columns_grow_with_the_database_also_by_numbers_that_appear_late(url: str) -> None:
+    add(url, *(row(unit, "1", 0, id=k) for k, unit in enumerate(UNITS[1:], 10)))
+    assert compare(ignore_progress, url, "1", "1").logs == 3
+    add(url, row(UNITS[0], "1", 0, id=3), *(row(unit, "2", 1, id=k) for k, unit in enumerate(UNITS, 20)))
+    check(compare(ignore_progress, url, "1", "2"))
+    other = row(UNITS[2], "2", 0, configuration_sha256="later", id=40)
+    add(url, {**other, "passed": False})
+    again = compare(ignore_progress, url, "1", "2")
+    assert [each.serial for each in again.pass_to_fail] == ["A", "C"]  # the last solution of a log counts
+    assert again.logs == 4
+
+
+def test_many_small_updates_are_joined(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    connect(url).dispose()
+    for k in range(_MOST_FILES + 3):
+        add(url, row((chr(65 + k), *UNITS[0][1:]), "1", 0))
+        assert compare(ignore_progress, url, "1", "1").logs == k + 1
+    engine = create_engine(url)
+    with engine.connect() as connection:
+        assert len(update_columns(ignore_progress, connection, "1").paths) <= _MOST_FILES
+    engine.dispose()
+
+
+def test_results_of_the_runs_are_a_version_and_their_last_state_counts(url: str) -> None:
+    engine = connect(url)
+    with engine.begin() as connection:
+        connection.execute(insert(outboxes), [{"id": "x", "station": "bench 1", "last_number": 1}])
+    engine.dispose()
+    add(url, *(row(unit, "2", 1) for unit in UNITS))
+
+    def online(number: int, unit: tuple[Any, ...], **more: Any) -> None:
+        solved = row(unit, "", 0)
+        outcome = {True: "passed", False: "failed"}[solved["passed"]]
+        content = {"product": solved["product"], "station": solved["station"], "outcome": outcome}
+        same = ("serial", "started_utc", "failed_checks", "parameters", "numbers", "log_sha256")
+        values = {name: solved[name] for name in same}
+        values |= {"outbox": "x", "name": unit[0], "revision": number, "content": json.dumps(content)}
+        values |= {"log": solved["location"], **more}
+        engine = connect(url)
+        with engine.begin() as connection:
+            connection.execute(delete(runs).where(runs.c.name == unit[0]))
+            connection.execute(insert(runs), [values])
+        engine.dispose()
+
+    online(1, UNITS[0], numbers=np.array([9.0, 0.5]).tobytes())
+    for number, unit in enumerate(UNITS, 2):
+        if number == 3:
+            compare(ignore_progress, url, "online", "2")
+        online(number, unit)
+    check(compare(ignore_progress, url, "online", "2"))
+
+
+def test_an_unknown_version_names_those_that_there_are(url: str) -> None:
+    add(url, row(UNITS[0], "0.1.0", 0))
+    with raises_code(ConfigurationError, "fleet.no_version") as caught:
+        compare(ignore_progress, url, "0.1.0", "0.2.0")
+    assert "0.1.0" in str(caught.value)
+
+
+def test_an_export_is_read_back_by_pyarrow(url: str, tmp_path: Path, calstation: Run) -> None:
+    add(url, *(row(unit, "1", 0) for unit in UNITS), row(UNITS[0], "2", 1))
+    path = tmp_path / "solutions.parquet"
+    done = calstation("fleet", "export", "--database", url, "--version", "1", "-o", path)
+    assert done.code == 0
+    assert "4" in done.err
+    table = pq.read_table(path)
+    assert table.column("serial").to_pylist() == ["A", "B", "C", "D"]
+    assert table.column("verdict").to_pylist() == ["passed", "failed", "passed", "passed"]
+    assert table.column("gyro_bias_x").to_pylist() == [1.0, 2.0, 7.0, 3.0]
+    assert table.column("gyro_bias_x_sigma").to_pylist() == [0.5, 0.5, 0.1, 0.25]
+    assert np.isnan(table.column("accel_scale_x").to_numpy()).all()
+    engine = connect(url)
+    with engine.connect() as connection:
+        digests = connection.execute(select(solutions.c.log_sha256).where(solutions.c.version == "1")).scalars().all()
+    engine.dispose()
+    assert table.column("log_sha256").to_pylist() == digests

@@ -1,0 +1,193 @@
+"""Many logs are solved once each, as `calstation resolve` solves them, and failures stay with their log."""
+
+import json
+import shutil
+import threading
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import dask
+import pytest
+from sqlalchemy import create_engine, func, select
+
+from calstation.database import solutions
+from calstation.errors import ConfigurationError, InputError
+from calstation.fleet import FleetRequest, FleetSummary, resolve_fleet, solved_results
+from calstation.records import export_csv, open_log, resolves_path, write_log
+from calstation.results import resolve
+from tests.cli.conftest import Done
+from tests.helpers import raises_code
+
+Run = Callable[..., Done]
+
+
+def request_of(logs: Path | list[Path], url: str, **more: object) -> FleetRequest:
+    """A request for two local workers."""
+    sources = [logs] if isinstance(logs, Path) else logs
+    return FleetRequest(tuple(map(str, sources)), url, "local:2", **more)
+
+
+def counts(summary: FleetSummary) -> tuple[int, int, int]:
+    """Logs solved now, there before and failed."""
+    return summary.solved_now, summary.already_there, summary.failed
+
+
+def rows(url: str) -> int:
+    """Number of solutions in the database."""
+    engine = create_engine(url)
+    with engine.connect() as connection:
+        number = connection.execute(select(func.count()).select_from(solutions)).scalar_one()
+    engine.dispose()
+    return int(number)
+
+
+def test_solutions_are_those_of_resolve_and_made_once(logs: list[Path], url: str, tmp_path: Path) -> None:
+    seen: list[int] = []
+    summary = resolve_fleet(request_of(logs[0].parent, url), lambda state: seen.append(state.done))
+    assert counts(summary) == (6, 0, 0)
+    assert sorted(set(seen)) == list(range(7))
+    assert not summary.stopped
+    assert not resolves_path(logs[0].parent).exists()
+    found = {result["log"]["file"]: result for result in map(json.loads, solved_results(url, summary))}
+    for log in logs:
+        assert found[str(log)] == resolve(log).result.to_json()
+    again = resolve_fleet(request_of(logs, url))
+    assert counts(again) == (0, 6, 0)
+    assert again.answered == 0  # by the fingerprint, without a worker
+    moved = Path(shutil.copy(logs[0], tmp_path / "moved.h5"))
+    other = resolve_fleet(request_of([moved], url))
+    assert counts(other) == (0, 1, 0)  # by the digest of the log
+    assert rows(url) == 6
+    assert counts(resolve_fleet(request_of(logs[:1], url, stages=("designed",)))) == (1, 0, 0)
+    assert rows(url) == 7
+
+
+def test_damaged_logs_are_recorded_as_failed_and_the_rest_is_solved(logs: list[Path], tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    logs[0].write_bytes(logs[0].read_bytes()[:20_000])
+    logs[1].write_bytes(b"no log at all")
+    stored = bytearray(logs[2].read_bytes())
+    begin = stored.index(json.dumps({"serial": "SN-00003"})[1:-1].replace(" ", "").encode())
+    stored[begin : begin + 4] = b"XXXX"
+    logs[2].write_bytes(stored)
+    summary = resolve_fleet(request_of(logs[0].parent, url))
+    assert counts(summary) == (3, 0, 3)
+    found = {Path(result["log"]["file"]).name: result for result in map(json.loads, solved_results(url, summary))}
+    for log in logs[:3]:
+        result = found[log.name]
+        assert result["outcome"] == "failed"
+        with pytest.raises(InputError) as caught:
+            resolve(log)
+        assert result["error_code"] == caught.value.code
+        assert result["error"] == str(caught.value)
+    assert {found[log.name]["outcome"] for log in logs[3:]} == {"resolved"}
+    assert counts(resolve_fleet(request_of(logs[0].parent, url))) == (0, 6, 0)
+
+
+@pytest.mark.long
+def test_a_log_that_kills_its_workers_is_recorded_as_failed(logs: list[Path], tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    with dask.config.set({"distributed.worker.preload": [str(Path(__file__).with_name("dies_for_one_unit.py"))]}):
+        summary = resolve_fleet(request_of(logs, url, allowed_failures=1))
+    assert counts(summary) == (5, 0, 1)
+    assert [(Path(each.location), each.error["error_code"]) for each in summary.failures] == [
+        (logs[1], "fleet.worker_died")
+    ]
+    assert counts(resolve_fleet(request_of(logs, url))) == (0, 6, 0)
+
+
+@pytest.mark.long
+def test_a_log_that_is_not_reachable_is_tried_again(logs: list[Path], tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    missing = tmp_path / "away.h5"
+    stop = threading.Event()
+
+    def remove(summary: FleetSummary) -> None:
+        if not summary.done:
+            logs[0].rename(missing)  # after the folder was listed
+
+    first = resolve_fleet(request_of(logs[:2], url), remove, stop)
+    assert counts(first) == (1, 0, 1)
+    assert [failure.error["error_code"] for failure in first.failures] == ["fleet.unreachable"]
+    assert Counter(json.loads(text)["outcome"] for text in solved_results(url, first)) == {"resolved": 1, "failed": 1}
+    missing.rename(logs[0])
+    assert counts(resolve_fleet(request_of(logs[:2], url))) == (1, 1, 0)
+
+
+def test_changes_give_the_solution_of_the_changed_configuration(
+    logs: list[Path], url: str, tmp_path: Path, calstation: Run
+) -> None:
+    resolve_fleet(request_of(logs[:1], url))
+    patch = tmp_path / "gravity.toml"
+    gravity = open_log(logs[0]).meta.site.gravity_mps2
+    assert gravity is not None
+    patch.write_text(f"[site]\ngravity_mps2 = {gravity * (1 - 20e-6)}\n")
+    done = calstation(
+        "fleet", "resolve", logs[0], "--database", url, "--scheduler", "local:1", "--patch", patch, "--json", "-"
+    )
+    assert done.code == 0
+    assert (done.json["solved_now"], done.json["already_there"], done.json["failed"]) == (1, 0, 0)
+    assert done.json["duration_s"] > 0.0
+    assert "1 solved" in done.err
+    result = done.json["results"][0]
+    before = resolve(logs[0]).result
+    assert result["outcome"] == "resolved"
+    assert result["configuration_sha256"] != before.configuration_sha256
+    assert result["log"]["sha256"] == before.log.sha256
+    log = open_log(logs[0])
+    site = log.meta.site.model_copy(update={"gravity_mps2": gravity * (1 - 20e-6)})
+    changed = tmp_path / "changed.h5"
+    write_log(changed, log.meta.model_copy(update={"site": site}), log.blocks())
+    assert result["parameters"] == resolve(changed).result.to_json()["parameters"]
+    patch.write_text("[site]\ngravity_mps2 = 9.8\n")
+    with raises_code(ConfigurationError, "fleet.label_used"):
+        resolve_fleet(request_of(logs[:1], url, patch=patch))
+
+
+def test_a_csv_is_solved_with_its_configuration(logs: list[Path], tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    folder = tmp_path / "text"
+    folder.mkdir()
+    export_csv(logs[0], folder / "a.csv.gz")
+    (folder / "list.csv").write_text("no log\n")
+    summary = resolve_fleet(request_of(folder, url))
+    assert counts(summary) == (1, 0, 0)
+    assert json.loads(next(solved_results(url, summary))) == resolve(folder / "a.csv.gz").result.to_json()
+
+
+@pytest.mark.parametrize(
+    ("content", "code", "told"),
+    [
+        ("[sight]\nlatitude_deg = 1.0\n", "fleet.not_changeable", "site"),
+        ("[run]\nstation = 'x'\n", "fleet.not_changeable", ""),
+        ("[site]\ngravity = 9.8\n", "entry.in_file", "gravity_mps2"),
+        ("[site]\ngravity_mps2 = 'x'\n", "entry.in_file", "a number"),
+        ("[imu]\nserial = 'x'\n", "fleet.fixed_entry", "imu.serial"),
+        ("[product.limits.accel_scal]\nwithin = 1e-3\n", "entry.in_file", "accel_scale"),
+        ("[prior.gyro_bias_q]\nsigma = 1.0\n", "entry.in_file", "gyro_bias_"),
+        ("[schedule.excitation]\nround = 1\n", "entry.in_file", "rounds"),
+        ("[schedule.excitatio]\nrounds = 1\n", "plan.no_such_stage", "excitation"),
+    ],
+)
+def test_an_unknown_change_is_refused_with_the_near_miss(tmp_path: Path, content: str, code: str, told: str) -> None:
+    patch = tmp_path / "patch.toml"
+    patch.write_text(content)
+    with raises_code(ConfigurationError, code) as caught:
+        resolve_fleet(request_of(tmp_path, f"sqlite:///{tmp_path / 'a.sqlite'}", patch=patch))
+    assert told in str(caught.value)
+
+
+def test_what_cannot_be_solved_is_refused_at_once(logs: list[Path], tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    for source, code in ((tmp_path / "none", "fleet.source_missing"), (empty, "fleet.no_logs")):
+        with raises_code(InputError, code):
+            resolve_fleet(request_of(source, url))
+    with raises_code(ConfigurationError, "fleet.scheduler"):
+        resolve_fleet(FleetRequest((str(logs[0]),), url, "local:0"))
+    with raises_code(ConfigurationError, "fleet.no_scheduler"):
+        resolve_fleet(FleetRequest((str(logs[0]),), url, "tcp://127.0.0.1:1"))
+    with raises_code(ConfigurationError, "solution.range_reversed"):
+        resolve_fleet(request_of(logs[:1], url, first_seq=5, last_seq=4))

@@ -1,0 +1,98 @@
+"""The window of a station that shares records: units at two stations, and what waits to be sent or archived."""
+
+from pathlib import Path
+
+import pytest
+from PySide6.QtWidgets import QLabel, QListWidget, QPushButton
+from pytestqt.qtbot import QtBot
+
+from calstation.database import Exchange, upgrade
+from tests.database.result_files import write_result
+from tests.gui.conftest import SERIAL, Operator, SiteFolder
+
+RECORDS = 4
+
+
+@pytest.fixture
+def shared(site_folder: SiteFolder, tmp_path: Path) -> str:
+    """URL of a database that the station of the window shares."""
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    upgrade(url)
+    site_folder.write(station={"records": {"database": url}})
+    return url
+
+
+@pytest.fixture
+def away(site_folder: SiteFolder, tmp_path: Path) -> None:
+    """The station of the window has a run; its database and its archive are away."""
+    (tmp_path / "share").write_text("not mounted")
+    records = {
+        "database": "postgresql+psycopg://station@127.0.0.1:9/calstation",
+        "archive": str(tmp_path / "share" / "logs"),
+    }
+    site_folder.write(station={"records": records})
+    site_folder.runs.mkdir()
+    write_result(site_folder.runs, "SN-1_20261101T000000", 1)
+    (site_folder.runs / "SN-1_20261101T000000.h5").write_bytes(b"samples")
+
+
+def test_a_unit_at_another_station_is_named_and_does_not_block(
+    shared: str, operator: Operator, tmp_path: Path, qtbot: QtBot
+) -> None:
+    folder = tmp_path / "line 2"
+    folder.mkdir()
+    other = Exchange(folder, shared, "line 2", (SERIAL, "Li Na"))
+    other.exchange()
+    operator.scan(SERIAL)
+    notice = operator.widget("claim_notice")
+    operator.until(notice.isVisible)
+    assert f"{SERIAL} is also being calibrated at line 2 since" in operator.says()
+    assert operator.widget("start_button", QPushButton).isEnabled()
+    operator.scan("SN-000043")
+    assert not notice.isVisible()
+    operator.scan(SERIAL)
+    operator.until(notice.isVisible)
+
+    # the run of the other station ends its claim, and the unit is known here
+    write_result(folder, f"{SERIAL}_20261101T000000", 1, serial=SERIAL)
+    other.exchange()
+    other.close()
+    operator.until(lambda: not notice.isVisible())
+    operator.press("start_button")
+    assert f"{SERIAL} has already passed at line 2" in operator.says()
+    assert not operator.window.app.engine_link.running
+    operator.press("cancel_choice")
+    operator.scan(SERIAL)
+    assert "attempt 2" in operator.says()
+
+
+def test_what_waits_is_shown_until_it_is_sent(
+    away: None, operator: Operator, site_folder: SiteFolder, tmp_path: Path
+) -> None:
+    label = operator.widget("exchange_label", QLabel)
+    waiting = "1 run waits for the database  ·  1 log waits for the archive"
+    operator.until(lambda: label.text() == waiting)
+    assert label.isVisible()
+    assert "is not reachable" in label.toolTip()
+    operator.window.show_page("station_page")
+    operator.until(lambda: operator.window.findChild(QListWidget, "station_sections"))
+    operator.widget("station_sections", QListWidget).setCurrentRow(RECORDS)
+    assert "Not exchanged yet" in operator.says()
+    assert "is not reachable" in operator.says()
+    assert waiting in operator.says()
+    operator.window.show_page("operator_page")
+
+    (tmp_path / "share").unlink()
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    site_folder.write(station={"records": {"database": url, "archive": str(tmp_path / "share")}})
+    operator.window.app.set_station(site_folder.station)
+    operator.until(lambda: not label.isVisible())
+    operator.until(lambda: list((tmp_path / "share").rglob("*.h5")))
+
+
+def test_nothing_is_shown_for_a_station_that_shares_no_records(operator: Operator) -> None:
+    operator.scan(SERIAL)
+    operator.until_no_job()
+    assert operator.window.app.exchange_state is None
+    assert not operator.widget("exchange_label", QLabel).isVisible()
+    assert not operator.widget("claim_notice").isVisible()

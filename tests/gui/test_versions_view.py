@@ -1,0 +1,159 @@
+"""The comparison of two versions on the history page: choice, changed verdicts, moves of the parameters, export."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QPushButton, QTableView, QTableWidget, QWidget
+from pytestqt.qtbot import QtBot
+
+from calstation.database import ExchangeState
+from calstation.gui.history import versions_view
+from calstation.gui.history.page import HistoryPage
+from calstation.gui.shell.context import AppContext
+from calstation.gui.text import language
+from calstation.gui.widgets import theme
+from tests.fleet.test_fleet_compare import UNITS, add, row
+from tests.gui.conftest import SiteFolder
+
+pytestmark = pytest.mark.timeout(120)
+WAIT = 60_000
+
+
+@pytest.fixture
+def app(
+    qapp: QApplication, site_folder: SiteFolder, job_queue: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[AppContext]:
+    """Shared state of a window whose station shares records."""
+    site_folder.write(station={"records": {"database": f"sqlite:///{tmp_path / 'shared.sqlite'}"}})
+    made = AppContext(site_folder.station, tmp_path)
+    made.exchange_state = ExchangeState()
+    qapp.setStyle("Fusion")
+    theme.apply("light")
+    language.use("en")
+    yield made
+    made.close()
+    language.use("en")
+
+
+@pytest.fixture
+def page(app: AppContext, qtbot: QtBot) -> HistoryPage:
+    """The page, shown."""
+    made = HistoryPage(app)
+    qtbot.addWidget(made)
+    made.resize(1366, 640)
+    made.show()
+    return made
+
+
+def press(page: QWidget, name: str) -> None:
+    """Click a visible, enabled button."""
+    button = page.findChild(QPushButton, name)
+    assert button is not None
+    assert button.isEnabled(), button.toolTip()
+    button.click()
+
+
+def settle(page: HistoryPage, qtbot: QtBot) -> None:
+    qtbot.waitUntil(lambda: not page.busy, timeout=WAIT)
+
+
+def texts(page: QWidget) -> list[str]:
+    return [label.text() for label in page.findChildren(QLabel) if label.isVisible()]
+
+
+def open_versions(page: HistoryPage, qtbot: QtBot) -> None:
+    settle(page, qtbot)
+    press(page, "history_versions_button")
+    settle(page, qtbot)
+
+
+def filled(tmp_path: Path) -> None:
+    """Put two versions of four units into the database."""
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    add(url, *(row(unit, "0.1.0", 0) for unit in UNITS), *(row(unit, "0.1.0+gravity", 1) for unit in UNITS))
+
+
+def test_two_versions_are_compared(page: HistoryPage, tmp_path: Path, qtbot: QtBot) -> None:
+    filled(tmp_path)
+    open_versions(page, qtbot)
+    combos = [page.findChild(QComboBox, f"versions_{name}_combo") for name in ("before", "after")]
+    assert [combo.currentText() for combo in combos] == ["0.1.0", "0.1.0+gravity"]
+    assert "Choose two versions and press Compare" in texts(page)
+    press(page, "versions_compare_button")
+    settle(page, qtbot)
+    summary = page.findChild(QLabel, "versions_summary_label")
+    assert summary.text() == "4 logs in both versions  ·  1 passed and fail now, 1 failed and pass now"
+    assert "Changed verdicts: 3" in texts(page)
+    changes = page.findChild(QTableWidget, "versions_changes_table")
+    cells = [[changes.item(line, k).text() for k in (0, 1, 2, 4, 5, 6)] for line in range(changes.rowCount())]
+    assert cells == [
+        ["A", "p", "bench 1", "PASS", "FAIL", "gyro bias x"],
+        ["B", "p", "bench 2", "FAIL", "PASS", "gyro bias x"],
+        ["D", "q", "bench 2", "PASS", "not judged", ""],
+    ]
+    assert changes.item(0, 0).toolTip() == "/logs/A.h5"
+    moves = page.findChild(QTableView, "versions_moves_table").model()
+    assert [moves.index(0, k).data().strip() for k in range(4)] == ["2.500", "3.850", "4.000", "D"]
+    assert list(page.versions.plot._rows) == ["gyro bias x"]
+    group = page.findChild(QComboBox, "versions_group_combo")
+    for name, rows in (("By station", ["bench 1", "bench 2"]), ("By month", ["2026-01", "2026-03"])):
+        group.setCurrentIndex(group.findText(name))
+        assert list(page.versions.plot._rows) == rows
+    language.use("zh_CN")
+    assert "判定变化：3 份" in texts(page)
+    language.use("en")
+    combos[1].setCurrentIndex(0)
+    assert not page.findChild(QPushButton, "versions_compare_button").isEnabled()
+    press(page, "versions_back_button")
+    assert not page.versions.isVisible()
+
+
+def test_the_comparison_and_the_later_version_are_exported(
+    page: HistoryPage, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    filled(tmp_path)
+    open_versions(page, qtbot)
+    for name in ("comparison.json", "solutions.parquet"):
+        target = tmp_path / name
+        monkeypatch.setattr(
+            "calstation.gui.widgets.exports.ask_file", lambda *arguments, target=target: arguments[-1](target)
+        )
+        press(page, "versions_export_button")
+        settle(page, qtbot)
+        assert page.notice.text_label.text() == str(target)
+    assert json.loads((tmp_path / "comparison.json").read_text("utf-8"))["logs"] == 4
+    assert pq.read_table(tmp_path / "solutions.parquet").num_rows == 4
+
+
+def test_a_long_list_of_changes_is_cut(
+    page: HistoryPage, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(versions_view, "_MOST", 2)
+    filled(tmp_path)
+    open_versions(page, qtbot)
+    press(page, "versions_compare_button")
+    settle(page, qtbot)
+    assert "Changed verdicts: 3, the first 2 listed" in texts(page)
+    assert page.findChild(QTableWidget, "versions_changes_table").rowCount() == 2
+
+
+def test_without_two_versions_the_page_says_how_to_get_them(page: HistoryPage, app: AppContext, qtbot: QtBot) -> None:
+    open_versions(page, qtbot)
+    assert "There are no two versions to compare yet" in texts(page)
+    assert not page.findChild(QPushButton, "versions_compare_button").isEnabled()
+    press(page, "versions_back_button")
+    app.exchange_state = None
+    open_versions(page, qtbot)
+    assert "This station shares no records" in texts(page)
+
+
+def test_a_database_that_is_away_is_reported(page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot) -> None:
+    records = {"database": "postgresql+psycopg://station@127.0.0.1:9/calstation"}
+    site_folder.write(station={"records": records})
+    open_versions(page, qtbot)
+    qtbot.waitUntil(page.notice.isVisible, timeout=WAIT)
+    assert page.notice.title_label.text() == "The versions could not be read"
+    assert "is not reachable" in page.notice.text_label.text()

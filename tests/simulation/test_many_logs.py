@@ -1,0 +1,57 @@
+"""The command that makes many logs writes short logs with all solving needed, the same for a seed."""
+
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+
+from calstation.physics import NAMES
+from calstation.records import open_log
+from calstation.results import resolve
+from calstation.simulation.many_logs import GRAVITY_ERROR, STATIONS, WRONG_SINCE, WRONG_STATION, record_logs
+from tests.cli.conftest import Done, calstation
+from tests.helpers import ignore_progress
+
+__all__ = ["calstation"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twelve logs."""
+    folder = tmp_path_factory.mktemp("logs")
+    record_logs(ignore_progress, folder, 12, seed=3)
+    return folder
+
+
+def test_a_log_gives_all_parameters_and_a_verdict(folder: Path) -> None:
+    result = resolve(min(folder.iterdir())).result
+    assert set(result.parameters) == set(NAMES)
+    assert result.passed is not None
+    assert not result.undetermined
+
+
+def test_stations_take_turns_and_the_gravity_of_one_is_wrong_since_march(folder: Path) -> None:
+    metas = [open_log(path).meta for path in sorted(folder.glob("*.h5"))]
+    gravity = min(meta.site.gravity_mps2 or 0.0 for meta in metas)
+    assert len({meta.imu.serial for meta in metas}) == 12
+    found = []
+    for meta in metas:
+        assert meta.run is not None
+        assert meta.site.gravity_mps2 is not None
+        wrong = meta.run.station == WRONG_STATION and datetime.fromisoformat(meta.run.started_utc) >= WRONG_SINCE
+        assert meta.site.gravity_mps2 / gravity - 1.0 == pytest.approx(GRAVITY_ERROR if wrong else 0.0, abs=1e-8)
+        found.append(meta.run.station)
+    assert found == 4 * list(STATIONS)
+
+
+def test_a_seed_gives_the_same_logs(folder: Path, tmp_path: Path) -> None:
+    first = min(folder.iterdir())
+    record_logs(ignore_progress, tmp_path, 12, seed=3)
+    again, other = sorted(tmp_path.glob("*.h5"))[:2]
+    digests = [open_log(path).facts().sha256 for path in (first, again, other)]
+    assert digests[0] == digests[1] != digests[2]
+
+
+def test_the_command_refuses_a_folder_with_files(calstation: Callable[..., Done], folder: Path) -> None:
+    assert calstation("record", "logs", "--count", 2, "-o", folder).code == 2
