@@ -36,6 +36,7 @@ try:
     import dask
     from distributed import Client, Future, LocalCluster
     from distributed.comm.core import CommClosedError
+    from distributed.core import Status as ServerStatus
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
 
@@ -213,6 +214,17 @@ def _cluster(scheduler: str, workers: int | None, allowed_failures: int) -> Iter
         yield client
 
 
+def _replace_ended(cluster: LocalCluster | None) -> None:
+    """Replace local workers that ended while they started; their nannies do not start them again."""
+    nannies = {} if cluster is None else dict(cluster.workers)
+    ended = [name for name, nanny in nannies.items() if nanny.status in (ServerStatus.closed, ServerStatus.failed)]
+    if cluster is not None and ended:
+        for name in ended:
+            cluster.worker_spec.pop(name, None)
+            cluster.workers.pop(name, None)
+        cluster.scale(len(nannies))
+
+
 def _solved(
     client: Client, engine: Engine, assignment: Assignment, logs: Sequence[StoredLog], stop: threading.Event
 ) -> Iterator[Status]:
@@ -230,6 +242,7 @@ def _solved(
         try:
             future = done.get(timeout=_POLL)
         except Empty:
+            _replace_ended(client.cluster)
             continue
         _, log = running.pop(future.key)
         yield _status(engine, assignment.wanted, log, future)
