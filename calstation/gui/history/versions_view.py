@@ -214,7 +214,7 @@ class VersionsView(QWidget):
         lines = [self.tr("{0} logs in both versions").format(found.logs)]
         if found.only_before or found.only_after:
             lines.append(self.tr("{0} only before, {1} only after").format(found.only_before, found.only_after))
-        lines.append(self.tr("{0} passed and fail now, {1} failed and pass now").format(down, up))
+        lines.append(self.tr("PASS to FAIL: {0}, FAIL to PASS: {1}").format(down, up))
         show_text(self._summary, "  ·  ".join(lines))
         self._fill_changes(found.changes)
         self._fill_moves(found)
@@ -290,7 +290,8 @@ class VersionsView(QWidget):
             numbers,
         )
         if found.moves and not self.moves.currentIndex().isValid():
-            self.moves.selectRow(0)
+            medians = [move.median for move in found.moves.values()]
+            self.moves.selectRow(medians.index(max(medians)))
 
     def _log_of(self, name: str) -> str:
         assert self._found is not None

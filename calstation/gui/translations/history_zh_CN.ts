@@ -612,7 +612,7 @@
         <translation>仅变更前有 {0} 份，仅变更后有 {1} 份</translation>
     </message>
     <message>
-        <source>{0} passed and fail now, {1} failed and pass now</source>
+        <source>PASS to FAIL: {0}, FAIL to PASS: {1}</source>
         <translation>合格变为不合格 {0} 份，不合格变为合格 {1} 份</translation>
     </message>
     <message>
