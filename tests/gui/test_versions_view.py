@@ -85,7 +85,7 @@ def test_two_versions_are_compared(page: HistoryPage, tmp_path: Path, qtbot: QtB
     press(page, "versions_compare_button")
     settle(page, qtbot)
     summary = page.findChild(QLabel, "versions_summary_label")
-    assert summary.text() == "4 logs in both versions  ·  1 passed and fail now, 1 failed and pass now"
+    assert summary.text() == "4 logs in both versions  ·  PASS to FAIL: 1, FAIL to PASS: 1"
     assert "Changed verdicts: 3" in texts(page)
     changes = page.findChild(QTableWidget, "versions_changes_table")
     cells = [[changes.item(line, k).text() for k in (0, 1, 2, 4, 5, 6)] for line in range(changes.rowCount())]
