@@ -19,7 +19,7 @@ from calstation.gui.text import language
 from calstation.jobs.queue import JobQueue
 from tests.gui.station_driver import PIN, PageDriver, station_page
 
-PROFILES = 5
+PROFILES = 6
 
 
 class FormDriver(PageDriver):
