@@ -8,13 +8,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.database import read_state, start_exchange, watch
+from calstation.database import Claim, ExchangeState, read_state, start_exchange, watch
 from calstation.database.process import FAILED_S, LONGEST_S, PAUSE_S, ExchangeProcess
+from calstation.database.state import write_state
 from tests.database.result_files import in_database, in_index, write_result
 from tests.database.test_claims import station_file
 
@@ -60,6 +63,28 @@ def test_runs_are_exchanged_while_the_process_lives(
     state = read_state(folder)
     assert (state.pending, state.error) == (0, None)
     assert state.contact_utc == state.attempt_utc
+
+
+def _idle(owner, *_) -> None:
+    """The work of a process that exchanges nothing."""
+    with suppress(EOFError):
+        while True:
+            owner.recv()
+
+
+def test_only_present_claims_on_the_unit_are_returned(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("calstation.database.process._READ_S", 0.0)
+    monkeypatch.setattr("calstation.database.process._work", _idle)
+    now = datetime.now(UTC)
+    mine, other = (Claim(serial, "line 2", None, now) for serial in ("SN-7", "SN-8"))
+    write_state(folder, ExchangeState(contact_utc=now, claims=(mine, other)))
+    with ExchangeProcess(folder, "sqlite://", "line 1", ("SN-7", None)) as exchange:
+        assert exchange.new_claims() == []  # of the last session
+        write_state(folder, ExchangeState(contact_utc=now + timedelta(seconds=1), claims=(mine, other)))
+        assert exchange.new_claims() == [mine]
+        assert exchange.new_claims() == []
+        exchange.claim(("SN-8", None))
+        assert exchange.new_claims() == [other]
 
 
 def _own(url: str, folder: Path, connection) -> None:
@@ -148,7 +173,7 @@ def test_the_commands_exchange_and_show_the_state(
     state = json.loads(capsys.readouterr().out)
     assert (state["pending"], state["error"]) == (0, None)
     assert run_app(["database", "status", "--out", str(folder)]) == 0
-    assert "0 messages wait for the shared database; last contact: 20" in capsys.readouterr().out
+    assert "Runs that wait for the shared database: 0; last contact: 20" in capsys.readouterr().out
     assert run_app(["database", "exchange", "--out", str(folder)]) == 2
     assert "names no shared database" in capsys.readouterr().err
 
