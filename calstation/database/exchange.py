@@ -78,17 +78,18 @@ class Exchange:
         return self._engine
 
     def _synchronise(self, engine: Engine) -> None:
-        """Take the messages that the database has out of the outbox; queue again those that it has lost.
+        """Take the messages that the database has out of the outbox; queue again what one of the two has lost.
 
-        If it lost some, it was restored from a backup or replaced, and all folders receive all runs again.
+        If the database lost some, it was restored from a backup or replaced, and all folders receive all runs again.
+        If it has later ones than the outbox, the outbox was lost or restored: what its later numbers mean is unknown.
         """
-        sent = self.outbox.sent
+        sent, begun = self.outbox.sent, self.outbox.begun
         with engine.begin() as connection:
             here = outboxes.c.id == self.outbox.id
             arrived = connection.execute(select(outboxes.c.last_number).where(here)).scalar() or 0
             if arrived < sent:
                 connection.execute(update(revisions).values(database=str(uuid4())))
-        if arrived < sent:
+        if not sent <= arrived <= begun:
             self.outbox.restart(arrived)
             self.outbox.fill()
         else:
