@@ -1,7 +1,9 @@
 """Exchange of a folder of runs with the shared database: sends its outbox and receives the runs of other folders."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -16,7 +18,9 @@ from calstation.database.outbox import Outbox, OutboxMessage
 from calstation.database.state import Claim
 from calstation.database.tables import claims, log_copies, outboxes, revisions, runs
 from calstation.errors import ConfigurationError
-from calstation.records import IndexedRun, RunIndex, from_columns
+from calstation.records import IndexedRun, from_columns
+
+logger = logging.getLogger(__name__)
 
 #: Number of runs that are received at once.
 _PAGE = 500
@@ -31,9 +35,10 @@ class Exchange:
     def __init__(self, folder: Path, url: str, station: str, claim: tuple[str, str | None] | None = None) -> None:
         """Create the exchange; `claim` is the serial number of a unit and its operator, to be claimed."""
         self._folder, self._url, self._station, self._claim = folder, url, station, claim
-        self._index = RunIndex(folder)
         self._engine: Engine | None = None
+        self.begun_utc = datetime.now(UTC)  #: Time when this exchange was created.
         self.outbox = Outbox(folder)
+        self._index = self.outbox.index
 
     def exchange(self) -> list[Claim]:
         """Send all that is pending, receive what is new, and return other stations' claims on this one's units.
@@ -143,7 +148,8 @@ class Exchange:
             more = len(rows) == _PAGE
             reached = rows[-1].revision if more else max([last, *(row.revision for row in rows)])
             if reached > cursor:
-                self._index.receive([_received(row) for row in rows], database, reached)
+                received = [_received(row) for row in rows]
+                self._index.receive([run for run in received if run is not None], database, reached)
                 cursor = reached
 
 
@@ -177,7 +183,11 @@ def _store_copy(connection: Connection, outbox: str, revision: int, columns: dic
     connection.execute(update(runs).where(*run).values(log=columns["url"], revision=revision))
 
 
-def _received(row: Row[Any]) -> IndexedRun:
-    """Return a run of another folder as it is indexed."""
-    run = from_columns(row.name, "", row.content, row.failed_checks, row.parameters, row.numbers)
+def _received(row: Row[Any]) -> IndexedRun | None:
+    """Return a run of another folder as it is indexed; None for one that cannot be read, which is logged."""
+    try:
+        run = from_columns(row.name, "", row.content, row.failed_checks, row.parameters, row.numbers)
+    except (ValueError, TypeError) as exc:
+        logger.warning("run %s of %s cannot be read and is not received: %s", row.name, row.outbox, exc)
+        return None
     return replace(run, record=replace(run.record, origin=row.outbox, location=row.log))

@@ -10,6 +10,7 @@ import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -125,14 +126,22 @@ class Outbox:
                 _forget(connection, 0)
                 connection.execute(update(_outbox).values(id=self.id))
 
+    @cached_property
+    def index(self) -> RunIndex:
+        """Index of the runs of the folder."""
+        return RunIndex(self._folder)
+
+    @cached_property
+    def _history(self) -> History:
+        return History(self._folder, self.index)
+
     def fill(self) -> int:
         """Queue the runs and copies that are new or have changed, the oldest runs first; return their number.
 
         At most `CAPACITY` messages wait; the others are queued when these have arrived.
         """
-        history, index = History(self._folder), RunIndex(self._folder)
-        history.refresh()
-        stamps = index.stamps()
+        self._history.refresh()
+        stamps = self.index.stamps()
         with self._transaction() as connection:
             queued = {(row.kind, row.name): row.stamp for row in connection.execute(select(_queued))}
             copies = connection.execute(select(_copies)).all()
@@ -142,8 +151,8 @@ class Outbox:
         count = 0
         for start in range(0, len(changed), _AT_ONCE):
             names = changed[start : start + _AT_ONCE]
-            runs = {run.name: run for run in index.own(names)}
-            rows = [_run_row(self._folder, runs[name], history) for name in names if name in runs]
+            runs = {run.name: run for run in self.index.own(names)}
+            rows = [_run_row(self._folder, runs[name], self._history) for name in names if name in runs]
             self._append("run", rows, [stamps[name] for name in names if name in runs])
             count += len(rows)
         with self._transaction() as connection:

@@ -168,6 +168,25 @@ def test_what_the_database_or_an_index_lost_is_sent_or_received_again(
     assert len({name for name, _ in in_database(url)}) == len(before)
 
 
+@pytest.mark.parametrize("column", ["content", "parameters", "failed_checks", "numbers"])
+def test_a_run_that_cannot_be_read_holds_up_no_other(url: str, stations: tuple[Path, Path], column: str) -> None:
+    one, two = stations
+    for number in range(3):
+        write_result(one, f"a{number}", number)
+    exchange(one, url)
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        damaged = b"12345" if column == "numbers" else "17"
+        connection.execute(update(runs).where(runs.c.name == "a1").values({column: damaged}))
+    engine.dispose()
+    exchange(two, url)
+    assert [row[0] for row in in_index(two)] == ["a0", "a2"]
+    write_result(one, "b", 3)
+    for folder in stations:
+        exchange(folder, url)
+    assert [row[0] for row in in_index(two)] == ["a0", "a2", "b"]
+
+
 def test_a_restored_outbox_loses_no_run(url: str, stations: tuple[Path, Path]) -> None:
     one, two = stations
     write_result(one, "a", 0)
