@@ -195,7 +195,9 @@ def test_a_restored_outbox_loses_no_run(url: str, stations: tuple[Path, Path]) -
     for number in range(1, 6):
         write_result(one, f"b{number}", number)
         exchange(one, url)
-    (one / FILE).write_bytes(backup)
+    (one / FILE).write_bytes(backup)  # with the rest of the folder
+    for path in one.glob("b*.json"):
+        path.unlink()
     for number in range(6, 9):
         write_result(one, f"c{number}", number)
     Outbox(one).fill()  # while the database was away: numbers that the database has for other runs
@@ -203,9 +205,10 @@ def test_a_restored_outbox_loses_no_run(url: str, stations: tuple[Path, Path]) -
         write_result(one, f"d{number}", number)
     for folder in (one, two):
         exchange(folder, url)
-    assert len(in_index(two)) == 12
-    assert in_index(two) == in_index(one)
-    assert len(in_database(url)) == 12
+    names = ["a", *(f"b{number}" for number in range(1, 6))]
+    names += ["c6", "c7", "c8", "d10", "d11", "d9"]
+    assert [row[0] for row in in_index(two)] == names
+    assert sorted(name for name, _ in in_database(url)) == names
     write_result(one, "e", 12)
     exchange(one, url)
     assert in_database(url)[-1] == ("e", "one")
