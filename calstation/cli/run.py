@@ -55,10 +55,11 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
         for event in engine_events(request, new_claims=new_claims):
             verdict = event if isinstance(event, Verdict) else verdict
             fault = event if isinstance(event, Fault) else fault
-    if verdict is not None:
-        _show_verdict(verdict, json, request)
-    if fault is not None:
-        return complain_fault(fault, request, debug=debug)
+        # before the last exchange, which may take seconds
+        if verdict is not None:
+            _show_verdict(verdict, json, request)
+        if fault is not None:
+            return complain_fault(fault, request, debug=debug)
     exit_codes = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
     return 3 if verdict is None else exit_codes[verdict.outcome]
 

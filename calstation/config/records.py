@@ -1,6 +1,7 @@
 """`[records]` of a station file: the database that stations share, and the archive of their logs."""
 
-from urllib.parse import parse_qs, urlsplit
+import re
+from urllib.parse import unquote
 
 from pydantic import Field, field_validator
 
@@ -8,6 +9,11 @@ from calstation.schema import EntryError, StrictModel
 
 #: Schemes of the databases that are supported.
 _SCHEMES = ("postgresql+psycopg", "sqlite")
+
+#: ``user:password@`` after the scheme; a password may have any character but @, unlike in a well-formed URL.
+_PASSWORD = re.compile(r"[^:/]*:[^@]*@")
+#: The key of an option that holds a credential; `sslkey` is a path.
+_SECRET = re.compile(r"[?&][^=&]*(password|passwd|secret|token)[^=&]*=", re.IGNORECASE)
 
 
 class RecordsSection(StrictModel):
@@ -45,5 +51,5 @@ def check_database_url(url: str) -> None:
 
 
 def _has_password(url: str) -> bool:
-    parts = urlsplit(url)
-    return parts.password is not None or bool({"password", "secret"} & parse_qs(parts.query).keys())
+    rest = url.partition("://")[2]
+    return bool(_PASSWORD.match(rest) or _SECRET.search(unquote(rest)))

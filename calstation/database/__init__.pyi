@@ -1,7 +1,5 @@
 from .archive import LogCopy as LogCopy
 from .archive import archive_log as archive_log
-from .claims import claim_scanned as claim_scanned
-from .claims import release_scanned as release_scanned
 from .connect import connect as connect
 from .connect import upgrade as upgrade
 from .exchange import Exchange as Exchange

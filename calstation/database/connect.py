@@ -36,7 +36,7 @@ _CONNECTION: dict[str, int | str] = {
     "keepalives_count": 3,
     "tcp_user_timeout": 30_000,
     "options": "-c idle_in_transaction_session_timeout=30s -c tcp_keepalives_idle=10 -c tcp_keepalives_interval=5"
-    " -c tcp_keepalives_count=3 -c lock_timeout=20s",
+    " -c tcp_keepalives_count=3",
 }
 
 

@@ -2,21 +2,22 @@
 
 import logging
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from sqlalchemy import Connection, Engine, Row, delete, func, insert, select, update
+from sqlalchemy import Connection, Engine, Row, func, insert, select, update
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 
 from calstation.database.archiver import LogArchiver
-from calstation.database.claims import claim_unit, other_claims
+from calstation.database.claims import claim_unit, other_claims, release_unit
 from calstation.database.connect import connect, public, reason_of
 from calstation.database.outbox import Outbox, OutboxMessage
 from calstation.database.state import Claim
-from calstation.database.tables import claims, log_copies, outboxes, revisions, runs
+from calstation.database.tables import log_copies, outboxes, revisions, runs
 from calstation.errors import ConfigurationError
 from calstation.records import IndexedRun, from_columns
 
@@ -33,8 +34,10 @@ class Exchange:
     """Exchange of one folder; it keeps its connection from pass to pass."""
 
     def __init__(self, folder: Path, url: str, station: str, claim: tuple[str, str | None] | None = None) -> None:
-        """Create the exchange; `claim` is the serial number of a unit and its operator, to be claimed."""
-        self._folder, self._url, self._station, self._claim = folder, url, station, claim
+        """Create the exchange; `claim` is the serial number of a unit and its operator."""
+        self._folder, self._url, self._station = folder, url, station
+        self.claim = claim  #: The unit that every exchange claims, in place of the previous one; None for no unit.
+        self._held: str | None = None  #: Serial number of the unit that is claimed in the database.
         self._engine: Engine | None = None
         self.begun_utc = datetime.now(UTC)  #: Time when this exchange was created.
         self.outbox = Outbox(folder)
@@ -50,6 +53,7 @@ class Exchange:
             while sent:
                 self.outbox.fill()
                 engine = self._connected()
+                self._hold(engine)
                 self._synchronise(engine)
                 sent = False
                 while self._send(engine):
@@ -59,7 +63,7 @@ class Exchange:
         except DBAPIError as exc:
             lost = isinstance(exc, OperationalError | InterfaceError) or exc.connection_invalidated
             database = "" if self._engine is None else public(self._engine.url)
-            self.close()
+            self._disconnect()
             if lost:
                 raise ConfigurationError("database.unreachable", database=database, reason=reason_of(exc)) from exc
             raise ConfigurationError("database.refused", database=database, reason=reason_of(exc)) from exc
@@ -69,7 +73,14 @@ class Exchange:
         return LogArchiver(self._folder, archive)
 
     def close(self) -> None:
-        """Close the connection; the next exchange opens a new one."""
+        """End the claim and close the connection; the next exchange opens a new one."""
+        if self._engine is not None and self._held is not None:
+            with suppress(DBAPIError):  # the claim ends by itself
+                release_unit(self._engine, self.outbox.id, self._held)
+                self._held = None
+        self._disconnect()
+
+    def _disconnect(self) -> None:
         if self._engine is not None:
             self._engine.dispose()
             self._engine = None
@@ -77,10 +88,20 @@ class Exchange:
     def _connected(self) -> Engine:
         if self._engine is None:
             self._engine = connect(self._url)
-        if self._claim is not None:
-            claim_unit(self._engine, self.outbox.id, self._station, *self._claim)
-            self._claim = None
         return self._engine
+
+    def _hold(self, engine: Engine) -> None:
+        """Claim the present unit, or renew its claim, and end that on the previous one.
+
+        A claim of another process on the same folder is not ended.
+        """
+        serial = None if self.claim is None else self.claim[0]
+        if self._held is not None and self._held != serial:
+            release_unit(engine, self.outbox.id, self._held)
+        self._held = None
+        if self.claim is not None:
+            claim_unit(engine, self.outbox.id, self._station, *self.claim)
+            self._held = serial
 
     def _synchronise(self, engine: Engine) -> None:
         """Take the messages that the database has out of the outbox; queue again what one of the two has lost.
@@ -163,14 +184,13 @@ def _store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage
 
 
 def _store_run(connection: Connection, outbox: str, revision: int, columns: dict[str, Any]) -> None:
-    """Add or replace a run; the unit's claim ends."""
+    """Add or replace a run."""
     same = (runs.c.outbox == outbox, runs.c.name == columns["name"])
     copy = (log_copies.c.outbox == outbox, log_copies.c.name == columns["name"])
     url = connection.execute(select(log_copies.c.url).where(*copy)).scalar()
     columns = {**columns, "log": url or columns["log"], "revision": revision}
     if connection.execute(update(runs).where(*same).values(columns)).rowcount == 0:
         connection.execute(insert(runs).values(outbox=outbox, **columns))
-    connection.execute(delete(claims).where(claims.c.outbox == outbox, claims.c.serial == columns["serial"]))
 
 
 def _store_copy(connection: Connection, outbox: str, revision: int, columns: dict[str, Any]) -> None:

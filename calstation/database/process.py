@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -55,22 +56,35 @@ class ExchangeProcess:
         claim: tuple[str, str | None] | None = None,
         archive: str | None = None,
     ) -> None:
-        """Start the process; `claim` is the serial number of a unit and its operator, to be claimed."""
+        """Start the process; `claim` is the serial number of a unit and its operator, which it holds until the end."""
+        self._folder, self._claim = folder, claim
+        self._contact_before = read_state(folder).contact_utc
         context = multiprocessing.get_context("spawn")
         self._connection, there = context.Pipe()
         self.process = context.Process(target=_work, args=(there, folder, url, station, claim, archive), daemon=True)
         spawn_process(self.process)
         there.close()
-        self._folder, self._shown, self._read_at = folder, set[Claim](), 0.0
+        self._shown, self._read_at = set[Claim](), 0.0
+
+    def claim(self, claim: tuple[str, str | None] | None) -> None:
+        """Hold the claim on this unit in place of the previous one; None for no unit."""
+        self._claim = claim
+        with suppress(OSError):  # the process has ended
+            self._connection.send(claim)
+
+    def state(self) -> ExchangeState:
+        """Return the state of the exchange; before the first contact of this process without claims, which are old."""
+        state = read_state(self._folder)
+        return replace(state, claims=()) if state.contact_utc == self._contact_before else state
 
     def new_claims(self) -> list[Claim]:
-        """Return the claims of other stations that were not returned before; reads the state once a second at most."""
+        """Return other stations' claims on the unit not returned before; reads the state once a second at most."""
         now = time.monotonic()
         if now < self._read_at + _READ_S:
             return []
         self._read_at = now
-        state = read_state(self._folder)
-        new = [claim for claim in state.claims if claim not in self._shown]
+        serial = None if self._claim is None else self._claim[0]
+        new = [claim for claim in self.state().claims if claim.serial == serial and claim not in self._shown]
         self._shown.update(new)
         return new
 
@@ -131,18 +145,20 @@ def _work(
     claim: tuple[str, str | None] | None,
     archive: str | None,
 ) -> None:
-    """Exchange until the owner closes the pipe or ends."""
+    """Exchange until the owner closes the pipe or ends; the owner sends the unit to claim, or None."""
     applog.configure("exchange")
 
     def wait(seconds: float) -> bool:
-        with suppress(EOFError, OSError):
-            if not owner.poll(seconds):
-                return False
-            owner.recv()
-        return True
+        nonlocal claim
+        try:
+            while owner.poll(seconds):
+                claim, seconds = owner.recv(), 0.0
+        except (EOFError, OSError):
+            return True
+        return False
 
     try:
-        watch(folder, url, station, wait, claim, archive)
+        watch(folder, url, station, wait, lambda: claim, archive)
     except Exception:
         logger.exception("the exchange ended by a mistake of the program")
         raise
@@ -153,7 +169,7 @@ def watch(
     url: str,
     station: str,
     wait: Callable[[float], bool],
-    claim: tuple[str, str | None] | None = None,
+    claim: Callable[[], tuple[str, str | None] | None] = lambda: None,
     archive: str | None = None,
 ) -> None:
     """Exchange a folder again and again, and copy its logs to an archive in a thread, for which nothing waits.
@@ -163,7 +179,7 @@ def watch(
     folder : runs folder of the station
     url, station : URL of the database, and name of the station
     wait : waits for a pause, s, and returns whether to end after a last exchange
-    claim : serial number of a unit and its operator, to be claimed; None for no unit
+    claim : returns the serial number of the unit to claim at present and its operator, None for no unit
     archive : folder or URL for copies of the logs; None for no copies
     """
     failed, ended, exchange = FAILED_S, False, None
@@ -176,10 +192,11 @@ def watch(
             if exchange is None:
                 from calstation.database.exchange import Exchange
 
-                exchange = Exchange(folder, url, station, claim)
+                exchange = Exchange(folder, url, station)
                 if archive is not None and archiver is None:
                     archiver = threading.Thread(target=_copy_logs, args=(folder, archive, stop), daemon=True)
                     archiver.start()
+            exchange.claim = claim()
             begin = time.thread_time()
             exchange_once(exchange, folder)
         except Exception as exc:  # noqa: BLE001 - whatever one pass did, the next may succeed

@@ -3,6 +3,7 @@
 import json
 import math
 import sqlite3
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -38,6 +39,7 @@ from sqlalchemy import (
 from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
+from calstation.errors import ConfigurationError
 from calstation.physics import BoolArray, FloatArray
 
 #: Version of the table layout; an index of another version is rebuilt.
@@ -51,6 +53,15 @@ _EPOCH = 2440587.5
 
 #: Longest time to wait for another program that has locked the index, s.
 _BUSY_S = 5.0
+
+#: Time after which an index in memory tries its file again, s.
+_RETRY_S = 10.0
+
+#: Number of runs that are removed at once, so that other programs do not wait for the index.
+_AT_ONCE = 1000
+
+#: What SQLite says of a file that is damaged or no database; all else, such as a full disk, may pass.
+_DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
 T = TypeVar("T")
 
@@ -179,13 +190,15 @@ _rowid: ColumnElement[int] = literal_column("runs.rowid", Integer)
 
 
 class RunIndex:
-    """Index of a folder of runs; it is kept in memory if its file cannot be used, so that it never stops a run."""
+    """Index of a folder of runs; it is kept in memory while its file cannot be used, so that it never stops a run."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._path = folder / FILE
-        self.lost = False  #: Whether the index was damaged or not writable and is now empty.
+        self.lost = False  #: Whether the index may lack runs, because it is new or its file could not be used before.
         self._engine = _file_engine(self._path)
+        self._memory: Engine | None = None  #: In place of the file until `_again`.
+        self._again = 0.0
         self._try(_create)
 
     def stamps(self) -> dict[str, str]:
@@ -211,21 +224,23 @@ class RunIndex:
         return self._found(select(_runs).where(_runs.c.origin == "", _runs.c.name.in_(names)))
 
     def received(self) -> tuple[str, int]:
-        """Return the name of the shared database and the last revision received from it, ("", 0) for none."""
-        rows = self._try(lambda connection: connection.execute(select(_received)).all())
+        """Return the name of the shared database and the last revision received from it, ("", 0) for none.
+
+        Raises ConfigurationError if the file cannot be used at present.
+        """
+        rows = self._in_file(lambda connection: connection.execute(select(_received)).all())
         return (rows[0].database, rows[0].revision) if rows else ("", 0)
 
     def receive(self, runs: Iterable[IndexedRun], database: str, revision: int) -> None:
         """Add or replace runs of other folders, received from a shared database up to a revision.
 
-        Runs received from another database are removed.
+        Runs received from another database are removed. Raises ConfigurationError if the file cannot be used at
+        present.
         """
         rows = [_row(run) for run in runs]
 
         def change(connection: Connection) -> None:
-            if connection.execute(delete(_received).where(_received.c.database == database)).rowcount == 0:
-                connection.execute(delete(_runs).where(_runs.c.origin != ""))
-                connection.execute(delete(_received))
+            connection.execute(delete(_received))
             connection.execute(insert(_received).values(database=database, revision=revision))
             for row in rows:
                 same = (_runs.c.origin == row["origin"], _runs.c.name == row["name"])
@@ -233,7 +248,12 @@ class RunIndex:
             if rows:
                 connection.execute(insert(_runs), rows)
 
-        self._try(change)
+        if self.received()[0] != database:
+            self._in_file(lambda connection: connection.execute(delete(_received)))
+            some = select(_rowid).select_from(_runs).where(_runs.c.origin > "").limit(_AT_ONCE)
+            while self._in_file(lambda connection: connection.execute(delete(_runs).where(_rowid.in_(some))).rowcount):
+                pass
+        self._in_file(change)
 
     def find(self, wanted: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Find at most `limit` runs that meet all conditions, the latest first."""
@@ -335,33 +355,52 @@ class RunIndex:
         return replace(run, record=replace(record, log=self._folder / record.origin / record.log.name, result=result))
 
     def _try(self, action: Callable[[Connection], T]) -> T:
-        """Run `action`; if the file is damaged or not writable, retry with a new file, then in memory."""
+        """Run `action` on the file, or in memory while the file cannot be used."""
+        if time.monotonic() >= self._again:
+            try:
+                answer = self._use_file(action)
+            except (DatabaseError, OSError):
+                self._again = time.monotonic() + _RETRY_S
+            else:
+                if self._memory is not None:
+                    self._memory, self.lost = None, True
+                return answer
+        if self._memory is None:
+            self._memory, self.lost = create_engine("sqlite://", poolclass=StaticPool), True
+            with self._memory.begin() as connection:
+                _create(connection)
+        with self._memory.begin() as connection:
+            return action(connection)
+
+    def _in_file(self, action: Callable[[Connection], T]) -> T:
+        """Run `action` on the file. Raises ConfigurationError if the file cannot be used at present."""
+        try:
+            return self._use_file(action)
+        except (DatabaseError, OSError) as exc:
+            reason = str(exc.orig if isinstance(exc, DatabaseError) else exc)
+            raise ConfigurationError("database.index_unusable", file=self._path, reason=reason) from exc
+
+    def _use_file(self, action: Callable[[Connection], T]) -> T:
+        """Run `action` on the file; if it is damaged or gone, on a new one."""
         try:
             with self._engine.begin() as connection:
                 return action(connection)
-        except DatabaseError:
-            pass
-        for renew in (self._recreate_file, self._move_to_memory):
-            try:
-                renew()
-                with self._engine.begin() as connection:
-                    _create(connection)
-                    self.lost = True
-                    return action(connection)
-            except (DatabaseError, OSError):
-                continue
-        raise RuntimeError("SQLite in memory does not work")
-
-    def _recreate_file(self) -> None:
+        except DatabaseError as exc:
+            if not _is_lost(exc):
+                raise
         self._engine.dispose()
-        self._path.unlink(missing_ok=True)
-        for suffix in ("-wal", "-shm", "-journal"):
+        for suffix in ("", "-wal", "-shm", "-journal"):
             self._path.with_name(self._path.name + suffix).unlink(missing_ok=True)
-        self._engine = _file_engine(self._path)
+        with self._engine.begin() as connection:
+            _create(connection)
+            self.lost = True
+            return action(connection)
 
-    def _move_to_memory(self) -> None:
-        self._engine.dispose()
-        self._engine = create_engine("sqlite://", poolclass=StaticPool)
+
+def _is_lost(error: DatabaseError) -> bool:
+    """Whether the file is damaged, is no database or lacks a table, and not only locked or without space."""
+    assert isinstance(error.orig, sqlite3.Error)
+    return error.orig.sqlite_errorcode & 0xFF in _DAMAGED or str(error.orig).startswith("no such table")
 
 
 def _file_engine(path: Path) -> Engine:

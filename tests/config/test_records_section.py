@@ -29,13 +29,31 @@ def test_a_database_and_an_archive_are_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    "url",
+    [
+        "postgresql+psycopg://line@server:5432/records?sslmode=verify-full&sslkey=/etc/calstation/line.key",
+        "postgresql+psycopg://server:5432/records?application_name=line",
+        "sqlite:////srv/a:b@c/records.sqlite",
+    ],
+)
+def test_a_url_without_a_password_is_accepted(tmp_path: Path, url: str) -> None:
+    assert load_station(station(tmp_path, f'database = "{url}"'))[1].records.database == url
+
+
+@pytest.mark.parametrize(
     ("text", "code"),
     [
         ('database = "postgresql+psycopg://line:geheim@server/records"', "database.password_in_url"),
         ('database = "postgresql+psycopg://line@server/records?password=geheim"', "database.password_in_url"),
+        ('database = "postgresql+psycopg://line:ge#heim@server/geheim"', "database.password_in_url"),
+        ('database = "postgresql+psycopg://line:ge/heim?@server/geheim"', "database.password_in_url"),
+        ('database = "postgresql+psycopg://server/records?sslpassword=geheim"', "database.password_in_url"),
+        ('database = "postgresql+psycopg://server/records?a=b&SSL%50assword=geheim"', "database.password_in_url"),
         ('database = "mysql://line:geheim@server/records"', "database.other_kind"),
         ('database = "geheim"', "database.no_url"),
         ('archive = "s3://key:geheim@bucket/logs"', "database.password_in_archive"),
+        ('archive = "s3://key:ge#heim@bucket/geheim"', "database.password_in_archive"),
+        ('archive = "https://server/logs?x-token=geheim"', "database.password_in_archive"),
         ('databse = "geheim"', None),
     ],
 )

@@ -1,18 +1,21 @@
-"""Two stations that work on the same unit are both told; claims end with the run or by the database's clock."""
+"""Two stations that work on the same unit are both told; a claim lasts while the station holds it, or five minutes."""
 
 import multiprocessing
+import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sqlalchemy import create_engine, select, update
 
 from calstation.config import library
-from calstation.database import Claim, Exchange, claim_scanned, release_scanned, upgrade
+from calstation.database import Claim, Exchange, Outbox, connect, upgrade
+from calstation.database.claims import claim_unit, other_claims
+from calstation.database.process import LONGEST_S
 from calstation.database.tables import claims
 from calstation.messages import event_text, sentence
-from tests.database.result_files import write_result
-from tests.helpers import ignore_progress
+from tests.database.result_files import in_database, write_result
 
 
 def station_file(folder: Path, url: str) -> Path:
@@ -24,12 +27,14 @@ def station_file(folder: Path, url: str) -> Path:
     return path
 
 
-def scan(start: float, station: Path, folder: Path, serial: str) -> list[Claim]:
-    """Claim a unit at a given time, in a process of its own."""
-    import time
-
+def scan(start: float, url: str, folder: Path, serial: str) -> list[Claim]:
+    """Claim a unit at a given time, in a process of its own, and return the claims of others on it."""
     time.sleep(max(0.0, start - time.time()))
-    return claim_scanned(ignore_progress, station, folder, serial, "li")
+    engine, outbox = connect(url), Outbox(folder).id
+    claim_unit(engine, outbox, folder.name, serial, "li")
+    found = other_claims(engine, outbox)
+    engine.dispose()
+    return [claim for claim in found if claim.serial == serial]
 
 
 @pytest.fixture
@@ -42,14 +47,15 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
 
 
 def test_two_stations_that_scan_a_unit_at_once_are_both_told(shared_database: str, folders: tuple[Path, Path]) -> None:
-    stations = [station_file(folder, shared_database) for folder in folders]
     context = multiprocessing.get_context("spawn")
     told = {0: 0, 1: 0}
     with context.Pool(2) as pool:
-        pool.starmap(scan, [(0.0, stations[k], folders[k], "SN-0") for k in (0, 1)], chunksize=1)  # imports are done
+        pool.starmap(
+            scan, [(0.0, shared_database, folders[k], "SN-0") for k in (0, 1)], chunksize=1
+        )  # imports are done
         for number in range(1, 11):
             start = datetime.now(UTC).timestamp() + 0.2
-            work = [(start, stations[k], folders[k], f"SN-{number}") for k in (0, 1)]
+            work = [(start, shared_database, folders[k], f"SN-{number}") for k in (0, 1)]
             found = pool.starmap(scan, work, chunksize=1)
             assert any(found)  # at once: whoever scans last sees the other
             for k, there in enumerate(found):
@@ -70,48 +76,76 @@ def test_two_stations_that_scan_a_unit_at_once_are_both_told(shared_database: st
     assert sentence(text, "zh_CN") == f"SN-0 自 {utc.astimezone():%H:%M} 起也在 line 1 标定。"
 
 
-@pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
-def test_a_claim_ends_by_release_arrival_or_time(
-    kind: str, request: pytest.FixtureRequest, tmp_path: Path, folders: tuple[Path, Path]
-) -> None:
-    if kind == "sqlite":
-        url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
-        upgrade(url)
-    else:
-        url = request.getfixturevalue("shared_database")
-    one, two = (station_file(folder, url) for folder in folders)
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """URL of a new database of each kind."""
+    if request.param == "postgresql":
+        return str(request.getfixturevalue("shared_database"))
+    path = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    upgrade(path)
+    return path
 
-    def others() -> list[str]:
-        return [claim.station for claim in claim_scanned(ignore_progress, two, folders[1], "SN-1", None)]
 
-    def again() -> None:
-        assert [c.station for c in claim_scanned(ignore_progress, one, folders[0], "SN-1", "li")] in ([], ["line 2"])
-        assert others() == ["line 1"]
-
-    assert others() == []
-    again()
-    release_scanned(ignore_progress, one, folders[0], "SN-1")
-    assert others() == []
-    again()
-    write_result(folders[0], "a", 1)
-    exchange = Exchange(folders[0], url, "line 1")
-    exchange.exchange()
-    assert others() == []
-    again()
+def serials(url: str, changes: dict[str, Any] | None = None) -> list[str]:
+    """The units that are claimed in a database, in order, after changing all claims."""
     engine = create_engine(url)
-    past = datetime.now(UTC) - timedelta(seconds=1)
     with engine.begin() as connection:
-        connection.execute(update(claims).where(claims.c.station == "line 1").values(expires=past))
-    assert others() == []
-    again()  # it is claimed again
-    with engine.begin() as connection:
-        rows = connection.execute(select(claims.c.claimed, claims.c.expires)).all()
-    assert all(row.expires - row.claimed == timedelta(hours=2) for row in rows)
+        if changes is not None:
+            connection.execute(update(claims).values(**changes))
+        found = connection.execute(select(claims.c.serial).order_by(claims.c.serial)).scalars().all()
     engine.dispose()
+    return list(found)
+
+
+def test_a_claim_lasts_while_the_station_holds_it(url: str, folders: tuple[Path, Path]) -> None:
+    one, two = (Exchange(folder, url, folder.name, ("SN-1", "li")) for folder in folders)
+    assert one.exchange() == []
+    (since,) = [claim.since for claim in two.exchange()]
+    one.exchange()
+    assert [(claim.station, claim.operator, claim.since) for claim in two.exchange()] == [("line 1", "li", since)]
+    assert [claim.station for claim in one.exchange()] == ["line 2"]
+    past = datetime.now(UTC) - timedelta(seconds=1)
+    serials(url, {"expires": past})  # as after five minutes without a contact
+    assert two.exchange() == []
+    assert [claim.station for claim in one.exchange()] == ["line 2"]
+    assert [claim.station for claim in two.exchange()] == ["line 1"]
+    one.claim = ("SN-2", "li")
+    one.exchange()
+    assert serials(url) == ["SN-1", "SN-2"]
+    assert two.exchange() == []
+    one.claim = None
+    one.exchange()
+    assert serials(url) == ["SN-1"]
+    two.close()
+    assert serials(url) == []
+    one.close()
+
+
+def test_a_claim_lasts_five_minutes_by_the_clock_of_the_database(url: str, folders: tuple[Path, Path]) -> None:
+    exchange = Exchange(folders[0], url, "line 1", ("SN-1", "li"))
+    exchange.exchange()
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        row = connection.execute(select(claims.c.claimed, claims.c.expires)).one()
+    engine.dispose()
+    assert row.expires - row.claimed == timedelta(minutes=5)
+    assert LONGEST_S < 300.0
     exchange.close()
 
 
-def test_a_station_without_a_shared_database_claims_nothing(tmp_path: Path) -> None:
-    assert claim_scanned(ignore_progress, None, tmp_path, "SN-1", None) == []
-    release_scanned(ignore_progress, None, tmp_path, "SN-1")
-    assert list(tmp_path.iterdir()) == []
+def test_an_earlier_run_of_a_unit_ends_no_claim(url: str, folders: tuple[Path, Path]) -> None:
+    write_result(folders[0], "a", 1)
+    exchange = Exchange(folders[0], url, "line 1", ("SN-1", "li"))
+    exchange.exchange()
+    assert in_database(url) == [("a", "line 1")]
+    assert serials(url) == ["SN-1"]
+    exchange.close()
+
+
+def test_a_service_on_the_same_folder_ends_no_claim(url: str, folders: tuple[Path, Path]) -> None:
+    window, service = Exchange(folders[0], url, "line 1", ("SN-1", "li")), Exchange(folders[0], url, "line 1")
+    window.exchange()
+    service.exchange()
+    service.close()
+    assert serials(url) == ["SN-1"]
+    window.close()

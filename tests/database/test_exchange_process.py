@@ -9,14 +9,25 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from datetime import timedelta
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.database import Exchange, close_exchanges, connect, exchange_once, read_state, start_exchange, watch
+from calstation.database import (
+    Claim,
+    Exchange,
+    close_exchanges,
+    connect,
+    exchange_once,
+    read_state,
+    start_exchange,
+    watch,
+)
 from calstation.database.process import FAILED_S, LONGEST_S, PAUSE_S, ExchangeProcess
+from calstation.database.state import change_state
 from calstation.errors import ConfigurationError
 from calstation.records import locked
 from tests.database.result_files import in_database, in_index, write_result
@@ -65,6 +76,28 @@ def test_runs_are_exchanged_while_the_process_lives(
     state = read_state(folder)
     assert (state.pending, state.error) == (0, None)
     assert state.contact_utc == state.attempt_utc
+
+
+def _idle(owner, *_) -> None:
+    """The work of a process that exchanges nothing."""
+    with suppress(EOFError):
+        while True:
+            owner.recv()
+
+
+def test_only_present_claims_on_the_unit_are_returned(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("calstation.database.process._READ_S", 0.0)
+    monkeypatch.setattr("calstation.database.process._work", _idle)
+    now = datetime.now(UTC)
+    mine, other = (Claim(serial, "line 2", None, now) for serial in ("SN-7", "SN-8"))
+    change_state(folder, contact_utc=now, claims=(mine, other))
+    with ExchangeProcess(folder, "sqlite://", "line 1", ("SN-7", None)) as exchange:
+        assert exchange.new_claims() == []  # of the last session
+        change_state(folder, contact_utc=now + timedelta(seconds=1))
+        assert exchange.new_claims() == [mine]
+        assert exchange.new_claims() == []
+        exchange.claim(("SN-8", None))
+        assert exchange.new_claims() == [other]
 
 
 def _own(url: str, folder: Path, connection) -> None:

@@ -1,12 +1,16 @@
 """The window of a station that shares records: units at two stations, and what waits to be sent or archived."""
 
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from PySide6.QtWidgets import QLabel, QListWidget, QPushButton
 from pytestqt.qtbot import QtBot
 
-from calstation.database import Exchange, upgrade
+from calstation.database import Claim, Exchange, read_state, upgrade
+from calstation.database.state import change_state
+from calstation.results import History
 from tests.database.result_files import write_result
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
 
@@ -37,7 +41,7 @@ def away(site_folder: SiteFolder, tmp_path: Path) -> None:
 
 
 def test_a_unit_at_another_station_is_named_and_does_not_block(
-    shared: str, operator: Operator, tmp_path: Path, qtbot: QtBot
+    shared: str, operator: Operator, site_folder: SiteFolder, tmp_path: Path, qtbot: QtBot
 ) -> None:
     folder = tmp_path / "line 2"
     folder.mkdir()
@@ -53,17 +57,49 @@ def test_a_unit_at_another_station_is_named_and_does_not_block(
     operator.scan(SERIAL)
     operator.until(notice.isVisible)
 
-    # the run of the other station ends its claim, and the unit is known here
+    # the other station has ended its work, and the unit is known here
     write_result(folder, f"{SERIAL}_20261101T000000", 1, serial=SERIAL)
+    other.claim = None
     other.exchange()
     other.close()
-    operator.until(lambda: not notice.isVisible())
+    operator.until(lambda: not notice.isVisible() and History(site_folder.runs).passed(SERIAL))
     operator.press("start_button")
     assert f"{SERIAL} has already passed at line 2" in operator.says()
     assert not operator.window.app.engine_link.running
     operator.press("cancel_choice")
     operator.scan(SERIAL)
     assert "attempt 2" in operator.says()
+
+
+def test_a_unit_is_claimed_when_the_database_is_back_and_released_when_the_window_closes(
+    away: None, operator: Operator, site_folder: SiteFolder, tmp_path: Path
+) -> None:
+    app = operator.window.app
+    operator.until(lambda: app.exchange_state is not None and app.exchange_state.error is not None)
+    operator.scan(SERIAL)
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    site_folder.write(station={"records": {"database": url}})
+    app.set_station(site_folder.station)
+    folder = tmp_path / "line 2"
+    folder.mkdir()
+    other = Exchange(folder, url, "line 2", (SERIAL, None))
+    operator.until(lambda: other.exchange())
+    operator.until(operator.widget("claim_notice").isVisible)
+    app.close()
+    assert other.exchange() == []
+    other.close()
+
+
+def test_a_claim_of_the_last_session_is_not_shown(
+    away: None, operator: Operator, site_folder: SiteFolder, tmp_path: Path
+) -> None:
+    app = operator.window.app
+    operator.until(lambda: app.exchange_state is not None and app.exchange_state.error is not None)
+    old = Claim(SERIAL, "line 2", None, datetime.now(UTC))
+    change_state(site_folder.runs, claims=(old,))
+    operator.scan(SERIAL)
+    operator.until(lambda: app.exchange_state == replace(read_state(site_folder.runs), claims=()))
+    assert not operator.widget("claim_notice").isVisible()
 
 
 def test_what_waits_is_shown_until_it_is_sent(

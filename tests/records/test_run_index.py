@@ -1,14 +1,20 @@
 """Conditions of a run filter are combined in the index, and its values are offered as choices."""
 
 import math
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
+from sqlalchemy import event
 
-from calstation.records.run_index import IndexedRun, RunChoices, RunFilter, RunIndex, RunRecord, verdict_of
+from calstation.errors import ConfigurationError
+from calstation.records.run_index import FILE, IndexedRun, RunChoices, RunFilter, RunIndex, RunRecord, verdict_of
+from tests.helpers import raises_code
 
 BEGIN = datetime(2026, 11, 1, tzinfo=UTC)
 
@@ -155,3 +161,57 @@ def test_runs_of_another_database_replace_those_received(index: RunIndex) -> Non
     index.receive([run("y", 6, origin="third")], "restored", 3)
     assert [each.name for each in index.find(RunFilter(), 2)] == ["y", "d"]
     assert index.received() == ("restored", 3)
+
+
+@contextmanager
+def busy(folder: Path) -> Iterator[None]:
+    """The file of an index while another program has locked it."""
+    with closing(sqlite3.connect(folder / FILE, isolation_level=None)) as other:
+        other.execute("PRAGMA locking_mode=EXCLUSIVE")
+        other.execute("BEGIN EXCLUSIVE")
+        yield
+        other.execute("ROLLBACK")
+
+
+def test_a_locked_index_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("calstation.records.run_index._BUSY_S", 0.05)
+    monkeypatch.setattr("calstation.records.run_index._RETRY_S", 0.0)
+    index = RunIndex(tmp_path)
+    index.put([run("a", 1)])
+    index.receive([run("x", 5, origin="other")], "db", 7)
+    with busy(tmp_path):
+        index.put([run("b", 2)])  # a run goes on
+        assert [each.name for each in index.find(RunFilter())] == ["b"]
+        assert index.lost
+        index.lost = False
+        with raises_code(ConfigurationError, "database.index_unusable"):
+            index.received()
+        with raises_code(ConfigurationError, "database.index_unusable"):
+            index.receive([run("y", 6, origin="other")], "db", 8)
+    assert [each.name for each in index.find(RunFilter())] == ["x", "a"]
+    assert index.lost  # b is missing until the next refresh
+    assert index.received() == ("db", 7)
+
+
+def test_a_full_disk_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("calstation.records.run_index._RETRY_S", 0.0)
+    index = RunIndex(tmp_path)
+    index.receive([run("x", 5, origin="other")], "db", 7)
+
+    @event.listens_for(index._engine, "connect")
+    def _full(connection: sqlite3.Connection, _: object) -> None:
+        pages = connection.execute("PRAGMA page_count").fetchone()[0]
+        connection.execute(f"PRAGMA max_page_count={pages}")
+
+    index.put([run("b" * 100_000, 2)])
+    event.remove(index._engine, "connect", _full)
+    assert [each.name for each in index.find(RunFilter())] == ["x"]
+    assert index.received() == ("db", 7)
+
+
+def test_many_runs_of_another_database_are_removed(index: RunIndex, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("calstation.records.run_index._AT_ONCE", 2)
+    index.receive([run(f"x{k}", 5, origin="other") for k in range(5)], "db", 7)
+    index.receive((), "", 0)
+    assert [each.name for each in index.find(RunFilter())] == list("dcba")
+    assert index.received() == ("", 0)

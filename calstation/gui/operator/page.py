@@ -79,7 +79,7 @@ class OperatorPage(Page):
         self._loading, self._live = Loading(), LiveView(app.run)
         self._verdict, self._shift = VerdictPanel(app, self.notice, self.await_scan), ShiftCounter(app)
         self._claimed = ClaimNotice(app)
-        self._starting = RunStarter(app, self.header, self.notice, self._claimed.claim)
+        self._starting = RunStarter(app, self.header, self.notice)
         self._views = stack(self._loading, self._live, self._verdict)
         self._progress = progress_bar(theme.GRID, "run_progress")
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)

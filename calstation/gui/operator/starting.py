@@ -34,10 +34,9 @@ from calstation.sound import play
 class RunStarter(QObject):
     """Performs all steps from a scan, or from the offer of an interrupted run, to the start of the engine."""
 
-    def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar, claim: Callable[[str], None]) -> None:
-        """Create it; `claim` is called with the serial number of every unit that is scanned."""
+    def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar) -> None:
         super().__init__(header)
-        self._app, self._header, self._notice, self._claim = app, header, notice, claim
+        self._app, self._header, self._notice = app, header, notice
         #: Asks for the engineers who allow a run.
         self.people = PeoplePanel("override")
         #: Summary of the next run; None while station and product cannot be used.
@@ -132,7 +131,7 @@ class RunStarter(QObject):
         before = history.attempts(header.serial) if history is not None else 0
         if self._app.run.ended:
             self._app.run.acknowledge()
-        self._claim(header.serial)
+        self._app.set_claim(header.serial)
         note = self.tr("attempt {count}").format(count=before + 1) if before else self.tr("accepted")
         header.note_serial(note, accepted=True)
         if header.badge_field.required:

@@ -37,6 +37,7 @@ class AppContext(QObject):
     page_wanted = Signal(str)  #: Object name of the page to show.
     runs_folder_changed = Signal()
     exchange_changed = Signal()  #: `exchange_state` has changed.
+    claim_changed = Signal()
     closing = Signal()
 
     def __init__(self, station: Path | None = None, runs_folder: Path | None = None) -> None:
@@ -59,6 +60,8 @@ class AppContext(QObject):
         self.schedule: Mapping[str, Mapping[str, Any]] | None = None
         #: State of the exchange with the shared database; None for a station that shares no records.
         self.exchange_state: ExchangeState | None = None
+        #: Serial number and operator of the unit that the exchange claims; None for no unit.
+        self.claim: tuple[str, str | None] | None = None
         self.runs_folder = runs_folder or Path(str(self.settings.value("runs_folder", "runs")))
 
     def set_station(self, path: Path | None) -> None:
@@ -83,6 +86,13 @@ class AppContext(QObject):
         self.runs_folder = folder
         self.settings.setValue("runs_folder", str(folder))
         self.runs_folder_changed.emit()
+
+    def set_claim(self, serial: str | None) -> None:
+        """Claim a unit in the shared database in place of the previous one; None for no unit."""
+        claim = None if serial is None else (serial, self.operator)
+        if claim != self.claim:
+            self.claim = claim
+            self.claim_changed.emit()
 
     def set_theme(self, name: str) -> None:
         """Switch between light and dark."""

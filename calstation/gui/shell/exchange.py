@@ -2,7 +2,7 @@
 
 from PySide6.QtCore import QObject, QTimer
 
-from calstation.database import ExchangeProcess, close_exchanges, read_state, start_exchange
+from calstation.database import ExchangeProcess, close_exchanges, start_exchange
 from calstation.errors import CalstationError
 from calstation.gui.shell.context import AppContext
 
@@ -20,6 +20,7 @@ class RecordsExchange(QObject):
         self._ended: list[ExchangeProcess] = []
         app.station_changed.connect(self._restart)
         app.runs_folder_changed.connect(self._restart)
+        app.claim_changed.connect(self._claim)
         app.closing.connect(self._close)
         self._timer = QTimer(self, interval=_READ_MS)
         self._timer.timeout.connect(self._read)
@@ -28,7 +29,7 @@ class RecordsExchange(QObject):
     def _restart(self) -> None:
         self._end()
         try:
-            self._process = start_exchange(self._app.station_path, self._app.runs_folder)
+            self._process = start_exchange(self._app.station_path, self._app.runs_folder, self._app.claim)
         except CalstationError:  # the pages show what is wrong with the station file
             self._process = None
         if self._process is not None:
@@ -37,8 +38,12 @@ class RecordsExchange(QObject):
             self._timer.stop()
         self._read()
 
+    def _claim(self) -> None:
+        if self._process is not None:
+            self._process.claim(self._app.claim)
+
     def _read(self) -> None:
-        state = None if self._process is None else read_state(self._app.runs_folder)
+        state = None if self._process is None else self._process.state()
         if state != self._app.exchange_state:
             self._app.exchange_state = state
             self._app.exchange_changed.emit()
