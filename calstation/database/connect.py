@@ -4,7 +4,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from sqlalchemy import URL, Engine, create_engine, make_url
+from sqlalchemy import URL, Engine, create_engine, make_url, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError, SQLAlchemyError
 
 from calstation.config import check_database_url
@@ -18,6 +18,7 @@ try:
     from alembic.config import Config
     from alembic.runtime.migration import MigrationContext
     from alembic.script import ScriptDirectory
+    from alembic.util import CommandError
     from keyring.errors import KeyringError
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
@@ -29,14 +30,15 @@ KEYRING = "calstation database"
 CONNECT_TIMEOUT_S = 5
 
 #: A connection whose other end has vanished ends within half a minute on both sides; its locks end with it.
+#: A statement that waits for another station's or takes too long fails, and the exchange tries again.
 _CONNECTION: dict[str, int | str] = {
     "connect_timeout": CONNECT_TIMEOUT_S,
     "keepalives_idle": 10,
     "keepalives_interval": 5,
     "keepalives_count": 3,
     "tcp_user_timeout": 30_000,
-    "options": "-c idle_in_transaction_session_timeout=30s -c tcp_keepalives_idle=10 -c tcp_keepalives_interval=5"
-    " -c tcp_keepalives_count=3",
+    "options": "-c lock_timeout=20s -c statement_timeout=60s -c idle_in_transaction_session_timeout=30s"
+    " -c tcp_keepalives_idle=10 -c tcp_keepalives_interval=5 -c tcp_keepalives_count=3",
 }
 
 
@@ -47,18 +49,23 @@ def connect(url: str) -> Engine:
     ``calstation database``, user ``user@host``). Raises ConfigurationError, also if the database is not reachable.
     """
     parsed = _parse(url)
-    engine = _engine(parsed)
     if parsed.get_backend_name() == "sqlite":
         upgrade(url)
+    engine = _engine(parsed)
     try:
         with engine.connect() as connection:
             found = MigrationContext.configure(connection).get_current_revision()
-    except OperationalError as exc:
-        raise ConfigurationError("database.unreachable", database=public(parsed), reason=reason_of(exc)) from exc
-    if found != ScriptDirectory.from_config(_alembic()).get_current_head():
+    except DBAPIError as exc:
         engine.dispose()
-        raise ConfigurationError("database.other_version", database=public(parsed))
-    return engine
+        code = "database.unreachable" if isinstance(exc, OperationalError) else "database.refused"
+        raise ConfigurationError(code, database=public(parsed), reason=reason_of(exc)) from exc
+    scripts = ScriptDirectory.from_config(_alembic())
+    if found == scripts.get_current_head():
+        return engine
+    engine.dispose()
+    if found is None or found in {script.revision for script in scripts.walk_revisions()}:
+        raise ConfigurationError("database.older_version", database=public(parsed))
+    raise ConfigurationError("database.newer_version", database=public(parsed))
 
 
 def upgrade(url: str) -> None:
@@ -69,7 +76,11 @@ def upgrade(url: str) -> None:
         with engine.begin() as connection:
             configuration = _alembic()
             configuration.attributes["connection"] = connection
+            if parsed.get_backend_name() == "postgresql":
+                connection.execute(text("SET LOCAL statement_timeout = 0"))  # large tables take minutes
             command.upgrade(configuration, "head")
+    except CommandError as exc:  # a revision that this version does not have
+        raise ConfigurationError("database.newer_version", database=public(parsed)) from exc
     except SQLAlchemyError as exc:
         raise ConfigurationError("database.not_upgraded", database=public(parsed), reason=reason_of(exc)) from exc
     finally:

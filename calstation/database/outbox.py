@@ -114,6 +114,7 @@ class Outbox:
         """
         self._folder, self._path = folder, folder / FILE
         self._engine = _engine(self._path)
+        self._beyond = 0  #: Number of runs that `fill` has left to be queued later.
         first = text("INSERT OR IGNORE INTO outbox (one, id, last_number) VALUES (1, :id, 0)")
         begun = text("INSERT OR IGNORE INTO begun (one, last_number) SELECT 1, last_number FROM outbox")
         with self._transaction() as connection:
@@ -147,6 +148,7 @@ class Outbox:
             copies = connection.execute(select(_copies)).all()
             room = max(0, CAPACITY - _count(connection))
         changed = [name for name in stamps if queued.get(("run", name)) != stamps[name]]
+        self._beyond = max(0, len(changed) - room)
         changed = sorted(changed, key=lambda name: (_file_time(stamps[name]), name))[:room]
         count = 0
         for start in range(0, len(changed), _AT_ONCE):
@@ -195,9 +197,11 @@ class Outbox:
 
     @property
     def pending(self) -> int:
-        """Number of messages that have not arrived."""
+        """Number of runs that have not arrived as they were at the last `fill`."""
+        names = func.count(func.json_extract(_messages.c.content, "$.name").distinct())
         with self._transaction() as connection:
-            return _count(connection)
+            query = select(names).where(_messages.c.kind == "run")
+            return int(connection.execute(query).scalar_one()) + self._beyond
 
     @property
     def sent(self) -> int:

@@ -39,7 +39,7 @@ class Claim:
 class ExchangeState:
     """What the last attempt of an exchange left."""
 
-    pending: int = 0  #: Messages that have not arrived.
+    pending: int = 0  #: Runs that have not arrived.
     attempt_utc: datetime | None = None  #: Time of the attempt.
     contact_utc: datetime | None = None  #: Time of the last exchange that succeeded.
     error: dict[str, Any] | None = None  #: Code and values of the error of the attempt; None if it succeeded.

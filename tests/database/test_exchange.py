@@ -287,9 +287,20 @@ def test_a_folder_with_more_runs_than_an_outbox_holds(
     for number in range(40):
         write_result(one, f"a{number:02d}", number)
     outbox = Outbox(one)
-    assert (outbox.fill(), outbox.fill(), outbox.pending) == (7, 0, 7)
+    assert (outbox.fill(), outbox.fill(), outbox.pending) == (7, 0, 40)
     exchange(one, url)
     assert [name for name, _ in in_database(url)] == [f"a{number:02d}" for number in range(40)]
+
+
+def test_a_run_waits_once_with_its_changes_and_the_copy_of_its_log(stations: tuple[Path, Path]) -> None:
+    one, _ = stations
+    outbox = Outbox(one)
+    for number in range(3):
+        write_result(one, "a", number)
+        outbox.fill()
+    outbox.add_copy("a", "s3://logs/a.h5", "0" * 64, 1)
+    outbox.fill()
+    assert (len(outbox.messages()), outbox.pending) == (4, 1)
 
 
 def test_without_the_database_messages_wait(postgres, shared_database: str, stations: tuple[Path, Path]) -> None:

@@ -7,13 +7,14 @@ from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.config import Config
 from alembic.migration import MigrationContext
-from sqlalchemy import create_engine, inspect, select
+from sqlalchemy import create_engine, inspect, select, text
 
 from calstation.database import connect, upgrade
 from calstation.database import connect as connect_function
 from calstation.database.tables import metadata, revisions
 from calstation.errors import ConfigurationError
 from tests.helpers import raises_code
+from tests.postgres import OWNER
 
 MIGRATIONS = Path(connect_function.__code__.co_filename).parent / "migrations"
 
@@ -48,8 +49,35 @@ def test_the_migrations_make_the_declared_tables(url: str) -> None:
 
 
 def test_a_database_without_tables_is_refused(postgres) -> None:
-    with raises_code(ConfigurationError, "database.other_version"):
+    with raises_code(ConfigurationError, "database.older_version"):
         connect(postgres.url(postgres.new_database()))
+
+
+def test_a_database_of_a_later_version_is_not_used(url: str) -> None:
+    upgrade(url)
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    engine.dispose()
+    for use in (connect, upgrade):
+        with raises_code(ConfigurationError, "database.newer_version"):
+            use(url)
+
+
+def test_a_login_without_a_right_is_refused(postgres, shared_database: str) -> None:
+    postgres.execute("DROP ROLE IF EXISTS stranger")
+    postgres.execute("CREATE ROLE stranger LOGIN")
+    with raises_code(ConfigurationError, "database.refused") as caught:
+        connect(shared_database.replace(f"//{OWNER}@", "//stranger@"))
+    assert "permission denied for table alembic_version" in str(caught.value)
+
+
+def test_no_statement_waits_for_ever(shared_database: str) -> None:
+    engine = connect(shared_database)
+    with engine.connect() as connection:
+        found = [connection.execute(text(f"SHOW {name}")).scalar() for name in ("lock_timeout", "statement_timeout")]
+    engine.dispose()
+    assert found == ["20s", "1min"]
 
 
 def test_an_unreachable_database_is_named_without_its_password(monkeypatch: pytest.MonkeyPatch) -> None:

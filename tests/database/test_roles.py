@@ -6,10 +6,8 @@ from pathlib import Path
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.database import Exchange, claim_scanned, release_scanned
+from calstation.database import Exchange
 from tests.database.result_files import in_database, in_index, write_result
-from tests.database.test_claims import station_file
-from tests.helpers import ignore_progress
 
 
 @pytest.fixture
@@ -29,19 +27,21 @@ def database(postgres, shared_database: str, capsys: pytest.CaptureFixture[str])
 def test_stations_exchange_and_claim_with_their_role(postgres, database: str, tmp_path: Path) -> None:
     url = postgres.url(database, "line")
     folders = tmp_path / "line 1", tmp_path / "line 2"
+    exchanges = []
     for number, folder in enumerate(folders):
         folder.mkdir()
         write_result(folder, f"run{number}", number)
-        station = station_file(folder, url)
-        claim_scanned(ignore_progress, station, folder, "SN-2", "li")
-        claim_scanned(ignore_progress, station, folder, "SN-3", "li")
-        release_scanned(ignore_progress, station, folder, "SN-3")
-    for folder in (*folders, folders[0]):
-        exchange = Exchange(folder, url, folder.name)
-        exchange.outbox.add_copy(f"run{folders.index(folder)}", "s3://logs/x.h5", "0" * 64, 1)
-        assert len(exchange.exchange()) == 1
-        write_result(folder, f"run{folders.index(folder)}", 5, outcome="failed")
+        exchange = Exchange(folder, url, folder.name, ("SN-3", "li"))
         exchange.exchange()
+        exchange.claim = ("SN-2", "li")
+        exchange.exchange()
+        exchange.outbox.add_copy(f"run{number}", "s3://logs/x.h5", "0" * 64, 1)
+        exchanges.append(exchange)
+    for number in (0, 1, 0):
+        assert [claim.serial for claim in exchanges[number].exchange()] == ["SN-2"]
+        write_result(folders[number], f"run{number}", 5, outcome="failed")
+        exchanges[number].exchange()
+    for exchange in exchanges:
         exchange.close()
     assert in_index(folders[0]) == in_index(folders[1])
     assert len(in_database(postgres.url(database))) == 2
