@@ -70,6 +70,17 @@ def upgrade(
 
 
 @database.command()
+def adopt(
+    out: OutOption = Path("runs"),
+    copy: Annotated[bool, typer.Option("--copy", help="The folder is a copy, and the original stays in use.")] = False,
+) -> None:
+    """Exchange a folder of runs that was moved, at its present place."""
+    from calstation.database import adopt_folder
+
+    adopt_folder(out, copied=copy)
+
+
+@database.command()
 def status(out: OutOption = Path("runs"), json: JsonOption = None) -> None:
     """Show what waits for the shared database and when it was last reached. Does not use the network."""
     from calstation.cli.show import check_json, emit_json, say, show_line

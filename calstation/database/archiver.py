@@ -1,14 +1,13 @@
 """Copies the closed logs of a folder of runs to the archive of the station, one after the other."""
 
 import time
-from dataclasses import replace
 from pathlib import Path
 
 from calstation.database.archive import archive_log
 from calstation.database.outbox import Outbox
-from calstation.database.state import read_state, write_state
+from calstation.database.state import change_state
 from calstation.errors import CalstationError
-from calstation.records import SUFFIX, RunIndex, being_written, locked
+from calstation.records import SUFFIX, being_written, locked
 
 #: Shortest and longest pause after a failure, s.
 _FAILED_S, _LONGEST_S = 5.0, 600.0
@@ -19,7 +18,8 @@ class LogArchiver:
 
     def __init__(self, folder: Path, archive: str) -> None:
         self._folder, self._archive = folder, archive
-        self._outbox, self._index = Outbox(folder), RunIndex(folder)
+        self._outbox = Outbox(folder)
+        self._waiting: list[str] = []  #: Names of the closed logs that are not in the archive.
         self._failed: set[str] = set()  #: Names of the logs that failed since the last success.
         self._due, self._pause = 0.0, _FAILED_S
 
@@ -37,28 +37,36 @@ class LogArchiver:
             return False
 
     def _copy_next(self) -> bool:
-        copied = self._outbox.copies()
-        names = sorted(name for name in self._index.stamps() if name not in copied and self._is_closed(name))
-        if not names:
-            self._note(0, None)
+        self._waiting = self._waiting or self._uncopied()
+        if not self._waiting:
+            self._note(None)
             return False
-        # another one after a failure, because a log may be the cause
-        name = next((name for name in names if name not in self._failed), None)
-        if name is None:
-            self._failed.clear()
-            name = names[0]
+        name = self._waiting[0]
         try:
             copy = archive_log(self._log(name), f"{self._archive.rstrip('/')}/{self._outbox.id}")
             self._outbox.add_copy(name, copy.url, copy.file_sha256, copy.size)
         except CalstationError as error:
             self._failed.add(name)
+            self._note(error)
+            self._waiting.clear()
             self._due, self._pause = time.monotonic() + self._pause, min(2.0 * self._pause, _LONGEST_S)
-            self._note(len(names), error)
             return False
         self._failed.clear()
         self._pause = _FAILED_S
-        self._note(len(names) - 1, None)
+        del self._waiting[0]
+        self._note(None)
         return True
+
+    def _uncopied(self) -> list[str]:
+        """Return the closed logs that are not in the archive; after a failure others first, as a log may be the cause.
+
+        Each log is opened to see whether a run writes it, so that the list is kept until a failure or its end.
+        """
+        copied = self._outbox.copies()
+        names = sorted(name for name in self._outbox.index.stamps() if name not in copied and self._is_closed(name))
+        if self._failed.issuperset(names):
+            self._failed.clear()
+        return sorted(names, key=lambda name: (name in self._failed, name))
 
     def _log(self, name: str) -> Path:
         return self._folder / f"{name}{SUFFIX}"
@@ -70,8 +78,6 @@ class LogArchiver:
         except CalstationError:  # no log
             return False
 
-    def _note(self, pending: int, error: CalstationError | None) -> None:
-        state = read_state(self._folder)
-        noted = replace(state, logs_pending=pending, archive_error=None if error is None else error.as_text.to_json())
-        if noted != state:
-            write_state(self._folder, noted)
+    def _note(self, error: CalstationError | None) -> None:
+        what = None if error is None else error.as_text.to_json()
+        change_state(self._folder, logs_pending=len(self._waiting), archive_error=what)

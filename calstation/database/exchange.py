@@ -1,8 +1,10 @@
 """Exchange of a folder of runs with the shared database: sends its outbox and receives the runs of other folders."""
 
+import logging
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -17,7 +19,9 @@ from calstation.database.outbox import Outbox, OutboxMessage
 from calstation.database.state import Claim
 from calstation.database.tables import log_copies, outboxes, revisions, runs
 from calstation.errors import ConfigurationError
-from calstation.records import IndexedRun, RunIndex, from_columns
+from calstation.records import IndexedRun, from_columns
+
+logger = logging.getLogger(__name__)
 
 #: Number of runs that are received at once.
 _PAGE = 500
@@ -34,9 +38,10 @@ class Exchange:
         self._folder, self._url, self._station = folder, url, station
         self.claim = claim  #: The unit that every exchange claims, in place of the previous one; None for no unit.
         self._held: str | None = None  #: Serial number of the unit that is claimed in the database.
-        self._index = RunIndex(folder)
         self._engine: Engine | None = None
+        self.begun_utc = datetime.now(UTC)  #: Time when this exchange was created.
         self.outbox = Outbox(folder)
+        self._index = self.outbox.index
 
     def exchange(self) -> list[Claim]:
         """Send all that is pending, receive what is new, and return other stations' claims on this one's units.
@@ -99,17 +104,18 @@ class Exchange:
             self._held = serial
 
     def _synchronise(self, engine: Engine) -> None:
-        """Take the messages that the database has out of the outbox; queue again those that it has lost.
+        """Take the messages that the database has out of the outbox; queue again what one of the two has lost.
 
-        If it lost some, it was restored from a backup or replaced, and all folders receive all runs again.
+        If the database lost some, it was restored from a backup or replaced, and all folders receive all runs again.
+        If it has later ones than the outbox, the outbox was lost or restored: what its later numbers mean is unknown.
         """
-        sent = self.outbox.sent
+        sent, begun = self.outbox.sent, self.outbox.begun
         with engine.begin() as connection:
             here = outboxes.c.id == self.outbox.id
             arrived = connection.execute(select(outboxes.c.last_number).where(here)).scalar() or 0
             if arrived < sent:
                 connection.execute(update(revisions).values(database=str(uuid4())))
-        if arrived < sent:
+        if not sent <= arrived <= begun:
             self.outbox.restart(arrived)
             self.outbox.fill()
         else:
@@ -163,7 +169,8 @@ class Exchange:
             more = len(rows) == _PAGE
             reached = rows[-1].revision if more else max([last, *(row.revision for row in rows)])
             if reached > cursor:
-                self._index.receive([_received(row) for row in rows], database, reached)
+                received = [_received(row) for row in rows]
+                self._index.receive([run for run in received if run is not None], database, reached)
                 cursor = reached
 
 
@@ -196,7 +203,11 @@ def _store_copy(connection: Connection, outbox: str, revision: int, columns: dic
     connection.execute(update(runs).where(*run).values(log=columns["url"], revision=revision))
 
 
-def _received(row: Row[Any]) -> IndexedRun:
-    """Return a run of another folder as it is indexed."""
-    run = from_columns(row.name, "", row.content, row.failed_checks, row.parameters, row.numbers)
+def _received(row: Row[Any]) -> IndexedRun | None:
+    """Return a run of another folder as it is indexed; None for one that cannot be read, which is logged."""
+    try:
+        run = from_columns(row.name, "", row.content, row.failed_checks, row.parameters, row.numbers)
+    except (ValueError, TypeError) as exc:
+        logger.warning("run %s of %s cannot be read and is not received: %s", row.name, row.outbox, exc)
+        return None
     return replace(run, record=replace(run.record, origin=row.outbox, location=row.log))

@@ -10,6 +10,7 @@ import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -36,11 +37,14 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.pool import NullPool
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.records import IndexedRun, RunIndex, to_columns
+from calstation.records import IndexedRun, RunIndex, to_columns, write_atomic
 from calstation.results import History
 
 #: File name of the outbox in the folder of the runs.
 FILE = "outbox.sqlite"
+
+#: File name of the outbox's random name and place, which survive a lost outbox; the history ignores hidden files.
+PLACE_FILE = ".outbox.json"
 
 #: Largest number of messages in an outbox; the folder's files are the queue of what is beyond.
 CAPACITY = 1000
@@ -59,6 +63,10 @@ _outbox = Table(
     Column("one", Integer, primary_key=True),
     Column("id", String, nullable=False),
     Column("last_number", Integer, nullable=False),
+)
+#: One row: the number of the last message whose sending has begun. The database cannot have a later one of this file.
+_begun = Table(
+    "begun", _metadata, Column("one", Integer, primary_key=True), Column("last_number", Integer, nullable=False)
 )
 #: What was queued: stamps of runs, and URLs of copies of logs.
 _queued = Table(
@@ -100,24 +108,41 @@ class Outbox:
     """The outbox of a folder. Only one process at a time may fill it."""
 
     def __init__(self, folder: Path) -> None:
-        """Open or create the outbox. Raises ConfigurationError, as all methods do if the file cannot be used."""
+        """Open or create the outbox.
+
+        Raises ConfigurationError if the folder was moved or copied, and as all methods do if the file cannot be used.
+        """
         self._folder, self._path = folder, folder / FILE
         self._engine = _engine(self._path)
         self._beyond = 0  #: Number of runs that `fill` has left to be queued later.
         first = text("INSERT OR IGNORE INTO outbox (one, id, last_number) VALUES (1, :id, 0)")
+        begun = text("INSERT OR IGNORE INTO begun (one, last_number) SELECT 1, last_number FROM outbox")
         with self._transaction() as connection:
             _metadata.create_all(connection)
-            connection.execute(first, {"id": str(uuid4())})
-            self.id: str = connection.execute(select(_outbox.c.id)).scalar_one()
+            connection.execute(first, {"id": str(uuid4())})  # locks the file
+            connection.execute(begun)
+            stored: str = connection.execute(select(_outbox.c.id)).scalar_one()
+            self.id = self._placed(stored)
+            if self.id != stored:
+                _forget(connection, 0)
+                connection.execute(update(_outbox).values(id=self.id))
+
+    @cached_property
+    def index(self) -> RunIndex:
+        """Index of the runs of the folder."""
+        return RunIndex(self._folder)
+
+    @cached_property
+    def _history(self) -> History:
+        return History(self._folder, self.index)
 
     def fill(self) -> int:
         """Queue the runs and copies that are new or have changed, the oldest runs first; return their number.
 
         At most `CAPACITY` messages wait; the others are queued when these have arrived.
         """
-        history, index = History(self._folder), RunIndex(self._folder)
-        history.refresh()
-        stamps = index.stamps()
+        self._history.refresh()
+        stamps = self.index.stamps()
         with self._transaction() as connection:
             queued = {(row.kind, row.name): row.stamp for row in connection.execute(select(_queued))}
             copies = connection.execute(select(_copies)).all()
@@ -125,16 +150,19 @@ class Outbox:
         changed = [name for name in stamps if queued.get(("run", name)) != stamps[name]]
         self._beyond = max(0, len(changed) - room)
         changed = sorted(changed, key=lambda name: (_file_time(stamps[name]), name))[:room]
+        count = 0
         for start in range(0, len(changed), _AT_ONCE):
             names = changed[start : start + _AT_ONCE]
-            runs = {run.name: run for run in index.own(names)}
-            rows = [_run_row(self._folder, runs[name], history) for name in names if name in runs]
+            runs = {run.name: run for run in self.index.own(names)}
+            rows = [_run_row(self._folder, runs[name], self._history) for name in names if name in runs]
             self._append("run", rows, [stamps[name] for name in names if name in runs])
-        known = {name for kind, name in queued if kind == "run"}.union(changed)
+            count += len(rows)
+        with self._transaction() as connection:
+            known = set(connection.execute(select(_queued.c.name).where(_queued.c.kind == "run")).scalars())
         new = [row for row in copies if row.name in known and queued.get(("copy", row.name)) != row.url]
-        new = new[: room - len(changed)]
+        new = new[: room - count]
         self._append("copy", [dict(row._mapping) for row in new], [row.url for row in new])
-        return len(changed) + len(new)
+        return count + len(new)
 
     def add_copy(self, name: str, url: str, file_sha256: str, size: int) -> None:
         """Record the verified copy of the log of a run in an archive; `fill` queues it after its run."""
@@ -149,10 +177,12 @@ class Outbox:
             return {row.name: row.url for row in connection.execute(select(_copies))}
 
     def messages(self, count: int = _AT_ONCE) -> list[OutboxMessage]:
-        """Return the first messages that have not arrived."""
+        """Return the first messages that have not arrived, to be sent."""
         query = select(_messages).order_by(_messages.c.number).limit(count)
         with self._transaction() as connection:
             rows = connection.execute(query).all()
+            if rows:
+                connection.execute(update(_begun).values(last_number=rows[-1].number))
         return [_message(row.number, row.kind, json.loads(row.content), row.numbers) for row in rows]
 
     def arrived(self, number: int) -> None:
@@ -161,11 +191,9 @@ class Outbox:
             connection.execute(delete(_messages).where(_messages.c.number <= number))
 
     def restart(self, number: int) -> None:
-        """Forget what was queued, for a database that lacks messages; `fill` queues it again from `number` + 1 on."""
+        """Forget what was queued, for a database that has other messages; `fill` queues it again from `number` + 1."""
         with self._transaction() as connection:
-            connection.execute(delete(_messages))
-            connection.execute(delete(_queued))
-            connection.execute(update(_outbox).values(last_number=number))
+            _forget(connection, number)
 
     @property
     def pending(self) -> int:
@@ -180,6 +208,27 @@ class Outbox:
         """Number of the last message that has arrived."""
         with self._transaction() as connection:
             return int(connection.execute(select(_outbox.c.last_number)).scalar_one()) - _count(connection)
+
+    @property
+    def begun(self) -> int:
+        """Number of the last message whose sending has begun."""
+        with self._transaction() as connection:
+            return int(connection.execute(select(_begun.c.last_number)).scalar_one())
+
+    def _placed(self, stored: str) -> str:
+        """Return the name of the outbox that belongs to this place; `stored` is that in the file of the outbox."""
+        file, (host, folder) = self._folder / PLACE_FILE, _place(self._folder)
+        try:
+            if not file.exists():
+                _write_place(self._folder, stored)
+            known = json.loads(file.read_bytes())
+            name, *place = str(known["id"]), known["host"], known["folder"]
+        except (OSError, ValueError, KeyError, TypeError) as exc:
+            raise ConfigurationError("database.outbox_unusable", file=file, reason=str(exc)) from exc
+        if place != [host, folder]:
+            was = ":".join(map(str, place))
+            raise ConfigurationError("database.folder_moved", folder=self._folder, was=was)
+        return name
 
     @contextmanager
     def _transaction(self) -> Iterator[Connection]:
@@ -203,6 +252,36 @@ class Outbox:
                 connection.execute(insert(_messages).values(message))
                 connection.execute(delete(_queued).where(*same))
                 connection.execute(insert(_queued).values(kind=kind, name=row["name"], stamp=stamp))
+
+
+def adopt_folder(folder: Path, *, copied: bool) -> None:
+    """Let a folder of runs that was moved keep its outbox, or give one that was copied an outbox of its own.
+
+    Raises ConfigurationError if the folder has no outbox or cannot be written.
+    """
+    file = folder / PLACE_FILE
+    try:
+        name = str(json.loads(file.read_bytes())["id"])
+        _write_place(folder, str(uuid4()) if copied else name)
+    except (OSError, ValueError, KeyError, TypeError) as exc:
+        raise ConfigurationError("database.outbox_unusable", file=file, reason=str(exc)) from exc
+
+
+def _write_place(folder: Path, name: str) -> None:
+    host, path = _place(folder)
+    write_atomic(folder / PLACE_FILE, json.dumps({"id": name, "host": host, "folder": path}))
+
+
+def _place(folder: Path) -> tuple[str, str]:
+    """Return the computer and the path of a folder."""
+    return socket.gethostname(), str(folder.resolve())
+
+
+def _forget(connection: Connection, number: int) -> None:
+    connection.execute(delete(_messages))
+    connection.execute(delete(_queued))
+    for table in (_outbox, _begun):
+        connection.execute(update(table).values(last_number=number))
 
 
 def _engine(path: Path) -> Engine:

@@ -2,11 +2,12 @@
 
 import logging
 import multiprocessing
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from calstation import applog
 from calstation.config import load_station
-from calstation.database.state import Claim, ExchangeState, read_state, write_state
+from calstation.database.state import Claim, ExchangeState, change_state, read_state
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.jobs import spawn_process
 from calstation.messages import os_reason
@@ -35,8 +36,11 @@ _LOCKED_S = 10.0
 #: Shortest interval between two readings of the state, s.
 _READ_S = 1.0
 
-#: Time that the process has for a last exchange when its owner ends, s.
-_END_S = 3.0
+#: Time that the process has for a last exchange when its owner ends, and then to be killed, s.
+_END_S, _KILL_S = 3.0, 1.0
+
+#: Longest time for which the state is not written while only its time changes.
+_UNCHANGED = timedelta(seconds=30.0)
 
 logger = logging.getLogger(__name__)
 
@@ -90,12 +94,7 @@ class ExchangeProcess:
 
     def close(self) -> None:
         """End the process after a last exchange, for which it has a few seconds at most."""
-        self.end()
-        self.process.join(_END_S)
-        if self.process.is_alive():
-            self.process.kill()
-            self.process.join()
-        self.process.close()
+        close_exchanges([self])
         self._read_at = 0.0
 
     def __enter__(self) -> "ExchangeProcess":
@@ -107,6 +106,23 @@ class ExchangeProcess:
         self.close()
 
 
+def close_exchanges(exchanges: Sequence[ExchangeProcess]) -> None:
+    """End processes after a last exchange, for which all of them together have a few seconds at most."""
+    for exchange in exchanges:
+        exchange.end()
+    processes = [exchange.process for exchange in exchanges]
+    deadline = time.monotonic() + _END_S
+    for process in processes:
+        process.join(max(0.0, deadline - time.monotonic()))
+        if process.is_alive():
+            process.kill()
+    deadline = time.monotonic() + _KILL_S
+    for process in processes:
+        process.join(max(0.0, deadline - time.monotonic()))  # one that hangs on a share ends later
+        if not process.is_alive():
+            process.close()
+
+
 def start_exchange(
     station: Path | None, folder: Path, claim: tuple[str, str | None] | None = None
 ) -> ExchangeProcess | None:
@@ -114,7 +130,10 @@ def start_exchange(
     _, config = load_station(station)
     if config.records.database is None:
         return None
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as exc:
+        raise ConfigurationError("database.folder_unusable", folder=folder, reason=os_reason(exc)) from exc
     return ExchangeProcess(folder, config.records.database, config.name, claim, config.records.archive)
 
 
@@ -132,8 +151,8 @@ def _work(
     def wait(seconds: float) -> bool:
         nonlocal claim
         try:
-            if owner.poll(seconds):
-                claim = owner.recv()
+            while owner.poll(seconds):
+                claim, seconds = owner.recv(), 0.0
         except (EOFError, OSError):
             return True
         return False
@@ -153,7 +172,7 @@ def watch(
     claim: Callable[[], tuple[str, str | None] | None] = lambda: None,
     archive: str | None = None,
 ) -> None:
-    """Exchange a folder again and again, and copy its logs to an archive.
+    """Exchange a folder again and again, and copy its logs to an archive in a thread, for which nothing waits.
 
     Parameters
     ----------
@@ -163,34 +182,69 @@ def watch(
     claim : returns the serial number of the unit to claim at present and its operator, None for no unit
     archive : folder or URL for copies of the logs; None for no copies
     """
-    failed, ended, exchange, archiver = FAILED_S, False, None, None
+    failed, ended, exchange = FAILED_S, False, None
+    archiver, stop = None, threading.Event()
+    if archive is None:
+        with suppress(OSError):
+            change_state(folder, logs_pending=0, archive_error=None)
     while True:
         try:
             if exchange is None:
                 from calstation.database.exchange import Exchange
 
                 exchange = Exchange(folder, url, station)
+                if archive is not None and archiver is None:
+                    archiver = threading.Thread(target=_copy_logs, args=(folder, archive, stop), daemon=True)
+                    archiver.start()
             exchange.claim = claim()
-            begin = time.process_time()
+            begin = time.thread_time()
             exchange_once(exchange, folder)
-        except CalstationError as error:
-            logger.warning("exchange of %s: %s", folder, error)
+        except Exception as exc:  # noqa: BLE001 - whatever one pass did, the next may succeed
+            error = _known(exc, folder)
+            if exchange is not None and error is not exc:
+                exchange.close()
+                exchange = None
             if exchange is None:
-                _note(folder, error, read_state(folder).pending)
+                with suppress(OSError):
+                    change_state(folder, attempt_utc=datetime.now(UTC), error=error.as_text.to_json())
             pause, failed = failed, min(2.0 * failed, LONGEST_S)
         else:
-            pause, failed = min(max(PAUSE_S, (time.process_time() - begin) / _DUTY), LONGEST_S), FAILED_S
+            pause, failed = min(max(PAUSE_S, (time.thread_time() - begin) / _DUTY), LONGEST_S), FAILED_S
         if ended:
             break
-        try:
-            if archive is not None and exchange is not None:
-                archiver = archiver or exchange.archiver(archive)
-                pause = 0.0 if archiver.copy_next() else pause
-        except (CalstationError, OSError) as error:
-            logger.warning("archive of %s: %s", folder, error)
         ended = wait(pause)
+    stop.set()
     if exchange is not None:
         exchange.close()
+
+
+def _known(exc: Exception, folder: Path) -> CalstationError:
+    """Log an exception of an exchange, and return it; one that is a mistake of the program as an error with a code."""
+    if isinstance(exc, CalstationError):
+        logger.warning("exchange of %s: %s", folder, exc)
+        return exc
+    logger.error("exchange of %s: a mistake of the program", folder, exc_info=exc)
+    return CalstationError("program.internal", detail=f"{type(exc).__name__}: {exc}")
+
+
+def _copy_logs(folder: Path, archive: str, stop: threading.Event) -> None:
+    """Copy the closed logs of a folder to an archive until `stop` is set."""
+    from calstation.database.archiver import LogArchiver
+
+    archiver, failed = None, FAILED_S
+    while not stop.is_set():
+        try:
+            archiver = archiver or LogArchiver(folder, archive)
+            while archiver.copy_next() and not stop.is_set():
+                pass
+        except Exception as exc:  # noqa: BLE001 - the next attempt may succeed
+            with suppress(OSError):
+                change_state(folder, archive_error=_known(exc, folder).as_text.to_json())
+            stop.wait(failed)
+            failed = min(2.0 * failed, LONGEST_S)
+        else:
+            failed = FAILED_S
+        stop.wait(PAUSE_S)
 
 
 def exchange_once(exchange: "Exchange", folder: Path) -> ExchangeState:
@@ -203,17 +257,16 @@ def exchange_once(exchange: "Exchange", folder: Path) -> ExchangeState:
             try:
                 claims = tuple(exchange.exchange())
             except CalstationError as error:
-                _note(folder, error, exchange.outbox.pending)
+                failed = error.as_text.to_json()
+                change_state(folder, pending=exchange.outbox.pending, attempt_utc=datetime.now(UTC), error=failed)
                 raise
-            now = datetime.now(UTC)
-            state = replace(read_state(folder), pending=exchange.outbox.pending, claims=claims, error=None)
-            write_state(folder, replace(state, attempt_utc=now, contact_utc=now))
+            now, old = datetime.now(UTC), read_state(folder)
+            new = {"pending": exchange.outbox.pending, "claims": claims, "error": None}
+            recent = old.contact_utc is not None and old.contact_utc > max(exchange.begun_utc, now - _UNCHANGED)
+            if not recent or any(getattr(old, name) != value for name, value in new.items()):
+                change_state(folder, **new, attempt_utc=now, contact_utc=now)
+    except TimeoutError as exc:
+        raise ConfigurationError("database.busy", folder=folder) from exc
     except OSError as exc:
         raise ConfigurationError("database.folder_unusable", folder=folder, reason=os_reason(exc)) from exc
     return read_state(folder)
-
-
-def _note(folder: Path, error: CalstationError, pending: int) -> None:
-    """Write a failed attempt to the state of the exchange."""
-    failed = error.as_text.to_json()
-    write_state(folder, replace(read_state(folder), pending=pending, attempt_utc=datetime.now(UTC), error=failed))

@@ -1,7 +1,7 @@
 """State of the exchange with the shared database, in a file that the window reads without the network."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -9,11 +9,14 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from calstation.messages import Text, values_from_json
-from calstation.records import write_atomic
+from calstation.records import locked, write_atomic
 from calstation.sequencer import Message
 
 #: File name of the state in the folder of the runs; the history ignores hidden files.
 FILE = ".exchange.json"
+
+#: Lock of the file, and the longest time to wait for it, s.
+_LOCK, _LOCKED_S = ".exchange_state.lock", 10.0
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,10 @@ def read_state(folder: Path) -> ExchangeState:
         return ExchangeState()
 
 
-def write_state(folder: Path, state: ExchangeState) -> None:
-    """Write the state of the exchange of a folder. Raises OSError."""
-    write_atomic(folder / FILE, json.dumps(state.to_json()))
+def change_state(folder: Path, **changes: Any) -> None:
+    """Change fields of the state of the exchange of a folder; several processes may do so. Raises OSError."""
+    with locked(folder / _LOCK, _LOCKED_S):
+        state = read_state(folder)
+        changed = replace(state, **changes)
+        if changed != state:
+            write_atomic(folder / FILE, json.dumps(changed.to_json()), sync=False)

@@ -85,8 +85,11 @@ def held(path: Path) -> bool:
         os.close(handle)
 
 
-def write_atomic(path: Path, content: str | bytes, mode: int = 0o644) -> None:
-    """Replace the content of a file by bytes or UTF-8 text. Raises OSError, which leaves the old file unchanged."""
+def write_atomic(path: Path, content: str | bytes, mode: int = 0o644, *, sync: bool = True) -> None:
+    """Replace the content of a file by bytes or UTF-8 text. Raises OSError, which leaves the old file unchanged.
+
+    Without `sync` a power failure may leave an empty file.
+    """
     data = content.encode() if isinstance(content, str) else content
     partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
@@ -95,13 +98,15 @@ def write_atomic(path: Path, content: str | bytes, mode: int = 0o644) -> None:
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)
             stream.flush()
-            os.fsync(handle)
+            if sync:
+                os.fsync(handle)
         partial.replace(path)
     except BaseException:
         with suppress(OSError):
             partial.unlink()
         raise
-    sync_folder(path.parent)
+    if sync:
+        sync_folder(path.parent)
 
 
 def sync_folder(folder: Path) -> None:

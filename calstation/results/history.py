@@ -49,9 +49,10 @@ NO_FILTER = RunFilter()
 class History:
     """The runs of a folder. Queries read the index and take milliseconds; `refresh` updates it from the files."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, index: RunIndex | None = None) -> None:
+        """Open the history of a folder, with its index if that is open already."""
         self._folder = folder
-        self._index = RunIndex(folder)
+        self._index = RunIndex(folder) if index is None else index
         self._resolves: tuple[tuple[int, int] | None, list[ResolveRecord]] = (None, [])  #: With the file's stamp.
 
     def refresh(self, report: Callable[[float], None] | None = None) -> int:

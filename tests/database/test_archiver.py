@@ -1,5 +1,7 @@
 """The exchange of a station copies its closed logs to the archive and tells the other stations where they are."""
 
+import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +16,8 @@ from calstation.database.outbox import Outbox
 from calstation.errors import ConfigurationError
 from calstation.records import RunFilter, RunIndex, RunRecord
 from calstation.results import load_result
-from tests.database.result_files import write_result
+from tests.database.result_files import in_database, write_result
+from tests.database.test_exchange_process import eventually
 from tests.helpers import ignore_progress, raises_code
 
 
@@ -49,7 +52,12 @@ def station_file(folder: Path, url: str) -> Path:
 
 def until(condition: Callable[[], bool]) -> Callable[[float], bool]:
     """A `wait` that ends an exchange when a condition holds."""
-    return lambda _: condition()
+
+    def wait(_: float) -> bool:
+        time.sleep(0.05)
+        return condition()
+
+    return wait
 
 
 def received(folder: Path) -> dict[str, RunRecord]:
@@ -66,8 +74,9 @@ def test_logs_are_archived_and_read_by_another_station(url: str, folder: Path, t
         until(lambda: len(outbox.copies()) == 2 and outbox.pending == 0),
         archive=str(archive),
     )
+    eventually(lambda: read_state(folder).logs_pending == 0)
     state = read_state(folder)
-    assert (state.pending, state.logs_pending, state.archive_error) == (0, 0, None)
+    assert (state.pending, state.archive_error) == (0, None)
     assert sorted(path.name for path in (archive / outbox.id).iterdir()) == ["a.h5", "b.h5"]
     other = tmp_path / "line 2"
     other.mkdir()
@@ -99,16 +108,61 @@ def test_an_absent_archive_stops_nothing_and_is_tried_again(url: str, folder: Pa
     share = tmp_path / "share"
     share.write_text("not mounted")
     outbox = Outbox(folder)
-    passes = iter(range(5))
-    watch(folder, url, "line 1", until(lambda: next(passes) == 4), archive=str(share / "logs"))
+    watch(
+        folder, url, "line 1", until(lambda: read_state(folder).archive_error is not None), archive=str(share / "logs")
+    )
     state = read_state(folder)
     assert (state.pending, state.error, state.logs_pending) == (0, None, 2)
     assert state.archive_error is not None
     assert state.archive_error["code"] == "database.archive_failed"
     share.unlink()
     watch(folder, url, "line 1", until(lambda: len(outbox.copies()) == 2), archive=str(share / "logs"))
+    eventually(lambda: read_state(folder).logs_pending == 0)
+    assert read_state(folder).archive_error is None
+
+
+def test_an_archive_that_hangs_delays_no_exchange(
+    url: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hangs, goes_on = threading.Event(), threading.Event()
+
+    def hang(*_: object) -> None:
+        hangs.set()
+        goes_on.wait()
+
+    monkeypatch.setattr("calstation.database.archiver.archive_log", hang)
+    written = []
+
+    def wait(_: float) -> bool:
+        hangs.wait()
+        names = [name for name, _ in in_database(url)]
+        if not written:
+            written.append(write_result(folder, "c", 3))
+        return "c" in names
+
+    watch(folder, url, "line 1", wait, archive=str(tmp_path / "archive"))
+    assert [name for name, _ in in_database(url)] == ["a", "b", "c"]
+    goes_on.set()
+
+
+def test_the_state_of_an_archive_ends_with_the_archive(url: str, folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "share").write_text("not mounted")
+    failed = until(lambda: read_state(folder).archive_error is not None)
+    watch(folder, url, "line 1", failed, archive=str(tmp_path / "share" / "logs"))
+    watch(folder, url, "line 1", lambda _: True)
     state = read_state(folder)
-    assert (state.logs_pending, state.archive_error) == (0, None)
+    assert (state.pending, state.logs_pending, state.archive_error) == (0, 0, None)
+
+
+def test_each_log_is_opened_once_for_all_copies(
+    url: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened = []
+    monkeypatch.setattr("calstation.database.archiver.being_written", lambda log: opened.append(log.name))
+    Outbox(folder).fill()
+    archiver = LogArchiver(folder, str(tmp_path / "archive"))
+    assert [archiver.copy_next() for _ in range(4)] == [True, True, False, False]
+    assert opened == ["a.h5", "b.h5"]
 
 
 def test_a_log_that_cannot_be_copied_does_not_hold_up_the_others(

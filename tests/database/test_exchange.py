@@ -2,12 +2,15 @@
 
 import csv
 import json
+import shutil
+import socket
 import sqlite3
 from pathlib import Path
 
 import pytest
 from sqlalchemy import create_engine, delete, select, text, update
 
+from calstation.cli.app import run_app
 from calstation.database import Exchange, export_shared_runs, load_shared_results, upgrade
 from calstation.database.outbox import FILE, Outbox
 from calstation.database.tables import log_copies, outboxes, revisions, runs
@@ -163,6 +166,104 @@ def test_what_the_database_or_an_index_lost_is_sent_or_received_again(
     assert in_index(two) == in_index(one) == before
     assert len(in_database(url)) == len(before)
     assert len({name for name, _ in in_database(url)}) == len(before)
+
+
+@pytest.mark.parametrize("column", ["content", "parameters", "failed_checks", "numbers"])
+def test_a_run_that_cannot_be_read_holds_up_no_other(url: str, stations: tuple[Path, Path], column: str) -> None:
+    one, two = stations
+    for number in range(3):
+        write_result(one, f"a{number}", number)
+    exchange(one, url)
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        damaged = b"12345" if column == "numbers" else "17"
+        connection.execute(update(runs).where(runs.c.name == "a1").values({column: damaged}))
+    engine.dispose()
+    exchange(two, url)
+    assert [row[0] for row in in_index(two)] == ["a0", "a2"]
+    write_result(one, "b", 3)
+    for folder in stations:
+        exchange(folder, url)
+    assert [row[0] for row in in_index(two)] == ["a0", "a2", "b"]
+
+
+def test_a_restored_outbox_loses_no_run(url: str, stations: tuple[Path, Path]) -> None:
+    one, two = stations
+    write_result(one, "a", 0)
+    exchange(one, url)
+    backup = (one / FILE).read_bytes()
+    for number in range(1, 6):
+        write_result(one, f"b{number}", number)
+        exchange(one, url)
+    (one / FILE).write_bytes(backup)  # with the rest of the folder
+    for path in one.glob("b*.json"):
+        path.unlink()
+    for number in range(6, 9):
+        write_result(one, f"c{number}", number)
+    Outbox(one).fill()  # while the database was away: numbers that the database has for other runs
+    for number in range(9, 12):
+        write_result(one, f"d{number}", number)
+    for folder in (one, two):
+        exchange(folder, url)
+    names = ["a", *(f"b{number}" for number in range(1, 6))]
+    names += ["c6", "c7", "c8", "d10", "d11", "d9"]
+    assert [row[0] for row in in_index(two)] == names
+    assert sorted(name for name, _ in in_database(url)) == names
+    write_result(one, "e", 12)
+    exchange(one, url)
+    assert in_database(url)[-1] == ("e", "one")
+
+
+def test_a_lost_outbox_keeps_its_name(url: str, stations: tuple[Path, Path]) -> None:
+    one, _ = stations
+    for number in range(3):
+        write_result(one, f"a{number}", number)
+    exchange(one, url)
+    name = Outbox(one).id
+    (one / FILE).unlink()
+    write_result(one, "b", 3)
+    exchange(one, url)
+    assert Outbox(one).id == name
+    assert len(in_database(url)) == len(in_index(one)) == 4
+    history = History(one)
+    assert history.attempts("SN-1") == 4
+
+
+@pytest.mark.parametrize("copied", [False, True])
+def test_a_folder_at_another_place_is_exchanged_when_it_was_adopted(
+    url: str, stations: tuple[Path, Path], copied: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, two = stations
+    write_result(one, "a", 1)
+    exchange(one, url)
+    name = Outbox(one).id
+    two.rmdir()
+    shutil.copytree(one, two)
+    with raises_code(ConfigurationError, "database.folder_moved") as caught:
+        Exchange(two, url, "two")
+    assert caught.value.values["was"] == f"{socket.gethostname()}:{one.resolve()}"
+    assert run_app(["database", "adopt", "--out", str(two), *(["--copy"] if copied else [])]) == 0
+    assert capsys.readouterr().err == ""
+    write_result(two, "b", 2)
+    exchange(two, url)
+    assert (Outbox(two).id != name) == copied
+    assert sorted(name for name, _ in in_database(url)) == (["a", "a", "b"] if copied else ["a", "b"])
+    assert run_app(["database", "adopt", "--out", str(two.parent)]) == 2
+
+
+def test_a_copy_of_a_log_whose_run_is_not_queued_waits(
+    url: str, stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, _ = stations
+    write_result(one, "a", 1)
+    outbox = Outbox(one)
+    outbox.add_copy("a", "s3://logs/a.h5", "1" * 64, 17)
+    with monkeypatch.context() as patch:
+        patch.setattr(RunIndex, "own", lambda *_: [])  # the index was recreated in between
+        assert outbox.fill() == 0
+    exchange(one, url)
+    assert Outbox(one).pending == 0
+    assert in_database(url) == [("a", "one")]
 
 
 def test_characters_that_a_database_does_not_have_hold_nothing_up(url: str, stations: tuple[Path, Path]) -> None:

@@ -1,5 +1,6 @@
 """The exchange runs in a process of its own, which ends with its owner and says in a file how it is."""
 
+import errno
 import json
 import multiprocessing
 import os
@@ -15,11 +16,23 @@ from pathlib import Path
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.database import Claim, ExchangeState, read_state, start_exchange, watch
+from calstation.database import (
+    Claim,
+    Exchange,
+    close_exchanges,
+    connect,
+    exchange_once,
+    read_state,
+    start_exchange,
+    watch,
+)
 from calstation.database.process import FAILED_S, LONGEST_S, PAUSE_S, ExchangeProcess
-from calstation.database.state import write_state
+from calstation.database.state import change_state
+from calstation.errors import ConfigurationError
+from calstation.records import locked
 from tests.database.result_files import in_database, in_index, write_result
 from tests.database.test_claims import station_file
+from tests.helpers import raises_code
 
 
 def eventually(condition: Callable[[], object]) -> None:
@@ -77,10 +90,10 @@ def test_only_present_claims_on_the_unit_are_returned(folder: Path, monkeypatch:
     monkeypatch.setattr("calstation.database.process._work", _idle)
     now = datetime.now(UTC)
     mine, other = (Claim(serial, "line 2", None, now) for serial in ("SN-7", "SN-8"))
-    write_state(folder, ExchangeState(contact_utc=now, claims=(mine, other)))
+    change_state(folder, contact_utc=now, claims=(mine, other))
     with ExchangeProcess(folder, "sqlite://", "line 1", ("SN-7", None)) as exchange:
         assert exchange.new_claims() == []  # of the last session
-        write_state(folder, ExchangeState(contact_utc=now + timedelta(seconds=1), claims=(mine, other)))
+        change_state(folder, contact_utc=now + timedelta(seconds=1))
         assert exchange.new_claims() == [mine]
         assert exchange.new_claims() == []
         exchange.claim(("SN-8", None))
@@ -131,6 +144,101 @@ def test_an_unreachable_database_is_tried_with_growing_pauses(folder: Path) -> N
     watch(folder, "postgresql+psycopg://line@127.0.0.1:1/none", "line 1", wait)
     assert pauses == [FAILED_S * 2**k for k in range(6)] + [LONGEST_S] * 3
     assert min(FAILED_S, PAUSE_S) >= 1.0
+
+
+def test_a_mistake_ends_no_exchange(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    write_result(folder, "a", 1)
+    made: list[Exchange] = []
+    init, errors = Exchange.__init__, []
+
+    def note(self: Exchange, *args: object, **kwargs: object) -> None:
+        init(self, *args, **kwargs)
+        made.append(self)
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("no backend of the keyring")
+
+    monkeypatch.setattr(Exchange, "__init__", note)
+    monkeypatch.setattr("calstation.database.exchange.connect", fail)
+
+    def wait(seconds: float) -> bool:
+        errors.append((read_state(folder).error or {}).get("code"))
+        if len(made) == 2:
+            monkeypatch.setattr("calstation.database.exchange.connect", connect)
+        return len(made) == 3
+
+    watch(folder, url, "line 1", wait)
+    assert errors == ["program.internal", "program.internal", None]
+    assert in_database(url) == [("a", "line 1")]
+
+
+def test_a_disk_that_is_full_ends_no_exchange(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    pauses = []
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    def wait(seconds: float) -> bool:
+        pauses.append(seconds)
+        if len(pauses) == 2:
+            patch.undo()
+        return len(pauses) == 3
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("calstation.database.state.write_atomic", full)
+        watch(folder, url, "line 1", wait)
+    assert pauses[:2] == [FAILED_S, 2.0 * FAILED_S]
+    assert read_state(folder).contact_utc is not None
+
+
+def test_a_folder_that_another_process_exchanges_is_busy(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("calstation.database.process._LOCKED_S", 0.0)
+    exchange = Exchange(folder, f"sqlite:///{tmp_path / 'shared.sqlite'}", "line 1")
+    with locked(folder / ".exchange.lock", 0.0), raises_code(ConfigurationError, "database.busy"):
+        exchange_once(exchange, folder)
+
+
+def test_a_state_that_does_not_change_is_seldom_written(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exchange = Exchange(folder, f"sqlite:///{tmp_path / 'shared.sqlite'}", "line 1")
+    first = exchange_once(exchange, folder)
+    assert exchange_once(exchange, folder) == first
+    monkeypatch.setattr("calstation.database.process._UNCHANGED", timedelta(0))
+    assert exchange_once(exchange, folder).contact_utc > first.contact_utc
+    exchange.close()
+
+
+def test_several_processes_that_hang_end_within_one_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    waited = []
+
+    class Hanging:
+        def join(self, seconds: float) -> None:
+            waited.append(seconds)
+            now[0] += seconds
+
+        def is_alive(self) -> bool:
+            return True
+
+        def kill(self) -> None:
+            pass
+
+        def close(self) -> None:
+            raise AssertionError
+
+    now = [0.0]
+    monkeypatch.setattr("calstation.database.process.time.monotonic", lambda: now[0])
+    exchanges = []
+    for _ in range(3):
+        exchange = object.__new__(ExchangeProcess)
+        exchange.process, exchange._connection = Hanging(), multiprocessing.Pipe()[0]
+        exchanges.append(exchange)
+    close_exchanges(exchanges)
+    assert waited == [3.0, 0.0, 0.0, 1.0, 0.0, 0.0]
 
 
 def test_no_password_is_in_logs_state_or_errors(

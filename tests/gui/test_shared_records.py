@@ -9,7 +9,8 @@ from PySide6.QtWidgets import QLabel, QListWidget, QPushButton
 from pytestqt.qtbot import QtBot
 
 from calstation.database import Claim, Exchange, read_state, upgrade
-from calstation.database.state import write_state
+from calstation.database.state import change_state
+from calstation.results import History
 from tests.database.result_files import write_result
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
 
@@ -40,7 +41,7 @@ def away(site_folder: SiteFolder, tmp_path: Path) -> None:
 
 
 def test_a_unit_at_another_station_is_named_and_does_not_block(
-    shared: str, operator: Operator, tmp_path: Path, qtbot: QtBot
+    shared: str, operator: Operator, site_folder: SiteFolder, tmp_path: Path, qtbot: QtBot
 ) -> None:
     folder = tmp_path / "line 2"
     folder.mkdir()
@@ -61,7 +62,7 @@ def test_a_unit_at_another_station_is_named_and_does_not_block(
     other.claim = None
     other.exchange()
     other.close()
-    operator.until(lambda: not notice.isVisible())
+    operator.until(lambda: not notice.isVisible() and History(site_folder.runs).passed(SERIAL))
     operator.press("start_button")
     assert f"{SERIAL} has already passed at line 2" in operator.says()
     assert not operator.window.app.engine_link.running
@@ -95,7 +96,7 @@ def test_a_claim_of_the_last_session_is_not_shown(
     app = operator.window.app
     operator.until(lambda: app.exchange_state is not None and app.exchange_state.error is not None)
     old = Claim(SERIAL, "line 2", None, datetime.now(UTC))
-    write_state(site_folder.runs, replace(read_state(site_folder.runs), claims=(old,)))
+    change_state(site_folder.runs, claims=(old,))
     operator.scan(SERIAL)
     operator.until(lambda: app.exchange_state == replace(read_state(site_folder.runs), claims=()))
     assert not operator.widget("claim_notice").isVisible()

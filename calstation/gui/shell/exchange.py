@@ -2,7 +2,7 @@
 
 from PySide6.QtCore import QObject, QTimer
 
-from calstation.database import ExchangeProcess, start_exchange
+from calstation.database import ExchangeProcess, close_exchanges, start_exchange
 from calstation.errors import CalstationError
 from calstation.gui.shell.context import AppContext
 
@@ -57,5 +57,5 @@ class RecordsExchange(QObject):
     def _close(self) -> None:
         self._timer.stop()
         self._end()
-        while self._ended:
-            self._ended.pop().close()
+        close_exchanges(self._ended)
+        self._ended.clear()
