@@ -37,7 +37,7 @@ _CONNECTION: dict[str, int | str] = {
     "keepalives_interval": 5,
     "keepalives_count": 3,
     "tcp_user_timeout": 30_000,
-    "options": "-c lock_timeout=20s -c statement_timeout=60s -c idle_in_transaction_session_timeout=30s"
+    "options": "-c lock_timeout=20s -c statement_timeout=600s -c idle_in_transaction_session_timeout=30s"
     " -c tcp_keepalives_idle=10 -c tcp_keepalives_interval=5 -c tcp_keepalives_count=3",
 }
 
