@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from typing import Literal
 
 from sqlalchemy import Engine
 from sqlalchemy.exc import SQLAlchemyError
@@ -23,18 +24,15 @@ from calstation.fleet.task import (
     Assignment,
     Status,
     WarmUp,
-    failed_result,
-    file_digest,
+    error_of,
     solve_stored_log,
-    unreachable,
-    write,
 )
 from calstation.messages import values_from_json
 from calstation.results import SCHEMA
 
 try:
     import dask
-    from distributed import Client, Future, LocalCluster
+    from distributed import Client, Future, KilledWorker, LocalCluster
     from distributed.comm.core import CommClosedError
     from distributed.core import Status as ServerStatus
 except ImportError as exc:
@@ -74,11 +72,11 @@ class FleetSummary:
     total: int = 0
     solved_now: int = 0
     already_there: int = 0
-    failed: int = 0  #: Failed now, including unreachable logs.
+    failed: int = 0  #: Failed, now or stored as failed before, including unreachable logs.
     stopped: bool = False
     duration_s: float = 0.0
     solutions: list[int] = field(default_factory=list)  #: Numbers in the database.
-    failures: list[Status] = field(default_factory=list)  #: The logs that failed now.
+    failures: list[Status] = field(default_factory=list)  #: The logs that failed.
     #: Total duration by step of the logs that workers answered, s: ``copy``, ``solve`` and ``write``.
     seconds: dict[str, float] = field(default_factory=dict)
     answered: int = 0  #: Number of logs that workers answered.
@@ -109,8 +107,8 @@ def resolve_fleet(
 ) -> FleetSummary:
     """Solve every log that is not solved yet under the same version, configuration, range and stages.
 
-    A log that cannot be solved, or that ends its workers, is recorded as failed; one that is not reachable is tried
-    again by the next call. `report` is called after each log. Once `stop` is set, the call returns within seconds, and
+    A log that cannot be solved is recorded as failed; one that is not reachable or ends its workers is tried again by
+    the next call. `report` is called after each log. Once `stop` is set, the call returns within seconds, and
     everything finished stays.
 
     Raises InputError for a source without logs, ConfigurationError for the changes, the database or the scheduler.
@@ -133,12 +131,13 @@ def resolve_fleet(
             if solution is None:
                 left.append(log)
             else:
-                summary.add(Status(log.location, "there", solution))
+                outcome: Literal["failed", "there"] = "failed" if solution.error else "there"
+                summary.add(Status(log.location, outcome, solution.number, solution.error))
         report(summary)
         if left:
             assignment = Assignment(request.database, wanted)
             with _cluster(request.scheduler, workers, request.allowed_failures) as client:
-                for status in _solved(client, engine, assignment, left, stop or threading.Event()):
+                for status in _solved(client, assignment, left, stop or threading.Event()):
                     summary.add(status)
                     summary.duration_s = time.monotonic() - begin
                     report(summary)
@@ -226,7 +225,7 @@ def _replace_ended(cluster: LocalCluster | None) -> None:
 
 
 def _solved(
-    client: Client, engine: Engine, assignment: Assignment, logs: Sequence[StoredLog], stop: threading.Event
+    client: Client, assignment: Assignment, logs: Sequence[StoredLog], stop: threading.Event
 ) -> Iterator[Status]:
     """Yield the status of each log in the order in which they are done, until `stop` is set."""
     done: SimpleQueue[Future[Status]] = SimpleQueue()
@@ -245,22 +244,21 @@ def _solved(
             _replace_ended(client.cluster)
             continue
         _, log = running.pop(future.key)
-        yield _status(engine, assignment.wanted, log, future)
+        yield _status(log, future)
     client.cancel([future for future, _ in running.values()], force=True)
 
 
-def _status(engine: Engine, wanted: Wanted, log: StoredLog, future: Future[Status]) -> Status:
-    """Return the status of a log, which is recorded as failed if it ended its workers.
-
-    Raises ConfigurationError or SQLAlchemyError if the reason of a failure is not the log.
-    """
+def _status(log: StoredLog, future: Future[Status]) -> Status:
+    """Return the status of a log. Raises ConfigurationError if the reason of a failure is not the log."""
+    if future.status == "cancelled":
+        scheduler = future.client.scheduler.address if future.client.scheduler else ""
+        raise ConfigurationError("fleet.no_scheduler", scheduler=scheduler, reason="connection lost")
     if future.status == "error":
+        cause = future.exception()
+        if not isinstance(cause, KilledWorker):
+            raise ConfigurationError("fleet.task_failed", reason=f"{type(cause).__name__}: {cause}")
         died = CalstationError("fleet.worker_died", file=log.location)
-        try:
-            result = failed_result(died, None, log.location, file_digest(log.location))
-            return write(engine, wanted, log, result, log.location, {})
-        except OSError as exc:
-            return Status(log.location, "unreachable", error=unreachable(exc))
+        return Status(log.location, "unreachable", error=error_of(died))
     status: Status = future.result()
     if status.outcome == "refused":
         raise ConfigurationError(status.error["error_code"], **values_from_json(status.error["error_values"]))

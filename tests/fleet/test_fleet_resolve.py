@@ -82,19 +82,25 @@ def test_damaged_logs_are_recorded_as_failed_and_the_rest_is_solved(logs: list[P
         assert result["error_code"] == caught.value.code
         assert result["error"] == str(caught.value)
     assert {found[log.name]["outcome"] for log in logs[3:]} == {"resolved"}
-    assert counts(resolve_fleet(request_of(logs[0].parent, url))) == (0, 6, 0)
+    again = resolve_fleet(request_of(logs[0].parent, url))
+    assert counts(again) == (0, 3, 3)
+    assert again.answered == 0
+    assert sorted(each.error["error"] for each in again.failures) == sorted(
+        each.error["error"] for each in summary.failures
+    )
 
 
 @pytest.mark.long
-def test_a_log_that_kills_its_workers_is_recorded_as_failed(logs: list[Path], tmp_path: Path) -> None:
+def test_a_log_that_kills_its_workers_fails_and_is_tried_again(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     with dask.config.set({"distributed.worker.preload": [str(Path(__file__).with_name("dies_for_one_unit.py"))]}):
-        summary = resolve_fleet(request_of(logs, url, allowed_failures=1))
+        summary = resolve_fleet(request_of(logs, url))
     assert counts(summary) == (5, 0, 1)
     assert [(Path(each.location), each.error["error_code"]) for each in summary.failures] == [
         (logs[1], "fleet.worker_died")
     ]
-    assert counts(resolve_fleet(request_of(logs, url))) == (0, 6, 0)
+    assert rows(url) == 5
+    assert counts(resolve_fleet(request_of(logs, url))) == (1, 5, 0)
 
 
 @pytest.mark.long
