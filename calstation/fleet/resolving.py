@@ -12,12 +12,11 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Literal
 
-from sqlalchemy import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from calstation.database import connect
 from calstation.errors import CalstationError, ConfigurationError
-from calstation.fleet.changes import Changes, load_changes
+from calstation.fleet.changes import load_changes
 from calstation.fleet.sources import StoredLog, find_logs
 from calstation.fleet.store import Wanted, label_used, read_results, solved_files
 from calstation.fleet.task import (
@@ -118,10 +117,13 @@ def resolve_fleet(
     wanted = Wanted(changes, request.stages, request.first_seq, request.last_seq)
     if request.first_seq is not None and request.last_seq is not None and request.first_seq > request.last_seq:
         raise ConfigurationError("solution.range_reversed", first=request.first_seq, last=request.last_seq)
+    if changes.label is None and (wanted.stages, wanted.first_seq, wanted.last_seq) != (None, None, None):
+        raise ConfigurationError("fleet.label_needed")
     workers = _workers(request.scheduler)
     engine = connect(request.database)
     try:
-        _check_label(engine, changes)
+        if label_used(engine, wanted):
+            raise ConfigurationError("fleet.label_used", version=changes.version)
         logs = list(find_logs(request.sources, engine))
         there = solved_files(engine, wanted)
         summary = FleetSummary(changes.version, len(logs))
@@ -162,11 +164,6 @@ def solved_results(database: str, summary: FleetSummary) -> Iterator[str]:
         if status.solution is None:
             log = {"file": status.location}
             yield json.dumps({"schema": SCHEMA, "outcome": "failed", **status.error, "log": log}, ensure_ascii=False)
-
-
-def _check_label(engine: Engine, changes: Changes) -> None:
-    if label_used(engine, changes):
-        raise ConfigurationError("fleet.label_used", version=changes.version)
 
 
 def _workers(scheduler: str) -> int | None:

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 import numpy as np
-from sqlalchemy import ColumnElement, Engine, case, select
+from sqlalchemy import ColumnElement, Engine, and_, case, not_, select
 from sqlalchemy.dialects import postgresql, sqlite
 
 from calstation.database import solutions
@@ -48,9 +48,9 @@ class Wanted:
         }
 
 
-def label_used(engine: Engine, changes: Changes) -> bool:
-    """Whether the version names solutions with other changes."""
-    others = (solutions.c.version == changes.version) & (solutions.c.changes_sha256 != changes.sha256)
+def label_used(engine: Engine, wanted: Wanted) -> bool:
+    """Whether the version names solutions with other changes, another range or other stages."""
+    others = (solutions.c.version == wanted.changes.version) & not_(and_(*_conditions(wanted.columns)))
     with engine.connect() as connection:
         return connection.execute(select(solutions.c.id).where(others).limit(1)).first() is not None
 

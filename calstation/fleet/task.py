@@ -77,8 +77,8 @@ def _warm() -> None:
 def solve_stored_log(assignment: Assignment, stored: StoredLog) -> Status:
     """Copy a log to the local disk, solve it and write the solution, unless there is one.
 
-    A log that cannot be solved is written as failed, but not for lack of memory. Raises nothing, because a traceback that
-    distributed cannot unpack would leave the program that waits for this task waiting for ever.
+    A log that cannot be solved is written as failed, but not for lack of memory. Raises nothing, because a traceback
+    that distributed cannot unpack would leave the program that waits for this task waiting for ever.
     """
     seconds: dict[str, float] = {}
     try:

@@ -59,7 +59,7 @@ def test_solutions_are_those_of_resolve_and_made_once(logs: list[Path], url: str
     other = resolve_fleet(request_of([moved], url))
     assert counts(other) == (0, 1, 0)  # by the digest of the log
     assert rows(url) == 6
-    assert counts(resolve_fleet(request_of(logs[:1], url, stages=("designed",)))) == (1, 0, 0)
+    assert counts(resolve_fleet(request_of(logs[:1], url, label="part", stages=("designed",)))) == (1, 0, 0)
     assert rows(url) == 7
 
 
@@ -195,5 +195,8 @@ def test_what_cannot_be_solved_is_refused_at_once(logs: list[Path], tmp_path: Pa
         resolve_fleet(FleetRequest((str(logs[0]),), url, "local:0"))
     with raises_code(ConfigurationError, "fleet.no_scheduler"):
         resolve_fleet(FleetRequest((str(logs[0]),), url, "tcp://127.0.0.1:1"))
+    for part in ({"first_seq": 5}, {"last_seq": 5}, {"stages": ("designed",)}):
+        with raises_code(ConfigurationError, "fleet.label_needed"):
+            resolve_fleet(request_of(logs[:1], url, **part))
     with raises_code(ConfigurationError, "solution.range_reversed"):
         resolve_fleet(request_of(logs[:1], url, first_seq=5, last_seq=4))

@@ -1,6 +1,7 @@
 """The solutions of single logs, without workers: failures count for their log, and only lasting ones are stored."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from calstation.errors import InputError
 from calstation.fleet import compare, task
 from calstation.fleet.changes import Changes
 from calstation.fleet.sources import StoredLog
-from calstation.fleet.store import Wanted
+from calstation.fleet.store import Wanted, label_used
 from calstation.records import open_log, write_log
 from tests.helpers import ignore_progress
 
@@ -95,3 +96,15 @@ def test_lack_of_memory_is_not_stored(logs: list[Path], tmp_path: Path, monkeypa
     status = task.solve_stored_log(task.Assignment(url, BEFORE), StoredLog(str(logs[0]), "stamp"))
     assert (status.outcome, status.error["error_code"]) == ("unreachable", "fleet.no_memory")
     assert column(url, "outcome") == []
+
+
+def test_a_label_stands_for_one_range_and_one_set_of_stages(logs: list[Path], tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    assert solve(url, replace(BEFORE, stages=("designed",)), logs[0]).outcome == "solved"
+    engine = connect(url)
+    used = {
+        more: label_used(engine, replace(BEFORE, **dict(more)))
+        for more in ((("stages", ("designed",)),), (), (("stages", ("designed",)), ("first_seq", 5)))
+    }
+    engine.dispose()
+    assert list(used.values()) == [False, True, True]
