@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Literal
@@ -39,8 +40,8 @@ except ImportError as exc:
 
 #: Largest number of logs given to the scheduler at a time.
 WINDOW = 1000
-#: Number of workers that a log may end before it is recorded as failed.
-ALLOWED_FAILURES = 3
+#: Number of times that each local worker is replaced without an answer before it is given up.
+_REPLACED = 3
 #: Interval at which a wish to stop is noticed, s.
 _POLL = 0.2
 #: Longest time to wait for a scheduler's answer.
@@ -60,7 +61,6 @@ class FleetRequest:
     stages: tuple[str, ...] | None = None
     first_seq: int | None = None
     last_seq: int | None = None
-    allowed_failures: int = ALLOWED_FAILURES
 
 
 @dataclass
@@ -113,6 +113,7 @@ def resolve_fleet(
     Raises InputError for a source without logs, ConfigurationError for the changes, the database or the scheduler.
     """
     begin = time.monotonic()
+    stop = stop or threading.Event()
     changes = load_changes(request.patch, request.label)
     wanted = Wanted(changes, request.stages, request.first_seq, request.last_seq)
     if request.first_seq is not None and request.last_seq is not None and request.first_seq > request.last_seq:
@@ -124,7 +125,8 @@ def resolve_fleet(
     try:
         if label_used(engine, wanted):
             raise ConfigurationError("fleet.label_used", version=changes.version)
-        logs = list(find_logs(request.sources, engine))
+        logs = list(takewhile(lambda log: not stop.is_set(), find_logs(request.sources, engine)))
+        listing_stopped = stop.is_set()
         there = solved_files(engine, wanted)
         summary = FleetSummary(changes.version, len(logs))
         left = []
@@ -136,10 +138,10 @@ def resolve_fleet(
                 outcome: Literal["failed", "there"] = "failed" if solution.error else "there"
                 summary.add(Status(log.location, outcome, solution.number, solution.error))
         report(summary)
-        if left:
+        if left and not stop.is_set():
             assignment = Assignment(request.database, wanted)
-            with _cluster(request.scheduler, workers, request.allowed_failures) as client:
-                for status in _solved(client, assignment, left, stop or threading.Event()):
+            with _cluster(request.scheduler, workers) as client:
+                for status in _solved(client, assignment, left, stop, request.scheduler):
                     summary.add(status)
                     summary.duration_s = time.monotonic() - begin
                     report(summary)
@@ -147,7 +149,7 @@ def resolve_fleet(
         raise ConfigurationError("fleet.database_failed", reason=str(exc).partition("\n")[0]) from exc
     finally:
         engine.dispose()
-    summary.stopped = summary.done < summary.total
+    summary.stopped = listing_stopped or summary.done < summary.total
     summary.duration_s = time.monotonic() - begin
     return summary
 
@@ -177,10 +179,9 @@ def _workers(scheduler: str) -> int | None:
 
 
 @contextmanager
-def _cluster(scheduler: str, workers: int | None, allowed_failures: int) -> Iterator[Client]:
+def _cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
     """Connect to a scheduler, or start local workers, and prepare the workers."""
     settings = {
-        "distributed.scheduler.allowed-failures": allowed_failures,
         "distributed.scheduler.worker-saturation": 1.0,
         "distributed.comm.timeouts.connect": _CONNECT_TIMEOUT,
     }
@@ -193,7 +194,7 @@ def _cluster(scheduler: str, workers: int | None, allowed_failures: int) -> Iter
                 raise ConfigurationError("fleet.no_scheduler", scheduler=scheduler, reason=str(exc)) from exc
             stack.callback(client.close)
             with suppress(CommClosedError):  # of a worker that ends meanwhile; all others have the plugin
-                client.register_plugin(WarmUp())
+                client.register_plugin(WarmUp(local=False))
         else:
             cluster = LocalCluster(
                 n_workers=0,
@@ -205,29 +206,36 @@ def _cluster(scheduler: str, workers: int | None, allowed_failures: int) -> Iter
             stack.callback(cluster.close)  # kills workers that are still solving after 4 s
             client = Client(cluster)
             stack.callback(client.close)
-            client.register_plugin(WarmUp())
+            client.register_plugin(WarmUp(local=True))
             cluster.scale(workers)
         yield client
 
 
-def _replace_ended(cluster: LocalCluster | None) -> None:
-    """Replace local workers that ended while they started; their nannies do not start them again."""
+def _replace_ended(cluster: LocalCluster | None, replaced: int) -> int:
+    """Replace local workers that ended while they started, because their nannies do not; return how many in all.
+
+    Raises ConfigurationError if they have ended again and again; `replaced` is the number before.
+    """
     nannies = {} if cluster is None else dict(cluster.workers)
     ended = [name for name, nanny in nannies.items() if nanny.status in (ServerStatus.closed, ServerStatus.failed)]
+    if replaced + len(ended) > _REPLACED * len(nannies):
+        raise ConfigurationError("fleet.workers_end", count=replaced)
     if cluster is not None and ended:
         for name in ended:
             cluster.worker_spec.pop(name, None)
             cluster.workers.pop(name, None)
         cluster.scale(len(nannies))
+    return replaced + len(ended)
 
 
 def _solved(
-    client: Client, assignment: Assignment, logs: Sequence[StoredLog], stop: threading.Event
+    client: Client, assignment: Assignment, logs: Sequence[StoredLog], stop: threading.Event, scheduler: str
 ) -> Iterator[Status]:
     """Yield the status of each log in the order in which they are done, until `stop` is set."""
     done: SimpleQueue[Future[Status]] = SimpleQueue()
     waiting = iter(logs)
     running: dict[Hashable, tuple[Future[Status], StoredLog]] = {}
+    replaced = 0
     while not stop.is_set():
         while len(running) < WINDOW and (log := next(waiting, None)) is not None:
             future = client.submit(solve_stored_log, assignment, log, pure=False)
@@ -238,18 +246,18 @@ def _solved(
         try:
             future = done.get(timeout=_POLL)
         except Empty:
-            _replace_ended(client.cluster)
+            replaced = _replace_ended(client.cluster, replaced)
             continue
+        replaced = 0
         _, log = running.pop(future.key)
+        if future.status == "cancelled":  # not by this program
+            raise ConfigurationError("fleet.scheduler_lost", scheduler=scheduler)
         yield _status(log, future)
     client.cancel([future for future, _ in running.values()], force=True)
 
 
 def _status(log: StoredLog, future: Future[Status]) -> Status:
     """Return the status of a log. Raises ConfigurationError if the reason of a failure is not the log."""
-    if future.status == "cancelled":
-        scheduler = future.client.scheduler.address if future.client.scheduler else ""
-        raise ConfigurationError("fleet.no_scheduler", scheduler=scheduler, reason="connection lost")
     if future.status == "error":
         cause = future.exception()
         if not isinstance(cause, KilledWorker):

@@ -3,7 +3,9 @@
 import hashlib
 import json
 import logging
+import os
 import signal
+import sys
 import tempfile
 import time
 from asyncio import to_thread
@@ -58,20 +60,29 @@ class Status:
 
 
 class WarmUp(WorkerPlugin):
-    """Prepares a worker: its host compiles the kernels once, and Ctrl-C concerns only the program that it works for."""
+    """Prepares a worker: its host compiles the kernels once; on a local worker, Ctrl-C concerns only its program."""
 
     name = "calstation"
     idempotent = True
 
+    def __init__(self, local: bool) -> None:
+        self._local = local
+
     async def setup(self, worker: Worker) -> None:
         """Compile the kernels, or load them."""
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if self._local:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
         await to_thread(_warm)
 
 
 def _warm() -> None:
-    with locked(Path(tempfile.gettempdir()) / "calstation-warm-up.lock", _COMPILED_WITHIN):
+    with locked(Path(tempfile.gettempdir()) / f"calstation-warm-up-{_user()}.lock", _COMPILED_WITHIN):
         warm_up()
+
+
+def _user() -> str:
+    """Number of the user, whose lock no other user can open; on Windows the folder is the user's own."""
+    return "" if sys.platform == "win32" else str(os.getuid())
 
 
 def solve_stored_log(assignment: Assignment, stored: StoredLog) -> Status:

@@ -6,14 +6,20 @@ import threading
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import dask
 import pytest
+from distributed.core import Status
 from sqlalchemy import create_engine, func, select
 
 from calstation.database import solutions
 from calstation.errors import ConfigurationError, InputError
-from calstation.fleet import FleetRequest, FleetSummary, resolve_fleet, solved_results
+from calstation.fleet import FleetRequest, FleetSummary, resolve_fleet, resolving, solved_results
+from calstation.fleet.sources import StoredLog
+from calstation.fleet.store import Wanted
+from calstation.fleet.task import Assignment
 from calstation.records import export_csv, open_log, resolves_path, write_log
 from calstation.results import resolve
 from tests.cli.conftest import Done
@@ -182,6 +188,49 @@ def test_an_unknown_change_is_refused_with_the_near_miss(tmp_path: Path, content
     with raises_code(ConfigurationError, code) as caught:
         resolve_fleet(request_of(tmp_path, f"sqlite:///{tmp_path / 'a.sqlite'}", patch=patch))
     assert told in str(caught.value)
+
+
+def test_a_wish_to_stop_is_noticed_before_solving(logs: list[Path], tmp_path: Path) -> None:
+    stop = threading.Event()
+    stop.set()
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    states: list[FleetSummary] = []
+    summary = resolve_fleet(request_of(logs, url), states.append, stop)
+    assert summary.stopped
+    assert (summary.total, len(states)) == (0, 1)
+
+    def stop_listed(state: FleetSummary) -> None:
+        assert not state.done
+        later.set()
+
+    later = threading.Event()
+    summary = resolve_fleet(request_of(logs, url), stop_listed, later)
+    assert summary.stopped
+    assert (summary.total, summary.done, rows(url)) == (6, 0, 0)
+
+
+def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path]) -> None:
+    nannies = {name: SimpleNamespace(status=Status.failed) for name in range(2)}
+    scaled: list[int] = []
+
+    def scale(count: int) -> None:
+        scaled.append(count)
+        cluster.workers = dict(nannies)
+
+    cluster = SimpleNamespace(workers=dict(nannies), worker_spec={}, scale=scale)
+    future = SimpleNamespace(key="a", status="pending", add_done_callback=lambda put: None)
+    client: Any = SimpleNamespace(cluster=cluster, submit=lambda *arguments, **more: future)
+    stored = [StoredLog(str(logs[0]), "")]
+    assignment = Assignment("", Wanted())
+    with raises_code(ConfigurationError, "fleet.workers_end"):
+        list(resolving._solved(client, assignment, stored, threading.Event(), "local:2"))
+    assert scaled == [2, 2, 2]
+    future.status, future.add_done_callback = "cancelled", lambda put: put(future)
+    with raises_code(ConfigurationError, "fleet.scheduler_lost"):
+        list(resolving._solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
+    future.status, future.exception = "error", lambda: ModuleNotFoundError("calstation")
+    with raises_code(ConfigurationError, "fleet.task_failed"):
+        list(resolving._solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
 
 
 def test_what_cannot_be_solved_is_refused_at_once(logs: list[Path], tmp_path: Path) -> None:
