@@ -63,6 +63,12 @@ def resolve(
     check_json(json)
     request = FleetRequest(tuple(sources), database, scheduler, patch, label, parsed_stages(stages), first, last)
     stop = threading.Event()
+
+    def interrupt() -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
     console = Console(stderr=True)
     columns = (
         TextColumn("solving logs"),
@@ -72,7 +78,7 @@ def resolve(
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar, on_interrupt(stop.set):
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar, on_interrupt(interrupt):
         task = bar.add_task("", total=None, rate="")
 
         def show(summary: "FleetSummary") -> None:

@@ -2,7 +2,8 @@
 
 A database has a folder in the site's folder, with a folder for each version. Solutions are only added; those of the
 runs (version `ONLINE`) may be replaced, and a later row of the same run counts. Numbers of solutions appear in another
-order than they are given, so that a number below the last one may be missing; the count of rows shows it.
+order than they are given, so that a number below the last one may be missing; the count of rows shows it, as it shows
+that rows were deleted, after which the files are made anew.
 """
 
 import json
@@ -78,23 +79,25 @@ def update_columns(report: ProgressCallback, connection: Connection, version: st
     source = _Runs() if version == ONLINE else _Solutions(version)
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder / ".lock", _LOCKED_WITHIN):
-        files = sorted(folder.glob("*.parquet"))
+        files = _current(folder)
         known = np.concatenate([np.empty(0, np.int64), *(ColumnFiles((path,)).numbers("number") for path in files)])
-        if (np.diff(np.sort(known)) == 0).any():  # the program was killed while it joined files
-            for path in files:
-                path.unlink()
-            files, known = [], known[:0]
         last = int(known.max(initial=0))
         total = source.count(connection, 0)
-        statement = source.rows(last)
-        if source.count(connection, last) + len(known) != total and version != ONLINE:
-            missing = np.setdiff1d(source.all_numbers(connection), known)
-            statement = source.rows(int(missing.min(initial=last + 1)) - 1)
+        added = source.count(connection, last)
+        if version != ONLINE and len(known) + added > total:  # rows were deleted
+            for path in files:
+                path.unlink()
+            files, known, last, added = [], known[:0], 0, total
+        after = last
+        if version != ONLINE and len(known) + added < total:
+            missing = np.setdiff1d(_numbers(connection, version), known)
+            after = int(missing.min(initial=last + 1)) - 1
+        statement = source.rows(after)
         left = max(total - len(known), 1)
         done = 0
-        for table in _tables(connection, statement, known):
-            _write(table, folder / f"{len(files):06d}.parquet")
-            files.append(folder / f"{len(files):06d}.parquet")
+        for table in _tables(connection, statement, set(known[known > after].tolist())):
+            files.append(folder / f"{_generation(files)}-{len(files):06d}.parquet")
+            _write(table, files[-1])
             done += len(table)
             report(min(done / left, 1.0))
         if len(files) > _MOST_FILES:
@@ -102,6 +105,20 @@ def update_columns(report: ProgressCallback, connection: Connection, version: st
     if not files:
         raise ConfigurationError("fleet.no_version", version=version, versions=versions(connection))
     return ColumnFiles(tuple(files))
+
+
+def _generation(files: list[Path]) -> str:
+    """Return the generation of files, each joined from all files of the one before, by their names."""
+    return files[0].name.partition("-")[0] if files else f"{0:06d}"
+
+
+def _current(folder: Path) -> list[Path]:
+    """Return the files of the last generation; delete earlier ones, which another program may have read meanwhile."""
+    files = sorted(folder.glob("*-*.parquet"))
+    current = [path for path in files if _generation([path]) == _generation(files[-1:])]
+    for path in files[: -len(current)] if current else []:
+        path.unlink()
+    return current
 
 
 def versions(connection: Connection) -> list[str]:
@@ -121,9 +138,6 @@ class _Solutions:
         wanted = select(func.count()).select_from(solutions).where(self._of_version, solutions.c.id > after)
         return connection.execute(wanted).scalar_one()
 
-    def all_numbers(self, connection: Connection) -> NDArray[np.int64]:
-        return np.array(connection.execute(select(solutions.c.id).where(self._of_version)).scalars().all(), np.int64)
-
     def rows(self, after: int) -> Select[Any]:
         c = solutions.c
         verdict = (c.outcome, c.passed)
@@ -139,9 +153,6 @@ class _Runs:
         wanted = select(func.count()).select_from(runs).where(runs.c.log_sha256.is_not(None), runs.c.revision > after)
         return connection.execute(wanted).scalar_one()
 
-    def all_numbers(self, connection: Connection) -> NDArray[np.int64]:
-        return np.array(connection.execute(select(runs.c.revision)).scalars().all(), np.int64)
-
     def rows(self, after: int) -> Select[Any]:
         c = runs.c
         texts = (c.log_sha256, c.serial, c.started_utc, c.failed_checks, c.log.label("location"), c.content)
@@ -149,9 +160,13 @@ class _Runs:
         return select(*columns).where(c.log_sha256.is_not(None), c.revision > after).order_by(c.revision)
 
 
-def _tables(connection: Connection, statement: Select[Any], known: NDArray[np.int64]) -> Iterator[Any]:
-    """Yield the rows of a statement in tables, without those whose number is known."""
-    held = set(known.tolist()) if len(known) else set()
+def _numbers(connection: Connection, version: str) -> NDArray[np.int64]:
+    wanted = select(solutions.c.id).where(solutions.c.version == version)
+    return np.array(connection.execute(wanted).scalars().all(), np.int64)
+
+
+def _tables(connection: Connection, statement: Select[Any], held: set[int]) -> Iterator[Any]:
+    """Yield the rows of a statement in tables, without those whose number is held already."""
     found = connection.execution_options(yield_per=_CHUNK).execute(statement)
     for part in found.partitions(_CHUNK):
         rows = [row for row in part if row.number not in held]
@@ -216,11 +231,10 @@ def _write(table: Any, path: Path) -> None:
 
 
 def _joined(files: list[Path]) -> Path:
-    """Join the files of a version into one; return it."""
-    _write(pa.concat_tables([pq.read_table(path, memory_map=True) for path in files]), files[0])
-    for path in files[1:]:
-        path.unlink()
-    return files[0]
+    """Join the files of a version into the first one of the next generation; return it."""
+    path = files[0].with_name(f"{int(_generation(files)) + 1:06d}-{0:06d}.parquet")
+    _write(pa.concat_tables([pq.read_table(each, memory_map=True) for each in files]), path)
+    return path
 
 
 def latest_rows(files: ColumnFiles) -> tuple[NDArray[np.uint64], NDArray[np.intp]]:

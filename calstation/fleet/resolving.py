@@ -8,33 +8,31 @@ import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from typing import Literal
 
-from sqlalchemy import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from calstation.database import connect
 from calstation.errors import CalstationError, ConfigurationError
-from calstation.fleet.changes import Changes, load_changes
+from calstation.fleet.changes import load_changes
 from calstation.fleet.sources import StoredLog, find_logs
 from calstation.fleet.store import Wanted, label_used, read_results, solved_files
 from calstation.fleet.task import (
     Assignment,
     Status,
     WarmUp,
-    failed_result,
-    file_digest,
+    error_of,
     solve_stored_log,
-    unreachable,
-    write,
 )
 from calstation.messages import values_from_json
 from calstation.results import SCHEMA
 
 try:
     import dask
-    from distributed import Client, Future, LocalCluster
+    from distributed import Client, Future, KilledWorker, LocalCluster
     from distributed.comm.core import CommClosedError
     from distributed.core import Status as ServerStatus
 except ImportError as exc:
@@ -42,8 +40,8 @@ except ImportError as exc:
 
 #: Largest number of logs given to the scheduler at a time.
 WINDOW = 1000
-#: Number of workers that a log may end before it is recorded as failed.
-ALLOWED_FAILURES = 3
+#: Number of times that each local worker is replaced without an answer before it is given up.
+_REPLACED = 3
 #: Interval at which a wish to stop is noticed, s.
 _POLL = 0.2
 #: Longest time to wait for a scheduler's answer.
@@ -63,7 +61,6 @@ class FleetRequest:
     stages: tuple[str, ...] | None = None
     first_seq: int | None = None
     last_seq: int | None = None
-    allowed_failures: int = ALLOWED_FAILURES
 
 
 @dataclass
@@ -74,11 +71,11 @@ class FleetSummary:
     total: int = 0
     solved_now: int = 0
     already_there: int = 0
-    failed: int = 0  #: Failed now, including unreachable logs.
+    failed: int = 0  #: Failed, now or stored as failed before, including unreachable logs.
     stopped: bool = False
     duration_s: float = 0.0
     solutions: list[int] = field(default_factory=list)  #: Numbers in the database.
-    failures: list[Status] = field(default_factory=list)  #: The logs that failed now.
+    failures: list[Status] = field(default_factory=list)  #: The logs that failed.
     #: Total duration by step of the logs that workers answered, s: ``copy``, ``solve`` and ``write``.
     seconds: dict[str, float] = field(default_factory=dict)
     answered: int = 0  #: Number of logs that workers answered.
@@ -109,22 +106,27 @@ def resolve_fleet(
 ) -> FleetSummary:
     """Solve every log that is not solved yet under the same version, configuration, range and stages.
 
-    A log that cannot be solved, or that ends its workers, is recorded as failed; one that is not reachable is tried
-    again by the next call. `report` is called after each log. Once `stop` is set, the call returns within seconds, and
+    A log that cannot be solved is recorded as failed; one that is not reachable or ends its workers is tried again by
+    the next call. `report` is called after each log. Once `stop` is set, the call returns within seconds, and
     everything finished stays.
 
     Raises InputError for a source without logs, ConfigurationError for the changes, the database or the scheduler.
     """
     begin = time.monotonic()
+    stop = stop or threading.Event()
     changes = load_changes(request.patch, request.label)
     wanted = Wanted(changes, request.stages, request.first_seq, request.last_seq)
     if request.first_seq is not None and request.last_seq is not None and request.first_seq > request.last_seq:
         raise ConfigurationError("solution.range_reversed", first=request.first_seq, last=request.last_seq)
+    if changes.label is None and (wanted.stages, wanted.first_seq, wanted.last_seq) != (None, None, None):
+        raise ConfigurationError("fleet.label_needed")
     workers = _workers(request.scheduler)
     engine = connect(request.database)
     try:
-        _check_label(engine, changes)
-        logs = list(find_logs(request.sources, engine))
+        if label_used(engine, wanted):
+            raise ConfigurationError("fleet.label_used", version=changes.version)
+        logs = list(takewhile(lambda log: not stop.is_set(), find_logs(request.sources, engine)))
+        listing_stopped = stop.is_set()
         there = solved_files(engine, wanted)
         summary = FleetSummary(changes.version, len(logs))
         left = []
@@ -133,12 +135,13 @@ def resolve_fleet(
             if solution is None:
                 left.append(log)
             else:
-                summary.add(Status(log.location, "there", solution))
+                outcome: Literal["failed", "there"] = "failed" if solution.error else "there"
+                summary.add(Status(log.location, outcome, solution.number, solution.error))
         report(summary)
-        if left:
+        if left and not stop.is_set():
             assignment = Assignment(request.database, wanted)
-            with _cluster(request.scheduler, workers, request.allowed_failures) as client:
-                for status in _solved(client, engine, assignment, left, stop or threading.Event()):
+            with _cluster(request.scheduler, workers) as client:
+                for status in _solved(client, assignment, left, stop, request.scheduler):
                     summary.add(status)
                     summary.duration_s = time.monotonic() - begin
                     report(summary)
@@ -146,7 +149,7 @@ def resolve_fleet(
         raise ConfigurationError("fleet.database_failed", reason=str(exc).partition("\n")[0]) from exc
     finally:
         engine.dispose()
-    summary.stopped = summary.done < summary.total
+    summary.stopped = listing_stopped or summary.done < summary.total
     summary.duration_s = time.monotonic() - begin
     return summary
 
@@ -165,11 +168,6 @@ def solved_results(database: str, summary: FleetSummary) -> Iterator[str]:
             yield json.dumps({"schema": SCHEMA, "outcome": "failed", **status.error, "log": log}, ensure_ascii=False)
 
 
-def _check_label(engine: Engine, changes: Changes) -> None:
-    if label_used(engine, changes):
-        raise ConfigurationError("fleet.label_used", version=changes.version)
-
-
 def _workers(scheduler: str) -> int | None:
     """Return the number of local workers; None for a cluster."""
     local = _LOCAL.fullmatch(scheduler)
@@ -181,10 +179,9 @@ def _workers(scheduler: str) -> int | None:
 
 
 @contextmanager
-def _cluster(scheduler: str, workers: int | None, allowed_failures: int) -> Iterator[Client]:
+def _cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
     """Connect to a scheduler, or start local workers, and prepare the workers."""
     settings = {
-        "distributed.scheduler.allowed-failures": allowed_failures,
         "distributed.scheduler.worker-saturation": 1.0,
         "distributed.comm.timeouts.connect": _CONNECT_TIMEOUT,
     }
@@ -197,7 +194,7 @@ def _cluster(scheduler: str, workers: int | None, allowed_failures: int) -> Iter
                 raise ConfigurationError("fleet.no_scheduler", scheduler=scheduler, reason=str(exc)) from exc
             stack.callback(client.close)
             with suppress(CommClosedError):  # of a worker that ends meanwhile; all others have the plugin
-                client.register_plugin(WarmUp())
+                client.register_plugin(WarmUp(local=False))
         else:
             cluster = LocalCluster(
                 n_workers=0,
@@ -209,29 +206,36 @@ def _cluster(scheduler: str, workers: int | None, allowed_failures: int) -> Iter
             stack.callback(cluster.close)  # kills workers that are still solving after 4 s
             client = Client(cluster)
             stack.callback(client.close)
-            client.register_plugin(WarmUp())
+            client.register_plugin(WarmUp(local=True))
             cluster.scale(workers)
         yield client
 
 
-def _replace_ended(cluster: LocalCluster | None) -> None:
-    """Replace local workers that ended while they started; their nannies do not start them again."""
+def _replace_ended(cluster: LocalCluster | None, replaced: int) -> int:
+    """Replace local workers that ended while they started, because their nannies do not; return how many in all.
+
+    Raises ConfigurationError if they have ended again and again; `replaced` is the number before.
+    """
     nannies = {} if cluster is None else dict(cluster.workers)
     ended = [name for name, nanny in nannies.items() if nanny.status in (ServerStatus.closed, ServerStatus.failed)]
+    if replaced + len(ended) > _REPLACED * len(nannies):
+        raise ConfigurationError("fleet.workers_end", count=replaced)
     if cluster is not None and ended:
         for name in ended:
             cluster.worker_spec.pop(name, None)
             cluster.workers.pop(name, None)
         cluster.scale(len(nannies))
+    return replaced + len(ended)
 
 
 def _solved(
-    client: Client, engine: Engine, assignment: Assignment, logs: Sequence[StoredLog], stop: threading.Event
+    client: Client, assignment: Assignment, logs: Sequence[StoredLog], stop: threading.Event, scheduler: str
 ) -> Iterator[Status]:
     """Yield the status of each log in the order in which they are done, until `stop` is set."""
     done: SimpleQueue[Future[Status]] = SimpleQueue()
     waiting = iter(logs)
     running: dict[Hashable, tuple[Future[Status], StoredLog]] = {}
+    replaced = 0
     while not stop.is_set():
         while len(running) < WINDOW and (log := next(waiting, None)) is not None:
             future = client.submit(solve_stored_log, assignment, log, pure=False)
@@ -242,25 +246,24 @@ def _solved(
         try:
             future = done.get(timeout=_POLL)
         except Empty:
-            _replace_ended(client.cluster)
+            replaced = _replace_ended(client.cluster, replaced)
             continue
+        replaced = 0
         _, log = running.pop(future.key)
-        yield _status(engine, assignment.wanted, log, future)
+        if future.status == "cancelled":  # not by this program
+            raise ConfigurationError("fleet.scheduler_lost", scheduler=scheduler)
+        yield _status(log, future)
     client.cancel([future for future, _ in running.values()], force=True)
 
 
-def _status(engine: Engine, wanted: Wanted, log: StoredLog, future: Future[Status]) -> Status:
-    """Return the status of a log, which is recorded as failed if it ended its workers.
-
-    Raises ConfigurationError or SQLAlchemyError if the reason of a failure is not the log.
-    """
+def _status(log: StoredLog, future: Future[Status]) -> Status:
+    """Return the status of a log. Raises ConfigurationError if the reason of a failure is not the log."""
     if future.status == "error":
+        cause = future.exception()
+        if not isinstance(cause, KilledWorker):
+            raise ConfigurationError("fleet.task_failed", reason=f"{type(cause).__name__}: {cause}")
         died = CalstationError("fleet.worker_died", file=log.location)
-        try:
-            result = failed_result(died, None, log.location, file_digest(log.location))
-            return write(engine, wanted, log, result, log.location, {})
-        except OSError as exc:
-            return Status(log.location, "unreachable", error=unreachable(exc))
+        return Status(log.location, "unreachable", error=error_of(died))
     status: Status = future.result()
     if status.outcome == "refused":
         raise ConfigurationError(status.error["error_code"], **values_from_json(status.error["error_values"]))

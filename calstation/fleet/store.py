@@ -4,10 +4,10 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from sqlalchemy import ColumnElement, Engine, select
+from sqlalchemy import ColumnElement, Engine, and_, case, not_, select
 from sqlalchemy.dialects import postgresql, sqlite
 
 from calstation.database import solutions
@@ -16,6 +16,15 @@ from calstation.results import Result
 
 #: Solutions read at a time.
 _CHUNK = 200
+#: JSON of the result of a log that could not be solved; null for others.
+_FAILED = case((solutions.c.outcome == "failed", solutions.c.result))
+
+
+class StoredSolution(NamedTuple):
+    """A solution in the database."""
+
+    number: int
+    error: dict[str, Any]  #: Why the log could not be solved, as in a result JSON; {} if it was.
 
 
 @dataclass(frozen=True)
@@ -39,26 +48,35 @@ class Wanted:
         }
 
 
-def label_used(engine: Engine, changes: Changes) -> bool:
-    """Whether the version names solutions with other changes."""
-    others = (solutions.c.version == changes.version) & (solutions.c.changes_sha256 != changes.sha256)
+def label_used(engine: Engine, wanted: Wanted) -> bool:
+    """Whether the version names solutions with other changes, another range or other stages."""
+    others = (solutions.c.version == wanted.changes.version) & not_(and_(*_conditions(wanted.columns)))
     with engine.connect() as connection:
         return connection.execute(select(solutions.c.id).where(others).limit(1)).first() is not None
 
 
-def solved_files(engine: Engine, wanted: Wanted) -> dict[tuple[str, str], int]:
+def solved_files(engine: Engine, wanted: Wanted) -> dict[tuple[str, str], StoredSolution]:
     """Return the solutions by location and fingerprint of their logs."""
-    columns = (solutions.c.location, solutions.c.fingerprint, solutions.c.id)
+    columns = (solutions.c.location, solutions.c.fingerprint, solutions.c.id, _FAILED)
     with engine.connect() as connection:
         rows = connection.execute(select(*columns).where(*_conditions(wanted.columns)))
-        return {(location, fingerprint): number for location, fingerprint, number in rows}
+        return {
+            (location, fingerprint): StoredSolution(number, stored_error(text))
+            for location, fingerprint, number, text in rows
+        }
 
 
-def find_solution(engine: Engine, wanted: Wanted, log_sha256: str, configuration_sha256: str) -> int | None:
+def find_solution(engine: Engine, wanted: Wanted, log_sha256: str, configuration_sha256: str) -> StoredSolution | None:
     """Return the solution of a log; None if there is none."""
     key = {**wanted.columns, "log_sha256": log_sha256, "configuration_sha256": configuration_sha256}
     with engine.connect() as connection:
-        return connection.execute(select(solutions.c.id).where(*_conditions(key))).scalar()
+        row = connection.execute(select(solutions.c.id, _FAILED).where(*_conditions(key))).first()
+    return None if row is None else StoredSolution(row[0], stored_error(row[1]))
+
+
+def stored_error(text: str | None) -> dict[str, Any]:
+    """Return the error in the JSON of a result; {} if there is none."""
+    return {name: value for name, value in json.loads(text or "{}").items() if name.startswith("error")}
 
 
 def add_solution(
@@ -95,7 +113,7 @@ def add_solution(
         return int(written), True
     there = find_solution(engine, wanted, result.log.sha256, result.configuration_sha256)
     assert there is not None
-    return there, False
+    return there.number, False
 
 
 def read_results(engine: Engine, numbers: Sequence[int]) -> Iterator[str]:

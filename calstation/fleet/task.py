@@ -3,7 +3,9 @@
 import hashlib
 import json
 import logging
+import os
 import signal
+import sys
 import tempfile
 import time
 from asyncio import to_thread
@@ -15,13 +17,13 @@ from typing import Any, Literal, TypeVar
 
 from distributed import Worker, WorkerPlugin, get_worker
 from sqlalchemy import Engine
-from sqlalchemy.exc import InterfaceError, OperationalError, SQLAlchemyError
+from sqlalchemy.exc import DataError, InterfaceError, OperationalError, SQLAlchemyError
 
 from calstation import __version__
 from calstation.database import connect
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.fleet.sources import StoredLog, files_of
-from calstation.fleet.store import Wanted, add_solution, find_solution
+from calstation.fleet.store import Wanted, add_solution, find_solution, stored_error
 from calstation.messages import values_to_json
 from calstation.records import Log, LogMeta, locked, open_log
 from calstation.results import SCHEMA, Result, resolve_log, warm_up
@@ -50,6 +52,7 @@ class Status:
     """What became of a log."""
 
     location: str
+    #: ``failed``: stored as failed, now or before; ``unreachable``: failed without being stored.
     outcome: Literal["solved", "there", "failed", "unreachable", "refused"]
     solution: int | None = None  #: Its number in the database; None without one.
     error: dict[str, Any] = field(default_factory=dict)  #: The error as in a result JSON; {} if there is none.
@@ -57,27 +60,36 @@ class Status:
 
 
 class WarmUp(WorkerPlugin):
-    """Prepares a worker: its host compiles the kernels once, and Ctrl-C concerns only the program that it works for."""
+    """Prepares a worker: its host compiles the kernels once; on a local worker, Ctrl-C concerns only its program."""
 
     name = "calstation"
     idempotent = True
 
+    def __init__(self, local: bool) -> None:
+        self._local = local
+
     async def setup(self, worker: Worker) -> None:
         """Compile the kernels, or load them."""
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if self._local:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
         await to_thread(_warm)
 
 
 def _warm() -> None:
-    with locked(Path(tempfile.gettempdir()) / "calstation-warm-up.lock", _COMPILED_WITHIN):
+    with locked(Path(tempfile.gettempdir()) / f"calstation-warm-up-{_user()}.lock", _COMPILED_WITHIN):
         warm_up()
+
+
+def _user() -> str:
+    """Number of the user, whose lock no other user can open; on Windows the folder is the user's own."""
+    return "" if sys.platform == "win32" else str(os.getuid())
 
 
 def solve_stored_log(assignment: Assignment, stored: StoredLog) -> Status:
     """Copy a log to the local disk, solve it and write the solution, unless there is one.
 
-    A log that cannot be solved is written as failed. Raises nothing, because a traceback that distributed cannot unpack
-    would leave the program that waits for this task waiting for ever.
+    A log that cannot be solved is written as failed, but not for lack of memory. Raises nothing, because a traceback
+    that distributed cannot unpack would leave the program that waits for this task waiting for ever.
     """
     seconds: dict[str, float] = {}
     try:
@@ -86,6 +98,9 @@ def solve_stored_log(assignment: Assignment, stored: StoredLog) -> Status:
         status = _copy_and_solve(assignment, stored, seconds)
     except OSError as exc:
         status = Status(stored.location, "unreachable", error=unreachable(exc))
+    except MemoryError:
+        failure = CalstationError("fleet.no_memory", file=stored.location)
+        status = Status(stored.location, "unreachable", error=error_of(failure))
     except SQLAlchemyError as exc:
         refused = ConfigurationError("fleet.database_failed", reason=str(exc).partition("\n")[0])
         status = Status(stored.location, "refused", error=error_of(refused))
@@ -114,24 +129,28 @@ def _solve(engine: Engine, wanted: Wanted, stored: StoredLog, local: Path, secon
         log = open_log(local)
         meta = wanted.changes.applied(log.meta)
         if log.stored_sha256 is not None:
-            digest = hashlib.sha256(meta.to_json().encode()).hexdigest()
-            there = _persistently(lambda: find_solution(engine, wanted, str(log.stored_sha256), digest))
+            there = _persistently(lambda: find_solution(engine, wanted, str(log.stored_sha256), _digest(meta)))
             if there is not None and log.facts().sha256 == log.stored_sha256:
-                return Status(stored.location, "there", there)
+                return Status(stored.location, "failed" if there.error else "there", there.number, there.error)
         result = resolve_log(log, meta, wanted.stages, wanted.first_seq, wanted.last_seq).result
-    except (SQLAlchemyError, OSError):
+    except (SQLAlchemyError, OSError, MemoryError):
         raise
     except Exception as exc:  # a mistake of the program must not stop the rest
         logger.exception("solving %s failed", stored.location)
         detail = f"{type(exc).__name__}: {exc}"
         failure = CalstationError("fleet.solving_failed", file=stored.location, detail=detail)
         failure = exc if isinstance(exc, CalstationError) else failure
-        result = failed_result(failure, None if log is None else log.meta, str(local), file_digest(str(local)))
+        result = failed_result(failure, None if log is None else log.meta, str(local), *_digests(log, wanted, local))
     seconds["solve"] = time.perf_counter() - begin
-    return write(engine, wanted, stored, result, str(local), seconds)
+    try:
+        return _write(engine, wanted, stored, result, str(local), seconds)
+    except DataError as exc:  # e.g. a zero character, which PostgreSQL has not
+        failure = CalstationError("fleet.not_stored", file=stored.location, reason=str(exc.orig))
+        result = failed_result(failure, None, str(local), result.log.sha256, result.configuration_sha256)
+        return _write(engine, wanted, stored, result, str(local), seconds)
 
 
-def write(
+def _write(
     engine: Engine, wanted: Wanted, stored: StoredLog, result: Result, path: str, seconds: dict[str, float]
 ) -> Status:
     """Write a result into the database, with the location of the log in place of the path of its copy."""
@@ -142,12 +161,33 @@ def write(
         lambda: add_solution(engine, wanted, stored.location, stored.fingerprint or "", result, text)
     )
     seconds["write"] = time.perf_counter() - begin
-    error = {name: value for name, value in json.loads(text).items() if name.startswith("error")}
-    outcome: Literal["solved", "there", "failed"] = "there" if not new else "failed" if error else "solved"
+    error = stored_error(text)
+    outcome: Literal["solved", "there", "failed"] = "failed" if error else "solved" if new else "there"
     return Status(stored.location, outcome, number, error, seconds)
 
 
-def failed_result(error: CalstationError, meta: LogMeta | None, file: str, sha256: str) -> Result:
+def _digests(log: Log | None, wanted: Wanted, local: Path) -> tuple[str, str]:
+    """Return the digests of log and configuration by which its solution is found, also in other versions.
+
+    That of the bytes of the file stands for a log that cannot be read to its end.
+    """
+    try:
+        assert log is not None
+        sha256 = log.facts().sha256
+    except (AssertionError, CalstationError):
+        return hashlib.sha256(local.read_bytes()).hexdigest(), ""
+    try:
+        meta = wanted.changes.applied(log.meta)
+    except CalstationError:
+        meta = log.meta
+    return sha256, _digest(meta)
+
+
+def _digest(meta: LogMeta) -> str:
+    return hashlib.sha256(meta.to_json().encode()).hexdigest()
+
+
+def failed_result(error: CalstationError, meta: LogMeta | None, file: str, sha256: str, configuration: str) -> Result:
     """Return the result of a log that cannot be solved."""
     run = meta.run if meta is not None else None
     return Result.model_validate(
@@ -161,6 +201,7 @@ def failed_result(error: CalstationError, meta: LogMeta | None, file: str, sha25
             "station": run.station if run else None,
             "product": meta.product.name if meta is not None and meta.product else None,
             "log": {"file": file, "sha256": sha256},
+            "configuration_sha256": configuration,
             "software": {"version": __version__},
             "started_utc": run.started_utc if run else None,
             **error_of(error),
@@ -176,16 +217,6 @@ def error_of(error: CalstationError) -> dict[str, Any]:
 def unreachable(error: OSError) -> dict[str, Any]:
     """Return the error of a log or database that cannot be reached, as in a result JSON."""
     return error_of(ConfigurationError("fleet.unreachable", reason=str(error)))
-
-
-def file_digest(location: str) -> str:
-    """Return the digest of the bytes of a log. Raises OSError."""
-    system, paths = files_of(location)
-    digest = hashlib.sha256()
-    with system.open(paths[0], "rb") as stream:
-        while part := stream.read(1 << 20):
-            digest.update(part)
-    return digest.hexdigest()
 
 
 def _copied(location: str, folder: Path) -> Path:

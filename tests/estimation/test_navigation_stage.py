@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -180,6 +181,22 @@ def test_a_first_pass_that_fits_is_not_made_again_in_closed_loop(nav_stage, monk
     assert both_ways == [True, False, True]
     # far below the accuracy to which a solution is iterated
     assert np.abs((found.belief.mean - both.belief.mean) / both.belief.sigma).max() < 1e-3
+
+
+def test_a_pass_in_closed_loop_that_goes_astray_does_not_count(nav_stage, solution, monkeypatch):
+    one_pass = relinearise._Relinearisation.one_pass
+
+    def astray(self, point, found, attitudes, smooth):
+        run, ends = one_pass(self, point, found, attitudes, smooth)
+        if smooth:
+            return run, ends
+        return SimpleNamespace(history=SimpleNamespace(nis=np.array([np.nan]))), ends
+
+    monkeypatch.setattr(relinearise, "FITS", 0.0)
+    monkeypatch.setattr(relinearise._Relinearisation, "one_pass", astray)
+    data = stage_data([nav_stage.block], nav_stage.context.imu)
+    found = solve_navigation("excitation", data, nav_stage.context, nav_stage.prior, np.ones(COUNT, np.bool_))
+    np.testing.assert_array_equal(found.belief.mean, solution.belief.mean)
 
 
 def test_a_first_pass_that_does_not_fit_is_made_again_in_closed_loop(nav_stage, monkeypatch):

@@ -137,6 +137,35 @@ def test_many_small_updates_are_joined(tmp_path: Path) -> None:
     engine.dispose()
 
 
+def test_deleted_solutions_leave_the_columns(url: str) -> None:
+    add(url, *(row(unit, "1", 0, id=k) for k, unit in enumerate(UNITS, 1)))
+    assert compare(ignore_progress, url, "1", "1").logs == 4
+    engine = connect(url)
+    with engine.begin() as connection:
+        connection.execute(delete(solutions).where(solutions.c.id == 2))
+    engine.dispose()
+    add(url, row(UNITS[1], "2", 1, id=9))
+    found = compare(ignore_progress, url, "1", "2")
+    assert (found.logs, found.only_before, found.only_after) == (0, 3, 1)
+
+
+def test_files_that_another_program_joins_can_still_be_read(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    engine = connect(url)
+    with engine.connect() as connection:
+        for k in range(_MOST_FILES):
+            add(url, row((chr(65 + k), *UNITS[0][1:]), "1", 0))
+            files = update_columns(ignore_progress, connection, "1")
+        add(url, row((chr(65 + _MOST_FILES), *UNITS[0][1:]), "1", 0))
+        joined = update_columns(ignore_progress, connection, "1")
+        assert len(files.paths) == _MOST_FILES
+        assert len(files.read("serial")) == _MOST_FILES
+        assert len(joined.paths) == 1
+        assert len(update_columns(ignore_progress, connection, "1").read("serial")) == _MOST_FILES + 1
+        assert not any(path.exists() for path in files.paths)
+    engine.dispose()
+
+
 def test_results_of_the_runs_are_a_version_and_their_last_state_counts(url: str) -> None:
     engine = connect(url)
     with engine.begin() as connection:

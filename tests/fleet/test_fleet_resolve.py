@@ -6,14 +6,20 @@ import threading
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import dask
 import pytest
+from distributed.core import Status
 from sqlalchemy import create_engine, func, select
 
 from calstation.database import solutions
 from calstation.errors import ConfigurationError, InputError
-from calstation.fleet import FleetRequest, FleetSummary, resolve_fleet, solved_results
+from calstation.fleet import FleetRequest, FleetSummary, resolve_fleet, resolving, solved_results
+from calstation.fleet.sources import StoredLog
+from calstation.fleet.store import Wanted
+from calstation.fleet.task import Assignment
 from calstation.records import export_csv, open_log, resolves_path, write_log
 from calstation.results import resolve
 from tests.cli.conftest import Done
@@ -59,7 +65,7 @@ def test_solutions_are_those_of_resolve_and_made_once(logs: list[Path], url: str
     other = resolve_fleet(request_of([moved], url))
     assert counts(other) == (0, 1, 0)  # by the digest of the log
     assert rows(url) == 6
-    assert counts(resolve_fleet(request_of(logs[:1], url, stages=("designed",)))) == (1, 0, 0)
+    assert counts(resolve_fleet(request_of(logs[:1], url, label="part", stages=("designed",)))) == (1, 0, 0)
     assert rows(url) == 7
 
 
@@ -82,19 +88,25 @@ def test_damaged_logs_are_recorded_as_failed_and_the_rest_is_solved(logs: list[P
         assert result["error_code"] == caught.value.code
         assert result["error"] == str(caught.value)
     assert {found[log.name]["outcome"] for log in logs[3:]} == {"resolved"}
-    assert counts(resolve_fleet(request_of(logs[0].parent, url))) == (0, 6, 0)
+    again = resolve_fleet(request_of(logs[0].parent, url))
+    assert counts(again) == (0, 3, 3)
+    assert again.answered == 0
+    assert sorted(each.error["error"] for each in again.failures) == sorted(
+        each.error["error"] for each in summary.failures
+    )
 
 
 @pytest.mark.long
-def test_a_log_that_kills_its_workers_is_recorded_as_failed(logs: list[Path], tmp_path: Path) -> None:
+def test_a_log_that_kills_its_workers_fails_and_is_tried_again(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     with dask.config.set({"distributed.worker.preload": [str(Path(__file__).with_name("dies_for_one_unit.py"))]}):
-        summary = resolve_fleet(request_of(logs, url, allowed_failures=1))
+        summary = resolve_fleet(request_of(logs, url))
     assert counts(summary) == (5, 0, 1)
     assert [(Path(each.location), each.error["error_code"]) for each in summary.failures] == [
         (logs[1], "fleet.worker_died")
     ]
-    assert counts(resolve_fleet(request_of(logs, url))) == (0, 6, 0)
+    assert rows(url) == 5
+    assert counts(resolve_fleet(request_of(logs, url))) == (1, 5, 0)
 
 
 @pytest.mark.long
@@ -178,6 +190,49 @@ def test_an_unknown_change_is_refused_with_the_near_miss(tmp_path: Path, content
     assert told in str(caught.value)
 
 
+def test_a_wish_to_stop_is_noticed_before_solving(logs: list[Path], tmp_path: Path) -> None:
+    stop = threading.Event()
+    stop.set()
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    states: list[FleetSummary] = []
+    summary = resolve_fleet(request_of(logs, url), states.append, stop)
+    assert summary.stopped
+    assert (summary.total, len(states)) == (0, 1)
+
+    def stop_listed(state: FleetSummary) -> None:
+        assert not state.done
+        later.set()
+
+    later = threading.Event()
+    summary = resolve_fleet(request_of(logs, url), stop_listed, later)
+    assert summary.stopped
+    assert (summary.total, summary.done, rows(url)) == (6, 0, 0)
+
+
+def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path]) -> None:
+    nannies = {name: SimpleNamespace(status=Status.failed) for name in range(2)}
+    scaled: list[int] = []
+
+    def scale(count: int) -> None:
+        scaled.append(count)
+        cluster.workers = dict(nannies)
+
+    cluster = SimpleNamespace(workers=dict(nannies), worker_spec={}, scale=scale)
+    future = SimpleNamespace(key="a", status="pending", add_done_callback=lambda put: None)
+    client: Any = SimpleNamespace(cluster=cluster, submit=lambda *arguments, **more: future)
+    stored = [StoredLog(str(logs[0]), "")]
+    assignment = Assignment("", Wanted())
+    with raises_code(ConfigurationError, "fleet.workers_end"):
+        list(resolving._solved(client, assignment, stored, threading.Event(), "local:2"))
+    assert scaled == [2, 2, 2]
+    future.status, future.add_done_callback = "cancelled", lambda put: put(future)
+    with raises_code(ConfigurationError, "fleet.scheduler_lost"):
+        list(resolving._solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
+    future.status, future.exception = "error", lambda: ModuleNotFoundError("calstation")
+    with raises_code(ConfigurationError, "fleet.task_failed"):
+        list(resolving._solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
+
+
 def test_what_cannot_be_solved_is_refused_at_once(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     empty = tmp_path / "empty"
@@ -189,5 +244,8 @@ def test_what_cannot_be_solved_is_refused_at_once(logs: list[Path], tmp_path: Pa
         resolve_fleet(FleetRequest((str(logs[0]),), url, "local:0"))
     with raises_code(ConfigurationError, "fleet.no_scheduler"):
         resolve_fleet(FleetRequest((str(logs[0]),), url, "tcp://127.0.0.1:1"))
+    for part in ({"first_seq": 5}, {"last_seq": 5}, {"stages": ("designed",)}):
+        with raises_code(ConfigurationError, "fleet.label_needed"):
+            resolve_fleet(request_of(logs[:1], url, **part))
     with raises_code(ConfigurationError, "solution.range_reversed"):
         resolve_fleet(request_of(logs[:1], url, first_seq=5, last_seq=4))

@@ -141,6 +141,11 @@ class _Meter:
             self.report(0.9 * (done - beyond) / self.expected + 0.1 * (1.0 - 0.5**beyond))
 
 
+def _misfit(run: NavigationFilter) -> float:
+    """Return the sum of the squared normalised innovations; infinity for a pass that went astray."""
+    return float(np.nan_to_num(np.sum(run.history.nis), nan=np.inf))
+
+
 @dataclass
 class _Relinearisation:
     """Passes over one stage; `passes` counts the passes made by `iterate`."""
@@ -173,7 +178,7 @@ class _Relinearisation:
             turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTHS_TRIED)
             turned = [replace(s, prior=turn @ s.prior, attitude=turn @ s.attitude) for s in found]
             run, _ = self.one_pass(point, turned, [s.attitude for s in turned], smooth=False)
-            candidates.append((sum(run.history.nis), k, turned))
+            candidates.append((_misfit(run), k, turned))
         return min(candidates, key=lambda c: c[:2])[2]
 
     def iterate(self, found: list[Start], attitudes: list[FloatArray], point: FloatArray) -> NavigationResult:
@@ -190,7 +195,7 @@ class _Relinearisation:
             nis = run.history.nis
             if self.passes == 1 and not np.sum(nis) < FITS * len(nis):
                 other = self.one_pass(point, found, attitudes, smooth=False)
-                run, ends = min(other, (run, ends), key=lambda each: float(np.sum(each[0].history.nis)))
+                run, ends = min(other, (run, ends), key=lambda each: _misfit(each[0]))
             belief = run.belief
             sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
             before, moved = moved, float(np.max((np.abs(belief.mean - point) / sigma)[self.estimated], initial=0.0))
