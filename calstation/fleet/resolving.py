@@ -44,6 +44,8 @@ WINDOW = 1000
 _REPLACED = 3
 #: Interval at which a wish to stop is noticed, s.
 _POLL = 0.2
+#: Longest time to fetch an answer from the worker that has it, s.
+_ANSWER = 2.0
 #: Longest time to wait for a scheduler's answer.
 _CONNECT_TIMEOUT = "10s"
 _LOCAL = re.compile(r"local(?::([1-9]\d*))?")
@@ -248,23 +250,32 @@ def _solved(
         except Empty:
             replaced = _replace_ended(client.cluster, replaced)
             continue
-        replaced = 0
-        _, log = running.pop(future.key)
         if future.status == "cancelled":  # not by this program
             raise ConfigurationError("fleet.scheduler_lost", scheduler=scheduler)
-        yield _status(log, future)
+        try:
+            status = _status(running[future.key][1], future)
+        except TimeoutError:  # the worker ended with its answer, and the log is given to another one
+            done.put(future)
+            replaced = _replace_ended(client.cluster, replaced)
+            continue
+        replaced = 0
+        del running[future.key]
+        yield status
     client.cancel([future for future, _ in running.values()], force=True)
 
 
 def _status(log: StoredLog, future: Future[Status]) -> Status:
-    """Return the status of a log. Raises ConfigurationError if the reason of a failure is not the log."""
+    """Return the status of a log.
+
+    Raises ConfigurationError if the reason of a failure is not the log, TimeoutError if no worker has the answer.
+    """
     if future.status == "error":
         cause = future.exception()
         if not isinstance(cause, KilledWorker):
             raise ConfigurationError("fleet.task_failed", reason=f"{type(cause).__name__}: {cause}")
         died = CalstationError("fleet.worker_died", file=log.location)
         return Status(log.location, "unreachable", error=error_of(died))
-    status: Status = future.result()
+    status: Status = future.result(timeout=_ANSWER)
     if status.outcome == "refused":
         raise ConfigurationError(status.error["error_code"], **values_from_json(status.error["error_values"]))
     return status
