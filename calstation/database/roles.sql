@@ -3,7 +3,7 @@
 -- administrator has created the three roles before.
 --
 --   calstation_station  a station: adds and changes runs, claims units; deletes no run, sees no solution
---   calstation_fleet    solves logs again: reads runs, adds solutions
+--   calstation_fleet    solves logs again: reads runs, adds solutions, changes where their logs lie
 --   calstation_reader   reads all, for evaluations
 --
 -- A login of each station is a member of its role: CREATE ROLE line1 LOGIN PASSWORD '...' IN ROLE calstation_station;
@@ -32,7 +32,7 @@ GRANT INSERT, UPDATE ON outboxes, runs, log_copies TO calstation_station;
 GRANT UPDATE ON revisions TO calstation_station;
 GRANT SELECT, INSERT, UPDATE, DELETE ON claims TO calstation_station;
 
-GRANT SELECT, INSERT ON solutions TO calstation_fleet;
+GRANT SELECT, INSERT, UPDATE (location, fingerprint) ON solutions TO calstation_fleet;
 GRANT USAGE ON SEQUENCE solutions_id_seq TO calstation_fleet;
 
 GRANT SELECT ON claims, solutions TO calstation_reader;

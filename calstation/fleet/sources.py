@@ -88,6 +88,9 @@ def _location(system: Any, path: str) -> str:
 def _fingerprint(location: str) -> str | None:
     try:
         system, paths = files_of(location)
+        if "file" in system.protocol:  # fsspec's stamp changes when the folder is mounted again
+            stamps = [Path(path).stat() for path in paths]
+            return " ".join(f"{stamp.st_size} {stamp.st_mtime_ns}" for stamp in stamps)
         return " ".join(system.ukey(path) for path in paths)
     except OSError:
         return None

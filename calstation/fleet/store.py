@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 import numpy as np
-from sqlalchemy import ColumnElement, Engine, and_, case, not_, select
+from sqlalchemy import ColumnElement, Engine, and_, case, not_, select, update
 from sqlalchemy.dialects import postgresql, sqlite
 
 from calstation.database import solutions
@@ -72,6 +72,13 @@ def find_solution(engine: Engine, wanted: Wanted, log_sha256: str, configuration
     with engine.connect() as connection:
         row = connection.execute(select(solutions.c.id, _FAILED).where(*_conditions(key))).first()
     return None if row is None else StoredSolution(row[0], stored_error(row[1]))
+
+
+def set_location(engine: Engine, number: int, location: str, fingerprint: str) -> None:
+    """Store where the log of a solution lies now, so that the next start need not read it."""
+    moved = update(solutions).where(solutions.c.id == number).values(location=location, fingerprint=fingerprint)
+    with engine.begin() as connection:
+        connection.execute(moved)
 
 
 def stored_error(text: str | None) -> dict[str, Any]:

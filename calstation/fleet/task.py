@@ -23,7 +23,7 @@ from calstation import __version__
 from calstation.database import connect
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.fleet.sources import StoredLog, files_of
-from calstation.fleet.store import Wanted, add_solution, find_solution, stored_error
+from calstation.fleet.store import Wanted, add_solution, find_solution, set_location, stored_error
 from calstation.messages import values_to_json
 from calstation.records import Log, LogMeta, locked, open_log
 from calstation.results import SCHEMA, Result, resolve_log, warm_up
@@ -131,6 +131,8 @@ def _solve(engine: Engine, wanted: Wanted, stored: StoredLog, local: Path, secon
         if log.stored_sha256 is not None:
             there = _persistently(lambda: find_solution(engine, wanted, str(log.stored_sha256), _digest(meta)))
             if there is not None and log.facts().sha256 == log.stored_sha256:
+                number, stamp = there.number, stored.fingerprint or ""
+                _persistently(lambda: set_location(engine, number, stored.location, stamp))
                 return Status(stored.location, "failed" if there.error else "there", there.number, there.error)
         result = resolve_log(log, meta, wanted.stages, wanted.first_seq, wanted.last_seq).result
     except (SQLAlchemyError, OSError, MemoryError):

@@ -1,6 +1,7 @@
 """Many logs are solved once each, as `calstation resolve` solves them, and failures stay with their log."""
 
 import json
+import os
 import shutil
 import threading
 from collections import Counter
@@ -63,7 +64,11 @@ def test_solutions_are_those_of_resolve_and_made_once(logs: list[Path], url: str
     assert again.answered == 0  # by the fingerprint, without a worker
     moved = Path(shutil.copy(logs[0], tmp_path / "moved.h5"))
     other = resolve_fleet(request_of([moved], url))
-    assert counts(other) == (0, 1, 0)  # by the digest of the log
+    assert (counts(other), other.answered) == ((0, 1, 0), 1)  # by the digest of the log
+    os.utime(shutil.copy(moved, logs[0].with_name("new")), ns=2 * (moved.stat().st_mtime_ns,))
+    logs[0].with_name("new").replace(moved)  # as if the folder was mounted again: another file number
+    other = resolve_fleet(request_of([moved], url))
+    assert (counts(other), other.answered) == ((0, 1, 0), 0)
     assert rows(url) == 6
     assert counts(resolve_fleet(request_of(logs[:1], url, label="part", stages=("designed",)))) == (1, 0, 0)
     assert rows(url) == 7
