@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -19,7 +19,7 @@ from calstation.database import connect
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.fleet.changes import load_changes
 from calstation.fleet.sources import StoredLog, find_logs
-from calstation.fleet.store import Wanted, label_used, read_results, solved_files
+from calstation.fleet.store import Wanted, label_used, last_number, read_results, solved_files
 from calstation.fleet.task import (
     Assignment,
     Status,
@@ -129,7 +129,7 @@ def resolve_fleet(
             raise ConfigurationError("fleet.label_used", version=changes.version)
         logs = list(takewhile(lambda log: not stop.is_set(), find_logs(request.sources, engine)))
         listing_stopped = stop.is_set()
-        there = solved_files(engine, wanted)
+        there, last = solved_files(engine, wanted), last_number(engine)
         summary = FleetSummary(changes.version, len(logs))
         left = []
         for log in logs:
@@ -144,6 +144,8 @@ def resolve_fleet(
             assignment = Assignment(request.database, wanted)
             with _cluster(request.scheduler, workers) as client:
                 for status in _solved(client, assignment, left, stop, request.scheduler):
+                    if status.outcome == "there" and (status.solution or 0) > last:  # its worker ended after writing it
+                        status = replace(status, outcome="solved")
                     summary.add(status)
                     summary.duration_s = time.monotonic() - begin
                     report(summary)

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 import numpy as np
-from sqlalchemy import ColumnElement, Engine, and_, case, not_, select, update
+from sqlalchemy import ColumnElement, Engine, and_, case, func, not_, select, update
 from sqlalchemy.dialects import postgresql, sqlite
 
 from calstation.database import solutions
@@ -64,6 +64,12 @@ def solved_files(engine: Engine, wanted: Wanted) -> dict[tuple[str, str], Stored
             (location, fingerprint): StoredSolution(number, stored_error(text))
             for location, fingerprint, number, text in rows
         }
+
+
+def last_number(engine: Engine) -> int:
+    """Return the largest number of a solution; 0 if there is none."""
+    with engine.connect() as connection:
+        return connection.execute(select(func.max(solutions.c.id))).scalar() or 0
 
 
 def find_solution(engine: Engine, wanted: Wanted, log_sha256: str, configuration_sha256: str) -> StoredSolution | None:

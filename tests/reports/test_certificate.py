@@ -41,7 +41,7 @@ LANGUAGES: tuple[Language, ...] = ("en", "zh_CN")
 #: Verdicts in both languages.
 VERDICTS = {
     "passed": ("PASS", "合格"),
-    "partial": ("PARTIAL", "部分标定"),
+    "partial": ("PARTIAL", "部分校准"),
     "failed": ("FAIL", "不合格"),
 }
 
