@@ -106,6 +106,7 @@ def _own(url: str, folder: Path, connection) -> None:
     time.sleep(600)
 
 
+@pytest.mark.long
 def test_it_ends_when_its_owner_is_killed(shared_database: str, folder: Path) -> None:
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
@@ -241,6 +242,7 @@ def test_several_processes_that_hang_end_within_one_time(monkeypatch: pytest.Mon
     assert waited == [3.0, 0.0, 0.0, 1.0, 0.0, 0.0]
 
 
+@pytest.mark.long
 def test_no_password_is_in_logs_state_or_errors(
     postgres, shared_database: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -286,6 +288,7 @@ def test_the_commands_exchange_and_show_the_state(
     assert "names no shared database" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_service_ends_at_its_signal(shared_database: str, folder: Path) -> None:
     station = station_file(folder, shared_database)
     command = [sys.executable, "-m", "calstation", "database", "exchange", "--watch", "--station", str(station)]

@@ -34,7 +34,7 @@ def logs(made: Callable[[int], list[Path]], tmp_path: Path) -> list[Path]:
     return [Path(shutil.copy2(path, folder)) for path in made(6)]
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.long)])
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """URL of a database."""
     if request.param == "sqlite":

@@ -125,6 +125,7 @@ def test_the_columns_grow_with_the_database_also_by_numbers_that_appear_late(url
     assert again.logs == 4
 
 
+@pytest.mark.long
 def test_many_small_updates_are_joined(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     connect(url).dispose()

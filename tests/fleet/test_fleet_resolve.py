@@ -132,6 +132,7 @@ def test_a_log_that_is_not_reachable_is_tried_again(logs: list[Path], tmp_path: 
     assert counts(resolve_fleet(request_of(logs[:2], url))) == (1, 1, 0)
 
 
+@pytest.mark.long
 def test_changes_give_the_solution_of_the_changed_configuration(
     logs: list[Path], url: str, tmp_path: Path, calstation: Run
 ) -> None:
@@ -162,6 +163,7 @@ def test_changes_give_the_solution_of_the_changed_configuration(
         resolve_fleet(request_of(logs[:1], url, patch=patch))
 
 
+@pytest.mark.long
 def test_a_csv_is_solved_with_its_configuration(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     folder = tmp_path / "text"
