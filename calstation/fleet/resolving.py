@@ -2,6 +2,7 @@
 
 import json
 import logging
+import math
 import re
 import threading
 import time
@@ -42,6 +43,8 @@ except ImportError as exc:
 WINDOW = 1000
 #: Number of times that each local worker is replaced without an answer before it is given up.
 _REPLACED = 3
+#: Longest time without a process until a local worker is replaced, s; its nanny starts another one at once.
+_RESTART = 10.0
 #: Interval at which a wish to stop is noticed, s.
 _POLL = 0.2
 #: Longest time to fetch an answer from the worker that has it, s.
@@ -215,19 +218,29 @@ def _cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
         yield client
 
 
-def _replace_ended(cluster: LocalCluster | None, replaced: int) -> int:
-    """Replace local workers that ended while they started, because their nannies do not; return how many in all.
+def _replace_ended(cluster: LocalCluster | None, replaced: int, dead: dict[Hashable, float]) -> int:
+    """Replace local workers that their nannies do not start again, and return how many in all.
 
-    Raises ConfigurationError if they have ended again and again; `replaced` is the number before.
+    A nanny gives up if its worker ends while it starts, or waits for it for ever. `replaced` is the number before,
+    `dead` since when a worker has no process, by name. Raises ConfigurationError if they have ended again and again.
     """
     nannies = {} if cluster is None else dict(cluster.workers)
-    ended = [name for name, nanny in nannies.items() if nanny.status in (ServerStatus.closed, ServerStatus.failed)]
+    now = time.monotonic()
+    for name, nanny in nannies.items():
+        if nanny.is_alive():
+            dead.pop(name, None)
+        elif nanny.status in (ServerStatus.closed, ServerStatus.failed):
+            dead[name] = -math.inf
+        else:
+            dead.setdefault(name, now)
+    ended = [name for name in nannies if now - dead.get(name, now) > _RESTART]
     if replaced + len(ended) > _REPLACED * len(nannies):
         raise ConfigurationError("fleet.workers_end", count=replaced)
     if cluster is not None and ended:
         for name in ended:
             cluster.worker_spec.pop(name, None)
             cluster.workers.pop(name, None)
+            dead.pop(name)
         cluster.scale(len(nannies))
     return replaced + len(ended)
 
@@ -239,7 +252,7 @@ def _solved(
     done: SimpleQueue[Future[Status]] = SimpleQueue()
     waiting = iter(logs)
     running: dict[Hashable, tuple[Future[Status], StoredLog]] = {}
-    replaced = 0
+    replaced, dead = 0, dict[Hashable, float]()
     while not stop.is_set():
         while len(running) < WINDOW and (log := next(waiting, None)) is not None:
             future = client.submit(solve_stored_log, assignment, log, pure=False)
@@ -250,7 +263,7 @@ def _solved(
         try:
             future = done.get(timeout=_POLL)
         except Empty:
-            replaced = _replace_ended(client.cluster, replaced)
+            replaced = _replace_ended(client.cluster, replaced, dead)
             continue
         if future.status == "cancelled":  # not by this program
             raise ConfigurationError("fleet.scheduler_lost", scheduler=scheduler)
@@ -258,7 +271,7 @@ def _solved(
             status = _status(running[future.key][1], future)
         except TimeoutError:  # the worker ended with its answer, and the log is given to another one
             done.put(future)
-            replaced = _replace_ended(client.cluster, replaced)
+            replaced = _replace_ended(client.cluster, replaced, dead)
             continue
         replaced = 0
         del running[future.key]

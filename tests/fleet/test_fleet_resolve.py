@@ -217,7 +217,7 @@ def test_a_wish_to_stop_is_noticed_before_solving(logs: list[Path], tmp_path: Pa
 
 
 def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path]) -> None:
-    nannies = {name: SimpleNamespace(status=Status.failed) for name in range(2)}
+    nannies = {name: SimpleNamespace(status=Status.failed, is_alive=lambda: False) for name in range(2)}
     scaled: list[int] = []
 
     def scale(count: int) -> None:
