@@ -224,24 +224,26 @@ def _replace_ended(cluster: LocalCluster | None, replaced: int, dead: dict[Hasha
     A nanny gives up if its worker ends while it starts, or waits for it for ever. `replaced` is the number before,
     `dead` since when a worker has no process, by name. Raises ConfigurationError if they have ended again and again.
     """
-    nannies = {} if cluster is None else dict(cluster.workers)
-    now = time.monotonic()
-    for name, nanny in nannies.items():
-        if nanny.is_alive():
+    if cluster is None:
+        return replaced
+    now, count = time.monotonic(), len(cluster.worker_spec)
+    for name in cluster.worker_spec:
+        nanny = cluster.workers.get(name)  # None if it ended before the cluster knew it
+        if nanny is not None and nanny.is_alive():
             dead.pop(name, None)
-        elif nanny.status in (ServerStatus.closed, ServerStatus.failed):
+        elif nanny is not None and nanny.status in (ServerStatus.closed, ServerStatus.failed):
             dead[name] = -math.inf
         else:
             dead.setdefault(name, now)
-    ended = [name for name in nannies if now - dead.get(name, now) > _RESTART]
-    if replaced + len(ended) > _REPLACED * len(nannies):
+    ended = [name for name in cluster.worker_spec if now - dead.get(name, now) > _RESTART]
+    if replaced + len(ended) > _REPLACED * count:
         raise ConfigurationError("fleet.workers_end", count=replaced)
-    if cluster is not None and ended:
+    if ended:
         for name in ended:
             cluster.worker_spec.pop(name, None)
             cluster.workers.pop(name, None)
             dead.pop(name)
-        cluster.scale(len(nannies))
+        cluster.scale(count)
     return replaced + len(ended)
 
 

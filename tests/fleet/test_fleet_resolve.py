@@ -222,9 +222,9 @@ def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path]) -> None:
 
     def scale(count: int) -> None:
         scaled.append(count)
-        cluster.workers = dict(nannies)
+        cluster.workers, cluster.worker_spec = dict(nannies), dict(nannies)
 
-    cluster = SimpleNamespace(workers=dict(nannies), worker_spec={}, scale=scale)
+    cluster = SimpleNamespace(workers=dict(nannies), worker_spec=dict(nannies), scale=scale)
     future = SimpleNamespace(key="a", status="pending", add_done_callback=lambda put: None)
     client: Any = SimpleNamespace(cluster=cluster, submit=lambda *arguments, **more: future)
     stored = [StoredLog(str(logs[0]), "")]
