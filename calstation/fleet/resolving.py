@@ -41,8 +41,8 @@ except ImportError as exc:
 
 #: Largest number of logs given to the scheduler at a time.
 WINDOW = 1000
-#: Number of times that each local worker is replaced without an answer before it is given up.
-_REPLACED = 3
+#: Number of times that each local worker is replaced, and time, s, without any answer before the workers are given up.
+_REPLACED, _UNANSWERED = 3, 120.0
 #: Longest time without a process until a local worker is replaced, s; its nanny starts another one at once.
 _RESTART = 10.0
 #: Interval at which a wish to stop is noticed, s.
@@ -218,11 +218,12 @@ def _cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
         yield client
 
 
-def _replace_ended(cluster: LocalCluster | None, replaced: int, dead: dict[Hashable, float]) -> int:
+def _replace_ended(cluster: LocalCluster | None, replaced: int, dead: dict[Hashable, float], answered: float) -> int:
     """Replace local workers that their nannies do not start again, and return how many in all.
 
-    A nanny gives up if its worker ends while it starts, or waits for it for ever. `replaced` is the number before,
-    `dead` since when a worker has no process, by name. Raises ConfigurationError if they have ended again and again.
+    A nanny gives up if its worker ends while it starts, or waits for it for ever. `replaced` is the number since the
+    last answer at time `answered`, s, `dead` since when a worker has no process, by name. Raises ConfigurationError if
+    workers have ended again and again.
     """
     if cluster is None:
         return replaced
@@ -236,7 +237,7 @@ def _replace_ended(cluster: LocalCluster | None, replaced: int, dead: dict[Hasha
         else:
             dead.setdefault(name, now)
     ended = [name for name in cluster.worker_spec if now - dead.get(name, now) > _RESTART]
-    if replaced + len(ended) > _REPLACED * count:
+    if replaced + len(ended) > _REPLACED * count and now - answered > _UNANSWERED:
         raise ConfigurationError("fleet.workers_end", count=replaced)
     if ended:
         for name in ended:
@@ -254,7 +255,7 @@ def _solved(
     done: SimpleQueue[Future[Status]] = SimpleQueue()
     waiting = iter(logs)
     running: dict[Hashable, tuple[Future[Status], StoredLog]] = {}
-    replaced, dead = 0, dict[Hashable, float]()
+    replaced, dead, answered = 0, dict[Hashable, float](), time.monotonic()
     while not stop.is_set():
         while len(running) < WINDOW and (log := next(waiting, None)) is not None:
             future = client.submit(solve_stored_log, assignment, log, pure=False)
@@ -265,7 +266,7 @@ def _solved(
         try:
             future = done.get(timeout=_POLL)
         except Empty:
-            replaced = _replace_ended(client.cluster, replaced, dead)
+            replaced = _replace_ended(client.cluster, replaced, dead, answered)
             continue
         if future.status == "cancelled":  # not by this program
             raise ConfigurationError("fleet.scheduler_lost", scheduler=scheduler)
@@ -273,9 +274,9 @@ def _solved(
             status = _status(running[future.key][1], future)
         except TimeoutError:  # the worker ended with its answer, and the log is given to another one
             done.put(future)
-            replaced = _replace_ended(client.cluster, replaced, dead)
+            replaced = _replace_ended(client.cluster, replaced, dead, answered)
             continue
-        replaced = 0
+        replaced, answered = 0, time.monotonic()
         del running[future.key]
         yield status
     client.cancel([future for future, _ in running.values()], force=True)

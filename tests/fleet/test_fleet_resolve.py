@@ -216,7 +216,7 @@ def test_a_wish_to_stop_is_noticed_before_solving(logs: list[Path], tmp_path: Pa
     assert (summary.total, summary.done, rows(url)) == (6, 0, 0)
 
 
-def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path]) -> None:
+def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
     nannies = {name: SimpleNamespace(status=Status.failed, is_alive=lambda: False) for name in range(2)}
     scaled: list[int] = []
 
@@ -229,6 +229,7 @@ def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path]) -> None:
     client: Any = SimpleNamespace(cluster=cluster, submit=lambda *arguments, **more: future)
     stored = [StoredLog(str(logs[0]), "")]
     assignment = Assignment("", Wanted())
+    monkeypatch.setattr(resolving, "_UNANSWERED", 0.0)
     with raises_code(ConfigurationError, "fleet.workers_end"):
         list(resolving._solved(client, assignment, stored, threading.Event(), "local:2"))
     assert scaled == [2, 2, 2]
