@@ -35,6 +35,10 @@ class RunRequest:
     out: Path = Path("runs")  #: Folder for the log and the result.
     #: Person who requested the run, a badge at a station where operators sign in; None for the user of the computer.
     operator: str | None = None
+    #: Serial numbers of a batch in the order of the station's slots, "" for an empty one; () for a single unit.
+    serials: tuple[str, ...] = ()
+    slot: str | None = None  #: Name of the unit's slot; None at a station with one unit.
+    batch: str | None = None  #: Common identifier of the runs of a batch.
     speed: float | None = None  #: Virtual bench: multiple of real time, 0 as fast as possible; None for the station's.
     seed: int | None = None  #: Seed of the virtual bench; None for that of the station file.
     #: Method parameters that replace those of the product, by stage.

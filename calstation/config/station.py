@@ -78,6 +78,17 @@ class FurtherImuLinkSection(DeviceSection):
     serial_number: str | None = Field(default=None, pattern=r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
+class SlotSection(DeviceSection):
+    """`[[slots]]` of a station: a place for a unit on the table, with the link of the unit."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,15}$")
+    imu: str | None = None  #: Name of the IMU profile; default: that of the product.
+    product: str | None = None  #: Name of the product; default: that of the run.
+    #: Body axes along x and z of the platform at home, for example ``-y+z``.
+    orientation: str = Field(default="+x+z", pattern=r"^[+-][xyz][+-][xyz]$")
+    lever_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Nominal lever arm in the body frame.
+
+
 class HandoverSection(StrictModel):
     """`[handover]` of a station: the existing folder, relative to the station file, that receives results."""
 
@@ -135,7 +146,16 @@ class StationConfig(StrictModel):
     laboratory: LaboratorySection | None = None
     instruments: list[InstrumentSection] = Field(default_factory=list)
     report: ReportSection | None = None
+    slots: list[SlotSection] = Field(default_factory=list, max_length=16)
     records: RecordsSection = RecordsSection()
+
+    @property
+    def slot_names(self) -> tuple[str, ...]:
+        """Names of the slots, in order; () at a station with one unit."""
+        if self.slots:
+            return tuple(slot.name for slot in self.slots)
+        units = int((self.bench or {}).get("units", 1))  # type: ignore[arg-type] # checked with the bench
+        return tuple(str(number) for number in range(1, units + 1)) if units > 1 else ()
 
     @property
     def virtual_serial(self) -> str:

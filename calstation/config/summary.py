@@ -50,6 +50,7 @@ class RunSummary:
     sign_in: SignInSection | None = None  #: How operators sign in; None if the station does not ask for badges.
     shift_starts: tuple[str, ...] = ("00:00",)  #: Local times, ``HH:MM``.
     picture: Path | None = None  #: Drawing of the unit in its fixture.
+    slots: tuple[str, ...] = ()  #: Names of the slots for units on the table, in order; () for a single unit.
     omitted: tuple[str, ...] = ()  #: Stages of the product that the run omits; a run that omits any is partial.
 
     @property
@@ -90,6 +91,7 @@ def run_summary(request: RunRequest) -> RunSummary:
         sign_in=setup.station.sign_in,
         shift_starts=tuple(setup.station.shift_starts),
         picture=_picture(setup),
+        slots=setup.station.slot_names,
         omitted=tuple(stage for stage in setup.product.stages if stage not in setup.stages),
     )
 

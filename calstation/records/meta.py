@@ -175,6 +175,8 @@ class RunSection(StrictModel):
     #: Reason for a run although a check standard or a certificate was not in order; None if all were.
     standard_override: str | None = None
     calibration: CalibrationSection | None = None  #: None if the prior is that of the IMU profile.
+    batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
+    slot: str | None = None  #: Name of the unit's slot on the table; None at a station with one unit.
 
 
 class ModelSection(StrictModel):

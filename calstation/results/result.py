@@ -259,6 +259,8 @@ class Result(_Section):
     #: Reason for a run although a check standard or a certificate was not in order.
     standard_override: str | None = None
     resumed_from: str | None = None
+    batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
+    slot: str | None = None  #: Name of the unit's slot on the table.
     #: Reason why a stage could not be solved, by stage.
     missing_data: dict[str, str] = Field(default_factory=dict, alias="lacking")
     #: States that were added to the model of the log when it was solved again; never of a run.

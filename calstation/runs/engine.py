@@ -57,12 +57,12 @@ class Engine:
     `ended`, `poll` returns no more events.
     """
 
-    def __init__(self, process: BaseProcess, connection: "Connection[Any, Any]") -> None:
+    def __init__(self, process: BaseProcess, connection: "Connection[Any, Any]", units: int = 1) -> None:
         self.process = process
         self._connection = connection
         self._pipe_reader = PipeReader(connection)
         self._begun = False
-        self._has_ending = False
+        self._missing = units
         self.ended = False
         self._frozen = False
         self._silence = 0.0
@@ -76,7 +76,12 @@ class Engine:
         process = context.Process(target=_engine, args=(there, request, hooks), name="calstation engine")
         spawn_process(process)
         there.close()
-        return cls(process, here)
+        return cls(process, here, sum(map(bool, request.serials)) or 1 if isinstance(request, RunRequest) else 1)
+
+    @property
+    def _has_ending(self) -> bool:
+        """Whether every unit has a verdict, or the run has a fault."""
+        return self._missing <= 0
 
     @property
     def alive(self) -> bool:
@@ -99,7 +104,7 @@ class Engine:
         last = time.monotonic()
         while not self.ended:
             for event in self._read(_EVENTS_FROZEN_AFTER, _SLICE):
-                if isinstance(event, Fault) and not self._has_ending:
+                if isinstance(event, Fault) and not event.slot and not self._has_ending:
                     raise DeviceFaultError(event.code, **event.values)
                 yield event
                 last = time.monotonic()
@@ -156,7 +161,10 @@ class Engine:
             else:
                 event = from_json(message)
                 self._begun = True
-                self._has_ending = self._has_ending or isinstance(event, Verdict | Settled | Fault)
+                if isinstance(event, Verdict | Settled):
+                    self._missing -= 1
+                elif isinstance(event, Fault) and not event.slot:
+                    self._missing = 0
                 events.append(event)
         if not self.ended and self._becomes_frozen(received, frozen_after):
             events.append(self._fault("run.engine_silent"))

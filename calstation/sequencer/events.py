@@ -16,7 +16,9 @@ from calstation.physics import INDEX
 
 @dataclass(frozen=True)
 class Event:
-    """Base class of all events."""
+    """Base class of all events; `slot` is that of the unit concerned, "" for the whole run or its only unit."""
+
+    slot: str = field(default="", kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -217,6 +219,8 @@ LOSSY = (StageProgress, StageRanked, TableMoved, JointsMoved, Trace, PositionGui
 def to_json(event: Event) -> dict[str, Any]:
     """Return the event as a JSON-ready dictionary with its kind under ``event``."""
     data = asdict(event)
+    if not event.slot:
+        del data["slot"]
     if isinstance(event, Message | Fault):
         data["values"] = values_to_json(event.values)
     return {"event": type(event).__name__, **data}
