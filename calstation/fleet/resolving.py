@@ -43,6 +43,8 @@ except ImportError as exc:
 WINDOW = 1000
 #: Number of times that each local worker is replaced, and time, s, without any answer before the workers are given up.
 _REPLACED, _UNANSWERED = 3, 120.0
+#: Number of workers that may end while they solve a log before it is given up; some end for other reasons.
+_DEATHS = 6
 #: Longest time without a process until a local worker is replaced, s; its nanny starts another one at once.
 _RESTART = 10.0
 #: Interval at which a wish to stop is noticed, s.
@@ -189,6 +191,7 @@ def _workers(scheduler: str) -> int | None:
 def _cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
     """Connect to a scheduler, or start local workers, and prepare the workers."""
     settings = {
+        "distributed.scheduler.allowed-failures": _DEATHS,
         "distributed.scheduler.worker-saturation": 1.0,
         "distributed.comm.timeouts.connect": _CONNECT_TIMEOUT,
     }
