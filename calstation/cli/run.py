@@ -108,7 +108,8 @@ def shared_records(request: RunRequest) -> Iterator[Callable[[], Sequence[Claim]
 
     Gives a function that returns new claims of other stations on the unit.
     """
-    exchange = start_exchange(request.station, request.out, (request.serial, request.operator))
+    serials = filter(None, request.serials or (request.serial,))
+    exchange = start_exchange(request.station, request.out, dict.fromkeys(serials, request.operator))
     if exchange is None:
         yield tuple
         return

@@ -131,7 +131,7 @@ class RunStarter(QObject):
         before = history.attempts(header.serial) if history is not None else 0
         if self._app.run.ended:
             self._app.run.acknowledge()
-        self._app.set_claim(header.serial)
+        self._app.claim(header.serial)
         note = self.tr("attempt {count}").format(count=before + 1) if before else self.tr("accepted")
         header.note_serial(note, accepted=True)
         if header.badge_field.required:
