@@ -64,6 +64,12 @@ class SiteFolder:
         site = {**STATION["site"], "gravity_mps2": 9.79547}  # surveyed
         self.station.write_text(tomli_w.dumps({**STATION, "site": site, "bench": {**BENCH, **bench}}), encoding="utf-8")
 
+    def write_station(self, *, slots: list[dict[str, Any]], bench: dict[str, Any]) -> None:
+        """Write the station file with slots for several units."""
+        self.write(**bench)
+        text = self.station.read_text(encoding="utf-8")
+        self.station.write_text(f"{text}\n{tomli_w.dumps({'slots': slots})}", encoding="utf-8")
+
     def request(self, *stages: str, serial: str = "SN-000042") -> RunRequest:
         """A run of these stages here."""
         return RunRequest(serial, self.station, self.product, stages or None, self.folder / "runs", "tester")

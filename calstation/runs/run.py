@@ -1,6 +1,7 @@
 """Executes one run: prepares it, opens the devices, drives and solves the stages, finalizes it, writes its result."""
 
 import logging
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -36,38 +37,68 @@ logger = logging.getLogger(__name__)
 
 
 def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHooks] = RunHooks) -> None:
-    """Execute a run to its end and emit the verdict; a result JSON is written next to the log for every outcome.
+    """Execute a run to its end and emit the verdict of every unit; a result JSON is written next to each log.
 
     Raises ConfigurationError or InputError, before any device is opened, if the run is not possible as requested.
     """
-    prepared = prepare(request, emit, control, hooks())
-    setup = prepared.setup
-    hand_over = HandOver(prepared.folder, setup.sources["station"].path, setup.station, prepared.emit)
+    units = prepare(request, emit, control, hooks())
+    first = units[0]
+    hand_over = HandOver(first.folder, first.setup.sources["station"].path, first.setup.station, first.listener)
     hand_over.start()
     try:
         with one_blas_thread():
-            _run(prepared)
+            _run(units)
     finally:
         hand_over.finish()
 
 
-def _run(prepared: PreparedRun) -> None:
-    """Open the devices and run; without devices or after an early stop, the log has a result but no samples."""
-    run: OpenRun | None = None
-    setup, check_cancelled = prepared.setup, prepared.control.check_cancelled
+def _run(units: tuple[PreparedRun, ...]) -> None:
+    """Open the devices and run; without devices or after an early stop, the logs have results but no samples."""
+    runs: list[OpenRun] = []
+    first = units[0]
     try:
-        with connected(setup, check_cancelled) as devices, prepared.cycle.on(devices.clock):
-            prepared.hooks.connected(devices)
-            unverified = recover_interrupted(devices, setup, prepared.folder, prepared.emit, check_cancelled)
-            run = prepared.open(_registers(devices.imu, setup), unverified)
-            with applog.run(run.log.path.stem):
-                _sequence(run, devices)
+        with (
+            connected(tuple(unit.setup for unit in units), first.control.check_cancelled) as devices,
+            first.cycle.on(devices.clock),
+        ):
+            first.hooks.connected(devices)
+            for number, unit in enumerate(units):
+                runs.append(_open(unit, devices, number, alone=len(units) == 1))
+            with applog.run(_name(runs)):
+                _sequence(runs, devices)
     except (DeviceFaultError, StopRequested) as error:
-        if run is not None:
+        if runs:
             raise
-        run = prepared.open(None)
-        with applog.run(run.log.path.stem):
-            close_run(run, _ended(run, error))
+        runs = [unit.open(None) for unit in units]
+        with applog.run(_name(runs)):
+            for run in runs:
+                close_run(run, _ended(run, error))
+
+
+def _name(runs: Sequence[OpenRun]) -> str:
+    """Return the name of the run in the application log: that of its log, or of its batch."""
+    return runs[0].setup.request.batch or runs[0].log.path.stem
+
+
+def _open(unit: PreparedRun, devices: Devices, number: int, *, alone: bool) -> OpenRun:
+    """Recover an interrupted transfer to the unit, read its registers and open its log.
+
+    A unit that is not `alone` and has a fault leaves the batch. Raises DeviceFaultError, ConfigurationError,
+    StopRequested.
+    """
+    try:
+        if number in devices.failed:
+            raise devices.failed[number]
+        imu, cancelled = devices.imus[number], unit.control.check_cancelled
+        own = replace(devices, imus=(imu,), failed={})
+        unverified = recover_interrupted(own, unit.setup, unit.folder, unit.emit, cancelled)
+        return unit.open(_registers(imu, unit.setup), unverified)
+    except DeviceFaultError as error:
+        if alone:
+            raise
+        run = unit.open(None)
+        close_run(run, _ended(run, error))
+        return run
 
 
 def _registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
@@ -83,40 +114,42 @@ def _registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
     return imu.read_registers()
 
 
-def _sequence(run: OpenRun, devices: Devices) -> None:
-    """Drive and solve the remaining stages, and close the run, even after a programming error."""
+def _sequence(runs: Sequence[OpenRun], devices: Devices) -> None:
+    """Drive and solve the remaining stages, and close the runs, even after a programming error."""
     try:
-        ended = _drive(run, devices)
-        if run.unverified is not None and run.unverified.open:
-            run.emit(Message("transfer_unproved"))
+        _drive([(run, imu) for run, imu in zip(runs, devices.imus, strict=True) if not run.closed], devices)
     except Exception as mistake:
         logger.exception("the run ended by a mistake of the program")
         error = CalstationError("program.internal", detail=f"{type(mistake).__name__}: {mistake}")
-        with suppress(OSError, RuntimeError, CalstationError):  # the log itself may have failed
-            close_run(run, Ended(State.FAULT, tuple(run.chain.solutions), error))
+        for run in runs:
+            if not run.closed:
+                with suppress(OSError, RuntimeError, CalstationError):  # the log itself may have failed
+                    close_run(run, Ended(State.FAULT, tuple(run.chain.solutions), error))
         raise
-    close_run(run, ended)
 
 
-def _drive(run: OpenRun, devices: Devices) -> Ended:
-    try:
-        after = _resume(run)
+def _drive(units: Sequence[tuple[OpenRun, Imu]], devices: Devices) -> None:
+    slots = []
+    for run, imu in units:
+        try:
+            after = _resume(run)
+        except (StopRequested, CalstationError) as error:
+            close_run(run, _ended(run, error))
+            continue
         solved = tuple(run.chain.solutions)
         if solved:
-            devices.imu.read()  # discards samples received while they were solved
-        task = run.setup.task()
-        slot = Slot(devices.imu, run.setup.unit_task(run.meta), run.log, run.chain, after)
-        context = RunContext(
-            replace(task, stages=task.stages[len(solved) :]),
-            devices.table,
-            (slot,),
-            devices.clock,
-            run.prepared.emit,
-            run.prepared.control,
-        )
-        return Sequencer(context, Finalization(run, devices.imu), solved).run()
-    except (StopRequested, CalstationError) as error:
-        return _ended(run, error)
+            imu.read()  # discards samples received while they were solved
+        unit = run.setup.unit_task(run.meta)
+        slots.append(Slot(imu, unit, run.log, run.chain, after, run.prepared.slot, Finalization(run, imu), solved))
+    if not slots:
+        return
+    first = units[0][0].prepared
+    task = first.setup.task()
+    stages = task.stages[len(slots[0].solved) :]
+    context = RunContext(
+        replace(task, stages=stages), devices.table, tuple(slots), devices.clock, first.listener, first.control
+    )
+    Sequencer(context).run()
 
 
 def _resume(run: OpenRun) -> LastSample | None:

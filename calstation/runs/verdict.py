@@ -50,6 +50,7 @@ def close_run(run: OpenRun, ended: Ended) -> None:
     logger.info("verdict %s, result %s", outcome, beside)
     if outcome in ("passed", "failed"):
         start_report(run.setup, beside.absolute(), run.prepared.emit)
+    run.closed = True
     run.prepared.emit(Verdict(outcome, str(log.path), str(beside), written))
 
 
