@@ -189,6 +189,7 @@ class RunSection(StrictModel):
     calibration: CalibrationSection | None = None  #: None if the prior is that of the IMU profile.
     batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
     slot: str | None = None  #: Name of the unit's slot on the table; None at a station with one unit.
+    batch_units: list[str] | None = None  #: Serial numbers of all units of the batch, in the order of their slots.
 
 
 class ModelSection(StrictModel):

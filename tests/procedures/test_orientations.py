@@ -41,7 +41,7 @@ def unit(orientation: str, **bench: object) -> tuple[BenchTruth, SolveContext]:
 
 def calibrated(truth: BenchTruth, context: SolveContext, prior: Belief, stages: tuple[str, ...]) -> SimpleNamespace:
     """The belief after the stages, and what every stage reports."""
-    simulator, belief, solutions = Simulator(truth, 31), prior, {}
+    simulator, belief, solutions = Simulator(truth, 131), prior, {}
     for stage in stages:
         solutions[stage] = solved(truth, belief, [block_of(simulate(simulator, truth, stage))], context)
         belief = solutions[stage].belief
@@ -86,7 +86,7 @@ def test_whole_turns_and_positions_are_found_in_every_orientation(orientation: s
 @pytest.mark.parametrize("orientation", ["+x+z", "-y+z", "+z-x"])
 def test_turns_without_encoders_are_those_of_the_joint_that_turned(orientation: str) -> None:
     truth, context = unit(orientation)
-    block = block_of(simulate(Simulator(truth, 31), truth, "rate"))
+    block = block_of(simulate(Simulator(truth, 131), truth, "rate"))
     blind = replace(block, angles=np.full_like(block.angles, np.nan))
     with_encoders = solved(truth, prior_of(truth), [block], context)
     without = solved(truth, prior_of(truth), [blind], context)
