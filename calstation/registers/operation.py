@@ -243,7 +243,7 @@ def _with_turns(work: _ActiveOperation, control: Control, check_cancelled: Check
     settled: Settled | None = None
     with ExitStack() as stack:
         with _offering_at_rest():
-            devices = stack.enter_context(connected(work.setup, check_cancelled))
+            devices = stack.enter_context(connected((work.setup,), check_cancelled))
         imu = devices.imu
         unchanged = work.unchanged(imu)
         if unchanged is not None:

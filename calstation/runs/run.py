@@ -56,7 +56,7 @@ def _run(prepared: PreparedRun) -> None:
     run: OpenRun | None = None
     setup, check_cancelled = prepared.setup, prepared.control.check_cancelled
     try:
-        with connected(setup, check_cancelled) as devices, prepared.cycle.on(devices.clock):
+        with connected((setup,), check_cancelled) as devices, prepared.cycle.on(devices.clock):
             prepared.hooks.connected(devices)
             unverified = recover_interrupted(devices, setup, prepared.folder, prepared.emit, check_cancelled)
             run = prepared.open(_registers(devices.imu, setup), unverified)
