@@ -308,7 +308,7 @@ class ResolvedConfiguration:
                 warm_up_slope=warm_up.slope_c_per_min,
                 warm_up_timeout=warm_up.timeout_s,
             ),
-            geometry=self.table.geometry(),
+            geometry=replace(self.table.geometry(), orientation=context.table.orientation),
             masks=StatusMasks(status.ready, status.saturated, status.failed),
             span=span(self.imu.frame),
             wrap=self.imu.frame.counter_period,
