@@ -1,4 +1,4 @@
-"""Evaluates a run: checks limits after each stage and at the end, transfers the registers and verifies them."""
+"""Evaluates a unit: checks limits after each stage and at the end, transfers the registers and verifies them."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -25,19 +25,22 @@ from calstation.registers import (
 from calstation.registers import journal as register_journal
 from calstation.results import estimate_of, judge
 from calstation.runs.prepare import OpenRun
-from calstation.sequencer import CaptureReference, Finalized, Message, RunInBackground, StopRequested, VerificationData
+from calstation.runs.verdict import close_run
+from calstation.sequencer import Ended, Judged, Message, RunInBackground, StopRequested, VerificationData
 
 logger = logging.getLogger(__name__)
 
 
 class Finalization:
-    """Evaluates a run, see `calstation.sequencer.sequencer.Evaluation`."""
+    """Evaluates a unit, see `calstation.sequencer.Evaluation`."""
 
     def __init__(self, run: OpenRun, imu: Imu) -> None:
-        self._run = run
+        self.run = run
         self._setup = run.setup
-        self._imu = imu
+        self.imu = imu
         self._entries = RegisterMap(tuple(run.setup.imu.registers))
+        self._old: Mapping[str, float] = {}
+        self._wanted: Mapping[str, float] = {}
         self._done: Transferred | None = None
         self._belief: Belief | None = None
         #: Sizes of the effects in the model of the unit, SI by parameter.
@@ -45,7 +48,7 @@ class Finalization:
 
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
         """Return a function that verifies a transfer finished before the run, or None if there is none."""
-        unverified = self._run.unverified
+        unverified = self.run.unverified
         return None if unverified is None else unverified.verify_output
 
     def stage_passed(self, solution: Solution) -> bool:
@@ -53,7 +56,7 @@ class Finalization:
 
         Raises ConfigurationError if the measured latitude contradicts the station file.
         """
-        run, solutions = self._run, tuple(self._run.chain.solutions)
+        run, solutions = self.run, tuple(self.run.chain.solutions)
         check_seen_latitude(run.meta, solutions)
         if not self._setup.product.end_on_failure or judge(run.meta, run.chain.prior, solutions).passed:
             return True
@@ -61,40 +64,50 @@ class Finalization:
         self._judge_standard(solutions)
         return False
 
-    def finalize(
-        self, solutions: tuple[Solution, ...], run_in_background: RunInBackground, capture_reference: CaptureReference
-    ) -> Finalized:
-        """Check the limits; if they are met, capture the unit's output and write its registers.
-
-        A stop before the first register takes effect immediately; a later one waits until the transfer is done. Raises
-        DeviceFaultError or StopRequested.
-        """
-        run = self._run
+    def judge(self, solutions: tuple[Solution, ...]) -> Judged:
+        """Check the limits, and determine the registers to write if they are met."""
+        run = self.run
         standard_passed = self._judge_standard(solutions)
         if not judge(run.meta, run.chain.prior, solutions).passed:
             run.emit(Message("registers_kept"))
             untold = unconfirmed_latitude(run.meta, solutions)
             if untold is not None:
                 run.emit(Message("latitude_untold", untold))
-            return Finalized(passed=False, written=False)
+            return Judged(passed=False, to_write=False)
         if standard_passed is not None or not self._entries.parameters:  # a check standard is never adjusted
-            return Finalized(passed=standard_passed is not False, written=False)
+            return Judged(passed=standard_passed is not False, to_write=False)
+        self._wanted = self._registers(solutions)
+        return Judged(passed=True, to_write=True)
+
+    def read_registers(self, run_in_background: RunInBackground) -> None:
+        """Read the unit's registers, log them and sync the log to disk before anything is written to the unit.
+
+        Raises DeviceFaultError, or ConfigurationError if the log cannot be written.
+        """
+        run = self.run
         # Only this thread may write the log, so the registers are read and logged before the transfer begins.
         run.emit(Message("registers_reading"))
-        old = run_in_background(lambda: flash_registers(self._imu))
-        self._log_old(old, run_in_background)
-        wanted = self._wanted(solutions)
+        self._old = old = run_in_background(lambda: flash_registers(self.imu))
+        run.registers |= {"old": dict(old), "new": None, "verified": False}
+        run.log.event({"event": "OldRegisters", "registers": dict(old)})
+        run_in_background(run.log.begin_sync().result)
+        run.log.service()
         kept = [name for name in self._effects if name not in self._entries.parameters]
         if kept:
             run.emit(Message("states_without_register", {"states": ", ".join(kept)}))
-        check_cancelled = run.prepared.control.check_cancelled
-        run.emit(Message("reference"))
-        capture_reference()
+
+    def transfer(self, run_in_background: RunInBackground) -> None:
+        """Write the registers.
+
+        A stop before the first register takes effect immediately; a later one waits until the transfer is done. Raises
+        DeviceFaultError or StopRequested.
+        """
+        run, check_cancelled = self.run, self.run.prepared.control.check_cancelled
         check_cancelled()
         run.emit(Message("registers_transfer"))
-        logger.info("transfer of %d registers begins", len(wanted))
+        logger.info("transfer of %d registers begins", len(self._wanted))
         self._done = done = run_in_background(
-            lambda: transfer(self._imu, self._entries, run.serial, wanted, self._begin, old)
+            lambda: transfer(self.imu, self._entries, run.serial, self._wanted, self._begin, self._old)
         )
         run.registers["new"] = dict(done.found)
         try:
@@ -103,11 +116,10 @@ class Finalization:
             run.emit(Message("transfer_finished"))
             run.emit(Message("transfer_unproved"))
             raise
-        return Finalized(passed=True, written=True)
 
     def _judge_standard(self, solutions: tuple[Solution, ...]) -> bool | None:
         """Compare a check standard with its reference; None for a unit of production."""
-        run, standard = self._run, self._setup.check_standard
+        run, standard = self.run, self._setup.check_standard
         if standard is None:
             return None
         determined = estimated_stage(solutions).keys() - set(unobservable(run.chain.prior, solutions))
@@ -132,7 +144,7 @@ class Finalization:
         """
         if self._done is None or self._belief is None:
             raise RuntimeError("nothing was transferred")
-        run, entry = self._run, self._done.entry
+        run, entry = self.run, self._done.entry
         checks = verify_output(
             data,
             AppliedRegisters(entry.new, entry.old if self._setup.after_registers else None),
@@ -144,7 +156,7 @@ class Finalization:
         )
         run.registers["proof"] = [check.to_json() for check in checks]
         restored = partial(run.registers.__setitem__, "new")
-        run_in_background(lambda: close_checked(self._imu, self._entries, entry, checks, data, restored))
+        run_in_background(lambda: close_checked(self.imu, self._entries, entry, checks, data, restored))
         written = datetime.now(UTC).isoformat(timespec="seconds")
         estimate = estimate_of(self._belief, run.meta.registers).model_dump()
         run.registers |= {"verified": True, "proved_on": verified_on(data), "written_utc": written}
@@ -152,24 +164,23 @@ class Finalization:
         message = "registers_written" if data.corrected else "registers_read_back"
         run.emit(Message(message, {"count": len(self._done.found)}))
 
-    def _wanted(self, solutions: tuple[Solution, ...]) -> dict[str, float]:
+    def ended(self, ended: Ended) -> None:
+        """Write the result of the unit and emit its verdict."""
+        run = self.run
+        if run.unverified is not None and run.unverified.open:
+            run.emit(Message("transfer_unproved"))
+        close_run(run, ended)
+
+    def _registers(self, solutions: tuple[Solution, ...]) -> dict[str, float]:
         """Return the registers to write; those of parameters that no stage estimated keep their values."""
         self._belief = belief = solutions[-1].belief
         found = dict(zip(NAMES, belief.mean.tolist(), strict=True))
         effects = {p.name for p in EFFECT_PARAMETERS}
         self._effects = {n: e.value for s in solutions for n, e in s.found.items() if n in effects}
         answer = {name: found[name] for name in estimated_stage(solutions)} | self._effects
-        return compose(self._run.meta.registers, answer) if self._setup.after_registers else answer
+        return compose(self.run.meta.registers, answer) if self._setup.after_registers else answer
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
-        log, site = self._run.log.path, journal_folder(self._setup.station)
-        purpose = Purpose.of(self._setup, self._imu.identify().model, "run", log.name)
-        return register_journal.begin(log.parent, self._run.serial, old, new, purpose, site)
-
-    def _log_old(self, old: Mapping[str, float], run_in_background: RunInBackground) -> None:
-        """Log the unit's registers and sync the log to disk before anything is written to the unit."""
-        run = self._run
-        run.registers |= {"old": dict(old), "new": None, "verified": False}
-        run.log.event({"event": "OldRegisters", "registers": dict(old)})
-        run_in_background(run.log.begin_sync().result)
-        run.log.service()
+        log, site = self.run.log.path, journal_folder(self._setup.station)
+        purpose = Purpose.of(self._setup, self.imu.identify().model, "run", log.name)
+        return register_journal.begin(log.parent, self.run.serial, old, new, purpose, site)

@@ -62,10 +62,9 @@ def _run(units: tuple[PreparedRun, ...]) -> None:
             first.cycle.on(devices.clock),
         ):
             first.hooks.connected(devices)
-            for number, unit in enumerate(units):
-                runs.append(_open(unit, devices, number, alone=len(units) == 1))
+            evaluations = _open(units, devices, runs)
             with applog.run(_name(runs)):
-                _sequence(runs, devices)
+                _sequence(runs, evaluations, devices)
     except (DeviceFaultError, StopRequested) as error:
         if runs:
             raise
@@ -76,29 +75,36 @@ def _run(units: tuple[PreparedRun, ...]) -> None:
 
 
 def _name(runs: Sequence[OpenRun]) -> str:
-    """Return the name of the run in the application log: that of its log, or of its batch."""
+    """Return the name of the run in the application log: that of its batch, or of its log."""
     return runs[0].setup.request.batch or runs[0].log.path.stem
 
 
-def _open(unit: PreparedRun, devices: Devices, number: int, *, alone: bool) -> OpenRun:
-    """Recover an interrupted transfer to the unit, read its registers and open its log.
+def _open(units: Sequence[PreparedRun], devices: Devices, runs: list[OpenRun]) -> list[Finalization]:
+    """Recover interrupted transfers, read the registers of the units and append their open runs to `runs`.
 
-    A unit that is not `alone` and has a fault leaves the batch. Raises DeviceFaultError, ConfigurationError,
-    StopRequested.
+    Returns the evaluations of the units that can go on; those with a fault have left the batch. Raises DeviceFaultError
+    if it is the only unit or the last one, ConfigurationError, StopRequested.
     """
-    try:
-        if number in devices.failed:
-            raise devices.failed[number]
-        imu, cancelled = devices.imus[number], unit.control.check_cancelled
-        own = replace(devices, imus=(imu,), failed={})
-        unverified = recover_interrupted(own, unit.setup, unit.folder, unit.emit, cancelled)
-        return unit.open(_registers(imu, unit.setup), unverified)
-    except DeviceFaultError as error:
-        if alone:
-            raise
-        run = unit.open(None)
-        close_run(run, _ended(run, error))
-        return run
+    evaluations = []
+    imus = iter(devices.imus)
+    for place, unit in enumerate(units):
+        try:
+            if place in devices.failed:
+                raise devices.failed[place]
+            imu, check_cancelled = next(imus), unit.control.check_cancelled
+            own = replace(devices, imus=(imu,))
+            unverified = recover_interrupted(own, unit.setup, unit.folder, unit.emit, check_cancelled)
+            run = unit.open(_registers(imu, unit.setup), unverified)
+        except DeviceFaultError as error:
+            if len(units) == 1:
+                raise
+            run = unit.open(None)
+            run.emit(Message("unit_left", {"serial": run.serial, "reason": error.as_text}))
+            close_run(run, _ended(run, error))
+        else:
+            evaluations.append(Finalization(run, imu))
+        runs.append(run)
+    return evaluations
 
 
 def _registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
@@ -114,42 +120,45 @@ def _registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
     return imu.read_registers()
 
 
-def _sequence(runs: Sequence[OpenRun], devices: Devices) -> None:
+def _sequence(runs: Sequence[OpenRun], evaluations: Sequence[Finalization], devices: Devices) -> None:
     """Drive and solve the remaining stages, and close the runs, even after a programming error."""
     try:
-        _drive([(run, imu) for run, imu in zip(runs, devices.imus, strict=True) if not run.closed], devices)
+        _drive(evaluations, devices)
     except Exception as mistake:
+        left = [run for run in runs if not run.closed]
+        if not left:  # a result itself could not be written
+            raise
         logger.exception("the run ended by a mistake of the program")
         error = CalstationError("program.internal", detail=f"{type(mistake).__name__}: {mistake}")
-        for run in runs:
-            if not run.closed:
-                with suppress(OSError, RuntimeError, CalstationError):  # the log itself may have failed
-                    close_run(run, Ended(State.FAULT, tuple(run.chain.solutions), error))
+        for run in left:
+            with suppress(OSError, RuntimeError, CalstationError):  # the log itself may have failed
+                close_run(run, Ended(State.FAULT, tuple(run.chain.solutions), error))
         raise
 
 
-def _drive(units: Sequence[tuple[OpenRun, Imu]], devices: Devices) -> None:
+def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:
+    if not evaluations:
+        return
     slots = []
-    for run, imu in units:
+    for evaluation in evaluations:
+        run, imu = evaluation.run, evaluation.imu
         try:
             after = _resume(run)
-        except (StopRequested, CalstationError) as error:
-            close_run(run, _ended(run, error))
-            continue
+        except (StopRequested, CalstationError) as error:  # of a single unit
+            evaluation.ended(_ended(run, error))
+            return
         solved = tuple(run.chain.solutions)
         if solved:
             imu.read()  # discards samples received while they were solved
         unit = run.setup.unit_task(run.meta)
-        slots.append(Slot(imu, unit, run.log, run.chain, after, run.prepared.slot, Finalization(run, imu), solved))
-    if not slots:
-        return
-    first = units[0][0].prepared
-    task = first.setup.task()
+        slots.append(Slot(imu, unit, run.log, run.chain, after, run.prepared.slot, evaluation, solved))
+    prepared = evaluations[0].run.prepared
+    task = prepared.setup.task()
     stages = task.stages[len(slots[0].solved) :]
-    context = RunContext(
-        replace(task, stages=stages), devices.table, tuple(slots), devices.clock, first.listener, first.control
-    )
-    Sequencer(context).run()
+    task = replace(task, stages=stages)
+    Sequencer(
+        RunContext(task, devices.table, tuple(slots), devices.clock, prepared.listener, prepared.control)
+    ).run()
 
 
 def _resume(run: OpenRun) -> LastSample | None:

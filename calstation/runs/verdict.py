@@ -18,6 +18,7 @@ logger = logging.getLogger(__name__)
 
 def close_run(run: OpenRun, ended: Ended) -> None:
     """Write the result into the log and next to it; emit the verdict."""
+    run.closed = True
     history, log, control = run.prepared.history, run.log, run.prepared.control
     outcome = _OUTCOMES[ended.state]
     failures = history.failures(run.serial) + (outcome == "failed")
@@ -50,7 +51,6 @@ def close_run(run: OpenRun, ended: Ended) -> None:
     logger.info("verdict %s, result %s", outcome, beside)
     if outcome in ("passed", "failed"):
         start_report(run.setup, beside.absolute(), run.prepared.emit)
-    run.closed = True
     run.prepared.emit(Verdict(outcome, str(log.path), str(beside), written))
 
 
