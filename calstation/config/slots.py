@@ -53,7 +53,8 @@ class SlotSection(DeviceSection):
     product: str | None = None  #: Name of the product; default: that of the run.
     #: Body axes along x and z of the platform at home, for example ``-y+z``.
     orientation: str = Field(default=PLATFORM_AXES, pattern=r"^[+-][xyz][+-][xyz]$")
-    lever_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Nominal lever arm in the body frame.
+    #: Nominal lever arm in the body frame.
+    lever_m: list[float] = Field(default=[0.0, 0.0, 0.0], min_length=3, max_length=3)
 
     @field_validator("orientation")
     @classmethod
