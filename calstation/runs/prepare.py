@@ -5,6 +5,7 @@ import re
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -162,8 +163,7 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     history.refresh()
     allowed = [_allowed(setup, history) for setup in setups]
     for setup in allowed:
-        slot = setup.request.slot or ""
-        check_flash(setup, request.out, lambda event, slot=slot: emit(replace(event, slot=slot)))
+        check_flash(setup, request.out, partial(_emit_of_slot, emit, setup.request.slot or ""))
         check_interrupted(setup, request.out)
     accompanied = hooks.listener(allowed[0], request.out, emit)
 
@@ -181,6 +181,10 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
         for kind, section in files.items():
             logger.info("%s %s version %s sha256 %s", kind, section.name, section.version, section.sha256)
     return units
+
+
+def _emit_of_slot(emit: Emit, slot: str, event: Event) -> None:
+    emit(replace(event, slot=slot))
 
 
 def _allowed(setup: ResolvedConfiguration, history: History) -> ResolvedConfiguration:

@@ -86,12 +86,11 @@ def _open(units: Sequence[PreparedRun], devices: Devices, runs: list[OpenRun]) -
     if it is the only unit or the last one, ConfigurationError, StopRequested.
     """
     evaluations = []
-    imus = iter(devices.imus)
-    for place, unit in enumerate(units):
+    for place, (unit, imu) in enumerate(zip(units, devices.imus, strict=True)):
+        check_cancelled = unit.control.check_cancelled
         try:
-            if place in devices.failed:
+            if imu is None:
                 raise devices.failed[place]
-            imu, check_cancelled = next(imus), unit.control.check_cancelled
             own = replace(devices, imus=(imu,))
             unverified = recover_interrupted(own, unit.setup, unit.folder, unit.emit, check_cancelled)
             run = unit.open(_registers(imu, unit.setup), unverified)
@@ -156,9 +155,7 @@ def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:
     task = prepared.setup.task()
     stages = task.stages[len(slots[0].solved) :]
     task = replace(task, stages=stages)
-    Sequencer(
-        RunContext(task, devices.table, tuple(slots), devices.clock, prepared.listener, prepared.control)
-    ).run()
+    Sequencer(RunContext(task, devices.table, tuple(slots), devices.clock, prepared.listener, prepared.control)).run()
 
 
 def _resume(run: OpenRun) -> LastSample | None:
