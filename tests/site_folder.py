@@ -1,5 +1,6 @@
 """A folder with a short product and a virtual-bench station, for runs through the real protocols."""
 
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -67,8 +68,8 @@ class SiteFolder:
     def write_station(self, *, slots: list[dict[str, Any]], bench: dict[str, Any]) -> None:
         """Write the station file with slots for several units."""
         self.write(**bench)
-        text = self.station.read_text(encoding="utf-8")
-        self.station.write_text(f"{text}\n{tomli_w.dumps({'slots': slots})}", encoding="utf-8")
+        station = tomllib.loads(self.station.read_text(encoding="utf-8"))
+        self.station.write_text(tomli_w.dumps({**station, "slots": slots}), encoding="utf-8")
 
     def request(self, *stages: str, serial: str = "SN-000042") -> RunRequest:
         """A run of these stages here."""

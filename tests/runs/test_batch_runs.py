@@ -120,7 +120,7 @@ def test_a_fault_of_the_table_ends_all_units(site_folder: SiteFolder) -> None:
     ("serials", "code"),
     [
         (("SN-000001", "SN-000001"), "batch.serial_twice"),
-        (("SN-000001", "SN-000002", "SN-000003", "SN-000004"), "batch.too_many"),
+        (("SN-000001", "SN-000002", "SN-000003", "SN-000004"), "batch.more_than_slots"),
         (("SN-000001", "nonsense"), "product.serial_mismatch"),
     ],
 )
