@@ -175,11 +175,15 @@ class Continuation:
         if log.meta.imu.serial != request.serial:
             raise ConfigurationError("run.other_unit", path=path, found=log.meta.imu.serial, serial=request.serial)
         _check_station(log, load_station(request.station)[1])
+        run = log.meta.run
         filled = replace(
             request,
             stages=_run_stages(log),
             schedule={stage: _schedule(log.meta, stage) for stage in _run_stages(log)},
-            seed=log.meta.run.seed if log.meta.run else None,
+            seed=run.seed if run else None,
+            slot=run.slot if run else None,
+            batch=run.batch if run else None,
+            batch_units=tuple(run.batch_units or ()) if run else (),
             out=path.parent,
         )
         return cls(filled, log, finished)

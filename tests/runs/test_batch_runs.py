@@ -14,8 +14,8 @@ from calstation.records.log import open_log
 from calstation.results.history import History
 from calstation.results.resolving import resolve
 from calstation.runs.run import execute
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import Event, Fault, Message, StepStarted, Verdict
+from calstation.sequencer.control import Command, Control
+from calstation.sequencer.events import Event, Fault, Message, StageStarted, StepStarted, Verdict
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
@@ -107,6 +107,22 @@ def test_stop_ends_all_units(site_folder: SiteFolder) -> None:
     stop = site_folder.once(StepStarted, Command.STOP, after=2)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]), stop)
     assert [verdict.outcome for verdict in verdicts.values()] == ["stopped", "stopped"]
+
+
+def test_a_unit_of_a_stopped_batch_is_resumed_alone_in_its_slot(site_folder: SiteFolder) -> None:
+    slots = [{"name": "A"}, {"name": "B", "orientation": "-y+z"}]
+    site_folder.write_station(slots=slots, bench={"units": 2})
+    stages, serials = ("rate", "six_position"), SERIALS[:2]
+    at_second_stage = site_folder.once(StageStarted, Command.STOP, after=1)
+    stopped = run_batch(site_folder, batch_of(site_folder, *stages, serials=serials), at_second_stage)
+    assert [verdict.outcome for verdict in stopped.values()] == ["stopped", "stopped"]
+    site_folder.events.clear()
+    site_folder.control = Control()
+    resumed = replace(site_folder.request(*stages, serial=serials[1]), resume=Path(stopped["B"].log))
+    (verdict,) = run_batch(site_folder, resumed).values()
+    assert verdict.outcome == "passed", [check for check in verdict.result["checks"] if check["passed"] is False]
+    assert (verdict.result["slot"], verdict.result["batch"]) == ("B", "B-1")
+    assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
 
 
 def test_a_fault_of_the_table_ends_all_units(site_folder: SiteFolder) -> None:
