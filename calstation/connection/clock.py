@@ -2,6 +2,7 @@
 
 import json
 import socket
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -61,6 +62,7 @@ class BenchClock:
             raise DeviceFaultError("connection.bench_silent", cause=os_reason(exc)) from exc
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._file = self._socket.makefile("rb")
+        self._asking = threading.Lock()  # the result of a unit that leaves a batch is written in another thread
         self._now = float(self._ask({"now": None})["now"])
 
     def attach(self, received: Callable[[], Mapping[int, int]]) -> None:
@@ -111,9 +113,10 @@ class BenchClock:
         if self.speed > 0.0 and request.get("advance"):
             timeout += 2.0 * request["advance"] / self.speed
         try:
-            self._socket.settimeout(timeout)
-            self._socket.sendall(json.dumps(request).encode() + b"\n")
-            line = self._file.readline()
+            with self._asking:
+                self._socket.settimeout(timeout)
+                self._socket.sendall(json.dumps(request).encode() + b"\n")
+                line = self._file.readline()
         except OSError as exc:
             raise DeviceFaultError("connection.bench_lost", cause=os_reason(exc)) from exc
         if not line:

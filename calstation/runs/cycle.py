@@ -1,5 +1,6 @@
 """Measures the phases of a run, from its start to the table at the load position and the result, from its events."""
 
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -41,6 +42,7 @@ class Cycle:
         self._done: list[CyclePhase] = []
         self._phase, self._stage, self._seconds = "opening", "", 0.0
         self._paused = ("", "")
+        self._lock = threading.Lock()  # the result of a unit that leaves a batch is written in another thread
 
     @contextmanager
     def on(self, clock: Clock) -> Iterator[None]:
@@ -72,13 +74,15 @@ class Cycle:
 
     def phases(self) -> list[CyclePhase]:
         """Return the phases so far, in order; the last one is still going on."""
-        self._measure()
-        return [*self._done, self._current()]
+        with self._lock:
+            self._measure()
+            return [*self._done, self._current()]
 
     def _begin(self, phase: str, stage: str = "") -> None:
-        self._measure()
-        self._done.append(self._current())
-        self._phase, self._stage, self._seconds = phase, stage, 0.0
+        with self._lock:
+            self._measure()
+            self._done.append(self._current())
+            self._phase, self._stage, self._seconds = phase, stage, 0.0
 
     def _current(self) -> CyclePhase:
         stage = {"stage": self._stage} if self._stage else {}

@@ -57,6 +57,7 @@ def test_the_phases_of_a_run_follow_each_other_and_add_up_to_all_of_it() -> None
         ("stage", "rate"),
         ("solving", "rate"),
         ("files", ""),
+        ("proof", ""),  # before the registers are written
         ("proof", ""),
         ("unloading", ""),
         ("files", ""),
