@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from math import degrees
+from pathlib import Path
 
 import typer
 from rich.box import SIMPLE_HEAD
@@ -185,14 +186,18 @@ def _show_batch(verdicts: Sequence[Verdict], json: str | None) -> None:
     emit_json([verdict.result for verdict in verdicts], json)
     console = Console(stderr=json == "-")
     table = Table(title=results[0].batch if results else None, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
-    for heading in ("slot", "unit", "verdict", "outside the limits", "result"):
+    for heading in ("slot", "unit", "verdict", "why", "result"):
         table.add_column(heading, overflow="fold")
     for verdict, result in zip(verdicts, results, strict=True):
         outside = [check.name for check in result.checks if check.passed is False]
-        shown = ", ".join(outside[:_NAMED]) + (" ..." if len(outside) > _NAMED else "")
-        outcome = sentence(_outcome(verdict.outcome, result))
-        table.add_row(verdict.slot, result.serial, outcome, shown, verdict.result_file)
+        why = result.error or ", ".join(outside[:_NAMED]) + (" ..." if len(outside) > _NAMED else "")
+        table.add_row(verdict.slot, result.serial, verdict.outcome.upper(), why, Path(verdict.result_file).name)
     console.print(table)
+    for result in results[:1]:
+        if result.cycle:
+            show_line(console, _cycle_line(result.cycle_seconds))
+    for folder in {str(Path(verdict.result_file).parent) for verdict in verdicts}:
+        show_line(console, f"logs and results: {folder}")
 
 
 def _cycle_line(seconds: Mapping[str, float]) -> str:
@@ -273,7 +278,7 @@ class _Display:
 
 def _of_slot(event: Event, text: str) -> str:
     """Return a text with the slot of the unit concerned, if any."""
-    return f"{event.slot}: {text}" if event.slot else text
+    return f"slot {event.slot}: {text}" if event.slot else text
 
 
 def _guided(event: PositionGuided) -> str:
