@@ -62,6 +62,22 @@ def test_all_units_are_opened_and_all_their_bytes_are_read(setups: tuple[Resolve
         assert len({batch.counts.tobytes() for batch in batches}) == 3
 
 
+def test_sixteen_units_stay_together_at_full_speed(tmp_path: Path) -> None:
+    serials = tuple(f"SN-{number:06d}" for number in range(1, 17))
+    station = library.find("stations", "virtual_batch")
+    request = RunRequest(serials[0], station, out=tmp_path, serials=serials)
+    with connected(prepare_batch(request)) as open_:
+        open_.clock.sleep(1.0)
+        imus = answering(open_)
+        ends = np.array([imu.read().seq[-1] for imu in imus])
+        for _ in range(5):
+            open_.clock.sleep(0.4)
+            last = np.array([imu.read().seq[-1] for imu in imus])
+            assert last - ends == pytest.approx(80.0, abs=1.0)
+            ends = last
+        assert tuple(imu.identify().serial for imu in imus) == serials
+
+
 def test_a_unit_that_does_not_answer_is_left_out(
     setups: tuple[ResolvedConfiguration, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
