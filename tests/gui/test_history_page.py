@@ -265,6 +265,20 @@ def test_details_say_that_a_check_standard_was_overridden(page: HistoryPage, fol
     qtbot.waitUntil(lambda: "in order: golden unit is away" in page.details.reason_label.text(), timeout=WAIT)
 
 
+def test_the_search_finds_the_units_of_a_batch_and_the_details_name_it(
+    page: HistoryPage, folder: Path, qtbot: QtBot
+) -> None:
+    for number in (1, 2):
+        write_run(folder, f"SN-00009{number}", "passed", timedelta(minutes=number), batch="B-77", slot=f"A{number}")
+    shown(page, qtbot)
+    qtbot.keyClicks(page.findChild(QLineEdit, "history_search_edit"), "b-77")
+    qtbot.waitUntil(lambda: page.table.model().rowCount() == 2, timeout=WAIT)
+    select_row(page, 1, qtbot)
+    texts = {label.text() for label in page.details.findChildren(QLabel)}
+    assert {"Batch", "B-77", "Slot"} <= texts
+    assert {"A1", "A2"} & texts
+
+
 def test_result_and_log_are_opened_on_other_pages(
     page: HistoryPage, runs: dict[str, Path], app: AppContext, qtbot: QtBot
 ) -> None:

@@ -264,6 +264,8 @@ class RunDetails(QFrame):
             (self.tr("Attempt"), str(run.attempt)),
             (self.tr("Station"), run.station),
             (self.tr("Operator"), run.operator),
+            (self.tr("Batch"), run.batch),
+            (self.tr("Slot"), run.slot),
             (self.tr("Software"), software.version if software is not None else ""),
             (self.tr("Resumed from"), run.resumed_from),
             (self.tr("Stages"), stages_text(run)),

@@ -407,6 +407,14 @@
         <translation>节拍</translation>
     </message>
     <message>
+        <source>Batch</source>
+        <translation>批次</translation>
+    </message>
+    <message>
+        <source>Slot</source>
+        <translation>装夹位</translation>
+    </message>
+    <message>
         <source>Log at</source>
         <translation>日志位置</translation>
     </message>
