@@ -142,7 +142,7 @@ class EngineerPage(Page):
     def _suggest(self) -> None:
         """Fill in the unit of the virtual bench, unless its verdict is shown; on hardware, clear the field."""
         found, run = self._options, self.app.run
-        judged = run.serial if run.ended or run.fault is not None else ""
+        judged = run.unit.serial if run.ended or run.fault is not None else ""
         self._suggested = found.serial if found is not None and found.serial != judged else ""
         self._header.serial_edit.setText(self._suggested)
 
@@ -185,7 +185,7 @@ class EngineerPage(Page):
             found = self._options
             if found is not None and found.offered and self.choice.parts.stages != found.stages:
                 self.choice.parts.offer(found.offered, found.stages)
-            if ("certificate_waits", {}) in self.app.run.remarks:
+            if ("certificate_waits", {}) in self.app.run.unit.remarks:
                 self.notice.ask("caution", lambda: event_sentence("certificate_waits", {}), str)
         self._update()
 
@@ -209,7 +209,7 @@ class EngineerPage(Page):
 
     def _register_request(self) -> RunRequest:
         """Return the request for registers; on a virtual bench, the unit of the last run is still in the fixture."""
-        request, serial = self._request(), self.app.run.serial
+        request, serial = self._request(), self.app.run.unit.serial
         entered = self._header.serial not in ("", self._suggested)
         if entered or not serial or self._options is None or not self._options.virtual:
             return request

@@ -1,5 +1,7 @@
 """A line beside STOP with state, stage, progress and time left, for pages without their own header."""
 
+from collections import Counter
+
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.shell.run_status import RunStatus
@@ -22,8 +24,8 @@ class RunStrip(QWidget):
     def _refresh(self) -> None:
         run = self._run
         kind, state = run_badge(run)
-        if run.ended or run.fault is not None:  # the serial number is not shown elsewhere on the page
-            state = f"{run.serial}  ·  {state}"
+        if (run.ended or run.fault is not None) and not run.in_slots:  # it is not shown elsewhere on the page
+            state = f"{run.unit.serial}  ·  {state}"
         self._badge.show_state(kind, state)
         parts = []
         if run.stage is not None:
@@ -36,7 +38,14 @@ class RunStrip(QWidget):
 
 
 def run_badge(run: RunStatus) -> tuple[str, str]:
-    """Return the badge of a run, its shape and its text; that of a partial run in progress says that it is partial."""
+    """Return the badge of a run, its shape and its text; that of a partial run in progress says that it is partial.
+
+    The badge of several units counts their outcomes.
+    """
+    if run.in_slots and run.ended:
+        counts = Counter(run.shown_of(unit) for unit in run.units)
+        texts = [term("unit_count", outcome, count=count) for outcome, count in counts.items()]
+        return KINDS.get(run.shown, "none"), term("unit_count", "comma").join(texts)
     state = term("badge", run.shown)
     if run.going and run.partial:
         state = f"{term('badge', 'partial')}  ·  {state}"
