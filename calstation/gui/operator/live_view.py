@@ -1,5 +1,7 @@
 """View of a run in progress: preparation steps, table, traces and convergence, or guidance for a manual rig."""
 
+from math import ceil
+
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
@@ -8,7 +10,7 @@ from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.position_panel import PositionPanel
 from calstation.gui.operator.table_panel import TablePanel
 from calstation.gui.operator.traces import Traces
-from calstation.gui.operator.units import UnitTiles
+from calstation.gui.operator.units import COLUMNS, UnitTiles
 from calstation.gui.shell import RunStatus
 from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import PANEL, StateIcon, column, grid, label, row, stack, theme
@@ -27,8 +29,8 @@ from calstation.sequencer import (
     Trace,
 )
 
-#: Largest number of units below which there is room for the convergence of the one shown.
-_MANY = 8
+#: Height of a window that has room for the convergence plot, and further height for each row of tiles, px.
+_ROOM, _TILES = 704, 54
 
 #: Preparation steps, each identified by the message that starts it; the first step starts with START.
 _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")
@@ -154,7 +156,8 @@ class LiveView(QWidget):
         several = run.in_slots and not run.register_operation
         self._beside.setCurrentIndex(several and not begun)
         self._units.setVisible(several)
-        self._lower.setVisible(not guiding and not (several and (not begun or len(run.units) > _MANY)))
+        room = self.window().height() >= _ROOM + _TILES * ceil(len(run.units) / COLUMNS)
+        self._lower.setVisible(not guiding and (not several or (begun and room)))
 
 
 def _largest_sigmas(event: StageSolved) -> dict[str, float]:

@@ -464,8 +464,8 @@
         <translation>空</translation>
     </message>
     <message>
-        <source>Leave empty</source>
-        <translation>留空</translation>
+        <source>Skip</source>
+        <translation>跳过</translation>
     </message>
     <message>
         <source>Use</source>

@@ -12,7 +12,7 @@ from calstation.messages import Text
 
 
 class _SlotTile(Tile):
-    """A slot: its name, its unit with a note, and a button to clear it or to leave it empty."""
+    """A slot: its name, its unit with a note, and a button to clear or to skip it."""
 
     def __init__(self, slot: Slot, slots: Slots) -> None:
         super().__init__(f"slot_{slot.name}_tile")
@@ -22,9 +22,6 @@ class _SlotTile(Tile):
         self._serial.setFont(theme.font(theme.SECTION, bold=True))
         self.action = button(f"slot_{slot.name}_button", pressed=self._act)
         self.action.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # the keys of a scan after a click must not act again
-        policy = self.action.sizePolicy()
-        policy.setRetainSizeWhenHidden(True)
-        self.action.setSizePolicy(policy)
         head = row(self._icon, self._name, (self._note, 1), spacing=theme.GRID)
         texts = column(None, head, self._serial, None, spacing=0)
         row((texts, 1), self.action, on=self, margins=(theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID // 2))
@@ -51,7 +48,7 @@ class _SlotTile(Tile):
         show_text(self._serial, slot.serial)
         self._note.setText(note)
         self.action.setVisible(bool(slot.serial) or following or slot.left_empty)
-        clearable = self.tr("Leave empty") if not slot.left_empty else self.tr("Use")
+        clearable = self.tr("Skip") if not slot.left_empty else self.tr("Use")
         self.action.setText(self.tr("Clear") if slot.serial else clearable)
         self.setAccessibleName(", ".join((slot.name, slot.serial, note) if slot.serial else (slot.name, note)))
 

@@ -35,14 +35,13 @@ class _VerdictTile(Tile):
         self._reason.setFont(theme.font(size))
         self._action.setFont(theme.font(size, bold=True))
         self._serial.setFont(theme.font(size, bold=True))
-        texts = column(
-            self._serial,
-            self._reason,
-            self._action,
-            spacing=theme.GRID if self._roomy else 0,
-            margins=(theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID // 2),
-        )
-        column((self._banner, 1), texts, None, on=self, spacing=0, margins=(2, 2, 2, 2))
+        margins = (theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID // 2)
+        if self._roomy:
+            texts = column(self._serial, self._reason, self._action, margins=margins)
+        else:
+            head = row((self._serial, 2), (self._action, 3), spacing=theme.GRID)
+            texts = column(head, self._reason, spacing=0, margins=margins)
+        column((self._banner, 4), texts, None, on=self, spacing=0, margins=(2, 2, 2, 2))
         pass_clicks(self._banner, self._serial, self._reason, self._action)
 
     def show_verdict(self, shown: str) -> None:
