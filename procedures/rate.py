@@ -231,7 +231,7 @@ def _require_turns(turns: list[Turn], gaps: int) -> None:
 
 def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Belief, assumed: bool) -> Solution:
     table, site = context.table, context.site
-    geometry = table.geometry
+    geometry, orientation = table.geometry, np.array(table.orientation)
     noise = filter_noise(context)
     places = sorted({r for t in turns for r in t.rest})
     earth = rotation_rate(site.latitude)
@@ -246,7 +246,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
     def model(parameters: FloatArray, nuisance: FloatArray) -> FloatArray:
         M = np.eye(3) + group_matrix(parameters, "gyro_scale", "gyro_misalign")
         bias = group_vector(parameters, "gyro_bias")
-        mount = rotation_matrix(nuisance[:3]).T
+        mount = (rotation_matrix(nuisance[:3]) @ orientation).T
         outer_axis = rotation_matrix(nuisance[4:7]) @ np.array(table.outer_axis)
         inner_axis = rotation_matrix(nuisance[7:10]) @ np.array(table.inner_axis)
         encoder = dict(zip(places, nuisance[10:].reshape(-1, 2), strict=True))

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from math import radians
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -22,6 +22,7 @@ from calstation.bench.truth import (
     draw_power_ups,
     earth_rate_n,
     normal_gravity,
+    unit_axes,
 )
 from calstation.physics import INDEX, group_indices
 from calstation.schema import EntryError, near_miss
@@ -42,6 +43,11 @@ def _known(name: str) -> str:
     return name
 
 
+def _right_angled(orientation: str) -> str:
+    unit_axes(orientation)  # raises ValueError
+    return orientation
+
+
 ParameterName = Annotated[str, AfterValidator(_known)]
 
 _Trip = Literal["interlock", "drive_fault", "limit_fault", "stall", "trip_watchdog"]
@@ -50,13 +56,15 @@ _Frames = Literal["corrupt_frames", "drop_frames", "duplicate_frames", "reorder_
 _Samples = Literal["silence_imu", "garble_imu", "saturate_imu", "invalid_imu", "freeze_channel"]
 _Unit = Literal["jump_counter", "reset_imu", "hang_up_imu", "slow_imu"]
 _TableLink = Literal["mute_table", "slow_table", "garble_table", "refuse_table"]
+_OF_TABLE = frozenset(name for kind in (_Trip, _Motion, _TableLink) for name in get_args(kind))
 OrderName = Literal[_Trip, _Motion, _Frames, _Samples, _Unit, _TableLink, "brown_out_write", "brown_out_commit"]
 
 
 class Order(BaseModel):
     """An order to inject a fault; `docs/reference/bench.md` explains the orders and their values.
 
-    `at` is a device time, s; `after` is a delay from the time of the order, s.
+    `at` is a device time, s; `after` is a delay from the time of the order, s. `unit` is the number of the unit
+    concerned; an order for the table ignores it.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -65,6 +73,12 @@ class Order(BaseModel):
     value: float = 1.0
     at: float = 0.0
     after: NonNegative = 0.0
+    unit: Annotated[int, Field(ge=1)] = 1
+
+    @property
+    def of_table(self) -> bool:
+        """Whether the order concerns the table."""
+        return self.order in _OF_TABLE
 
 
 class BodySettings(BaseModel):
@@ -86,6 +100,9 @@ class BenchConfig(BaseModel):
     seed: Annotated[int, Field(ge=0)] = 1
     parameters: dict[ParameterName, float] = Field(default_factory=dict)
     serial: str = "SN-000001"
+    unit: Annotated[int, Field(ge=1)] = 1
+    orientation: Annotated[str, AfterValidator(_right_angled)] = "+x+z"
+    lever_m: Vector = (0.0, 0.0, 0.0)
     table_serial: str = "T-0001"
     speed: NonNegative = 0.0
     sample_rate_hz: Positive = 200.0
@@ -150,6 +167,14 @@ class BenchConfig(BaseModel):
             raise EntryError("bench.effects_without_table", "effects")
         return self
 
+    @model_validator(mode="after")
+    def _units_of_orders(self) -> "BenchConfig":
+        known = {self.unit, *(other.unit for other in self.secondaries)}
+        for number, order in enumerate(self.orders):
+            if self.secondaries and not order.of_table and order.unit not in known:
+                raise EntryError("bench.no_such_unit", "orders", number, "unit", unit=order.unit)
+        return self
+
     def truth(self, earlier: int = 0) -> BenchTruth:
         """Draw the true values of the bench from this configuration and its seed.
 
@@ -169,6 +194,7 @@ class BenchConfig(BaseModel):
         if earlier and self.instability:
             drift = draw_power_ups(self.grade, np.random.default_rng([self.seed, 2]), earlier)
             imu.parameters[:] += drift
+        imu.parameters[group_indices("outer_lever")] += self.lever_m
         for name, value in self.parameters.items():
             imu.parameters[INDEX[name]] = value
         if self.body is not None:
@@ -197,6 +223,7 @@ class BenchConfig(BaseModel):
             wobble=(wobble, wobble),
             wobble_phase=(float(phases[0]), float(phases[1])),
             mount=(float(mount[0]), float(mount[1]), float(mount[2])),
+            orientation=self.orientation,
             velocity_sigma=self.velocity_sigma,
             gravity=self.gravity_mps2,
         )

@@ -1,6 +1,7 @@
 """The bench over time: joints, controller, stream and unit advance together, and faults occur at their times."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,12 +41,23 @@ class LiveBench:
     """All devices on a common time, without their links.
 
     `host_time` is the clock of the watchdog, `now` the time of the clock service, s. Orders that concern the links are
-    passed to `on_link`. A `secondary` unit is mounted on a body beside the primary.
+    passed to `on_link`. A further unit is on the table or body of the `first` one and advances with it; `outbox` holds
+    the frames that it has sent since.
     """
 
-    def __init__(self, config: BenchConfig, host_time: Callable[[], float], *, secondary: bool = False) -> None:
+    def __init__(self, config: BenchConfig, host_time: Callable[[], float], first: "LiveBench | None" = None) -> None:
         earlier = burnt_cycles(config.flash_file)
         self.truth = config.truth(earlier)
+        self.number = config.unit
+        self.outbox: list[bytes] = []
+        self._followers: list[LiveBench] = []
+        self._leads = first is None
+        if first is not None:
+            first._followers.append(self)
+            if config.body is None:
+                own = self.truth.table
+                table = replace(first.truth.table, mount=own.mount, orientation=own.orientation)
+                self.truth = replace(self.truth, table=table, encoder=first.truth.encoder)
         stream_seed, encoder_seed, other_seed = np.random.SeedSequence([config.seed, 1, earlier]).spawn(3)
         self._random = np.random.default_rng(other_seed)
         if config.start_deg is None:
@@ -61,7 +73,7 @@ class LiveBench:
             self._stream = BodyStream(
                 self.truth.imu,
                 BodyMotion(body.rest_s, body.motion_s, body.seed),
-                draw_mounting(self._random) if secondary else Mounting(np.eye(3), np.zeros(3)),
+                draw_mounting(self._random) if first is not None else Mounting(np.eye(3), np.zeros(3)),
                 Field(table.up_force_n, table.earth_rate_n),
                 stream_seed,
                 config.power_on_s,
@@ -72,16 +84,19 @@ class LiveBench:
             self._stream = HandStream(self.truth.imu, config.rig(), stream_seed)
         elif config.table_protocol == "gimbal":
             self._stream = config.gimbal(self.truth.imu, stream_seed)
-        else:
+        elif first is None:
             self._stream = SensorStream(self.truth.imu, self.truth.table, stream_seed)
+        else:
+            rate, begin = first._gain / self._gain, (config.power_on_s - first._power_on) * first._gain
+            self._stream = SensorStream(self.truth.imu, self.truth.table, stream_seed, rate=rate, begin=begin)
         self._latency, self._jitter = config.latency_s, config.jitter_s
         self._orders = sorted(config.orders, key=lambda order: order.at)
         self.faults = StreamFaults(self._random)
         self.now = 0.0
         self.obeyed: list[str] = []
         self.on_link: Callable[[Order], None] = lambda order: None
-        self.clocks = Clocks(lambda: self.device_time, host_time, self._reading_time)
-        self.machine = TableMachine(
+        self.clocks: Clocks = Clocks(lambda: self.device_time, host_time, self._reading_time)
+        self.machine: TableMachine = TableMachine(
             GimbalDrive(self._stream)
             if isinstance(self._stream, GimbalStream)
             else TableDrive(self.truth.encoder, start, encoder_seed),
@@ -89,6 +104,8 @@ class LiveBench:
             interlock_closed=config.interlock_closed,
             watchdog=config.watchdog_ms / 1000.0,
         )
+        if first is not None:
+            self.machine, self.clocks = first.machine, first.clocks
         self.registers = TableRegisters(self.machine, self.clocks, TABLE_MODEL, config.table_serial)
         imu = self.truth.imu
         per_count = imu.sample_rate if imu.output == "increment" else 1.0
@@ -177,6 +194,8 @@ class LiveBench:
             self._stream.carry((outer, inner), rest, self.device_time)
 
     def _produce(self, now: float) -> bytes:
+        for follower in self._followers:
+            follower.outbox.append(follower.advance(now))
         begin, self.now = self.device_time, now
         middle = 0.5 * (begin + self.device_time)
         interval = self._stream.interval
@@ -190,7 +209,8 @@ class LiveBench:
             output = self._stream.produce(count, self.unit.correction().gyro)
         else:
             output = self._stream.produce(count, *self.machine.drive.profiles)
-        self.machine.advance(self.device_time)
+        if self._leads:
+            self.machine.advance(self.device_time)
         ends = np.arange(first + 1, first + count + 1, dtype=np.float64) * interval
         frames = self.unit.frames(self.faults.samples(output, middle), ends)
         return self.faults.frames(frames, middle)

@@ -44,9 +44,10 @@ class BenchProcess:
     """Runs a bench on an event loop until `stop`; announces its ports at the start and whenever a port name changes."""
 
     def __init__(self, config: BenchConfig) -> None:
+        config = _with_own_orders(config)
         self._config = config
         self._bench = bench = LiveBench(config, time.monotonic)
-        self._others = [LiveBench(other, time.monotonic, secondary=True) for other in config.secondaries]
+        self._others = [LiveBench(other, time.monotonic, bench) for other in config.secondaries]
         self._line, *self._other_lines = (
             _line(settings, unit)
             for settings, unit in zip((config, *config.secondaries), (bench, *self._others), strict=True)
@@ -62,7 +63,7 @@ class BenchProcess:
             self._text = controller = _controller(config, bench)
             line_kind = TerminalLine if config.table_transport == "rtu" else SocketLine
             self._text_line = line_kind(lambda: controller.feed)
-        self._clock = ClockService(bench, self._advance, self._report, self.stop)
+        self._clock = ClockService([bench, *self._others], self._advance, self._report, self.stop)
         bench.on_link = lambda order: self._obey(order, self._line)
         for other, line in zip(self._others, self._other_lines, strict=True):
             other.on_link = partial(self._obey, line=line)
@@ -138,13 +139,15 @@ class BenchProcess:
         async with self._moving:
             while self._bench.now < until:
                 now = min(until, self._bench.now + SLICE)
+                frames = self._bench.advance(now)
                 for other, line in zip(self._others, self._other_lines, strict=True):
-                    await line.send(other.advance(now))
-                await self._line.send(self._bench.advance(now))
+                    sent, other.outbox = b"".join(other.outbox), []
+                    await line.send(sent)
+                await self._line.send(frames)
 
     def _report(self) -> dict[str, Any]:
         sent = [line.sent for line in (self._line, *self._other_lines)]
-        return {"now": self._bench.now, "samples": self._bench.sampled, "bytes": sum(sent)}
+        return {"now": self._bench.now, "samples": self._bench.sampled, "bytes": sent}
 
     def _obey(self, order: Order, line: Line) -> None:
         """Carry out orders that concern the links; `line` is that of the unit."""
@@ -182,12 +185,28 @@ class BenchProcess:
                 enabled=machine.power is Power.ENABLED,
                 moving=time < machine.drive.end,
                 fault=machine.fault.name,
-                obeyed=tuple(self._bench.obeyed),
+                obeyed=tuple(name for unit in (self._bench, *self._others) for name in unit.obeyed),
                 samples=self._bench.sampled,
                 time=time,
                 flash_cycles=self._bench.unit.flash.cycles,
             )
             self._config.report_file.write_text(report.model_dump_json(), encoding="utf-8")
+
+
+def _with_own_orders(config: BenchConfig) -> BenchConfig:
+    """Return the configuration with each order at the unit that it concerns."""
+    if not config.secondaries:
+        return config
+
+    def of(unit: BenchConfig) -> tuple[Order, ...]:
+        return tuple(o for o in config.orders if not o.of_table and o.unit == unit.unit)
+
+    table = tuple(o for o in config.orders if o.of_table)
+    others = tuple(
+        unit if unit.unit == config.unit else unit.model_copy(update={"orders": (*unit.orders, *of(unit))})
+        for unit in config.secondaries
+    )
+    return config.model_copy(update={"orders": (*table, *of(config)), "secondaries": others})
 
 
 def _controller(config: BenchConfig, bench: LiveBench) -> TextController:

@@ -1,18 +1,19 @@
 """The clock service: JSON lines over TCP that advance or query the bench's time, or inject a fault.
 
-    {"advance": seconds}                 -> {"now": s, "samples": n, "bytes": n}
+    {"advance": seconds}                 -> {"now": s, "samples": n, "bytes": [n, ...]}
     {"now": null}                        -> the same, immediately
-    {"order": name, "value": number}     -> the same, once carried out
+    {"order": name, "value": number}     -> the same, once carried out; with {"unit": number} for another unit than 1
     {"carry": [outer, inner], "rest": s} -> the same; asks the simulated operator to set the rails to angles, rad
     anything else                        -> {"error": text}
 
-`samples` counts all samples produced, `bytes` the bytes sent to the current clients of all IMU links.
+`samples` counts the samples that the first unit has produced, `bytes` the bytes sent to the current client of each IMU
+link, 0 once it has disconnected.
 """
 
 import asyncio
 import json
 import socket
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
 
 from pydantic import ValidationError
@@ -30,13 +31,13 @@ class ClockService:
 
     def __init__(
         self,
-        bench: LiveBench,
+        units: Sequence[LiveBench],
         advance: Callable[[float], Awaitable[None]],
         report: Callable[[], dict[str, Any]],
         on_deserted: Callable[[], None],
     ) -> None:
         self.endpoint = ""
-        self._bench, self._advance, self._report, self._on_deserted = bench, advance, report, on_deserted
+        self._units, self._advance, self._report, self._on_deserted = units, advance, report, on_deserted
         self._connections = 0
         self._server: asyncio.Server | None = None
 
@@ -72,12 +73,23 @@ class ClockService:
             if "advance" in request:
                 await self._advance(max(0.0, float(request["advance"])))
             elif "order" in request:
-                self._bench.obey(Order.model_validate(request))
+                order = Order.model_validate(request)
+                self._concerned(order).obey(order)
             elif "carry" in request:
                 outer, inner = map(float, request["carry"])
-                self._bench.carry(outer, inner, float(request.get("rest", 0.0)))
+                self._units[0].carry(outer, inner, float(request.get("rest", 0.0)))
             elif "now" not in request:
                 return {"error": "ask for one of: advance, now, order, carry"}
         except (ValueError, TypeError, ValidationError) as exc:
             return {"error": str(exc)}
         return self._report()
+
+    def _concerned(self, order: Order) -> LiveBench:
+        """Return the unit that carries out an order, the first one for the table or alone. Raises ValueError."""
+        first = self._units[0]
+        if order.of_table or len(self._units) == 1:
+            return first
+        for unit in self._units:
+            if unit.number == order.unit:
+                return unit
+        raise ValueError(f"there is no unit {order.unit}")

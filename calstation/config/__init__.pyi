@@ -2,6 +2,10 @@ from . import access as access
 from . import editing as editing
 from . import library as library
 from . import versions as versions
+from .batch import batch_bench_config as batch_bench_config
+from .batch import new_batch_id as new_batch_id
+from .batch import prepare_batch as prepare_batch
+from .batch import unit_requests as unit_requests
 from .blocks import arrange_entries as arrange_entries
 from .check_standards import CheckStandardSection as CheckStandardSection
 from .confirmation import Action as Action
@@ -42,6 +46,7 @@ from .resolved import ResolvedConfiguration as ResolvedConfiguration
 from .resolved import check_manual_rig as check_manual_rig
 from .resolved import prepare_run as prepare_run
 from .resolved import resolve_configuration as resolve_configuration
+from .resolved import unit_files as unit_files
 from .schedules import ScheduleField as ScheduleField
 from .schedules import ScheduleOptions as ScheduleOptions
 from .schedules import ScheduleProblem as ScheduleProblem
@@ -63,6 +68,9 @@ from .site_check import site_advice as site_advice
 from .site_check import this_computer as this_computer
 from .site_check import unconfirmed_latitude as unconfirmed_latitude
 from .site_check import unconfirmed_site as unconfirmed_site
+from .slots import MAX_UNITS as MAX_UNITS
+from .slots import SlotSection as SlotSection
+from .slots import at_slot as at_slot
 from .station import DEFAULT_PRODUCT as DEFAULT_PRODUCT
 from .station import DEFAULT_STATION as DEFAULT_STATION
 from .station import MANUAL_STATION as MANUAL_STATION

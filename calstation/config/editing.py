@@ -17,6 +17,7 @@ from tomlkit.items import AoT, InlineTable, Table
 
 from calstation.config import library
 from calstation.config.blocks import add_table, add_value, has_table, remove_table
+from calstation.config.slots import STATION_ENTRIES
 from calstation.config.station import (
     ProductConfig,
     StationConfig,
@@ -106,7 +107,11 @@ def _check_station(station: StationConfig) -> list[Problem]:
     if station.bench is not None:
         from calstation.bench import BenchConfig
 
-        problems += _problems_at(("bench",), BenchConfig, station.bench)
+        settings = {name: value for name, value in station.bench.items() if name not in STATION_ENTRIES}
+        problems += _problems_at(("bench",), BenchConfig, settings)
+    for number, slot in enumerate(station.slots):
+        for kind, name in (("imus", slot.imu), ("products", slot.product)):
+            problems += () if name is None else _unknown_profile(kind, name, "slots", number, kind.removesuffix("s"))
     return problems
 
 
@@ -139,7 +144,7 @@ def _problems_at(place: KeyPath, model: type[BaseModel], data: Any) -> list[Prob
     return [replace(problem, place=(*place, *problem.place)) for problem in problems_of(model, data)]
 
 
-def _unknown_profile(kind: str, name: str, *place: str) -> Iterator[Problem]:
+def _unknown_profile(kind: str, name: str, *place: str | int) -> Iterator[Problem]:
     known = library.names(kind)
     if name not in known:
         yield Problem(place, "no_profile", Text.of("configuration.no_profile", kind=kind, name=name, known=known))

@@ -18,6 +18,7 @@ from calstation.config import library, versions
 from calstation.config.check_standards import CheckStandardSection
 from calstation.config.request import RunRequest, computer_user
 from calstation.config.site_check import check_confirmation, check_gravity_sigma, check_site
+from calstation.config.slots import PLATFORM_AXES, STATION_ENTRIES, SlotSection, at_slot
 from calstation.config.station import (
     ProductConfig,
     StationConfig,
@@ -125,6 +126,18 @@ class ResolvedConfiguration:
         return self.product.standard(self.request.serial)
 
     @property
+    def slot(self) -> SlotSection | None:
+        """The slot of the unit, with its link; None at a station with one unit."""
+        link = self.station.imu
+        return link if isinstance(link, SlotSection) else None
+
+    @property
+    def number(self) -> int:
+        """Number of the unit's slot in a batch; 1 for a single unit."""
+        slot = self.slot
+        return 1 if slot is None or self.request.batch is None else self.station.slot_names.index(slot.name) + 1
+
+    @property
     def by_hand(self) -> bool:
         """Whether the operator moves the unit and there is no drive."""
         return self.table.by_hand
@@ -147,16 +160,17 @@ class ResolvedConfiguration:
         prior mean is zero. A run begins now unless `started` is given; `attempt` is its number among the unit's runs,
         from 1.
         """
-        held = dict(registers or {})
+        held, levers = dict(registers or {}), self._levers()
+        sigmas = {name: PARAMETERS[INDEX[name]].prior_sigma for name in levers} | self.imu.prior_sigmas()
         started = (started or datetime.now(UTC)).astimezone(UTC)
         return LogMeta(
             site=self.station.site.place,
             imu=_section(ImuSection, self.imu.quantised_stream, self.imu.noise, serial=self.request.serial),
-            table=_section(TableSection, self.table, self.table.accuracy),
+            table=_section(TableSection, self.table, self.table.accuracy, **self._orientation()),
             model=ModelSection(states=self.imu.states) if self.imu.states else None,
             prior={
-                name: PriorSection(value=self._prior_mean(held.get(name, 0.0), sigma), sigma=sigma)
-                for name, sigma in self.imu.prior_sigmas().items()
+                name: PriorSection(value=levers.get(name, self._prior_mean(held.get(name, 0.0), sigma)), sigma=sigma)
+                for name, sigma in sigmas.items()
             },
             product=_section(ProductSection, self.product),
             run=RunSection(
@@ -165,6 +179,8 @@ class ResolvedConfiguration:
                 operator=self.request.operator,
                 seed=self.bench_seed,
                 attempt=attempt,
+                batch=self.request.batch,
+                slot=self.request.slot,
                 software=__version__,
                 started_utc=started.isoformat(timespec="seconds"),
                 clock_error_ppm=self.station.clock_error_ppm,
@@ -177,6 +193,17 @@ class ResolvedConfiguration:
             profiles={kind: source.text for kind, source in self.sources.items()},
             registers=held if self.after_registers else {},
         )
+
+    def _orientation(self) -> dict[str, str]:
+        """Return the entry of the log with the unit's orientation, {} if its axes are those of the platform."""
+        slot = self.slot
+        return {} if slot is None or slot.orientation == PLATFORM_AXES else {"orientation": slot.orientation}
+
+    def _levers(self) -> dict[str, float]:
+        """Return the nominal position of the unit in its slot by parameter, m; {} if it is the centre of rotation."""
+        if self.slot is None or not any(self.slot.lever_m):
+            return {}
+        return dict(zip([NAMES[i] for i in group_indices("outer_lever")], self.slot.lever_m, strict=True))
 
     def _prior_mean(self, register: float, sigma: float) -> float:
         plausible = not self.after_registers and abs(register) <= _PLAUSIBLE_SIGMAS * sigma
@@ -235,7 +262,8 @@ class ResolvedConfiguration:
             "low_deg": [table.outer.low_deg, table.inner.low_deg],
             "high_deg": [table.outer.high_deg, table.inner.high_deg],
             **_bench_gimbal(table),
-            **{name: value for name, value in self.station.bench.items() if name != "faults"},
+            **({} if self.slot is None else {"orientation": self.slot.orientation, "lever_m": self.slot.lever_m}),
+            **{name: value for name, value in self.station.bench.items() if name not in STATION_ENTRIES},
         }
         if self.request.seed is not None:
             settings["seed"] = self.request.seed
@@ -280,6 +308,7 @@ class ResolvedConfiguration:
                 warm_up_slope=warm_up.slope_c_per_min,
                 warm_up_timeout=warm_up.timeout_s,
             ),
+            geometry=replace(self.table.geometry(), orientation=context.table.orientation),
             masks=StatusMasks(status.ready, status.saturated, status.failed),
             span=span(self.imu.frame),
             wrap=self.imu.frame.counter_period,
@@ -338,6 +367,18 @@ def _with_limits(resolved: ResolvedConfiguration, schedule: BaseModel) -> BaseMo
     return schedule.model_copy(update={"targets": targets})
 
 
+def unit_files(station: StationConfig, product: Path | None) -> tuple[Path, ProductConfig, Path]:
+    """Return the path and content of the product of a station's unit, and the path of its IMU profile.
+
+    Those that its slot names replace the given `product` and the product's profile. Raises ConfigurationError.
+    """
+    slot = station.imu if isinstance(station.imu, SlotSection) else None
+    if slot is not None and slot.product is not None:
+        product = library.find("products", slot.product)
+    path, found = load_product(product)
+    return path, found, library.find("imus", found.imu if slot is None or slot.imu is None else slot.imu)
+
+
 #: Type of a function that changes a configuration before it is checked, for example for fault injection.
 Adjustment = Callable[[ResolvedConfiguration], ResolvedConfiguration]
 
@@ -348,12 +389,13 @@ def resolve_configuration(request: RunRequest, adjust: Adjustment = lambda resol
     Raises ConfigurationError with file, entry and remedy.
     """
     station_path, station = load_station(request.station)
-    product_path, product = load_product(request.product)
+    with in_file(station_path):
+        station = at_slot(station, request.slot)
+    product_path, product, imu_path = unit_files(station, request.product)
     if not product.limits:
         with in_file(product_path):
             raise EntryError("product.no_limits", "limits")
     table_path = library.find("tables", station.table.profile)
-    imu_path = library.find("imus", product.imu)
     paths = {"station": station_path, "product": product_path, "table": table_path, "imu": imu_path}
     schedules: dict[str, BaseModel] = {}
     for stage in request.stages or product.stages:

@@ -14,8 +14,9 @@ from calstation.config.check_standards import CheckStandardSection
 from calstation.config.laboratory import InstrumentSection, LaboratorySection, ReportSection
 from calstation.config.records import RecordsSection
 from calstation.config.sign_in import SignInSection
+from calstation.config.slots import MAX_UNITS, DeviceSection, SlotSection, check_slots
 from calstation.devices.codecs import SLOTS, legal_range, parameter_of
-from calstation.devices.links import SOCKETS, host_and_port
+from calstation.devices.links import host_and_port
 from calstation.devices.profiles import ImuProfile, RegisterEntry, SerialSettings, load_imu_profile, load_table_profile
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.estimation.effects import CONSTANT
@@ -46,23 +47,6 @@ _ROUNDING = 12.0**-0.5
 _WITHOUT_SCHEME = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
 
 
-class DeviceSection(StrictModel):
-    """A device's link at this station: its port, and serial settings that differ from those of the profile."""
-
-    #: ``tcp://host:port`` (tables), ``socket://host:port`` of a serial server, the name of a serial port, or
-    #: ``usb:SERIALNUMBER`` of its adapter.
-    port: str | None = None
-    serial: SerialSettings | None = None
-    timeout_s: float | None = Field(default=None, gt=0, le=60)  #: Host time for a reply; default from the profile.
-
-    @field_validator("port")
-    @classmethod
-    def _address(cls, port: str | None) -> str | None:
-        if port is not None and port.startswith(SOCKETS) and host_and_port(port) is None:
-            raise EntryError("station.not_an_address", port=port, scheme=port.split("://")[0])
-        return port
-
-
 class TableLinkSection(DeviceSection):
     """`[table]` of a station: its table profile. A manual table needs no port and ignores one."""
 
@@ -76,17 +60,6 @@ class FurtherImuLinkSection(DeviceSection):
     profile: str | None = None  #: Name of its IMU profile; default: that of the product.
     #: Its serial number, for a unit that cannot report one.
     serial_number: str | None = Field(default=None, pattern=r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-
-
-class SlotSection(DeviceSection):
-    """`[[slots]]` of a station: a place for a unit on the table, with the link of the unit."""
-
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,15}$")
-    imu: str | None = None  #: Name of the IMU profile; default: that of the product.
-    product: str | None = None  #: Name of the product; default: that of the run.
-    #: Body axes along x and z of the platform at home, for example ``-y+z``.
-    orientation: str = Field(default="+x+z", pattern=r"^[+-][xyz][+-][xyz]$")
-    lever_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Nominal lever arm in the body frame.
 
 
 class HandoverSection(StrictModel):
@@ -146,7 +119,7 @@ class StationConfig(StrictModel):
     laboratory: LaboratorySection | None = None
     instruments: list[InstrumentSection] = Field(default_factory=list)
     report: ReportSection | None = None
-    slots: list[SlotSection] = Field(default_factory=list, max_length=16)
+    slots: list[SlotSection] = Field(default_factory=list, max_length=MAX_UNITS)
     records: RecordsSection = RecordsSection()
 
     @property
@@ -154,7 +127,7 @@ class StationConfig(StrictModel):
         """Names of the slots, in order; () at a station with one unit."""
         if self.slots:
             return tuple(slot.name for slot in self.slots)
-        units = int((self.bench or {}).get("units", 1))  # type: ignore[arg-type] # checked with the bench
+        units = int((self.bench or {}).get("units", 1))  # type: ignore[arg-type] # see `check_slots`
         return tuple(str(number) for number in range(1, units + 1)) if units > 1 else ()
 
     @property
@@ -172,20 +145,24 @@ class StationConfig(StrictModel):
     def _ports(self) -> "StationConfig":
         if self.imu3 is not None and self.imu2 is None:
             raise EntryError("log.imu_numbers", number=3, missing=2)
-        further = ((f"imu{number}", section) for number, section in self.secondaries.items())
-        for device, section in (("table", self.table), ("imu", self.imu), *further):
-            needs_port = device != "table" or not is_manual_table(self.table.profile)
+        slots = [(("slots", number), slot) for number, slot in enumerate(self.slots)]
+        imus: list[tuple[tuple[str | int, ...], DeviceSection]] = [*slots] or [(("imu",), self.imu)]
+        imus += [((f"imu{number}",), section) for number, section in self.secondaries.items()]
+        table: tuple[tuple[str | int, ...], DeviceSection] = (("table",), self.table)
+        for keys, section in (table, *imus):
+            needs_port = section is not self.table or not is_manual_table(self.table.profile)
             port = section.port or ""
             if self.bench is None and needs_port and not port:
-                raise EntryError("station.port_missing", device, "port")
+                raise EntryError("station.port_missing", *keys, "port")
             if self.bench is not None and port:
-                raise EntryError("station.port_on_bench", device, "port")
+                raise EntryError("station.port_on_bench", *keys, "port")
             if _WITHOUT_SCHEME.fullmatch(port):
-                code = "station.table_scheme_missing" if device == "table" else "station.imu_scheme_missing"
-                raise EntryError(code, device, "port", port=port)
-        if self.imu.port is not None and self.imu.port.startswith("tcp://"):
-            address = self.imu.port.removeprefix("tcp://")
-            raise EntryError("station.imu_over_modbus", "imu", "port", port=self.imu.port, address=address)
+                code = "station.table_scheme_missing" if section is self.table else "station.imu_scheme_missing"
+                raise EntryError(code, *keys, "port", port=port)
+            if section is not self.table and port.startswith("tcp://"):
+                address = port.removeprefix("tcp://")
+                raise EntryError("station.imu_over_modbus", *keys, "port", port=port, address=address)
+        check_slots(self)
         return self
 
 

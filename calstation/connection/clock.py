@@ -3,7 +3,7 @@
 import json
 import socket
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from calstation.errors import DeviceFaultError
@@ -44,8 +44,8 @@ class RealClock:
 class BenchClock:
     """Clock whose station time is the virtual time of the bench.
 
-    `sleep` returns when the IMU reader has read every byte that the bench sent up to the new time, so a run does not
-    depend on the computer's load. Raises DeviceFaultError if the bench refuses a request or does not reply.
+    `sleep` returns when the IMUs' readers have read every byte that the bench sent up to the new time, so a run does
+    not depend on the computer's load. Raises DeviceFaultError if the bench refuses a request or does not reply.
 
     endpoint : host and port of the clock service
     speed : multiple of real time; 0 if time advances only by `sleep`
@@ -54,7 +54,7 @@ class BenchClock:
     def __init__(self, endpoint: tuple[str, int], speed: float) -> None:
         self.tick = TICK if speed > 0.0 else _FAST_TICK
         self.speed = speed
-        self._received: Callable[[], int] | None = None
+        self._received: Callable[[], Mapping[int, int]] = dict
         try:
             self._socket = socket.create_connection(endpoint, timeout=_REPLY_TIMEOUT)
         except OSError as exc:
@@ -63,8 +63,11 @@ class BenchClock:
         self._file = self._socket.makefile("rb")
         self._now = float(self._ask({"now": None})["now"])
 
-    def attach(self, received: Callable[[], int]) -> None:
-        """Make `sleep` wait for the IMU reader; `received` returns the number of bytes that the reader has read."""
+    def attach(self, received: Callable[[], Mapping[int, int]]) -> None:
+        """Make `sleep` wait for the IMUs' readers.
+
+        `received` returns the number of bytes that each has read, by the place of the IMU on the bench.
+        """
         self._received = received
 
     def now(self) -> float:
@@ -77,8 +80,7 @@ class BenchClock:
         """Advance virtual time by `seconds` and wait until the samples of this interval are read."""
         answer = self._ask({"advance": seconds})
         self._now = float(answer["now"])
-        if self._received is not None:
-            self._wait_for_bytes(int(answer["bytes"]))
+        self._wait_for_bytes(answer["bytes"])
 
     def idle(self, seconds: float) -> None:
         """Wait in host time; virtual time advances only if it follows host time."""
@@ -96,10 +98,9 @@ class BenchClock:
         self._file.close()
         self._socket.close()
 
-    def _wait_for_bytes(self, count: int) -> None:
-        assert self._received is not None
+    def _wait_for_bytes(self, sent: Sequence[int]) -> None:
         begin = time.monotonic()
-        while self._received() < count:
+        while any(count < sent[place] for place, count in self._received().items()):
             waited = time.monotonic() - begin
             time.sleep(0.0 if waited < _YIELD_TIME else _YIELD_TIME)
             if waited > _READ_TIMEOUT:

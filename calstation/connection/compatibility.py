@@ -26,7 +26,7 @@ from calstation.connection.devices import port_conflict
 from calstation.devices.profiles import load_table_profile
 from calstation.errors import ConfigurationError
 from calstation.messages import Finding
-from calstation.schema import Problem, validate
+from calstation.schema import KeyPath, Problem, validate
 from procedures import method
 
 
@@ -74,13 +74,16 @@ def station_conflicts(text: str) -> list[Problem]:
 
 
 def _port_problems(station: StationConfig) -> Iterator[Problem]:
-    table, imu = station.table.port, station.imu.port
+    links: dict[KeyPath, str | None] = {("slots", number): slot.port for number, slot in enumerate(station.slots)}
+    links = links or {("imu",): station.imu.port}
+    table = station.table.port
     try:
         profile = load_table_profile(library.find("tables", station.table.profile))
     except ConfigurationError:  # reported for the profile's own file
         return
-    if table is None or imu is None or profile.by_hand:
-        return
-    conflict = port_conflict(profile, table, imu)
-    if conflict is not None:
-        yield Problem(("imu", "port"), "value_error", conflict)
+    for place, imu in links.items():
+        if table is None or imu is None or profile.by_hand:
+            continue
+        conflict = port_conflict(profile, table, imu)
+        if conflict is not None:
+            yield Problem((*place, "port"), "value_error", conflict)

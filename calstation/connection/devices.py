@@ -3,10 +3,10 @@
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
-from calstation.config import PairConfiguration, ResolvedConfiguration
+from calstation.config import PairConfiguration, ResolvedConfiguration, batch_bench_config
 from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock, RealClock
 from calstation.connection.identify import LinkSettings, identify
@@ -24,86 +24,164 @@ from calstation.sequencer import Clock
 
 @dataclass(frozen=True)
 class Devices:
-    """Open devices and the clock that their data refer to."""
+    """Open devices and the clock that their data refer to.
+
+    `imus` are the units of a run that can be used, in order; `failed` are the faults of the others, by their place
+    among the units of the run.
+    """
 
     table: RegisterTable | TextTable | ManualTable
-    imu: StreamedImu
+    imus: tuple[StreamedImu, ...]
     clock: Clock
+    failed: Mapping[int, DeviceFaultError] = field(default_factory=dict)
+
+    @property
+    def imu(self) -> StreamedImu:
+        """The only unit, or the first one."""
+        return self.imus[0]
 
 
 @dataclass(frozen=True)
 class Endpoints:
-    """Ports of the table and the IMU, and their clock; the port of a manual rig is ""."""
+    """Ports of the table and the IMUs, and their clock; the port of a manual rig is ""."""
 
     table: str
-    imu: str
+    imus: tuple[str, ...]
     clock: RealClock | BenchClock
+
+    @property
+    def imu(self) -> str:
+        """Port of the only unit, or of the first one."""
+        return self.imus[0]
 
 
 @contextmanager
-def connected(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Devices]:
-    """Open the clock, table and IMU, identify both devices, and close all on exit; `check_cancelled` may raise.
+def connected(
+    setups: tuple[ResolvedConfiguration, ...], check_cancelled: Callable[[], None] = lambda: None
+) -> Iterator[Devices]:
+    """Open the clock, table and IMUs, identify all devices, and close all on exit; `check_cancelled` may raise.
 
-    Raises ConfigurationError, or DeviceFaultError if a port cannot be used or a device is not the expected one.
+    Of several units, those that do not answer are left out. Raises ConfigurationError, or DeviceFaultError if a port
+    cannot be used or a device is not the expected one: the table, the only unit, or all units.
     """
+    setup = setups[0]
     with ExitStack() as stack:
-        at = stack.enter_context(endpoints(setup, check_cancelled))
+        at = stack.enter_context(batch_endpoints(setups, check_cancelled))
         check_cancelled()
         table: RegisterTable | TextTable | ManualTable | None = None
         if not _shared(setup) and not setup.table.by_hand:
             table = open_table(setup, at.table)
             stack.callback(table.close)
-        imu = open_imu(setup, at.imu)
-        stack.callback(imu.close)
-        if table is None:
-            table = ManualTable(setup.table) if setup.table.by_hand else SharedTable(imu, table_profile(setup))
-        if not isinstance(table, ManualTable):
-            # Identify first: not even a stop may be sent to a device that may not be the table.
-            identify(table, imu, link_settings(setup, at.table, at.imu), check_cancelled)
-        imu.start()
+        imus: dict[int, StreamedImu] = {}
+        failed: dict[int, DeviceFaultError] = {}
+        if table is not None and len(setups) > 1:
+            identify(table, None, link_settings(setup, at.table, at.imu), check_cancelled)
+            imus, failed = _answering(setups, at.imus, stack, check_cancelled)
+        else:
+            imus[0] = imu = open_imu(setup, at.imu)
+            stack.callback(imu.close)
+            if table is None:
+                table = ManualTable(setup.table) if setup.table.by_hand else SharedTable(imu, table_profile(setup))
+            if not isinstance(table, ManualTable):
+                # Identify first: not even a stop may be sent to a device that may not be the table.
+                identify(table, imu, link_settings(setup, at.table, at.imu), check_cancelled)
+            imu.start()
         if isinstance(at.clock, BenchClock):
-            at.clock.attach(lambda: imu.received)
-        yield Devices(table, imu, at.clock)
+            at.clock.attach(lambda: {place: imu.received for place, imu in imus.items()})
+        yield Devices(table, tuple(imus.values()), at.clock, failed)
+
+
+def _answering(
+    setups: tuple[ResolvedConfiguration, ...],
+    ports: tuple[str, ...],
+    stack: ExitStack,
+    check_cancelled: Callable[[], None],
+) -> tuple[dict[int, StreamedImu], dict[int, DeviceFaultError]]:
+    """Open, identify and start the units of a batch; return them and the faults of the others, by place.
+
+    Raises DeviceFaultError if no unit answers.
+    """
+    imus: dict[int, StreamedImu] = {}
+    failed: dict[int, DeviceFaultError] = {}
+    for place, (setup, port) in enumerate(zip(setups, ports, strict=True)):
+        check_cancelled()
+        with ExitStack() as opened:
+            try:
+                imu = open_imu(setup, port)
+                opened.callback(imu.close)
+                imu.identify()
+                imu.start()
+            except DeviceFaultError as fault:
+                failed[place] = fault
+                continue
+            imus[place] = imu
+            stack.enter_context(opened.pop_all())
+    if not imus:
+        raise failed[0]
+    return imus, failed
 
 
 @contextmanager
 def endpoints(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Endpoints]:
+    """Lock and yield a station's ports for one unit, like `batch_endpoints`."""
+    with batch_endpoints((setup,), check_cancelled) as at:
+        yield at
+
+
+@contextmanager
+def batch_endpoints(
+    setups: tuple[ResolvedConfiguration, ...], check_cancelled: Callable[[], None] = lambda: None
+) -> Iterator[Endpoints]:
     """Lock and yield a station's ports, or yield those of a virtual bench that runs as long as the context.
 
     Raises DeviceFaultError if another program uses a port or the bench does not start, ConfigurationError for a
     `port_conflict`; `check_cancelled` is called while the bench starts and may raise.
     """
-    config = setup.bench_config()
+    setup = setups[0]
+    config = batch_bench_config(setups)
     if config is None:
-        table, imu = setup.station.table.port, setup.station.imu.port
-        assert imu is not None
-        if table is not None and not setup.table.by_hand:
+        table, imus = setup.station.table.port, tuple(unit.station.imu.port or "" for unit in setups)
+        for imu in imus:
+            if table is None or setup.table.by_hand:
+                break
             conflict = port_conflict(setup.table, table, imu)
             if conflict is not None:
                 raise ConfigurationError(conflict.code, **conflict.values)
-        with lock_ports(port for port in (table, imu) if port):
-            yield Endpoints(table or "", imu, RealClock())
+        _check_apart(imus)
+        with lock_ports(port for port in (table, *imus) if port):
+            yield Endpoints(table or "", imus, RealClock())
         return
     with _running_bench(config, check_cancelled) as (found, clock):
         over_tcp = found["table_transport"] == "tcp" and not _shared(setup)
-        yield Endpoints(f"tcp://{found['table']}" if over_tcp else found["table"], found["imu"], clock)
+        table_port = f"tcp://{found['table']}" if over_tcp else found["table"]
+        yield Endpoints(table_port, _imu_ports(found, len(setups)), clock)
 
 
 @contextmanager
 def imu_endpoints(
     setup: PairConfiguration, check_cancelled: Callable[[], None]
-) -> Iterator[tuple[list[str], RealClock | BenchClock]]:
+) -> Iterator[tuple[tuple[str, ...], RealClock | BenchClock]]:
     """Lock and yield the ports of the IMUs on one body and their clock, like `endpoints`."""
     config = setup.bench_config()
     if config is None:
-        ports = [unit.station.imu.port or "" for unit in setup.units]
-        if len({_device_of(port, "imu") for port in ports}) < len(ports):
-            raise ConfigurationError("connection.same_imu_port", ports=ports)
+        ports = tuple(unit.station.imu.port or "" for unit in setup.units)
+        _check_apart(ports)
         with lock_ports(ports):
             yield ports, RealClock()
         return
     with _running_bench(config, check_cancelled) as (found, clock):
-        yield [found["imu"], *(found[f"imu{number}"] for number in range(2, len(setup.units) + 1))], clock
+        yield _imu_ports(found, len(setup.units)), clock
+
+
+def _check_apart(ports: tuple[str, ...]) -> None:
+    """Check that each IMU has a port of its own. Raises ConfigurationError."""
+    if len({_device_of(port, "imu") for port in ports}) < len(ports):
+        raise ConfigurationError("connection.same_imu_port", ports=list(ports))
+
+
+def _imu_ports(found: Mapping[str, Any], count: int) -> tuple[str, ...]:
+    """Return the ports of the units on a virtual bench."""
+    return (found["imu"], *(found[f"imu{number}"] for number in range(2, count + 1)))
 
 
 @contextmanager

@@ -38,7 +38,7 @@ def open_imu_session(
         progress(0.1)
         with closing(open_imu(setup, at.imu)) as imu:
             if isinstance(at.clock, BenchClock):
-                at.clock.attach(lambda: imu.received)
+                at.clock.attach(lambda: {0: imu.received})
             identity = imu.identify()
             progress(0.4)
             yield ImuSession(imu, identity, at.clock)

@@ -78,7 +78,7 @@ class ImuTest:
         imu, clock, profile = self.imu, self.at.clock, self.setup.imu
         yield Finding("judged_as", "told", {"product": self.setup.product.name, "profile": profile.name})
         if isinstance(clock, BenchClock):
-            clock.attach(lambda: imu.received)
+            clock.attach(lambda: {0: imu.received})
         begin = clock.now()
         while clock.now() - begin < _READY_TIMEOUT:
             clock.sleep(_SLICE)

@@ -5,7 +5,15 @@ from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from calstation.config import VIRTUAL_UNIT, ResolvedConfiguration, RunRequest, StationConfig, library, load_product
+from calstation.config import (
+    VIRTUAL_UNIT,
+    ResolvedConfiguration,
+    RunRequest,
+    StationConfig,
+    at_slot,
+    library,
+    unit_files,
+)
 from calstation.connection.compatibility import incompatibilities
 from calstation.connection.devices import (
     Endpoints,
@@ -48,6 +56,7 @@ class LinkTestRequest:
 
     station: StationConfig
     product: Path | None = None
+    slot: str | None = None  #: Slot of the IMU; None for the only or first one.
 
 
 def check_table_link(progress: ProgressCallback, request: LinkTestRequest) -> Report:
@@ -96,14 +105,15 @@ def discover_ports(progress: ProgressCallback) -> tuple[FoundPort, ...]:
 
 
 def link_test_configuration(request: LinkTestRequest) -> ResolvedConfiguration:
-    """Return the part of a run's configuration that is needed to open the devices."""
-    _, product = load_product(request.product)
+    """Return the part of a run's configuration that is needed to open the devices. Raises CalstationError."""
+    station = at_slot(request.station, request.slot)
+    _, product, imu = unit_files(station, request.product)
     return ResolvedConfiguration(
-        request=RunRequest(VIRTUAL_UNIT),
-        station=request.station,
+        request=RunRequest(VIRTUAL_UNIT, slot=request.slot),
+        station=station,
         product=product,
-        table=load_table_profile(library.find("tables", request.station.table.profile)),
-        imu=load_imu_profile(library.find("imus", product.imu)),
+        table=load_table_profile(library.find("tables", station.table.profile)),
+        imu=load_imu_profile(imu),
         schedules={},
     )
 

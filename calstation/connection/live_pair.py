@@ -206,7 +206,7 @@ def open_pair(
             if not serial:
                 raise ConfigurationError("connection.pair_serial_missing", number=number)
         if isinstance(clock, BenchClock):
-            clock.attach(lambda: sum(unit.imu.received for unit in units))
+            clock.attach(lambda: {place: unit.imu.received for place, unit in enumerate(units)})
         primary = setup.primary.imu
         held = units[0].imu.read_registers() if primary.registers and primary.protocol != "stream" else {}
         meta = setup.log_meta(serials, held)

@@ -1,21 +1,32 @@
 """Two-axis table geometry for arbitrary axis directions: attitudes, and joint moves that rotate about a body axis.
 
-`C_bn = Rz(-azimuth) · R(outer_axis, outer) · R(inner_axis, inner)`. The joint angles that point a body direction upward
-solve Paden-Kahan subproblem 2 (Murray, Li, Sastry, *A Mathematical Introduction to Robotic Manipulation*, 1994, 3.3).
+`C_bn = Rz(-azimuth) · R(outer_axis, outer) · R(inner_axis, inner) · orientation`. The joint angles that point a body
+direction upward solve Paden-Kahan subproblem 2 (Murray, Li, Sastry, *A Mathematical Introduction to Robotic
+Manipulation*, 1994, 3.3).
 """
 
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 
 from calstation.errors import ConfigurationError
 from calstation.physics.arrays import FloatArray
+from calstation.physics.parameters import AXES
 from calstation.physics.rotation import angle_about, axis_rotation
 
 UP = np.array([0.0, 0.0, 1.0])
 OUTER, INNER = 0, 1
 #: Names of the joints in messages, files and the message catalogue.
 JOINTS = ("outer", "inner")
+
+#: A rotation matrix by rows.
+Orientation = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+#: Orientation of a unit whose axes are those of the platform, and its name.
+DEFAULT_ORIENTATION = "+x+z"
+ALIGNED: Orientation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+#: Names of the 24 right-angled orientations of a unit: its body axes along x and z of the platform.
+ORIENTATIONS = tuple(f"{x}{a}{z}{b}" for x, a, z, b in product("+-", "xyz", "+-", "xyz") if a != b)
 
 #: Largest permitted angle between the achieved and the requested direction, rad.
 _REACH = np.deg2rad(5.0)
@@ -64,19 +75,24 @@ class GimbalJoints:
 
 @dataclass(frozen=True)
 class TableGeometry:
-    """Axes of a two-axis table, expressed in b at home (both joints 0), and its limits; `gimbal` for a gimbal only."""
+    """Axes of a two-axis table, expressed in platform axes at home (both joints 0), and its limits.
+
+    The platform's axes are those of a unit with the default orientation.
+    """
 
     outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
     inner_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
     limits: JointLimits = field(default_factory=JointLimits)
-    gimbal: GimbalJoints | None = None
+    gimbal: GimbalJoints | None = None  #: None for a table.
+    orientation: Orientation = ALIGNED  #: Rotation from b to the platform's axes.
 
     def body_to_home(self, outer: float, inner: float) -> FloatArray:
-        """Return the rotation from b to b at home at joint angles in rad, shape (3, 3)."""
-        return axis_rotation(self.outer_axis, outer) @ axis_rotation(self.inner_axis, inner)
+        """Return the rotation from b to the platform's axes at home at joint angles in rad, shape (3, 3)."""
+        turned = axis_rotation(self.outer_axis, outer) @ axis_rotation(self.inner_axis, inner)
+        return turned if self.orientation == ALIGNED else turned @ np.array(self.orientation)
 
     def body_to_level(self, outer: float, inner: float, azimuth: float) -> FloatArray:
-        """Return `C_bn` (ENU), shape (3, 3), at joint angles and heading of +y at home, rad."""
+        """Return `C_bn` (ENU), shape (3, 3), at joint angles and heading of platform +y at home, rad."""
         return axis_rotation((0.0, 0.0, 1.0), -azimuth) @ self.body_to_home(outer, inner)
 
     def nearest(self, joint: int, angle: float, near: float) -> float:
@@ -101,14 +117,18 @@ class TableGeometry:
 
         Raises ConfigurationError if the axes cannot achieve this within 5°.
         """
+        return self._platform_up(self._on_platform(direction), near)
+
+    def _platform_up(self, p: FloatArray, near: tuple[float, float]) -> tuple[float, float]:
+        """Do as `pose_up` for a unit vector in platform axes."""
         w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
-        p = direction / np.linalg.norm(direction)
         solutions = []
         for c in _circle_intersections(w1, w2, p, UP):
             inner = near[INNER] if _parallel(p, w2) else angle_about(w2, p, c)
             reached = axis_rotation(self.inner_axis, inner) @ p
             outer = near[OUTER] if _parallel(reached, w1) else angle_about(w1, reached, UP)
-            if np.arccos(np.clip((self.body_to_home(outer, inner) @ p) @ UP, -1.0, 1.0)) < _REACH:
+            turned = axis_rotation(self.outer_axis, outer) @ axis_rotation(self.inner_axis, inner)
+            if np.arccos(np.clip((turned @ p) @ UP, -1.0, 1.0)) < _REACH:
                 pose = (self.nearest(OUTER, outer, near[OUTER]), self.nearest(INNER, inner, near[INNER]))
                 solutions.append(pose)
         if not solutions:
@@ -120,7 +140,7 @@ class TableGeometry:
 
         Angles are in rad. Raises ConfigurationError if neither joint axis can be aligned with it within 5°.
         """
-        a = axis / np.linalg.norm(axis)
+        a = self._on_platform(axis)
         w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
         if _parallel(a, w2):
             return BodyTurn(INNER, 1 if a @ w2 > 0.0 else -1, None)
@@ -152,7 +172,19 @@ class TableGeometry:
         """Return the joint that rotates about the vertical, and the pose (outer, inner; rad) for that rotation."""
         if _parallel(np.array(self.outer_axis), UP):
             return OUTER, near
-        return INNER, self.pose_up(np.array(self.inner_axis), near)
+        return INNER, self._platform_up(np.array(self.inner_axis) / np.linalg.norm(self.inner_axis), near)
+
+    def _on_platform(self, direction: FloatArray) -> FloatArray:
+        """Return the unit vector along a body direction in platform axes."""
+        unit = direction / np.linalg.norm(direction)
+        return np.asarray(unit if self.orientation == ALIGNED else np.array(self.orientation) @ unit)
+
+
+def orientation_matrix(name: str) -> Orientation:
+    """Return the rotation from b to the platform's axes of one of `ORIENTATIONS`, see there."""
+    x, z = (np.eye(3)[AXES.index(axis[1])] * (1.0 if axis[0] == "+" else -1.0) for axis in (name[:2], name[2:]))
+    rows = (x, np.cross(z, x), z)
+    return tuple(tuple(float(part) + 0.0 for part in row) for row in rows)  # type: ignore[return-value]
 
 
 def _parallel(a: FloatArray, b: FloatArray) -> bool:

@@ -277,6 +277,7 @@ class _Acceptance:
         where, force = Where(stage=evidence.stage, rest=rule.position), np.full(3, math.nan)
         if rule.position < len(evidence.rests):
             _, force = evidence.rests[rule.position].compensated(self._found.mean)
+            force = np.array(self._context.table.orientation) @ force
         if rule.horizontal_within is not None:
             value = float(np.abs(force[:2]).max())
             yield self._check("level_horizontal", value, rule.horizontal_within, "m/s²", where)

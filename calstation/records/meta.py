@@ -19,14 +19,17 @@ from calstation.estimation.common import Belief, ImuModel, Secondary, Site, Solv
 from calstation.messages import os_reason
 from calstation.physics import (
     COUNT,
+    DEFAULT_ORIENTATION,
     INDEX,
     NAMES,
+    ORIENTATIONS,
     PAIR_PARAMETERS,
     PARAMETERS,
     EffectName,
     FloatArray,
     further_parameter,
     group_indices,
+    orientation_matrix,
 )
 from calstation.records.checks import ChecksSection, ConformitySection
 from calstation.records.files import write_atomic
@@ -104,6 +107,15 @@ class TableSection(StrictModel):
     base_tilt_sigma_deg: float = Field(default=0.2, gt=0, le=90)
     velocity_sigma: float = Field(default=1e-3, gt=0)
     velocity_interval_s: float = Field(default=0.1, gt=0)
+    #: Body axes along x and z of the platform at home; not stored if it is the default.
+    orientation: str = Field(default=DEFAULT_ORIENTATION, exclude_if=lambda name: name == DEFAULT_ORIENTATION)
+
+    @field_validator("orientation")
+    @classmethod
+    def _known_orientation(cls, name: str) -> str:
+        if name not in ORIENTATIONS:
+            raise EntryError("log.no_orientation", orientation=name)
+        return name
 
     @field_validator("outer_axis", "inner_axis")
     @classmethod
@@ -177,6 +189,7 @@ class RunSection(StrictModel):
     calibration: CalibrationSection | None = None  #: None if the prior is that of the IMU profile.
     batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
     slot: str | None = None  #: Name of the unit's slot on the table; None at a station with one unit.
+    batch_units: list[str] | None = None  #: Serial numbers of all units of the batch, in the order of their slots.
 
 
 class ModelSection(StrictModel):
@@ -332,6 +345,7 @@ def _table_model(table: TableSection) -> TableModel:
         base_tilt,
         table.velocity_sigma,
         table.velocity_interval_s,
+        orientation_matrix(table.orientation),
     )
 
 

@@ -43,7 +43,7 @@ from calstation.errors import ConfigurationError
 from calstation.physics import BoolArray, FloatArray
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 12
+_VERSION = 13
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -94,6 +94,8 @@ class RunRecord:
     check_standard: bool = False  #: Whether the unit was a check standard of the product, and none of production.
     origin: str = ""  #: Outbox of the folder that holds the run; "" for a run of this folder.
     location: str | None = None  #: Where the log of a run of another folder lies: a URL or ``host:path``.
+    batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
+    slot: str | None = None  #: Name of the unit's slot on the table.
 
     @property
     def verdict(self) -> str:
@@ -140,7 +142,7 @@ class RunColumns:
 class RunFilter:
     """Conditions for runs, all of which must hold; "" is no condition."""
 
-    search: str = ""  #: Part of a serial number, file name, product, station or operator.
+    search: str = ""  #: Part of a serial number, file name, product, station, operator or batch.
     verdict: str = ""
     product: str = ""
     station: str = ""
@@ -148,6 +150,7 @@ class RunFilter:
     since: str = ""  #: Earliest start, ISO 8601 in UTC without an offset.
     before: str = ""  #: End of the starts, which is not included, in the same format.
     names: tuple[str, ...] = ()  #: File names of the logs without suffix; () is no condition.
+    batch: str = ""
 
 
 @dataclass(frozen=True)
@@ -164,9 +167,9 @@ _RECORD = TypeAdapter(RunRecord)
 #: Fields of a run that are columns; `text` is what a search finds, `content` the whole `RunRecord` as JSON.
 #: `parameters` and `failed_checks` are lists of names as JSON, `numbers` the values of all parameters, then their
 #: sigmas, as float64: those of 100,000 runs are read at once without parsing.
-_SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from")
+_SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from", "batch", "slot")
 #: Columns of the conditions, in an index of their own: a query does not read the contents of other runs.
-_FILTERED = ("started_utc", "name", "verdict", "product", "station", "operator", "text")
+_FILTERED = ("started_utc", "name", "verdict", "product", "station", "operator", "batch", "text")
 _metadata = MetaData()
 _runs = Table(
     "runs",
@@ -432,7 +435,7 @@ def _rows(connection: Connection, query: Select[Any]) -> list[tuple[Any, ...]]:
 
 
 def _conditions(wanted: RunFilter) -> list[ColumnElement[bool]]:
-    columns = ("verdict", "product", "station", "operator")
+    columns = ("verdict", "product", "station", "operator", "batch")
     conditions = [_runs.c[name] == getattr(wanted, name) for name in columns if getattr(wanted, name)]
     if wanted.since:
         conditions.append(_runs.c.started_utc >= wanted.since)
@@ -448,7 +451,7 @@ def _conditions(wanted: RunFilter) -> list[ColumnElement[bool]]:
 def _row(run: IndexedRun) -> dict[str, Any]:
     record = run.record
     columns = {name: getattr(record, name) for name in _SEARCHED}
-    texts = (record.serial, run.name, record.product, record.station, record.operator)
+    texts = (record.serial, run.name, record.product, record.station, record.operator, record.batch)
     columns["text"] = "\n".join(filter(None, texts)).casefold()
     columns["partial"] = record.partial
     columns["check_standard"] = record.check_standard

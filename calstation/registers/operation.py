@@ -243,7 +243,7 @@ def _with_turns(work: _ActiveOperation, control: Control, check_cancelled: Check
     settled: Settled | None = None
     with ExitStack() as stack:
         with _offering_at_rest():
-            devices = stack.enter_context(connected(work.setup, check_cancelled))
+            devices = stack.enter_context(connected((work.setup,), check_cancelled))
         imu = devices.imu
         unchanged = work.unchanged(imu)
         if unchanged is not None:
@@ -263,12 +263,12 @@ def _with_turns(work: _ActiveOperation, control: Control, check_cancelled: Check
             if work.entry is None or work.setup.corrected is Output.ASKED:
                 work.emit(Message("reference"))
                 with _offering_at_rest():
-                    drive.reference()
+                    drive.reference(drive.units)
             drive.control_loop.check_cancelled()
             work.emit(Message("registers_writing"))
             done = drive.run_in_background(lambda: work.write(imu))
             with work.verifying(drive.control_loop.check_cancelled):
-                data = drive.verification_data()
+                (data,) = drive.verification_data(drive.units).values()
             settled = work.verify(imu, done, data, drive.run_in_background)
             drive.finish()
             return State.DONE

@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from pathlib import PureWindowsPath
@@ -11,7 +11,16 @@ from typing import Literal
 import numpy as np
 
 from calstation.errors import InputError
-from calstation.physics import INDEX, PARAMETERS, FloatArray, compose, further_parameter
+from calstation.messages import Text
+from calstation.physics import (
+    AXES,
+    DEFAULT_ORIENTATION,
+    INDEX,
+    PARAMETERS,
+    FloatArray,
+    compose,
+    further_parameter,
+)
 from calstation.records import InstrumentSection, LaboratorySection, Limit, LogMeta
 from calstation.reports.budget import Budget
 from calstation.results import ParameterConformity, Result
@@ -113,6 +122,27 @@ def build_certificate(
         verdict=_verdict(result),
         rule="simple" if result.conformity is None else result.conformity.rule,
     )
+
+
+def arrangement(meta: LogMeta) -> Iterator[Text]:
+    """Yield where and how a unit of a batch, or one that is turned, was on the table; nothing for any other."""
+    run, table = meta.run, meta.table
+    in_batch = run is not None and run.batch is not None
+    if run is not None and in_batch:
+        yield Text.of("certificate.slot", slot=run.slot or "–", batch=run.batch)
+        others = [serial for serial in run.batch_units or () if serial != meta.imu.serial]
+        if others:
+            yield Text.of("certificate.together", count=len(others), serials=", ".join(others))
+    if in_batch or table.orientation != DEFAULT_ORIENTATION:
+        yield Text.of("certificate.orientation", x=_signed(table.orientation[:2]), z=_signed(table.orientation[2:]))
+    if in_batch and table.outer_lever == "estimated":
+        priors = {axis: meta.prior.get(f"outer_lever_{axis}") for axis in AXES}
+        arm = {axis: (prior and prior.value) or 0.0 for axis, prior in priors.items()}
+        yield Text.of("certificate.lever", **{axis: _signed(f"{value:.3f}") for axis, value in arm.items()})
+
+
+def _signed(text: str) -> str:
+    return text.replace("-", "−")
 
 
 def _laboratory(meta: LogMeta) -> LaboratorySection | None:

@@ -17,7 +17,7 @@ from calstation import __version__
 from calstation.messages import Language, Text, known, parameter_name, render, term
 from calstation.physics import INDEX, pair_name
 from calstation.records import InstrumentSection, context_from_meta
-from calstation.reports.content import Certificate, Quantity, group_of
+from calstation.reports.content import Certificate, Quantity, arrangement, group_of
 from calstation.reports.dsi import dsi_unit, joint_list, real, real_list
 
 SCHEMA_VERSION = "3.3.0"
@@ -145,14 +145,25 @@ def _statements(certificate: Certificate) -> Iterable[etree._Element]:
     if certificate.supersedes is not None:
         replaced = ". ".join(filter(None, (certificate.supersedes, certificate.reason)))
         yield _DCC("statement", _name("superseded"), _DCC("declaration", _plain(replaced)))
+    placed = list(arrangement(certificate.meta))
+    if placed:
+        yield _DCC("statement", _name("arrangement"), _declaration(placed))
     if certificate.laboratory is not None and certificate.laboratory.place is not None:
         further = _DCC("further", _plain(certificate.laboratory.place))
         yield _DCC("statement", _name("place"), _DCC("location", further))
 
 
 def _deviation(text: Text) -> etree._Element:
-    declared = _texts("declaration", lambda language: render(text.code, text.values, language, window=True).sentences)
+    declared = _declaration([text])
     return _DCC("statement", _name("deviation"), _DCC("norm", _NORM), _DCC("reference", "7.8.2.1 n)"), declared)
+
+
+def _declaration(texts: Iterable[Text]) -> etree._Element:
+    def written(language: Language) -> str:
+        sentences = (render(text.code, text.values, language, window=True).sentences for text in texts)
+        return ("" if language == "zh_CN" else " ").join(sentences)
+
+    return _texts("declaration", written)
 
 
 def _measurement_result(certificate: Certificate) -> etree._Element:

@@ -21,7 +21,7 @@ from calstation.physics import (
 from calstation.records import COVERAGE_FACTOR, Check, context_from_meta
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import SOURCES
-from calstation.reports.content import Certificate, Quantity, group_of, performed
+from calstation.reports.content import Certificate, Quantity, arrangement, group_of, performed
 from calstation.reports.deviations import deviations
 from calstation.reports.numbers import NONE, check_unit, exact, in_display, interval, percentage, rounded, short
 from calstation.results import Verification, plain
@@ -258,6 +258,7 @@ class _Document:
             "temperature": None
             if temperature is None
             else {"mean": f"{temperature.mean:.1f}", "range": [f"{temperature.min:.1f}", f"{temperature.max:.1f}"]},
+            "arrangement": [self._say(text) for text in arrangement(self._meta)],
             "latitude": f"{self._meta.site.latitude_deg:.4f}",
             "longitude": f"{self._meta.site.longitude_deg:.4f}",
             "height": f"{self._meta.site.height_m:.0f}",

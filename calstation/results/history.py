@@ -242,9 +242,12 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
         partial=result.partial,
         released=result.released,
         check_standard=result.check_standard is not None,
+        batch=result.batch,
+        slot=result.slot,
     )
     texts = (record.serial, record.started_utc, record.outcome, record.product, record.station, record.operator)
-    "".join(filter(None, (*texts, *record.stages, record.error))).encode()  # raises for a lone surrogate
+    further = (*record.stages, record.error, record.batch, record.slot)
+    "".join(filter(None, (*texts, *further))).encode()  # raises for a lone surrogate
     if "\0" in record.serial + record.started_utc:
         raise ValueError("PostgreSQL has no such character")
     known = {name: row for name, row in result.parameters.items() if math.isfinite(row.value)}
@@ -269,6 +272,8 @@ def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> 
         result=None,
         duration=0.0,
         resumed_from=run.resumed_from if run else None,
+        batch=run.batch if run else None,
+        slot=run.slot if run else None,
     )
     return IndexedRun(name, stamp, record, {}, {})
 

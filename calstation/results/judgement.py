@@ -145,6 +145,8 @@ def build_result(
         "latitude_untold": unconfirmed_latitude(meta, solutions),
         "resumed_from": run.resumed_from if run else None,
         "standard_override": run.standard_override if run else None,
+        "batch": run.batch if run else None,
+        "slot": run.slot if run else None,
     }
     return Result.model_validate(
         {

@@ -1,4 +1,4 @@
-"""Evaluates a run: checks limits after each stage and at the end, transfers the registers and verifies them."""
+"""Evaluates a unit: checks limits after each stage and at the end, transfers the registers and verifies them."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -25,19 +25,23 @@ from calstation.registers import (
 from calstation.registers import journal as register_journal
 from calstation.results import estimate_of, judge
 from calstation.runs.prepare import OpenRun
-from calstation.sequencer import CaptureReference, Finalized, Message, RunInBackground, StopRequested, VerificationData
+from calstation.runs.verdict import close_run
+from calstation.sequencer import Ended, Judged, Message, RunInBackground, StopRequested, VerificationData
 
 logger = logging.getLogger(__name__)
 
 
 class Finalization:
-    """Evaluates a run, see `calstation.sequencer.sequencer.Evaluation`."""
+    """Evaluates a unit, see `calstation.sequencer.Evaluation`; `closed` is whether its end has been told."""
 
     def __init__(self, run: OpenRun, imu: Imu) -> None:
         self._run = run
         self._setup = run.setup
         self._imu = imu
         self._entries = RegisterMap(tuple(run.setup.imu.registers))
+        self.closed = False
+        self._old: Mapping[str, float] = {}
+        self._wanted: Mapping[str, float] = {}
         self._done: Transferred | None = None
         self._belief: Belief | None = None
         #: Sizes of the effects in the model of the unit, SI by parameter.
@@ -61,14 +65,8 @@ class Finalization:
         self._judge_standard(solutions)
         return False
 
-    def finalize(
-        self, solutions: tuple[Solution, ...], run_in_background: RunInBackground, capture_reference: CaptureReference
-    ) -> Finalized:
-        """Check the limits; if they are met, capture the unit's output and write its registers.
-
-        A stop before the first register takes effect immediately; a later one waits until the transfer is done. Raises
-        DeviceFaultError or StopRequested.
-        """
+    def judge(self, solutions: tuple[Solution, ...]) -> Judged:
+        """Check the limits, and determine the registers to write if they are met."""
         run = self._run
         standard_passed = self._judge_standard(solutions)
         if not judge(run.meta, run.chain.prior, solutions).passed:
@@ -76,25 +74,41 @@ class Finalization:
             untold = unconfirmed_latitude(run.meta, solutions)
             if untold is not None:
                 run.emit(Message("latitude_untold", untold))
-            return Finalized(passed=False, written=False)
+            return Judged(passed=False, to_write=False)
         if standard_passed is not None or not self._entries.parameters:  # a check standard is never adjusted
-            return Finalized(passed=standard_passed is not False, written=False)
+            return Judged(passed=standard_passed is not False, to_write=False)
+        self._wanted = self._registers(solutions)
+        return Judged(passed=True, to_write=True)
+
+    def read_registers(self, run_in_background: RunInBackground) -> None:
+        """Read the unit's registers, log them and sync the log to disk before anything is written to the unit.
+
+        Raises DeviceFaultError, or ConfigurationError if the log cannot be written.
+        """
+        run = self._run
         # Only this thread may write the log, so the registers are read and logged before the transfer begins.
         run.emit(Message("registers_reading"))
-        old = run_in_background(lambda: flash_registers(self._imu))
-        self._log_old(old, run_in_background)
-        wanted = self._wanted(solutions)
+        self._old = old = run_in_background(lambda: flash_registers(self._imu))
+        run.registers |= {"old": dict(old), "new": None, "verified": False}
+        run.log.event({"event": "OldRegisters", "registers": dict(old)})
+        run_in_background(run.log.begin_sync().result)
+        run.log.service()
         kept = [name for name in self._effects if name not in self._entries.parameters]
         if kept:
             run.emit(Message("states_without_register", {"states": ", ".join(kept)}))
-        check_cancelled = run.prepared.control.check_cancelled
-        run.emit(Message("reference"))
-        capture_reference()
+
+    def transfer(self, run_in_background: RunInBackground) -> None:
+        """Write the registers.
+
+        A stop before the first register takes effect immediately; a later one waits until the transfer is done. Raises
+        DeviceFaultError or StopRequested.
+        """
+        run, check_cancelled = self._run, self._run.prepared.control.check_cancelled
         check_cancelled()
         run.emit(Message("registers_transfer"))
-        logger.info("transfer of %d registers begins", len(wanted))
+        logger.info("transfer of %d registers begins", len(self._wanted))
         self._done = done = run_in_background(
-            lambda: transfer(self._imu, self._entries, run.serial, wanted, self._begin, old)
+            lambda: transfer(self._imu, self._entries, run.serial, self._wanted, self._begin, self._old)
         )
         run.registers["new"] = dict(done.found)
         try:
@@ -103,7 +117,6 @@ class Finalization:
             run.emit(Message("transfer_finished"))
             run.emit(Message("transfer_unproved"))
             raise
-        return Finalized(passed=True, written=True)
 
     def _judge_standard(self, solutions: tuple[Solution, ...]) -> bool | None:
         """Compare a check standard with its reference; None for a unit of production."""
@@ -152,7 +165,14 @@ class Finalization:
         message = "registers_written" if data.corrected else "registers_read_back"
         run.emit(Message(message, {"count": len(self._done.found)}))
 
-    def _wanted(self, solutions: tuple[Solution, ...]) -> dict[str, float]:
+    def ended(self, ended: Ended) -> None:
+        """Write the result of the unit and emit its verdict."""
+        self.closed, run = True, self._run
+        if run.unverified is not None and run.unverified.open:
+            run.emit(Message("transfer_unproved"))
+        close_run(run, ended)
+
+    def _registers(self, solutions: tuple[Solution, ...]) -> dict[str, float]:
         """Return the registers to write; those of parameters that no stage estimated keep their values."""
         self._belief = belief = solutions[-1].belief
         found = dict(zip(NAMES, belief.mean.tolist(), strict=True))
@@ -165,11 +185,3 @@ class Finalization:
         log, site = self._run.log.path, journal_folder(self._setup.station)
         purpose = Purpose.of(self._setup, self._imu.identify().model, "run", log.name)
         return register_journal.begin(log.parent, self._run.serial, old, new, purpose, site)
-
-    def _log_old(self, old: Mapping[str, float], run_in_background: RunInBackground) -> None:
-        """Log the unit's registers and sync the log to disk before anything is written to the unit."""
-        run = self._run
-        run.registers |= {"old": dict(old), "new": None, "verified": False}
-        run.log.event({"event": "OldRegisters", "registers": dict(old)})
-        run_in_background(run.log.begin_sync().result)
-        run.log.service()

@@ -56,7 +56,7 @@ def _run(prepared: PreparedRun) -> None:
     run: OpenRun | None = None
     setup, check_cancelled = prepared.setup, prepared.control.check_cancelled
     try:
-        with connected(setup, check_cancelled) as devices, prepared.cycle.on(devices.clock):
+        with connected((setup,), check_cancelled) as devices, prepared.cycle.on(devices.clock):
             prepared.hooks.connected(devices)
             unverified = recover_interrupted(devices, setup, prepared.folder, prepared.emit, check_cancelled)
             run = prepared.open(_registers(devices.imu, setup), unverified)
@@ -85,27 +85,27 @@ def _registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
 
 def _sequence(run: OpenRun, devices: Devices) -> None:
     """Drive and solve the remaining stages, and close the run, even after a programming error."""
+    evaluation = Finalization(run, devices.imu)
     try:
-        ended = _drive(run, devices)
-        if run.unverified is not None and run.unverified.open:
-            run.emit(Message("transfer_unproved"))
+        _drive(run, devices, evaluation)
     except Exception as mistake:
+        if evaluation.closed:  # the result itself could not be written
+            raise
         logger.exception("the run ended by a mistake of the program")
         error = CalstationError("program.internal", detail=f"{type(mistake).__name__}: {mistake}")
         with suppress(OSError, RuntimeError, CalstationError):  # the log itself may have failed
             close_run(run, Ended(State.FAULT, tuple(run.chain.solutions), error))
         raise
-    close_run(run, ended)
 
 
-def _drive(run: OpenRun, devices: Devices) -> Ended:
+def _drive(run: OpenRun, devices: Devices, evaluation: Finalization) -> None:
     try:
         after = _resume(run)
         solved = tuple(run.chain.solutions)
         if solved:
             devices.imu.read()  # discards samples received while they were solved
-        task = run.setup.task()
-        slot = Slot(devices.imu, run.setup.unit_task(run.meta), run.log, run.chain, after)
+        task, unit = run.setup.task(), run.setup.unit_task(run.meta)
+        slot = Slot(devices.imu, unit, run.log, run.chain, after, evaluation=evaluation, solved=solved)
         context = RunContext(
             replace(task, stages=task.stages[len(solved) :]),
             devices.table,
@@ -114,9 +114,11 @@ def _drive(run: OpenRun, devices: Devices) -> Ended:
             run.prepared.emit,
             run.prepared.control,
         )
-        return Sequencer(context, Finalization(run, devices.imu), solved).run()
+        sequencer = Sequencer(context)
     except (StopRequested, CalstationError) as error:
-        return _ended(run, error)
+        evaluation.ended(_ended(run, error))
+        return
+    sequencer.run()
 
 
 def _resume(run: OpenRun) -> LastSample | None:

@@ -1,4 +1,4 @@
-"""Executes steps, guards motion and emits events for one table and its unit.
+"""Executes steps, guards motion and emits events for one table and its units.
 
 The package is independent of user interfaces; it writes the raw log only through `Slot.journal`.
 """

@@ -7,11 +7,13 @@ from .capture import mean_at_rest as mean_at_rest
 from .context import Clock as Clock
 from .context import Emit as Emit
 from .context import Ended as Ended
-from .context import Finalized as Finalized
+from .context import Evaluation as Evaluation
+from .context import Judged as Judged
 from .context import LastSample as LastSample
 from .context import Output as Output
 from .context import PreflightLimits as PreflightLimits
 from .context import RunContext as RunContext
+from .context import RunInBackground as RunInBackground
 from .context import Slot as Slot
 from .context import StatusMasks as StatusMasks
 from .context import Task as Task
@@ -21,9 +23,7 @@ from .control import Control as Control
 from .control import State as State
 from .control import StopReason as StopReason
 from .control import StopRequested as StopRequested
-from .control_loop import NO_DATA as NO_DATA
 from .driving import Driving as Driving
-from .driving import RunInBackground as RunInBackground
 from .events import LOSSY as LOSSY
 from .events import Event as Event
 from .events import Fault as Fault
@@ -54,5 +54,5 @@ from .plan import move_time as move_time
 from .plan import plan_time as plan_time
 from .plan import planned as planned
 from .plan import step_time as step_time
-from .sequencer import CaptureReference as CaptureReference
 from .sequencer import Sequencer as Sequencer
+from .units import NO_DATA as NO_DATA

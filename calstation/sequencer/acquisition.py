@@ -48,6 +48,28 @@ class Flow:
     stuck: str = ""
 
 
+@dataclass
+class Stamps:
+    """What the samples of all units have in common: every later drain stamps `stage`, `step` and `valid` on them.
+
+    While `unlogged` is set, samples go only to taps.
+    """
+
+    step: int = 0
+    stage: str = ""
+    valid: bool = True
+    unlogged: bool = False
+
+    @contextmanager
+    def unlogged_samples(self) -> Iterator[None]:
+        """Keep samples out of the logs while the context is open."""
+        before, self.unlogged = self.unlogged, True
+        try:
+            yield
+        finally:
+            self.unlogged = before
+
+
 class Acquisition:
     """Converts the IMU's samples into stamped blocks for the log and the solver.
 
@@ -59,9 +81,7 @@ class Acquisition:
     If exactly one wrap of the counter is lost, the counter shows no gap. The station clock reveals the loss: the
     samples after it are later than all before it by the duration of a wrap.
 
-    `stage`, `step` and `valid` are stamped on the samples of every later drain. While `unlogged` is set, samples go
-    only to taps. `breaks` counts interruptions of the counter and losses of readiness, `restarts` only those that prove
-    a restart.
+    `breaks` counts interruptions of the counter and losses of readiness, `restarts` only those that prove a restart.
     """
 
     def __init__(
@@ -69,13 +89,14 @@ class Acquisition:
         imu: Imu,
         unit: UnitTask,
         clock: Clock,
+        stamps: Stamps,
         sink: Callable[[SampleBlock], None],
         *,
         latency: float = 0.0,
         after: LastSample | None = None,
         gimbal: bool = False,
     ) -> None:
-        self._imu, self._unit, self._clock, self._sink = imu, unit, clock, sink
+        self._imu, self._unit, self._clock, self._stamps, self._sink = imu, unit, clock, stamps, sink
         self._latency, self._gimbal = latency, gimbal
         self.scale = unit.model.count_size
         self._latest: SampleBatch | None = None
@@ -93,10 +114,6 @@ class Acquisition:
         self._last_seq: int | None = None
         self._after = after
         self._seq_shift, self._time_shift = 0, 0.0
-        self.stage = ""
-        self.step = 0 if after is None else after.step + 1
-        self.valid = True
-        self.unlogged = False
         self.newest: float | None = None
         self.gaps = 0
         self.breaks = self.restarts = 0
@@ -133,7 +150,7 @@ class Acquisition:
         before = int(batch.seq[0]) - 1 if self._last_seq is None else self._last_seq
         self._last_seq = int(batch.seq[-1])
         missing = self._last_seq - before - count
-        if not self.unlogged:
+        if not self._stamps.unlogged:
             self.gaps += missing > 0
         self.breaks += missing > 0
         self.newest = float(batch.time[-1])
@@ -151,20 +168,20 @@ class Acquisition:
         station = np.full((count, 1), np.nan)
         station[-1] = now
         block = SampleBlock(
-            stage=self.stage,
+            stage=self._stamps.stage,
             seq=batch.seq,
             time=batch.time,
             counts=batch.counts,
             angles=np.full((count, 2), np.nan) if self._gimbal else polled,
-            step=np.full(count, self.step, np.int64),
-            valid=self.valid & sound,
+            step=np.full(count, self._stamps.step, np.int64),
+            valid=self._stamps.valid & sound,
             temperature=batch.temperature,
             joints=polled if self._gimbal else np.empty((count, 0)),
             station=station,
         )
         for tap in self._taps:
             tap.append(block)
-        if not self.unlogged:
+        if not self._stamps.unlogged:
             self._sink(block)
         masks = self._unit.masks
         ready = masks.ready == 0 or bool(batch.status[-1] & masks.ready)
@@ -199,15 +216,6 @@ class Acquisition:
             yield blocks
         finally:
             self._taps.remove(blocks)
-
-    @contextmanager
-    def unlogged_samples(self) -> Iterator[None]:
-        """Keep samples out of the log while the context is open."""
-        before, self.unlogged = self.unlogged, True
-        try:
-            yield
-        finally:
-            self.unlogged = before
 
     def _with_wraps(self, batch: SampleBatch, now: float) -> SampleBatch:
         """Return the batch with the run's counter and time, corrected for lost whole wraps of the unit's counter."""

@@ -1,9 +1,11 @@
-"""Captures the output of a unit for verification: rests in several attitudes and turns of both joints, and their path.
+"""Captures the output of units for verification: rests in several attitudes and turns of both joints, and their path.
 
 The turns excite every gyro, the rests every accelerometer.
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
@@ -23,6 +25,9 @@ from calstation.physics import (
 from calstation.sequencer.control import Interruption
 from calstation.sequencer.gimbal import TurnDrift
 from calstation.sequencer.steps import StepRunner
+from calstation.sequencer.units import Unit
+
+_Value = TypeVar("_Value")
 
 #: Duration of a rest on a manual rig, s.
 REST = 10.0
@@ -276,77 +281,119 @@ class VerificationData:
 
 
 class Restarted(Interruption):
-    """The unit restarted during a capture: samples before and after must not be mixed."""
+    """A unit restarted during a capture: samples before and after must not be mixed."""
+
+    def __init__(self, unit: Unit) -> None:
+        super().__init__(unit)
+        self.unit = unit
 
 
-def verification_data(runner: StepRunner, path: VerificationPath, *, is_reference: bool) -> VerificationData:
-    """Capture rests and turns along a path.
+def verification_data(
+    runner: StepRunner, path: VerificationPath, units: Iterable[Unit], *, is_reference: bool
+) -> dict[Unit, VerificationData]:
+    """Capture rests and turns of some units along a path; units that leave the run meanwhile have no data.
 
     A reference needs no opposite rest, but must return to the start, from where the next capture begins. The table must
-    be at the start, and the stream must not be broken. Raises DeviceFaultError or Restarted.
+    be at the start, and no stream must be broken. Raises DeviceFaultError or Restarted.
     """
-    rests, opposites = [_rest(runner)], []
-    parts: list[list[Turned]] = [[] for _ in path.turns]
+    units = tuple(units)
+    rests, opposites = [_rest(runner, units)], []
+    parts: list[list[dict[Unit, Turned]]] = [[] for _ in path.turns]
     here = path.start
     for leg in path.legs if is_reference else path.measured:
         if leg.turn is None:
             runner.drive(leg.move)
         else:
-            parts[leg.turn].append(_turn(runner, path.turns[leg.turn], leg, here))
+            parts[leg.turn].append(_turn(runner, units, path.turns[leg.turn], leg, here))
         if leg.rest:
-            rests.append(_rest(runner))
+            rests.append(_rest(runner, units))
         elif leg.opposite and not is_reference:
-            opposites.append(_rest(runner))
+            opposites.append(_rest(runner, units))
         here = leg.move.outer, leg.move.inner
-    turns = (Turned(p[0].turn, np.sum([q.integral for q in p], axis=0), sum(q.seconds for q in p)) for p in parts)
-    return VerificationData((*rests, *opposites), SHORT_REST, tuple(turns))
+    return {
+        unit: VerificationData(
+            tuple(rest[unit] for rest in (*rests, *opposites)),
+            SHORT_REST,
+            tuple(_joined([part[unit] for part in turn]) for turn in parts),
+        )
+        for unit in runner.units.of(units)
+    }
 
 
-def _rest(runner: StepRunner) -> FloatArray:
-    """Return the mean output over a rest, rad/s and m/s², shape (6,)."""
-    for _ in range(_ATTEMPTS):
-        _restore(runner)
-        with runner.acquisition.tap() as blocks:
-            runner.control_loop.rested(SHORT_REST)
-        if _is_complete(runner, blocks):
-            counts = np.concatenate([block.counts for block in blocks])
-            return mean_at_rest(counts) * runner.acquisition.scale
-    raise _lossy_error(runner)
+def _joined(legs: list[Turned]) -> Turned:
+    """Return the turn that consists of these legs."""
+    return Turned(legs[0].turn, np.sum([leg.integral for leg in legs], axis=0), sum(leg.seconds for leg in legs))
 
 
-def _turn(runner: StepRunner, turn: Turn, leg: Leg, start: tuple[float, float]) -> Turned:
+def _rest(runner: StepRunner, units: tuple[Unit, ...]) -> dict[Unit, FloatArray]:
+    """Return the mean output of each unit over a rest, rad/s and m/s², shape (6,)."""
+
+    def mean(unit: Unit, blocks: list[SampleBlock]) -> FloatArray:
+        return mean_at_rest(np.concatenate([block.counts for block in blocks])) * unit.acquisition.scale
+
+    return _captured(runner, units, lambda: runner.control_loop.rested(SHORT_REST), mean)
+
+
+def _turn(
+    runner: StepRunner, units: tuple[Unit, ...], turn: Turn, leg: Leg, start: tuple[float, float]
+) -> dict[Unit, Turned]:
     """Measure one leg of a turn; if samples are lost, return to the start of the leg and repeat it."""
-    move = leg.move
+    move, loop = leg.move, runner.control_loop
+
+    def integral(unit: Unit, blocks: list[SampleBlock]) -> Turned:
+        counts = np.concatenate([block.counts for block in blocks])
+        period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
+        return Turned(turn, counts.sum(axis=0) * unit.acquisition.scale * period, period * len(counts))
+
+    def drive() -> None:
+        loop.tick()  # a gap before the first block would not be detected
+        runner.drive(move)
+        loop.rested(_AFTER_MOVE)
+
+    def back() -> None:
+        runner.drive(Move(*start, move.rate, move.acceleration, ("return",)))
+
+    return _captured(runner, units, drive, integral, back)
+
+
+def _captured(
+    runner: StepRunner,
+    units: tuple[Unit, ...],
+    record: Callable[[], None],
+    measure: Callable[[Unit, list[SampleBlock]], _Value],
+    before_repeat: Callable[[], None] = lambda: None,
+) -> dict[Unit, _Value]:
+    """Record samples until those of every unit have been complete once; units whose samples never are leave the run."""
+    found: dict[Unit, _Value] = {}
     for attempt in range(_ATTEMPTS):
-        _restore(runner)
+        runner.units.each(_restore, units)
         if attempt:
-            runner.drive(Move(*start, move.rate, move.acceleration, ("return",)))
-        with runner.acquisition.tap() as blocks:
-            runner.control_loop.tick()  # a gap before the first block would not be detected
-            runner.drive(move)
-            runner.control_loop.rested(_AFTER_MOVE)
-        if _is_complete(runner, blocks):
-            counts = np.concatenate([block.counts for block in blocks])
-            period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
-            return Turned(turn, counts.sum(axis=0) * runner.acquisition.scale * period, period * len(counts))
-    raise _lossy_error(runner)
+            before_repeat()
+        with runner.units.taps() as blocks:
+            record()
+        for unit in runner.units.of(units):
+            if unit not in found and _is_complete(unit, blocks[unit]):
+                found[unit] = measure(unit, blocks[unit])
+        missing = [unit for unit in runner.units.of(units) if unit not in found]
+        if not missing:
+            break
+    else:
+        runner.units.each(_restore, missing)
+        for unit in missing:
+            runner.units.leave(unit, DeviceFaultError("stream.lossy"))
+    return found
 
 
-def _restore(runner: StepRunner) -> None:
+def _restore(unit: Unit) -> None:
     """Restore a broken stream. Raises Restarted."""
-    if runner.stream.broken and runner.stream.restore():
-        raise Restarted
+    if unit.stream.broken and unit.stream.restore():
+        raise Restarted(unit)
 
 
-def _is_complete(runner: StepRunner, blocks: list[SampleBlock]) -> bool:
+def _is_complete(unit: Unit, blocks: list[SampleBlock]) -> bool:
     """Whether there is more than one sample, none is missing and all are valid."""
     count = sum(map(len, blocks))
-    return count > 1 and not runner.stream.broken and all(block.valid.all() for block in blocks)
-
-
-def _lossy_error(runner: StepRunner) -> DeviceFaultError:
-    _restore(runner)
-    return DeviceFaultError("stream.lossy")
+    return count > 1 and not unit.stream.broken and all(block.valid.all() for block in blocks)
 
 
 def mean_at_rest(counts: FloatArray) -> FloatArray:
@@ -363,17 +410,21 @@ def mean_at_rest(counts: FloatArray) -> FloatArray:
 
 
 def carried_data(runner: StepRunner) -> VerificationData:
-    """Capture a rest, have the operator turn the unit over, capture a rest. Raises DeviceFaultError on lost samples."""
+    """Capture a rest, have the operator turn the only unit over, capture a rest.
+
+    Raises DeviceFaultError on lost samples.
+    """
     outer, inner = runner.guiding.asked
+    acquisition = runner.units.first.acquisition
     over = turned_over(runner.control_loop.context.task.geometry, outer)
     for attempt in range(_ATTEMPTS):
         start, end = (outer, over) if attempt % 2 == 0 else (over, outer)
         runner.begin_stage()
-        with runner.acquisition.tap() as blocks:
+        with acquisition.tap() as blocks:
             runner.run(Carry(start, inner, REST, _CARRY_TIME if attempt else 0.0, 1, 2))
             first = sum(map(len, blocks))
             runner.run(Carry(end, inner, REST, _CARRY_TIME, 2, 2))
-        data = _carried(blocks, first, runner.acquisition.scale)
+        data = _carried(blocks, first, acquisition.scale)
         if data is not None:
             return data
     raise DeviceFaultError("stream.lossy")

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -19,6 +19,10 @@ from calstation.sequencer.plan import SETTLE, StagePlan
 
 if TYPE_CHECKING:  # the window uses tasks but not logs
     from calstation.records import RawLogWriter
+    from calstation.sequencer.capture import VerificationData
+
+#: Type of a function that runs another one to its end in a separate thread and returns its result or raises its error.
+RunInBackground = Callable[[Callable[[], Any]], Any]
 
 
 class Output(StrEnum):
@@ -77,7 +81,7 @@ class PreflightLimits:
 
 @dataclass(frozen=True)
 class UnitTask:
-    """One unit on the table: the properties of its stream and its preflight limits.
+    """One unit on the table: the properties of its stream, its preflight limits and the geometry in its own axes.
 
     `span` is the range of its channels, counts; its counter wraps after `wrap` samples.
     """
@@ -85,6 +89,7 @@ class UnitTask:
     serial: str
     model: ImuModel
     preflight: PreflightLimits
+    geometry: TableGeometry
     masks: StatusMasks = field(default_factory=StatusMasks)
     span: Span = field(default_factory=Span)
     wrap: float = np.inf
@@ -116,16 +121,16 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Finalized:
-    """Whether the unit passed, and whether registers were written and need verification."""
+class Judged:
+    """Whether the unit passed, and whether its registers are to be written; never if it has not passed."""
 
     passed: bool
-    written: bool
+    to_write: bool
 
 
 @dataclass(frozen=True)
 class Ended:
-    """How a run ended: final state, solutions of its stages, and the error in case of a fault."""
+    """How a run ended for a unit: final state, solutions of its stages, and the error in case of a fault."""
 
     state: State
     solutions: tuple[Solution, ...]
@@ -174,11 +179,41 @@ class Solving(Protocol):
         """Solve the stage."""
 
 
+class Evaluation(Protocol):
+    """Decides whether a unit continues after a stage, whether it passed and whether its registers are correct.
+
+    All communication with the unit runs in `run_in_background`, which a stop request does not interrupt. The table is
+    at rest meanwhile.
+    """
+
+    def verify_earlier(self) -> "Callable[[VerificationData, RunInBackground], None] | None":
+        """Return a function that verifies registers written before the run, or None if there are none to verify."""
+
+    def stage_passed(self, solution: Solution) -> bool:
+        """Whether to continue after a stage. Raises ConfigurationError."""
+
+    def judge(self, solutions: tuple[Solution, ...]) -> Judged:
+        """Check the results against the limits."""
+
+    def read_registers(self, run_in_background: RunInBackground) -> None:
+        """Read and log the registers that are to be replaced. Raises DeviceFaultError."""
+
+    def transfer(self, run_in_background: RunInBackground) -> None:
+        """Write the registers. Raises DeviceFaultError, and StopRequested before the first one or after the last."""
+
+    def verify(self, data: "VerificationData", run_in_background: RunInBackground) -> None:
+        """Verify the written registers with the restarted unit's output. Raises DeviceFaultError if they are wrong."""
+
+    def ended(self, ended: Ended) -> None:
+        """Write the result; called once, in any thread: when the unit leaves a batch, or at the end of the run."""
+
+
 @dataclass(frozen=True)
 class Slot:
     """A mounting position on the table with its unit, and all objects that belong to that unit.
 
-    A register operation has no `journal` and no `solving`. `after` is the last sample of the run that is resumed.
+    A register operation has no `journal`, `solving` and `evaluation`. `after` is the last sample of the run that is
+    resumed, and `solved` contains the stages solved before. `name` is "" for the only unit of a run.
     """
 
     imu: Imu
@@ -186,7 +221,9 @@ class Slot:
     journal: "RawLogWriter | None" = None
     solving: Solving | None = None
     after: LastSample | None = None
-    name: str = "unit"
+    name: str = ""
+    evaluation: Evaluation | None = None
+    solved: tuple[Solution, ...] = ()
 
     def take(self, block: SampleBlock) -> None:
         """Log samples, and feed those of a stage to its solver."""
@@ -198,7 +235,11 @@ class Slot:
 
 @dataclass(frozen=True)
 class RunContext:
-    """The objects that the parts of a run share, for one table. There is exactly one slot."""
+    """The objects that the parts of a run share, for one table.
+
+    `left` contains the names of the slots whose units have left the run: their logs take nothing more. A log of a batch
+    that cannot be written is noted in `log_errors` by name of its slot, until that unit leaves.
+    """
 
     task: Task
     table: Table
@@ -206,18 +247,28 @@ class RunContext:
     clock: Clock
     listener: Emit
     control: Control = field(default_factory=Control)
+    left: set[str] = field(default_factory=set)
+    log_errors: dict[str, CalstationError] = field(default_factory=dict)
 
     @property
     def slot(self) -> Slot:
-        """The only slot."""
-        (slot,) = self.slots
-        return slot
+        """The first slot, which is the only one on a manual rig, on a gimbal and of a register operation."""
+        return self.slots[0]
 
     def emit(self, event: Event) -> None:
-        """Pass an event to the listener, and to the logs unless it only refreshes a display."""
+        """Pass an event to the listener, and to the logs it concerns unless it only refreshes a display.
+
+        Raises ConfigurationError if the log of the last unit cannot be written.
+        """
         if not isinstance(event, LOSSY):
             entry = {"station_time": self.clock.now(), **to_json(event)}
-            for slot in self.slots:
-                if slot.journal is not None:
-                    slot.journal.event(entry)
+            active = [slot for slot in self.slots if slot.name not in self.left]
+            for slot in active:
+                if slot.journal is not None and event.slot in ("", slot.name):
+                    try:
+                        slot.journal.event(entry)
+                    except CalstationError as error:
+                        if len(active) == 1:
+                            raise
+                        self.log_errors[slot.name] = error
         self.listener(event)

@@ -1,10 +1,14 @@
 """States of a run, commands to it, and the exceptions with which they interrupt the current step."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from enum import StrEnum
 from queue import SimpleQueue
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from calstation.sequencer.units import Unit
 
 
 class State(StrEnum):
@@ -81,11 +85,14 @@ class PauseRequested(Interruption):
 
 
 class StepInvalid(Interruption):
-    """Samples of the step are lost or unusable; it must be repeated. `reason` is a term of the family ``reason``."""
+    """Samples of the step are lost or unusable; it must be repeated.
 
-    def __init__(self, reason: str) -> None:
-        super().__init__(reason)
-        self.reason = reason
+    `reasons` contains the units concerned, each with a term of the family ``reason``.
+    """
+
+    def __init__(self, reasons: "Mapping[Unit, str]") -> None:
+        super().__init__(reasons)
+        self.reasons = reasons
 
 
 class Control:

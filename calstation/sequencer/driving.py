@@ -1,8 +1,9 @@
-"""Prepares and moves a unit and captures its output; every exit path leaves the table at rest with its axes off."""
+"""Prepares and moves units and captures their output; every exit path leaves the table at rest with its axes off."""
 
 import logging
 import threading
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
@@ -11,7 +12,6 @@ import numpy as np
 
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.physics import Move
-from calstation.sequencer.acquisition import Acquisition
 from calstation.sequencer.capture import (
     Restarted,
     VerificationData,
@@ -29,6 +29,7 @@ from calstation.sequencer.guard import check_limits, check_travel, reason_of, sa
 from calstation.sequencer.preflight import Preflight
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.unit_stream import UnitStream
+from calstation.sequencer.units import Unit, Units
 
 #: Fraction of the gyro range used by the verification turns.
 _RANGE_FRACTION = 0.5
@@ -36,26 +37,22 @@ _RANGE_FRACTION = 0.5
 #: Settling time after a move that may be too short to appear in a poll, s.
 _SETTLED = 1.0
 
-#: Maximum number of capture attempts if the unit restarts during a capture; each starts from the beginning.
+#: Maximum number of captures in which a unit may restart before it is at fault; each starts from the beginning.
 _MAX_CAPTURES = 3
 
 #: Host time between polls while another thread works, s.
 POLL = 0.05
 
-#: Type of a function that runs another one to its end in a separate thread and returns its result or raises its error.
-RunInBackground = Callable[[Callable[[], Any]], Any]
-
 logger = logging.getLogger(__name__)
 
 
 class Driving:
-    """Operates the table and the unit of a run. Nothing moves outside `run` or before `begin` and `preflight`.
+    """Operates the table and the units of a run. Nothing moves outside `run` or before `begin` and `preflight`.
 
-    `begin` creates `control_loop`, `stream` and `runner`.
+    `begin` creates `control_loop` and `runner`.
     """
 
     control_loop: ControlLoop
-    stream: UnitStream
     runner: StepRunner
 
     def __init__(self, context: RunContext, on_show: Callable[[], None] = lambda: None) -> None:
@@ -63,19 +60,11 @@ class Driving:
         self._context = context
         self._on_show = on_show
         self._path: VerificationPath | None = None
-        self._reference: VerificationData | None = None
+        self._references: Mapping[Unit, VerificationData] = {}
         self._abandoned = threading.Event()
         self._begun = False
-        slot = context.slot
-        self.acquisition = Acquisition(
-            slot.imu,
-            slot.unit,
-            context.clock,
-            slot.take,
-            latency=context.task.latency,
-            after=slot.after,
-            gimbal=context.task.gimbal,
-        )
+        self.units = Units(context)
+        self.stamps = self.units.stamps
 
     def run(self, work: Callable[[], State]) -> CalstationError | None:
         """Run `work` and change to the state it returns. Every exit path leaves the table at rest with its axes off.
@@ -115,98 +104,114 @@ class Driving:
 
     def begin(self) -> None:
         """Poll the table for the first time; nothing moves. Raises DeviceFaultError if it does not respond."""
-        self.control_loop = ControlLoop(self._context, self.acquisition, self._on_show)
-        self.stream = UnitStream(self.control_loop, self.run_in_background, self._check_abandoned)
+        self.control_loop = ControlLoop(self._context, self.units, self._on_show)
+        for unit in self.units:
+            unit.stream = UnitStream(self.control_loop, unit, self.run_in_background, self._check_abandoned)
         gimbal = GimbalLoop(self.control_loop, self.run_in_background)
-        self.runner = StepRunner(self.control_loop, self.stream, gimbal, self.go)
+        self.runner = StepRunner(self.control_loop, gimbal, self.go)
         self._begun = True
 
     def preflight(self) -> None:
         """Run all preflight checks, switch the axes on and move home. Raises DeviceFaultError or ConfigurationError."""
         Preflight(self.runner).run()
         # From here on, a unit that restarts by itself is commanded to stream again.
-        self.control_loop.patient = True
+        for unit in self.units:
+            unit.patient = True
 
     def check_turns(self) -> None:
         """Check the verification path against the limits. Raises ConfigurationError."""
         if self._context.task.gimbal:  # its own turns are checked before each of them
             return
         own = self.control_loop.status.limits
-        for leg in self._verification_path(compared=False).legs:
+        for leg in self._verification_path(self.units, compared=False).legs:
             check_limits(self._context.task.geometry.limits, leg.move)
             check_travel(own, leg.move)
 
-    def reference(self) -> None:
-        """Capture the unit's current output as the reference for `verification_data`; only on a table.
+    def reference(self, units: Iterable[Unit]) -> None:
+        """Capture the current output of some units as the reference for `verification_data`; only on a table.
 
         Raises DeviceFaultError, ConfigurationError, StopRequested.
         """
         task = self._context.task
-        if task.by_hand or task.gimbal or self._context.slot.unit.corrected is Output.NEVER:
+        compared = [unit for unit in units if unit.slot.unit.corrected is not Output.NEVER]
+        if task.by_hand or task.gimbal or not compared:
             return
         self._path = None
-        with self.acquisition.unlogged_samples():
-            self.stream.restore()
-            self._reference = self._capture("stream.restarts_before_write", is_reference=True)
+        with self.stamps.unlogged_samples():
+            self.units.each(lambda unit: unit.stream.restore(), compared)
+            self._references = self._capture(compared, "stream.restarts_before_write", is_reference=True)
 
-    def verification_data(self, *, restarted: bool = True) -> VerificationData:
-        """Capture the unit's output at rest and in turns without logging it; the raw stream is on again afterwards.
+    def verification_data(self, units: Iterable[Unit], *, restarted: bool = True) -> dict[Unit, VerificationData]:
+        """Capture the output of some units at rest and in turns without logging it; the raw stream is on again then.
 
-        Raises DeviceFaultError, ConfigurationError, StopRequested.
+        Units that leave the run meanwhile have no data. Raises DeviceFaultError, ConfigurationError, StopRequested.
         """
-        corrected = self._context.slot.unit.corrected
-        gimbal = self._context.task.gimbal  # which applies the registers itself
-        asked = corrected is Output.ASKED and not gimbal
-        if restarted:
-            self.acquisition.unlogged = True  # its counter has restarted: log nothing until the run ends
-        with self.acquisition.unlogged_samples():
-            if restarted or asked:
-                self.stream.start(corrected=asked)
-            else:
-                self.stream.restore()
-            if self._context.task.by_hand:
-                data = carried_data(self.runner)
-            elif gimbal:
-                data = VerificationData((), 0.0, drifts=self.runner.gimbal.verification_turns())
-            else:
-                data = self._capture("stream.restarts_after_write", is_reference=False)
-            if asked:
-                self.stream.start(corrected=False)
-        # The next capture starts from the table's position at that time.
-        reference, self._reference, self._path = self._reference, None, None
-        return replace(data, corrected=gimbal or corrected is not Output.NEVER, reference=reference)
+        task, units = self._context.task, tuple(units)
+        gimbal = task.gimbal  # which applies the registers itself
+        asked = {unit for unit in units if unit.slot.unit.corrected is Output.ASKED and not gimbal}
 
-    def _verification_path(self, *, compared: bool) -> VerificationPath:
+        def stream(unit: Unit) -> None:
+            if restarted or unit in asked:
+                unit.stream.start(corrected=unit in asked)
+            else:
+                unit.stream.restore()
+
+        if restarted:
+            self.stamps.unlogged = True  # the counters have restarted: log nothing until the run ends
+        with self.stamps.unlogged_samples():
+            self.units.each(stream, units)
+            if task.by_hand:
+                data = {self.units.first: carried_data(self.runner)}
+            elif gimbal:
+                drifts = self.runner.gimbal.verification_turns()
+                data = {self.units.first: VerificationData((), 0.0, drifts=drifts)}
+            else:
+                data = self._capture(units, "stream.restarts_after_write", is_reference=False)
+            self.units.each(lambda unit: unit.stream.start(corrected=False), filter(asked.__contains__, units))
+        # The next capture starts from the table's position at that time.
+        references, self._references, self._path = self._references, {}, None
+        return {
+            unit: replace(
+                data[unit],
+                corrected=gimbal or unit.slot.unit.corrected is not Output.NEVER,
+                reference=references.get(unit),
+            )
+            for unit in self.units.of(data)
+        }
+
+    def _verification_path(self, units: Iterable[Unit], *, compared: bool) -> VerificationPath:
         """Return the path of a capture from the load position, where the table must go in the end anyway."""
-        task, span = self._context.task, self._context.slot.unit.span
-        ends = np.concatenate([span.high[:3], -span.low[:3]]) * self.acquisition.scale[0]
-        limits = self.control_loop.status.limits
-        fastest = _RANGE_FRACTION * float(ends.min())
+        task, limits = self._context.task, self.control_loop.status.limits
+        fastest = _RANGE_FRACTION * min(map(_gyro_range, units))
         return verification_path(task.load_angle, task.geometry, limits, fastest, compared=compared)
 
-    def _capture(self, code: str, *, is_reference: bool) -> VerificationData:
-        """Capture the unit's output; if the unit restarts during the capture, begin again.
+    def _capture(self, units: Iterable[Unit], code: str, *, is_reference: bool) -> dict[Unit, VerificationData]:
+        """Capture the output of some units; if one restarts during the capture, begin again.
 
-        `code` is the code of the error raised if the unit restarts during every attempt. The path is that of the
-        reference, or a new one.
+        `code` is the code of the error of a unit that restarts during every attempt. The path is that of the reference,
+        or a new one; its turns are half ones if every unit is compared with a reference.
         """
-        self._path = path = self._path or self._verification_path(compared=is_reference)
+        restarts: Counter[Unit] = Counter()
         known = self.runner.target is not None
-        for _ in range(_MAX_CAPTURES):
+        while units := self.units.of(units):
+            compared = is_reference and all(unit.slot.unit.corrected is not Output.NEVER for unit in self.units)
+            self._path = path = self._path or self._verification_path(self.units, compared=compared)
             if not (known and self.runner.arrived(path.start)):
                 first = path.legs[0].move
                 self.runner.drive(replace(first, outer=path.start[0], inner=path.start[1]))
             if not known:
                 # The polled angle differs from the commanded one; such a short move may end before the next poll.
                 self.control_loop.rested(_SETTLED)
-                if self.stream.broken:
-                    self.stream.restore()
+                self.units.each(lambda unit: unit.stream.broken and unit.stream.restore(), units)
             try:
-                return verification_data(self.runner, path, is_reference=is_reference)
-            except Restarted:
-                self._context.emit(Message("look_repeated"))
+                return verification_data(self.runner, path, units, is_reference=is_reference)
+            except Restarted as restarted:
+                restarted.unit.emit(Message("look_repeated"))
+                restarts[restarted.unit] += 1
                 known = False
-        raise DeviceFaultError(code)
+                if restarts[restarted.unit] == _MAX_CAPTURES:
+                    self.units.leave(restarted.unit, DeviceFaultError(code))
+        return {}
 
     def run_in_background(self, work: Callable[[], Any]) -> Any:
         """Run uninterruptible `work` in a thread while feeding the table's watchdog; return its result."""
@@ -241,16 +246,23 @@ class Driving:
         self._context.table.disable()
 
     def _stop_safely(self) -> None:
-        self.acquisition.stage, self.acquisition.valid = "", False
+        self.stamps.stage, self.stamps.valid = "", False
         failures = safe_stop(self._context.table, self._context.clock)
         if self._begun:
             try:
                 self.runner.gimbal.restore()
             except CalstationError as error:  # the former values return when the unit is restarted
                 failures.append(reason_of(error))
-        try:
-            self.acquisition.drain()
-        except CalstationError as error:  # of the unit, or of the log, which this flushes
-            failures.append(reason_of(error))
+        for unit in self.units:
+            try:
+                unit.acquisition.drain()
+            except CalstationError as error:  # of the unit, or of the log, which this flushes
+                failures.append(reason_of(error))
         for failure in failures:
             self._context.emit(Message("safe_stop_incomplete", {"text": failure}))
+
+
+def _gyro_range(unit: Unit) -> float:
+    """Return the smallest rate at which a gyro of the unit saturates, rad/s."""
+    span = unit.slot.unit.span
+    return float(np.concatenate([span.high[:3], -span.low[:3]]).min()) * float(unit.acquisition.scale[0])

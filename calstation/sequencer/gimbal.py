@@ -132,9 +132,9 @@ class GimbalLoop:
         return joints
 
     def _begin_step(self, kind: str, label: tuple[str | float, ...]) -> None:
-        acquisition = self._control_loop.acquisition
-        acquisition.step += 1
-        self._context.emit(StepStarted(acquisition.stage, acquisition.step, kind, (kind, *label)))
+        stamps = self._control_loop.stamps
+        stamps.step += 1
+        self._context.emit(StepStarted(stamps.stage, stamps.step, kind, (kind, *label)))
 
     def _zero(self, seconds: float) -> None:
         self.home()
@@ -149,7 +149,7 @@ class GimbalLoop:
         loop, model = self._control_loop, self._context.slot.unit.model
         if self._zeroed:
             self._gimbal.stabilise()
-        with loop.acquisition.tap() as blocks:
+        with loop.units.first.acquisition.tap() as blocks:
             loop.rest(step.rest)
             start = self._joint(axis)
             self._check_turn(axis, start + angle)

@@ -43,7 +43,7 @@ class Guiding:
     @contextmanager
     def listening(self) -> Iterator[None]:
         """Collect every sample for the guide while the context is open, even while the run is paused."""
-        with self._control_loop.acquisition.tap() as self._blocks:
+        with self._control_loop.units.first.acquisition.tap() as self._blocks:
             yield
         self._blocks = []
 
@@ -69,7 +69,7 @@ class Guiding:
         self._shown = (now.state, step.index, moment)
         self._context.emit(
             PositionGuided(
-                self._control_loop.acquisition.stage,
+                self._control_loop.stamps.stage,
                 step.index,
                 step.count,
                 now.state,

@@ -77,23 +77,26 @@ class StageTrack:
     def __init__(self, stage: str, duration: float) -> None:
         self._stage, self._duration = stage, duration
         self._done = self._begun = self._step = 0.0
-        self._sigma: dict[str, float] = {}
+        self._sigma: dict[str, dict[str, float]] = {}
 
     def begin(self, now: float, seconds: float) -> None:
         """Begin a step of duration `seconds` at station time `now`."""
         self._begun, self._step = now, seconds
 
-    def end(self, sigma: FloatArray) -> None:
-        """End the step; `sigma` contains the standard deviations reached, shape (30,), SI."""
+    def end(self, sigma: Mapping[str, FloatArray]) -> None:
+        """End the step; `sigma` contains the standard deviations reached in every slot, shape (30,), SI."""
         self._done += self._step
         self._step = 0.0
-        self._sigma = {group: float(np.max(sigma[group_indices(group)])) for group in GROUPS}
+        self._sigma = {
+            slot: {group: float(np.max(values[group_indices(group)])) for group in GROUPS}
+            for slot, values in sigma.items()
+        }
 
-    def event(self, now: float) -> StageProgress:
-        """Return the stage's progress at station time `now`."""
+    def event(self, now: float, slot: str) -> StageProgress:
+        """Return the stage's progress at station time `now` for the unit of a slot."""
         done = self._done + min(max(now - self._begun, 0.0), self._step)
         fraction = min(done / self._duration, 1.0) if self._duration > 0.0 else 1.0
-        return StageProgress(self._stage, fraction, max(self._duration - done, 0.0), self._sigma)
+        return StageProgress(self._stage, fraction, max(self._duration - done, 0.0), self._sigma.get(slot, {}))
 
 
 def move_time(start: tuple[float, float], move: Move) -> float:

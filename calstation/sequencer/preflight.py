@@ -2,16 +2,20 @@
 
 import re
 from collections import deque
+from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import SampleBlock
 from calstation.physics import AXES, JOINTS, UP, FloatArray, Move, rotation_vector
+from calstation.sequencer.context import UnitTask
 from calstation.sequencer.events import Message
 from calstation.sequencer.guard import check_power
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.unit_stream import check_unit
+from calstation.sequencer.units import Unit
 
 #: Time over which the temperature slope is computed, s, and minimum time at rest for a slope, s.
 _SLOPE_OVER, _SLOPE_AFTER = 60.0, 20.0
@@ -20,18 +24,17 @@ _SLOPE_OVER, _SLOPE_AFTER = 60.0, 20.0
 class Preflight:
     """Runs the checks in an order in which each can rely on the previous ones.
 
-    The warm-up begins with the first check: a unit that is mounted wrongly is refused before it is warm.
+    The warm-up begins with the first check: a unit that is mounted wrongly is refused before it is warm. In a batch, a
+    unit that fails a check leaves, and the others go on.
     """
 
     def __init__(self, runner: StepRunner) -> None:
         self._runner = runner
         self._control_loop = runner.control_loop
-        self._acquisition = runner.acquisition
+        self._units = runner.units
         self._context = runner.control_loop.context
-        self._unit = self._context.slot.unit
-        self._limits = self._unit.preflight
-        self._geometry = self._context.task.geometry
-        self._scale = self._acquisition.scale
+        #: Limits of the table's motion are the same for all units.
+        self._limits = self._context.slot.unit.preflight
 
     def run(self) -> None:
         """Run all checks. Raises DeviceFaultError or ConfigurationError."""
@@ -65,22 +68,28 @@ class Preflight:
             self._check_signs(self._check_gravity())
 
     def _identify(self) -> None:
-        table, imu = self._context.table.identify(), self._context.slot.imu.identify()
-        found = {"table": table.model, "table_serial": table.serial, "imu": imu.model, "serial": imu.serial}
-        self._context.emit(Message("identified", found))
-        check_unit(imu, self._unit.serial)
-        pattern = self._limits.serial_pattern
-        if not re.fullmatch(pattern, imu.serial):
-            raise ConfigurationError("preflight.serial_pattern", serial=imu.serial, pattern=pattern)
+        table = self._context.table.identify()
+
+        def identify(unit: Unit) -> None:
+            imu, task = unit.slot.imu.identify(), unit.slot.unit
+            found = {"table": table.model, "table_serial": table.serial, "imu": imu.model, "serial": imu.serial}
+            unit.emit(Message("identified", found))
+            check_unit(imu, task.serial)
+            pattern = task.preflight.serial_pattern
+            if not re.fullmatch(pattern, imu.serial):
+                raise ConfigurationError("preflight.serial_pattern", serial=imu.serial, pattern=pattern)
+
+        self._units.each(identify)
 
     def _wait_until_ready(self) -> None:
         self._context.emit(Message("waiting_ready"))
         timeout = self._limits.ready_timeout
-        self._control_loop.wait(
-            lambda: self._control_loop.flow.ready, timeout, DeviceFaultError("preflight.not_ready", seconds=timeout)
+        self._control_loop.wait_for_units(
+            lambda unit: unit.flow.ready, timeout, DeviceFaultError("preflight.not_ready", seconds=timeout)
         )
-        if self._control_loop.flow.failed:
-            raise DeviceFaultError("preflight.self_test_failed")
+        for unit in self._units:
+            if unit.flow.failed:
+                self._units.leave(unit, DeviceFaultError("preflight.self_test_failed"))
 
     def _home(self) -> None:
         if self._control_loop.status.homed:
@@ -96,99 +105,144 @@ class Preflight:
 
     def _warm_up(self, begin: float) -> None:
         """Wait for the rest of the warm-up, which began at station time `begin`, s."""
-        limits, clock = self._limits, self._context.clock
-        slope_after = 0.0 if limits.warm_up_slope is None else _SLOPE_AFTER
-        end = max(begin + limits.warm_up, clock.now() + slope_after)
+        clock = self._context.clock
+        warm_ups = {unit: _WarmUp(unit, begin, clock.now()) for unit in self._units}
+        end = max(warm_up.end for warm_up in warm_ups.values())
         if end <= clock.now():
             return
         self._context.emit(Message("warming_up", {"seconds": round(end - clock.now(), 1)}))
-        track: deque[tuple[float, float]] = deque()
-        while True:
+        cold = tuple(warm_ups)
+        while cold:
             self._control_loop.tick()
-            now = clock.now()
-            if limits.warm_up_slope is None:
-                if now >= end:
-                    return
-                continue
-            if self._acquisition.recent is not None and self._acquisition.recent[1] is not None:
-                track.append((now, self._acquisition.recent[1]))
-            while track and now - track[0][0] > _SLOPE_OVER:
-                track.popleft()
-            if now >= end and abs(_slope(track)) <= limits.warm_up_slope:
-                return
-            if now - begin > limits.warm_up_timeout:
-                raise DeviceFaultError(
-                    "preflight.temperature_drift", slope=_slope(track), seconds=limits.warm_up_timeout
-                )
+            cold = tuple(unit for unit in self._units.of(cold) if not warm_ups[unit].done(clock.now()))
+            for unit in cold:
+                if (late := warm_ups[unit].late(clock.now())) is not None:
+                    self._units.leave(unit, late)
 
-    def _check_flow(self) -> FloatArray:
-        """Record some seconds at rest and return the counts, shape (n, 6). Raises DeviceFaultError for a gap."""
-        gaps = self._acquisition.gaps
-        with self._acquisition.tap() as blocks:
+    def _check_flow(self) -> dict[Unit, FloatArray]:
+        """Record some seconds at rest and return the counts per unit, shape (n, 6). A unit with a gap leaves."""
+        gaps = {unit: unit.acquisition.gaps for unit in self._units}
+        with self._units.taps() as blocks:
             self._control_loop.rest(self._limits.flow)
-        if self._acquisition.gaps != gaps:
-            raise DeviceFaultError("preflight.gaps")
-        return _counts(blocks)
+        counts: dict[Unit, FloatArray] = {}
 
-    def _check_gravity(self) -> FloatArray:
-        """Check gravity and data flow; return the mean gyro output at rest, rad/s, shape (3,)."""
+        def check(unit: Unit) -> None:
+            if unit.acquisition.gaps != gaps[unit]:
+                raise DeviceFaultError("preflight.gaps")
+            counts[unit] = _counts(blocks[unit])
+
+        self._units.each(check)
+        return counts
+
+    def _check_gravity(self) -> dict[Unit, FloatArray]:
+        """Check gravity and data flow; return the mean gyro output at rest per unit, rad/s, shape (3,)."""
         by_hand = self._context.task.by_hand or self._context.task.gimbal
         self._context.emit(Message("checking_gravity" if by_hand else "checking_mounting"))
-        limits = self._limits
-        mean = self._check_flow().mean(axis=0) * self._scale
-        force = mean[3:]
-        size = float(np.linalg.norm(force))
-        if abs(size / limits.gravity - 1.0) > limits.gravity_tolerance:
-            raise DeviceFaultError("preflight.gravity_size", measured=size, expected=limits.gravity)
-        rates: FloatArray = mean[:3]
-        # With a gyro so far from its profile, no stage could detect rests in its data.
-        for axis, rate, low, high in zip(AXES, rates, limits.rate_low, limits.rate_high, strict=True):
-            if not low <= rate <= high:
-                rate_dps, low_dps, high_dps = (float(np.rad2deg(v)) for v in (rate, low, high))
-                raise DeviceFaultError(
-                    "preflight.gyro_rate", axis=axis, rate_dps=rate_dps, low_dps=low_dps, high_dps=high_dps
-                )
-        if by_hand:
-            return rates
-        up = self._geometry.body_to_home(*self._runner.position()).T @ UP
-        away = float(np.arccos(np.clip(force @ up / size, -1.0, 1.0)))
-        if away > limits.direction_tolerance:
-            raise DeviceFaultError("preflight.gravity_direction", away_deg=float(np.rad2deg(away)))
-        return rates
+        counts = self._check_flow()
+        means = {unit: counts[unit].mean(axis=0) * unit.acquisition.scale for unit in self._units}
+        position = None if by_hand else self._runner.position()
+        self._units.each(lambda unit: _check_output(unit.slot.unit, means[unit], position))
+        return {unit: mean[:3] for unit, mean in means.items()}
 
-    def _check_signs(self, bias: FloatArray) -> None:
-        """Turn each joint by a small angle, then both back; check the size, axis and sign that the gyro measures."""
+    def _check_signs(self, biases: Mapping[Unit, FloatArray]) -> None:
+        """Turn each joint by a small angle, then both back; check the size, axis and sign that the gyros measure."""
         target = [0.0, 0.0]
         for joint, axis in enumerate(JOINTS):
             start = self._runner.position()
-            inside = self._geometry.limits.within(joint, self._limits.turn)
+            inside = self._context.task.geometry.limits.within(joint, self._limits.turn)
             target[joint] = self._limits.turn if inside else -self._limits.turn
-            with self._acquisition.tap() as blocks:
+            with self._units.taps() as blocks:
                 self._runner.drive(self._turn_to(*target))
             end = self._runner.position()
-            counts = _counts(blocks)
-            if len(counts) < 2:
-                raise DeviceFaultError("preflight.no_data_in_turn")
-            period = (blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
-            turned = (counts[:, :3] * self._scale[:3] - bias).sum(axis=0) * period
-            expected = rotation_vector(self._geometry.body_to_home(*start).T @ self._geometry.body_to_home(*end))
-            size = float(np.linalg.norm(expected))
-            along = float(turned @ expected) / size
-            off = float(np.arctan2(np.linalg.norm(np.cross(turned, expected)) / size, abs(along)))
-            if off > self._limits.direction_tolerance:
-                raise DeviceFaultError("preflight.turn_axis", axis=axis, away_deg=float(np.rad2deg(off)))
-            if abs(along / size - 1.0) > self._limits.turn_tolerance + np.deg2rad(0.5) / size:
-                raise DeviceFaultError(
-                    "preflight.turn_size",
-                    axis=axis,
-                    expected_deg=float(np.rad2deg(size)),
-                    measured_deg=float(np.rad2deg(along)),
-                )
+            check = partial(_check_turn, biases=biases, blocks=blocks, axis=axis, start=start, end=end)
+            self._units.each(check)
         self._runner.drive(self._turn_to(0.0, 0.0))
 
     def _turn_to(self, outer: float, inner: float) -> Move:
         rate = self._limits.turn_rate
-        return Move(outer, inner, *self._geometry.limits.limited(rate, rate), ("check",))
+        return Move(outer, inner, *self._context.task.geometry.limits.limited(rate, rate), ("check",))
+
+
+class _WarmUp:
+    """The warm-up of a unit, which began at station time `begin`, s, and lasts until `end` at least."""
+
+    def __init__(self, unit: Unit, begin: float, now: float) -> None:
+        self._acquisition, self._limits, self._begin = unit.acquisition, unit.slot.unit.preflight, begin
+        slope_after = 0.0 if self._limits.warm_up_slope is None else _SLOPE_AFTER
+        self.end = max(begin + self._limits.warm_up, now + slope_after)
+        self._track: deque[tuple[float, float]] = deque()
+
+    def done(self, now: float) -> bool:
+        """Note the temperature and return whether the unit is warm; to be called at every tick until then."""
+        if self._limits.warm_up_slope is None:
+            return now >= self.end
+        recent, track = self._acquisition.recent, self._track
+        if recent is not None and recent[1] is not None:
+            track.append((now, recent[1]))
+        while track and now - track[0][0] > _SLOPE_OVER:
+            track.popleft()
+        return now >= self.end and abs(_slope(track)) <= self._limits.warm_up_slope
+
+    def late(self, now: float) -> DeviceFaultError | None:
+        """Return the error of a unit whose temperature has changed for too long."""
+        timeout = self._limits.warm_up_timeout
+        if self._limits.warm_up_slope is None or now - self._begin <= timeout:
+            return None
+        return DeviceFaultError("preflight.temperature_drift", slope=_slope(self._track), seconds=timeout)
+
+
+def _check_output(task: UnitTask, mean: FloatArray, position: tuple[float, float] | None) -> None:
+    """Check the mean output at rest, rad/s and m/s²; its direction only if the joint angles `position`, rad, are known.
+
+    Raises DeviceFaultError.
+    """
+    limits, rates, force = task.preflight, mean[:3], mean[3:]
+    size = float(np.linalg.norm(force))
+    if abs(size / limits.gravity - 1.0) > limits.gravity_tolerance:
+        raise DeviceFaultError("preflight.gravity_size", measured=size, expected=limits.gravity)
+    # With a gyro so far from its profile, no stage could detect rests in its data.
+    for axis, rate, low, high in zip(AXES, rates, limits.rate_low, limits.rate_high, strict=True):
+        if not low <= rate <= high:
+            rate_dps, low_dps, high_dps = (float(np.rad2deg(v)) for v in (rate, low, high))
+            raise DeviceFaultError(
+                "preflight.gyro_rate", axis=axis, rate_dps=rate_dps, low_dps=low_dps, high_dps=high_dps
+            )
+    if position is None:
+        return
+    up = task.geometry.body_to_home(*position).T @ UP
+    away = float(np.arccos(np.clip(force @ up / size, -1.0, 1.0)))
+    if away > limits.direction_tolerance:
+        raise DeviceFaultError("preflight.gravity_direction", away_deg=float(np.rad2deg(away)))
+
+
+def _check_turn(
+    unit: Unit,
+    biases: Mapping[Unit, FloatArray],
+    blocks: Mapping[Unit, list[SampleBlock]],
+    axis: str,
+    start: tuple[float, float],
+    end: tuple[float, float],
+) -> None:
+    """Check the small turn of a joint from `start` to `end`, joint angles in rad. Raises DeviceFaultError."""
+    limits, geometry, scale = unit.slot.unit.preflight, unit.slot.unit.geometry, unit.acquisition.scale
+    counts = _counts(blocks[unit])
+    if len(counts) < 2:
+        raise DeviceFaultError("preflight.no_data_in_turn")
+    period = (blocks[unit][-1].time[-1] - blocks[unit][0].time[0]) / (len(counts) - 1)
+    turned = (counts[:, :3] * scale[:3] - biases[unit]).sum(axis=0) * period
+    expected = rotation_vector(geometry.body_to_home(*start).T @ geometry.body_to_home(*end))
+    size = float(np.linalg.norm(expected))
+    along = float(turned @ expected) / size
+    off = float(np.arctan2(np.linalg.norm(np.cross(turned, expected)) / size, abs(along)))
+    if off > limits.direction_tolerance:
+        raise DeviceFaultError("preflight.turn_axis", axis=axis, away_deg=float(np.rad2deg(off)))
+    if abs(along / size - 1.0) > limits.turn_tolerance + np.deg2rad(0.5) / size:
+        raise DeviceFaultError(
+            "preflight.turn_size",
+            axis=axis,
+            expected_deg=float(np.rad2deg(size)),
+            measured_deg=float(np.rad2deg(along)),
+        )
 
 
 def _counts(blocks: list[SampleBlock]) -> FloatArray:

@@ -1,104 +1,116 @@
 """Runs a calibration from preparation to verdict; every exit path leaves the table at rest with its axes off."""
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
 from calstation.physics import Carry, Dwell, Finish, Move, Prepare, RoundEnd
-from calstation.sequencer.capture import VerificationData
-from calstation.sequencer.context import Ended, Finalized, Output, RunContext
+from calstation.sequencer.context import Evaluation, Output, RunContext, Solving
 from calstation.sequencer.control import State, StopRequested
-from calstation.sequencer.driving import POLL, Driving, RunInBackground
+from calstation.sequencer.driving import POLL, Driving
 from calstation.sequencer.events import Message, StageEnded, StageRanked, StageStarted, solution_events
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.plan import StagePlan, StageTrack, plan_time, planned, step_time
+from calstation.sequencer.units import Unit
 
 _Result = TypeVar("_Result")
-
-#: Type of a function that captures the unit's output before registers are written, as a reference for verification.
-CaptureReference = Callable[[], None]
 
 logger = logging.getLogger(__name__)
 
 
-class Evaluation(Protocol):
-    """Decides whether a run continues after a stage, whether the unit passed and whether its registers are correct.
-
-    All communication with the unit runs in `run_in_background`, which a stop request does not interrupt.
-    """
-
-    def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
-        """Return a function that verifies registers written before the run, or None if there are none to verify."""
-
-    def stage_passed(self, solution: Solution) -> bool:
-        """Whether to continue after a stage. Raises ConfigurationError."""
-
-    def finalize(
-        self, solutions: tuple[Solution, ...], run_in_background: RunInBackground, capture_reference: CaptureReference
-    ) -> Finalized:
-        """Check the results against the limits and, if they pass, write the registers. The table is at rest."""
-
-    def verify(self, data: VerificationData, run_in_background: RunInBackground) -> None:
-        """Verify the written registers with the restarted unit's output. Raises DeviceFaultError if they are wrong."""
-
-
 class Sequencer:
-    """Executes one run; `run` blocks until it ends. `solved` contains the stages solved before the run was resumed."""
+    """Executes one run; `run` blocks until it ends. Every unit's end is told to its `Evaluation`."""
 
-    def __init__(self, context: RunContext, evaluation: Evaluation, solved: tuple[Solution, ...] = ()) -> None:
-        journal, solving = context.slot.journal, context.slot.solving
-        if journal is None or solving is None:
-            raise ValueError("a run needs a log and a solver chain")
-        self._journal, self._solving = journal, solving
+    def __init__(self, context: RunContext) -> None:
+        if any(None in (slot.journal, slot.solving, slot.evaluation) for slot in context.slots):
+            raise ValueError("a run needs a log, a solver chain and an evaluation for every unit")
         self._context = context
-        self._evaluation = evaluation
-        self._solved_before = len(solved)
-        self._solutions: list[Solution] = list(solved)
+        self._solved_before = len(context.slot.solved)
         self._track: StageTrack | None = None
         self._drive = Driving(context, self._show_progress)
+        self._units = self._drive.units
 
-    def run(self) -> Ended:
-        """Prepare, run every stage and finalize; see `Driving.run` for errors."""
+    def run(self) -> None:
+        """Prepare, run every stage, judge and write the registers; see `Driving.run` for errors."""
         error = self._drive.run(self._calibrate)
-        return Ended(self._drive.state, tuple(self._solutions), error)
+        self._units.close(self._drive.state, error)
 
     def _calibrate(self) -> State:
         """Do everything from preparation to the load position with the axes off; return PASSED or FAILED."""
-        drive, emit = self._drive, self._context.emit
+        drive = self._drive
         drive.go(State.PREPARING)
         with _worker("warm-up") as worker:
-            warm = worker.submit(self._solving.warm)
+            warm = [worker.submit(_solving(unit).warm) for unit in self._units]
             drive.begin()
             self._check_plans()
             drive.preflight()
-            self._wait_for(warm)
+            for job in warm:
+                self._wait_for(job)
         drive.go(State.RUNNING)
-        verify_earlier = self._evaluation.verify_earlier()
-        if verify_earlier is not None:
-            emit(Message("verifying"))
-            if self._context.slot.unit.corrected is Output.ASKED:
-                drive.reference()
-            verify_earlier(drive.verification_data(restarted=False), drive.run_in_background)
+        self._verify_earlier()
         for index, stage in enumerate(self._context.task.stages, start=self._solved_before):
             if not self._run_stage(stage, index):
                 break
         drive.control_loop.check_cancelled()
-        finalized = self._evaluation.finalize(tuple(self._solutions), drive.run_in_background, drive.reference)
-        if finalized.written:
-            emit(Message("verifying"))
-            try:
-                data = drive.verification_data()
-            except (StopRequested, CalstationError):
-                emit(Message("transfer_unproved"))
-                raise
-            self._evaluation.verify(data, drive.run_in_background)
+        self._finalize()
         if not self._context.task.by_hand:
             drive.finish()
-        return State.PASSED if finalized.passed else State.FAILED
+        everyone = len(self._units) == len(self._context.slots) and all(unit.passed for unit in self._units)
+        return State.PASSED if everyone else State.FAILED
+
+    def _verify_earlier(self) -> None:
+        """Verify registers that were written before the run."""
+        drive, background = self._drive, self._drive.run_in_background
+        earlier = {unit: verify for unit in self._units if (verify := _evaluation(unit).verify_earlier()) is not None}
+        if not earlier:
+            return
+        for unit in earlier:
+            unit.emit(Message("verifying"))
+        drive.reference(unit for unit in earlier if unit.slot.unit.corrected is Output.ASKED)
+        data = drive.verification_data(earlier, restarted=False)
+        self._units.each(lambda unit: earlier[unit](data[unit], background), data)
+
+    def _finalize(self) -> None:
+        """Judge every unit; write and verify the registers of those that passed."""
+        drive, units, background = self._drive, self._units, self._drive.run_in_background
+        writing: list[Unit] = []
+
+        def judge(unit: Unit) -> None:
+            judged = _evaluation(unit).judge(tuple(unit.solutions))
+            unit.passed = judged.passed
+            if judged.to_write:
+                _evaluation(unit).read_registers(background)
+                writing.append(unit)
+
+        def transfer(unit: Unit) -> None:
+            _evaluation(unit).transfer(background)
+            unit.unproved = True
+
+        def verify(unit: Unit) -> None:
+            unit.unproved = False
+            _evaluation(unit).verify(data[unit], background)
+
+        units.each(judge)
+        if not units.of(writing):
+            return
+        self._context.emit(Message("reference"))
+        drive.reference(units.of(writing))
+        try:
+            units.each(transfer, writing)
+            written = units.of(writing)
+            if written:
+                self._context.emit(Message("verifying"))
+                data = drive.verification_data(written)
+                units.each(verify, data)
+        except (StopRequested, CalstationError):
+            for unit in units:
+                if unit.unproved:
+                    unit.emit(Message("transfer_unproved"))
+            raise
 
     def _check_plans(self) -> None:
         """Check every move of every plan against the limits before anything moves."""
@@ -116,44 +128,64 @@ class Sequencer:
         count = self._solved_before + len(self._context.task.stages)
         emit(StageStarted(stage.name, index, count, duration, stage.rule.repeated))
         logger.info("stage %s begins", stage.name)
-        self._solving.start(stage.name)
+        self._units.each(lambda unit: _solving(unit).start(stage.name))
         self._context.control.check_cancelled()  # a late END_STAGE of the stage before ends nothing
         self._context.control.ending_stage = False
-        drive.acquisition.stage = stage.name
+        drive.stamps.stage = stage.name
         drive.runner.begin_stage()
         try:
             reason, rounds = self._execute(stage, duration)
         finally:
-            drive.acquisition.stage = ""
+            drive.stamps.stage = ""
         drive.runner.gimbal.restore()
         self._track = None
         emit(StageEnded(stage.name, reason, rounds))
         with _worker("solver") as worker:
-            solution = self._wait_for(worker.submit(self._solving.finish))
-        logger.info("stage %s solved", stage.name)
-        self._solutions.append(solution)
+            jobs = {unit: worker.submit(_solving(unit).finish) for unit in self._units}
+            self._units.each(lambda unit: self._solved(unit, jobs[unit]))
+        passed = {}
+
+        def judge(unit: Unit) -> None:
+            passed[unit] = _evaluation(unit).stage_passed(unit.solutions[-1])
+
+        self._units.each(judge)
+        failed = [unit for unit in self._units if not passed[unit]]
+        if len(failed) == len(self._units):
+            return False
+        for unit in failed:
+            with self._units.serving(unit):
+                _evaluation(unit).judge(tuple(unit.solutions))
+                self._units.dismiss(unit, State.FAILED)
+        return True
+
+    def _solved(self, unit: Unit, job: Future[Solution]) -> None:
+        """Wait for the solution of a unit's stage and log it."""
+        solution = self._wait_for(job)
+        logger.info("stage %s of %s solved", solution.stage, unit.slot.unit.serial)
+        unit.solutions.append(solution)
         for event in solution_events(solution):
-            emit(event)
+            unit.emit(event)
         # Once the log is on disk, a solved stage never has to be repeated.
-        self._wait_for(self._journal.begin_sync())
-        self._journal.service()
-        return self._evaluation.stage_passed(solution)
+        journal = unit.slot.journal
+        assert journal is not None, "a run has a log"
+        self._wait_for(journal.begin_sync())
+        journal.service()
 
     def _execute(self, stage: StagePlan, duration: float) -> tuple[str, int]:
         """Execute the steps of a stage; return the reason for its end and the number of rounds."""
-        drive, clock = self._drive, self._context.clock
-        begin = drive.acquisition.newest or 0.0
+        drive, clock, units = self._drive, self._context.clock, self._units
+        begin = {unit: unit.acquisition.newest or 0.0 for unit in units}
         rounds = 0
         track = self._track = StageTrack(stage.name, duration)
         self._show_progress()
         for step in stage.steps():
             if isinstance(step, RoundEnd):
                 rounds = step.rounds
-                elapsed = (drive.acquisition.newest or 0.0) - begin
-                sigma = self._solving.sigma() if stage.rule.targets else None
-                reason = stage.rule.reason(rounds, elapsed, sigma)
-                if reason:
-                    return reason, rounds
+                elapsed = min((unit.acquisition.newest or 0.0) - begin[unit] for unit in units)
+                sigmas = [_solving(unit).sigma() if stage.rule.targets else None for unit in units]
+                reasons = [stage.rule.reason(rounds, elapsed, sigma) for sigma in sigmas]
+                if reasons[0] and all(reasons):
+                    return reasons[0], rounds
                 if stage.rule.open_ended:
                     track = self._track = StageTrack(stage.name, duration)
             elif isinstance(step, Finish):
@@ -161,10 +193,11 @@ class Sequencer:
             elif not isinstance(step, Prepare):
                 track.begin(clock.now(), step_time(step, drive.runner.position(), self._context.task.settle))
                 drive.runner.run(step)
-                track.end(self._solving.sigma())
+                track.end({unit.slot.name: _solving(unit).sigma() for unit in units})
                 self._show_progress()
-                if (ranking := self._solving.ranking()) is not None:
-                    self._context.emit(StageRanked(stage.name, ranking.step, ranking.rank, ranking.strength))
+                for unit in units:
+                    if (ranking := _solving(unit).ranking()) is not None:
+                        unit.emit(StageRanked(stage.name, ranking.step, ranking.rank, ranking.strength))
                 ending = stage.rule.repeated and isinstance(step, Dwell) and self._context.control.ending_stage
                 if ending or (isinstance(step, Carry) and drive.runner.guiding.done):
                     return "operator", rounds
@@ -172,7 +205,9 @@ class Sequencer:
 
     def _show_progress(self) -> None:
         if self._track is not None:
-            self._context.emit(self._track.event(self._context.clock.now()))
+            now = self._context.clock.now()
+            for unit in self._units:
+                unit.emit(self._track.event(now, unit.slot.name))
 
     def _wait_for(self, job: Future[_Result]) -> _Result:
         """Return the result of a worker's job; until then feed the watchdog and drain samples. A stop ends the wait."""
@@ -196,3 +231,15 @@ def _worker(name: str) -> Iterator[ThreadPoolExecutor]:
         yield worker
     finally:
         worker.shutdown(wait=False)
+
+
+def _solving(unit: Unit) -> Solving:
+    solving = unit.slot.solving
+    assert solving is not None, "a run has solvers"
+    return solving
+
+
+def _evaluation(unit: Unit) -> Evaluation:
+    evaluation = unit.slot.evaluation
+    assert evaluation is not None, "a run is evaluated"
+    return evaluation

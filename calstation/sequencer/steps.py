@@ -1,6 +1,7 @@
 """Executes a plan's steps; each is a checkpoint and is repeated from its start after a pause or lost samples."""
 
 import logging
+from collections import Counter
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -15,12 +16,12 @@ from calstation.sequencer.gimbal import GimbalLoop
 from calstation.sequencer.guard import check_motion, check_move
 from calstation.sequencer.guiding import Guiding, carry_label
 from calstation.sequencer.plan import move_time
-from calstation.sequencer.unit_stream import UnitStream
+from calstation.sequencer.units import Unit
 
 #: Maximum distance from the target for a joint at rest and settled to count as arrived, rad.
 ARRIVED = np.deg2rad(0.5)
 
-#: Maximum number of repetitions of a step with invalid samples before the run ends in a fault.
+#: Maximum number of repetitions of a step with invalid samples of a unit before that unit is at fault.
 REPEATS = 3
 
 #: Rest before a move is repeated, s; the solvers need it to find the attitude and the angles again.
@@ -40,12 +41,10 @@ class StepRunner:
     repetition are marked invalid.
     """
 
-    def __init__(
-        self, control_loop: ControlLoop, stream: UnitStream, gimbal: GimbalLoop, on_state: Callable[[State], None]
-    ) -> None:
+    def __init__(self, control_loop: ControlLoop, gimbal: GimbalLoop, on_state: Callable[[State], None]) -> None:
         self.control_loop = control_loop
-        self.acquisition = control_loop.acquisition
-        self.stream = stream
+        self.units = control_loop.units
+        self.stamps = control_loop.stamps
         self.guiding = Guiding(control_loop)
         self.gimbal = gimbal
         self._context = control_loop.context
@@ -76,7 +75,7 @@ class StepRunner:
         if isinstance(step, Dwell) and self._last_move is not None:
             start, move = self._last_move
             moved, again = True, [move, step]
-        repeats = 0
+        repeats: Counter[Unit] = Counter()
         while True:
             try:
                 self.control_loop.pausable = self.control_loop.watchful = True
@@ -88,11 +87,13 @@ class StepRunner:
             except PauseRequested:
                 self._hold()
             except StepInvalid as invalid:
-                repeats += 1
-                if repeats > REPEATS:
-                    raise DeviceFaultError(f"stream.repeated_{invalid.reason}") from None
-                logger.warning("step %d repeated: %s", self.acquisition.step, invalid.reason)
-                self._context.emit(Message("step_repeated", {"reason": invalid.reason, "attempt": repeats}))
+                for unit, reason in invalid.reasons.items():
+                    repeats[unit] += 1
+                    if repeats[unit] > REPEATS:
+                        self.units.leave(unit, DeviceFaultError(f"stream.repeated_{reason}"))
+                        continue
+                    logger.warning("step %d repeated: %s %s", self.stamps.step, unit.slot.unit.serial, reason)
+                    unit.emit(Message("step_repeated", {"reason": reason, "attempt": repeats[unit]}))
                 self._come_to_rest()
             finally:
                 self.control_loop.pausable = self.control_loop.watchful = False
@@ -113,7 +114,7 @@ class StepRunner:
         """
         check_move(self.control_loop.status, self._limits, move)
         start = self.position()
-        self.acquisition.step += 1
+        self.stamps.step += 1
         self.target = None
         self._started("move", move.label)
         self._context.table.move(move.outer, move.inner, move.rate, move.acceleration)
@@ -156,7 +157,7 @@ class StepRunner:
         elif isinstance(step, GimbalTurn):
             self.gimbal.turn(step)
         else:
-            self.acquisition.step += 1
+            self.stamps.step += 1
             self._started("carry", carry_label(step))
             self.guiding.follow(step)
 
@@ -170,7 +171,7 @@ class StepRunner:
         self._on_state(State.RUNNING)
 
     def _come_to_rest(self) -> None:
-        self.acquisition.valid = False
+        self.stamps.valid = False
         self.control_loop.pausable = self.control_loop.watchful = False
         self._context.table.stop()
         self.control_loop.tick()
@@ -179,15 +180,15 @@ class StepRunner:
         )
 
     def _recover(self, start: tuple[float, float], moved: bool) -> None:
-        """Return to the start of the step, restore the unit's stream and increment the step number."""
+        """Return to the start of the step, restore the stream of every unit and increment the step number."""
         if moved and not self.arrived(start):
             check_motion(self.control_loop.status)
             speeds = self._limits.limited(_RETURN_RATE, _RETURN_ACCELERATION)
             outer, inner = (float(v) for v in np.clip(start, self._limits.low, self._limits.high))
             self.drive(Move(outer, inner, *speeds, ("return",)))
-        self.stream.restore()
-        self.acquisition.step += 1
-        self.acquisition.valid = True
+        self.units.each(lambda unit: unit.stream.restore())
+        self.stamps.step += 1
+        self.stamps.valid = True
 
     def _started(self, kind: str, label: tuple[str | float, ...] = ()) -> None:
-        self._context.emit(StepStarted(self.acquisition.stage, self.acquisition.step, kind, label))
+        self._context.emit(StepStarted(self.stamps.stage, self.stamps.step, kind, label))

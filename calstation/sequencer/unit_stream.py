@@ -6,7 +6,8 @@ from typing import Any
 from calstation.devices import ImuIdentity, NoFramesError, OtherModelError
 from calstation.devices.links import PortLostError
 from calstation.errors import DeviceFaultError
-from calstation.sequencer.control_loop import NO_DATA, ControlLoop
+from calstation.sequencer.control_loop import ControlLoop
+from calstation.sequencer.units import NO_DATA, Unit
 
 #: Maximum station time from the command to stream to the first sample, s.
 _DATA_WITHIN = 20.0
@@ -28,13 +29,15 @@ class UnitStream:
     def __init__(
         self,
         control_loop: ControlLoop,
+        unit: Unit,
         run_in_background: Callable[[Callable[[], Any]], Any],
         check_cancelled: Callable[[], None],
     ) -> None:
-        self._slot = control_loop.context.slot
+        self._unit = unit
+        self._slot = unit.slot
         self._clock = control_loop.context.clock
         self._control_loop = control_loop
-        self._acquisition = control_loop.acquisition
+        self._acquisition = unit.acquisition
         self._run_in_background = run_in_background
         self._check_cancelled = check_cancelled
         self._corrected = False
@@ -50,7 +53,7 @@ class UnitStream:
     @property
     def broken(self) -> bool:
         """Whether samples or readiness have been lost since `start` or `restore`, or the unit is silent."""
-        return self._control_loop.silent or self._acquisition.breaks != self._breaks
+        return self._unit.silent or self._acquisition.breaks != self._breaks
 
     def restore(self) -> bool:
         """Restore the requested stream and wait until the unit is ready; return whether it had restarted.
@@ -60,7 +63,7 @@ class UnitStream:
         restarted = False
         for _ in range(_ATTEMPTS):
             self._control_loop.tick()
-            silent = self._control_loop.silent
+            silent = self._unit.silent
             restarted |= silent or self._acquisition.restarts != self._restarts
             if silent or self._corrected:
                 self._request()
@@ -69,7 +72,7 @@ class UnitStream:
         raise DeviceFaultError("stream.restarts")
 
     def _request(self) -> None:
-        corrected, silent = self._corrected, self._control_loop.silent
+        corrected, silent = self._corrected, self._unit.silent
 
         def wake() -> ImuIdentity | None:
             try:
@@ -91,7 +94,7 @@ class UnitStream:
             return False
         self._breaks, self._restarts = self._acquisition.breaks, self._acquisition.restarts
         self._control_loop.wait(
-            lambda: self._control_loop.flow.ready or self.broken,
+            lambda: self._unit.flow.ready or self.broken,
             _READY_WITHIN,
             DeviceFaultError("stream.not_ready", seconds=_READY_WITHIN),
         )
@@ -100,16 +103,16 @@ class UnitStream:
     def _first_sample(self, requested: bool) -> bool:
         """Wait for a sample; return False if a unit that was not commanded to stream has fallen silent."""
         deadline = self._clock.now() + (_DATA_WITHIN if requested else NO_DATA)
-        patient, self._control_loop.patient = self._control_loop.patient, not requested
+        patient, self._unit.patient = self._unit.patient, not requested
         try:
             while True:
                 self._control_loop.tick()
-                if self._control_loop.flow.count:
+                if self._unit.flow.count:
                     return True
                 if self._clock.now() > deadline:
                     break
         finally:
-            self._control_loop.patient = patient
+            self._unit.patient = patient
         if requested:
             raise DeviceFaultError("stream.not_started")
         return False

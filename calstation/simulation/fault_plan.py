@@ -29,6 +29,8 @@ _SET_UP: Mapping[str, Callable[[Mapping[str, Any], float], dict[str, Any]]] = {
     "never_ready": lambda bench, value: {"ready_time_s": 1e6},
     "single_bank_flash": lambda bench, value: {"flash_banks": 1},
 }
+#: Those of them that concern one unit; the others concern the table or the site.
+_OF_UNIT = ("wrong_unit", "mounted_otherwise", "never_ready", "single_bank_flash")
 #: Default values: mounting angle of the unit, deg; latitude error of the station file, deg; gravity error, m/s².
 _VALUES = {"mounted_otherwise": 20.0, "wrong_latitude": 10.0, "wrong_gravity": 0.05}
 
@@ -57,6 +59,7 @@ class PlannedFault(StrictModel):
     step: int | None = Field(default=None, ge=0)
     time_s: float | list[float] = 0.0
     value: float | None = None
+    unit: int = Field(default=1, ge=1)  #: Number of the slot of the unit concerned, if several are on the table.
 
     @field_validator("kind")
     @classmethod
@@ -99,18 +102,20 @@ class FaultPlan(StrictModel):
         station = setup.station
         site = station.site.model_copy(update={"latitude_deg": station.site.latitude_deg + wrong})
         setup = replace(setup, station=station.model_copy(update={"site": site}))
-        return replace(setup, bench_overrides=self._overrides(setup.bench_settings() or {}))
+        return replace(setup, bench_overrides=self._overrides(setup.bench_settings() or {}, setup.number))
 
-    def _overrides(self, settings: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the bench settings that faults change from the start, and the orders for faults at a given time."""
+    def _overrides(self, settings: Mapping[str, Any], number: int) -> dict[str, Any]:
+        """Return the bench settings of a unit that faults change from the start, and the orders for later faults."""
         changed: dict[str, Any] = {}
         orders = list(settings.get("orders", []))
         for fault, time in zip(self.fault, self.times(), strict=True):
+            if fault.kind in _OF_UNIT and fault.unit != number:
+                continue
             if fault.kind in SET_UP:
                 changed |= _SET_UP[fault.kind]({**settings, **changed}, self._value(fault))
             elif fault.kind in ORDERS and fault.stage is None:
                 value = {} if fault.value is None else {"value": fault.value}
-                orders.append({"order": fault.kind, "at": time, **value})
+                orders.append({"order": fault.kind, "at": time, "unit": fault.unit, **value})
         return changed | ({"orders": orders} if orders else {})
 
     @staticmethod

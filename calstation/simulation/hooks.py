@@ -84,4 +84,4 @@ class BenchHooks(RunHooks):
                     self._log.free_space = lambda path: 0
             elif self._clock is not None:
                 value = {} if fault.value is None else {"value": fault.value}
-                self._clock.order({"order": fault.kind, "after": time, **value})
+                self._clock.order({"order": fault.kind, "after": time, "unit": fault.unit, **value})

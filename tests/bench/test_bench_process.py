@@ -122,16 +122,16 @@ def test_the_serial_line_loses_nothing_and_answers_in_between(start_bench, imu_c
         assert imu.command(3, values) == (3, values[:3])
         assert imu.command(2, values[:3]) == (2, values)
         total = bench.advance(20.0)
-        imu.wait_for(total["bytes"])
+        imu.wait_for(total["bytes"][0])
         assert answer["now"] == pytest.approx(20.0)
         assert total["samples"] == 8000
-        assert len(imu.data) == total["bytes"]
+        assert len(imu.data) == total["bytes"][0]
         # Cut the three replies out; what is left is whole frames, none missing.
         first, replies = 6 + 21, 6 + 3 + 6 + 15
         frames = len(imu.data) - first - replies
         assert frames % STREAM.itemsize == 0
-        before = np.frombuffer(bytes(imu.data[first : answer["bytes"]]), dtype=STREAM)["counter"]
-        after = np.frombuffer(bytes(imu.data[answer["bytes"] + replies :]), dtype=STREAM)["counter"]
+        before = np.frombuffer(bytes(imu.data[first : answer["bytes"][0]]), dtype=STREAM)["counter"]
+        after = np.frombuffer(bytes(imu.data[answer["bytes"][0] + replies :]), dtype=STREAM)["counter"]
         assert np.array_equal(np.concatenate([before, after]), np.arange(8000 - 20))
 
 
@@ -270,5 +270,5 @@ def test_a_replugged_adapter_has_another_name(start_bench, imu_client):
         before.wait_for_the_end()
         after = imu_client(now["imu"])
         assert after.command(1) == (1, b"bench-imu;SN-77;1.0.0")
-        after.wait_for(bench.advance(1.0)["bytes"])
+        after.wait_for(bench.advance(1.0)["bytes"][0])
         assert len(after.data) > 100 * STREAM.itemsize

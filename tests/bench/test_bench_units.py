@@ -143,7 +143,7 @@ def test_the_driver_reads_writes_and_streams(start_bench, protocol, transport):
             bench.advance(1.0)
             report = bench.advance(1.0)
             for _ in range(500):
-                if imu.received >= report["bytes"]:
+                if imu.received >= report["bytes"][0]:
                     break
                 bench.ask(now=None)
             batch = imu.read()

@@ -1,6 +1,7 @@
 """Two-axis geometry: the contract's closed forms, and properties of any pair of axes within its limits."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,17 @@ from scipy.spatial.transform import Rotation
 
 from calstation.errors import ConfigurationError
 from calstation.physics.rotation import rotation_vector
-from calstation.physics.table import INNER, OUTER, UP, JointLimits, TableGeometry
+from calstation.physics.table import (
+    ALIGNED,
+    DEFAULT_ORIENTATION,
+    INNER,
+    ORIENTATIONS,
+    OUTER,
+    UP,
+    JointLimits,
+    TableGeometry,
+    orientation_matrix,
+)
 from tests.helpers import raises_code
 
 ANGLES = st.floats(-7.0, 7.0)
@@ -22,6 +33,7 @@ DIRECTIONS = (
     .map(lambda v: v / np.linalg.norm(v))
 )
 SKEWS = st.floats(np.deg2rad(60.0), np.deg2rad(120.0))
+AXIS_VECTORS = {s + a: (1.0 if s == "+" else -1.0) * np.eye(3)[i] for s in "+-" for i, a in enumerate("xyz")}
 BODY_AXES = [sign * row for row in np.eye(3) for sign in (1.0, -1.0)]
 
 
@@ -220,3 +232,46 @@ def test_the_vertical_joint_turns_the_body_about_the_vertical(axes):
     after[joint] += 1.0
     C0, C1 = table.body_to_home(*pose), table.body_to_home(*after)
     assert rotation_vector(C1 @ C0.T) == pytest.approx(UP, abs=1e-9)
+
+
+def test_there_are_24_orientations_and_each_is_another_rotation():
+    matrices = [np.array(orientation_matrix(name)) for name in ORIENTATIONS]
+    assert len({m.tobytes() for m in matrices}) == 24
+    for matrix in matrices:
+        assert matrix @ matrix.T == pytest.approx(np.eye(3), abs=0.0)
+        assert np.linalg.det(matrix) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", ORIENTATIONS)
+def test_an_orientation_names_the_body_axes_along_platform_x_and_z(name):
+    along_x, along_z = (AXIS_VECTORS[axis] for axis in (name[:2], name[2:]))
+    matrix = np.array(orientation_matrix(name))
+    assert matrix @ along_x == pytest.approx([1.0, 0.0, 0.0])
+    assert matrix @ along_z == pytest.approx([0.0, 0.0, 1.0])
+
+
+def test_a_unit_in_its_default_orientation_has_the_axes_of_the_platform():
+    assert orientation_matrix(DEFAULT_ORIENTATION) == ALIGNED
+    assert TableGeometry() == TableGeometry(orientation=orientation_matrix(DEFAULT_ORIENTATION))
+
+
+@given(tables(), st.sampled_from(ORIENTATIONS), ANGLES, ANGLES, DIRECTIONS)
+def test_a_turned_unit_moves_as_the_platform_does(table, name, outer, inner, direction):
+    unit, matrix = replace(table, orientation=orientation_matrix(name)), np.array(orientation_matrix(name))
+    on_platform = table.body_to_home(outer, inner) @ matrix @ direction
+    assert unit.body_to_home(outer, inner) @ direction == pytest.approx(on_platform, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ORIENTATIONS)
+def test_poses_and_turns_of_a_turned_unit_are_about_its_own_axes(name):
+    unit = TableGeometry(orientation=orientation_matrix(name))
+    assert unit.vertical_joint((0.3, 0.4)) == TableGeometry().vertical_joint((0.3, 0.4))
+    for axis in BODY_AXES:
+        outer, inner = unit.pose_up(axis, (0.0, 0.0))
+        assert unit.body_to_home(outer, inner) @ axis == pytest.approx(UP, abs=1e-9)
+        turn = unit.body_turn(axis, 0.0)
+        start = [0.0, turn.inner or 0.0]
+        end = list(start)
+        end[turn.joint] += 0.3 * turn.sign
+        turned = unit.body_to_home(*start).T @ unit.body_to_home(*end)
+        assert rotation_vector(turned) == pytest.approx(0.3 * axis, abs=1e-9)

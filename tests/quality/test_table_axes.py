@@ -1,5 +1,6 @@
 """The table's geometry from gravity at the rests: closed form, and the bench's independent truth."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,15 @@ from calstation.bench.truth.table import to_body
 from calstation.config import resolve_configuration
 from calstation.estimation.common import Belief, ImuModel, Site, SolveContext, TableModel, stage_data
 from calstation.estimation.positions import TABLE_QUANTITIES, TableRests, table_axes, table_rests
-from calstation.physics import COUNT, FloatArray, TableGeometry
+from calstation.physics import (
+    COUNT,
+    ORIENTATIONS,
+    FloatArray,
+    TableGeometry,
+    orientation_matrix,
+    rotation_matrix,
+    rotation_vector,
+)
 from calstation.results import load_result, resolve
 from calstation.simulation.study import draw_unit, simulate_stages, study_prior
 from procedures import method
@@ -59,6 +68,17 @@ def test_the_fit_of_exact_rests_is_exact_for_any_axes_azimuth_and_mounting(
         mount=(0.01, -0.02, 0.3),
     )
     found = table_axes([rests(table)], context(outer, inner), EXACT)
+    assert [found[name].value for name in TABLE_QUANTITIES] == pytest.approx(truth_of(table), abs=1e-7)
+
+
+@pytest.mark.parametrize("orientation", ORIENTATIONS)
+def test_the_fit_is_in_platform_axes_whatever_the_orientation_of_the_unit(orientation: str) -> None:
+    turned = orientation_matrix(orientation)
+    mount = rotation_vector(rotation_matrix(np.array([0.01, -0.02, 0.03])) @ np.array(turned))
+    table = TableTruth(0.6, 0.0, azimuth=0.7, base_tilt=(1e-3, -2e-3, 0.0), non_orthogonality=3e-4, mount=tuple(mount))
+    nominal = context()
+    unit = replace(nominal, table=replace(nominal.table, orientation=turned))
+    found = table_axes([rests(table)], unit, EXACT)
     assert [found[name].value for name in TABLE_QUANTITIES] == pytest.approx(truth_of(table), abs=1e-7)
 
 

@@ -13,6 +13,7 @@ from calstation.estimation.method import Solution
 from calstation.estimation.positions.evidence import Evidence, MotionEvidence, RestEvidence, turn_between
 from calstation.physics.parameters import COUNT, INDEX, NAMES
 from calstation.physics.rotation import axis_rotation
+from calstation.physics.table import orientation_matrix
 from calstation.records.checks import ChecksSection, acceptance, offline_online
 from calstation.records.limits import Check, Where
 from calstation.schema import validate
@@ -21,9 +22,10 @@ G = 9.8
 X = (1.0, 0.0, 0.0)
 
 
-def context() -> SolveContext:
+def context(orientation: str = "+x+z") -> SolveContext:
     imu = ImuModel("U", 100.0, "rate", 1e-6, 1e-6, 1e-5, 1e-4)
-    return SolveContext(Site(0.6, 0.0, 0.0, 0.0, G), imu, TableModel())
+    table = TableModel(orientation=orientation_matrix(orientation))
+    return SolveContext(Site(0.6, 0.0, 0.0, 0.0, G), imu, table)
 
 
 def rest(force, angles=None, duration=5.0) -> RestEvidence:
@@ -133,6 +135,15 @@ def test_level_checks_horizontal_and_vertical_components():
     assert not told["level_horizontal"].passed
     assert told["level_vertical"].value == pytest.approx(0.0045)
     assert told["level_vertical"].near_miss
+
+
+def test_level_is_judged_in_the_axes_of_the_platform():
+    # body +y is along platform z, body -z along platform x
+    evidence = rests([-0.02, G + 0.0045, 0.05])
+    section = ChecksSection.model_validate({"level": {"horizontal_within": 0.06, "vertical_within": 0.005}})
+    told = {c.name: c for c in acceptance(section, context("-z+y"), prior(), [solution(evidence)], {})}
+    assert told["level_horizontal"].value == pytest.approx(0.05)
+    assert told["level_vertical"].value == pytest.approx(0.0045)
 
 
 def test_compares_motions_with_the_encoder_if_there_is_one():

@@ -11,6 +11,7 @@ from records_samples import META
 
 from calstation.errors import InputError
 from calstation.physics.parameters import COUNT, INDEX, PARAMETERS, group_indices
+from calstation.physics.table import ALIGNED
 from calstation.records.meta import LogMeta, context_from_meta, load_meta, meta_from_json, prior_from_meta
 
 
@@ -49,6 +50,23 @@ def test_a_fixed_outer_lever_is_zero_and_certain() -> None:
     assert not belief.mean[group_indices("outer_lever")].any()
 
 
+def test_the_default_orientation_is_not_stored_and_any_other_is(meta: LogMeta) -> None:
+    assert "orientation" not in meta.to_toml()
+    assert "orientation" not in meta.to_json()
+    assert context_from_meta(meta).table.geometry.orientation == ALIGNED
+    turned = LogMeta.model_validate({**META, "table": {"orientation": "-y+z"}})
+    assert meta_from_json(turned.to_json(), "log") == turned
+    along_x, _, along_z = context_from_meta(turned).table.geometry.orientation
+    assert (along_x, along_z) == ((0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def test_a_nominal_lever_arm_is_a_prior_mean() -> None:
+    meta = LogMeta.model_validate({**META, "prior": {"outer_lever_x": {"value": 0.3}}})
+    belief, plain = prior_from_meta(meta), prior_from_meta(LogMeta.model_validate({**META, "prior": {}}))
+    assert belief.mean[INDEX["outer_lever_x"]] == 0.3
+    assert belief.sigma == pytest.approx(plain.sigma, abs=0.0)
+
+
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
@@ -59,6 +77,7 @@ def test_a_fixed_outer_lever_is_zero_and_certain() -> None:
         ("imu.output", "delta", "imu.output: 'delta' is unknown; it must be 'increment' or 'rate'"),
         ("imu.gyro_lbs", 1.0, "imu.gyro_lbs: The entry is unknown."),
         ("table.outer_axis", [1.0, 1.0, 0.0], "Give a unit vector"),
+        ("table.orientation", "+x-x", "+x-x is no right-angled orientation"),
         ("prior.gyro_bais_x", {"sigma": 1.0}, "Did you mean 'gyro_bias_x'?"),
         ("prior.gyro_bias_x", {"sigma": -1.0}, "prior.gyro_bias_x.sigma: -1.0 is out of range"),
         ("product.limits", {"gyro_bia": {"within": 1.0}}, "Did you mean 'gyro_bias'?"),

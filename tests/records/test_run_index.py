@@ -52,6 +52,14 @@ def index(tmp_path: Path) -> RunIndex:
     return made
 
 
+def test_the_units_of_a_batch_are_found_by_it(index: RunIndex) -> None:
+    index.put([run("e", 5, batch="B-7", slot="1"), run("f", 6, batch="B-7", slot="2"), run("g", 7, batch="B-70")])
+    assert [each.name for each in index.find(RunFilter(batch="B-7"))] == ["f", "e"]
+    assert [each.record.slot for each in index.find(RunFilter(batch="B-7"))] == ["2", "1"]
+    assert [each.name for each in index.find(RunFilter(search="b-7"))] == ["g", "f", "e"]
+    assert index.own(["a"])[0].record.batch is None
+
+
 @pytest.mark.parametrize(
     ("wanted", "found"),
     [

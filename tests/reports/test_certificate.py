@@ -22,9 +22,10 @@ from calstation.errors import InputError
 from calstation.messages import Language, parameter_name
 from calstation.physics import INDEX
 from calstation.records import context_from_meta, open_log
-from calstation.records.meta import FurtherImuSection
+from calstation.records.meta import FurtherImuSection, PriorSection
 from calstation.reports import pdf as pdf_module
-from calstation.reports.content import build_certificate
+from calstation.reports.content import arrangement, build_certificate
+from calstation.reports.dcc import write_dcc
 from calstation.reports.deviations import deviations
 from calstation.reports.issue import ReportRequest, attachments, issue_report
 from calstation.reports.pdf import typeset
@@ -152,6 +153,63 @@ def test_the_first_page_names_every_imu(made: Made) -> None:
     for language, words in (("en", "SecondaryIMU2SECOND-0002"), ("zh_CN", "从IMU2SECOND-0002")):
         (page, *_) = typeset_pages(pair, language)
         assert words in page
+
+
+def in_batch(made: Made) -> Made:
+    """The certificate of the unit as one of three on a table, turned and away from the centre."""
+    meta = made.certificate.meta
+    units = ["SN-000041", meta.imu.serial, "SN-000043"]
+    run = meta.run.model_copy(update={"batch": "B20261123T0630-7F", "slot": "A2", "batch_units": units})
+    table = meta.table.model_copy(update={"orientation": "-y+z", "outer_lever": "estimated"})
+    prior = {**meta.prior, "outer_lever_x": PriorSection(value=0.25), "outer_lever_y": PriorSection(value=-0.1)}
+    placed = meta.model_copy(update={"run": run, "table": table, "prior": prior})
+    return replace(made, certificate=replace(made.certificate, meta=placed))
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_a_unit_of_a_batch_says_where_it_was_and_with_which_others(made: Made) -> None:
+    label = {"en": "Onthetable", "zh_CN": "在转台上的布置"}
+    wanted = {
+        "en": (
+            "UnitinslotA2ofbatchB20261123T0630-7F.",
+            "furtherunitsonthesametable(2),serialnumbersSN-000041,SN-000043.",
+            "bodyaxis−ywasalongplatformxandbodyaxis+zalongplatformz",
+            "inbodyaxesx,y,z:(0.250,−0.100,0.000)m",
+        ),
+        "zh_CN": (
+            "该产品位于批次B20261123T0630-7F的装夹位A2。",
+            "与同一转台上的另外2台产品一同校准，序列号：SN-000041,SN-000043。",
+            "本体轴−y沿平台x轴，本体轴+z沿平台z轴",
+            "（本体轴x、y、z）：（0.250，−0.100，0.000）m",
+        ),
+    }
+    for language in LANGUAGES:
+        assert label[language] not in "".join(typeset_pages(made, language))
+        whole = "".join(typeset_pages(in_batch(made), language))
+        for text in (label[language], *wanted[language]):
+            assert text in whole, text
+        assert typeset(in_batch(made).certificate, made.analysis, language, []) == typeset(
+            in_batch(made).certificate, made.analysis, language, []
+        )
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_the_digital_certificate_states_the_arrangement_of_a_batch_only(made: Made) -> None:
+    assert b"Arrangement on the table" not in write_dcc(made.certificate)
+    xml = write_dcc(in_batch(made).certificate)
+    assert xml == write_dcc(in_batch(made).certificate)
+    text = xml.decode()
+    assert "Unit in slot A2 of batch B20261123T0630-7F. Calibrated together" in text
+    assert "批次 B20261123T0630-7F 的装夹位 A2。与同一" in text
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_the_only_unit_of_a_batch_has_no_others(made: Made) -> None:
+    meta = made.certificate.meta
+    run = meta.run.model_copy(update={"batch": "B1", "slot": "A2", "batch_units": [meta.imu.serial]})
+    codes = [text.code for text in arrangement(meta.model_copy(update={"run": run}))]
+    assert codes == ["certificate.slot", "certificate.orientation"]  # the gimbal turns about the centre of the unit
+    assert list(arrangement(meta)) == []
 
 
 def typeset_pages(made: Made, language: Language) -> list[str]:

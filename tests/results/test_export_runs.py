@@ -27,7 +27,7 @@ def folder(tmp_path: Path) -> Path:
     made.mkdir()
     check = {"name": "gyro_bias_x within", "value": 0.3, "limit": [-0.2, 0.2], "unit": "rad/s", "passed": False}
     write(made, "a", "SN-1", "failed", 1, values={"gyro_bias_y": 5.0, "gyro_bias_x": 0.1 + 0.2}, checks=[check])
-    write(made, "b", "SN=2, x", "passed", 2, values={"accel_bias_z": 1e-9}, partial=True)
+    write(made, "b", "SN=2, x", "passed", 2, values={"accel_bias_z": 1e-9}, partial=True, batch="B-7", slot="A1")
     run = {"stages": ["rate"], "software": "0.1", "started_utc": "2026-11-03T08:00:00+00:00"}
     writer = RawLogWriter(tmp_path / "x.h5", LogMeta.model_validate({**META, "run": run}))
     writer.append(make_block("rate", 0, 10))
@@ -53,6 +53,7 @@ def test_a_row_has_the_values_and_sigmas_of_its_run(folder: Path, tmp_path: Path
     assert failed["failed_checks"] == "gyro_bias_x within"
     assert (failed["serial"], failed["started_utc"]) == ("SN-1", "2026-11-01T08:00:00+00:00")
     assert (failed["product"], failed["station"], failed["operator"]) == ("Navigation grade A", "bench 1", "li")
+    assert (failed["batch"], failed["slot"], partial["batch"], partial["slot"]) == ("", "", "B-7", "A1")
     assert (partial["serial"], partial["accel_bias_z_sigma"], partial["gyro_bias_x"]) == ("SN=2, x", "1.0", "")
     assert set(list(incomplete.values())[-6:]) == {""}
     assert progress.fractions == sorted(progress.fractions)

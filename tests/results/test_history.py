@@ -71,6 +71,21 @@ def test_runs_are_found_latest_first(three: Path) -> None:
     assert (run.log, run.result) == (three / "c.h5", three / "c.json")
 
 
+def test_the_batch_and_slot_of_a_run_are_found_also_without_a_result(tmp_path: Path) -> None:
+    write(tmp_path, "a", "SN-1", "passed", 1, batch="B-7", slot="A1")
+    write(tmp_path, "b", "SN-2", "passed", 1)
+    run = {"stages": ["rate"], "software": "0.1", "started_utc": "2026-11-03T08:00:00+00:00"}
+    placed = {**META, "run": {**run, "batch": "B-7", "slot": "A2"}}
+    writer = RawLogWriter(tmp_path / "x.h5", LogMeta.model_validate(placed))
+    writer.append(make_block("rate", 0, 10))
+    writer.flush()
+    shutil.copyfile(tmp_path / "x.h5", tmp_path / "c.h5")
+    writer.close("stopped")
+    (tmp_path / "x.h5").unlink()
+    found = refreshed(tmp_path).runs(RunFilter(batch="B-7"))
+    assert [(each.log.stem, each.batch, each.slot) for each in found] == [("c", "B-7", "A2"), ("a", "B-7", "A1")]
+
+
 def test_finds_attempts_and_the_last_pass_of_a_unit(three: Path) -> None:
     history = refreshed(three)
     passed = history.passed_before("SN-1")

@@ -27,7 +27,8 @@ from calstation.physics.parameters import COUNT
 from calstation.physics.rotation import rotation_matrix, rotation_vector
 from calstation.physics.table import JointLimits, TableGeometry
 from calstation.sequencer.context import (
-    Finalized,
+    Ended,
+    Judged,
     LastSample,
     PreflightLimits,
     RunContext,
@@ -46,7 +47,7 @@ RATE = 100.0
 MODEL = ImuModel("SN-1", RATE, "rate", 1e-6, 1e-5, 1e-9, 1e-9)  # no noise, as the fake has none
 LIMITS = JointLimits((-20.0, -20.0), (20.0, 20.0), (1.0, 1.0), (2.0, 2.0))
 GEOMETRY = TableGeometry(limits=LIMITS)
-UNIT = UnitTask("SN-1", MODEL, PreflightLimits(r"SN-\d+", GRAVITY))
+UNIT = UnitTask("SN-1", MODEL, PreflightLimits(r"SN-\d+", GRAVITY), GEOMETRY)
 
 
 class FakeClock:
@@ -354,6 +355,7 @@ class Scene:
         self.passes = True
         self.writes = True
         self.finalized = 0
+        self.ends: list[Ended] = []
         self.proved: list[Any] = []
         self.earlier: Any = None
         self.task = Task(stages or (StagePlan("rate", quarter_turns),), GEOMETRY, by_hand=by_hand)
@@ -361,17 +363,19 @@ class Scene:
             serial,
             MODEL,
             PreflightLimits(r"SN-\d+", GRAVITY, **preflight),
+            GEOMETRY,
             StatusMasks(ready=1, saturated=2, failed=4),
         )
 
     def run(self, solved: tuple[Solution, ...] = (), after: LastSample | None = None) -> Any:
-        """Run to the end."""
-        slot = Slot(self.imu, self.unit, self.journal, self.solving, after)
+        """Run to the end; how the run ended for the unit."""
+        slot = Slot(self.imu, self.unit, self.journal, self.solving, after, evaluation=self, solved=solved)
         context = RunContext(
             self.task, self.table, (slot,), self.clock, lambda event: self.events.append(event), self.control
         )
-        self.sequencer = Sequencer(context, self, solved)
-        return self.sequencer.run()
+        Sequencer(context).run()
+        (ended,) = self.ends
+        return ended
 
     def verify_earlier(self) -> Any:
         """Nothing was written before the run."""
@@ -381,13 +385,21 @@ class Scene:
         """Go on."""
         return True
 
-    def finalize(self, solutions: Any, run_in_background: Any, capture_reference: Any) -> Finalized:
+    def judge(self, solutions: Any) -> Judged:
         """Pass and write as the test wants it."""
         self.finalized += 1
-        if self.writes:
-            capture_reference()
         self.solutions = solutions
-        return Finalized(self.passes, self.passes and self.writes)
+        return Judged(self.passes, self.passes and self.writes)
+
+    def read_registers(self, run_in_background: Any) -> None:
+        """There are none."""
+
+    def transfer(self, run_in_background: Any) -> None:
+        """Write nothing."""
+
+    def ended(self, ended: Ended) -> None:
+        """Keep how the run ended."""
+        self.ends.append(ended)
 
     def verify(self, data: Any, run_in_background: Any) -> None:
         """Keep the data."""

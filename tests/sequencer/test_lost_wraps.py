@@ -9,7 +9,7 @@ from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.interfaces import SampleBatch
 from calstation.devices.profiles.frame import FrameSection
 from calstation.estimation.common.samples import SampleBlock
-from calstation.sequencer.acquisition import Acquisition
+from calstation.sequencer.acquisition import Acquisition, Stamps
 from tests.sequencer.fakes import RATE, UNIT, FakeClock, FakeImu, FakeTable
 
 FRAME = FrameSection.model_validate(
@@ -46,7 +46,7 @@ class Line:
         self.imu = ShortCounter(self.clock, FakeTable(self.clock))
         self.blocks: list[SampleBlock] = []
         self.acquisition = Acquisition(
-            self.imu, replace(UNIT, wrap=FRAME.counter_period), self.clock, self.blocks.append
+            self.imu, replace(UNIT, wrap=FRAME.counter_period), self.clock, Stamps(), self.blocks.append
         )
         self.pass_(3.0)
 

@@ -12,9 +12,8 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.messages.rendering import Text
 from calstation.physics.motion import Move
-from calstation.sequencer.context import Ended, Finalized, Output
+from calstation.sequencer.context import Ended, LastSample, Output, RunInBackground
 from calstation.sequencer.control import Command, State
-from calstation.sequencer.driving import RunInBackground
 from calstation.sequencer.events import (
     Fault,
     Message,
@@ -421,6 +420,12 @@ def test_a_resumed_run_does_only_the_remaining_stages() -> None:
     assert len(scene.solutions) == 2
 
 
+def test_the_steps_of_a_resumed_run_continue_after_its_last_sample() -> None:
+    scene = Scene()
+    scene.run(solved=(scene.solving.finish(),), after=LastSample(seq=5000, time=123.456, step=7))
+    assert scene.journal.blocks[0].step[0] == 8
+
+
 def test_a_resumed_run_without_remaining_stages_is_checked_and_finalized() -> None:
     scene = Scene()
     scene.task = replace(scene.task, stages=())
@@ -447,17 +452,16 @@ def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unverified()
     scene = Scene()
     transferred: list[bool] = []
 
-    def finalize(solutions: object, run_in_background: RunInBackground, capture_reference: object) -> Finalized:
-        def transfer() -> None:
+    def transfer(run_in_background: RunInBackground) -> None:
+        def write() -> None:
             scene.control.send(Command.STOP)
             while not scene.control.stopping:
                 time.sleep(0.001)
             transferred.append(True)
 
-        run_in_background(transfer)
-        return Finalized(passed=True, written=True)
+        run_in_background(write)
 
-    scene.finalize = finalize  # type: ignore[method-assign]
+    scene.transfer = transfer  # type: ignore[method-assign]
     assert scene.run().state is State.STOPPED
     assert transferred == [True]
     assert scene.proved == []
@@ -524,11 +528,10 @@ def test_a_turn_with_a_gap_is_repeated_from_its_start(spoilt: int) -> None:
 def test_a_stop_while_the_restarted_unit_is_captured_reports_an_unverified_transfer() -> None:
     scene = Scene()
 
-    def finalize(solutions: object, run_in_background: RunInBackground, capture_reference: object) -> Finalized:
+    def transfer(run_in_background: RunInBackground) -> None:
         scene.clock.scripts.append((scene.clock.time + 3.0, lambda: scene.control.send(Command.STOP)))
-        return Finalized(passed=True, written=True)
 
-    scene.finalize = finalize  # type: ignore[method-assign]
+    scene.transfer = transfer  # type: ignore[method-assign]
     assert scene.run().state is State.STOPPED
     assert scene.proved == []
     messages = [message.id for message in scene.events_of(Message)]

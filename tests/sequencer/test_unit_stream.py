@@ -71,11 +71,10 @@ def test_a_restart_before_the_transfer_repeats_the_capture(mute: bool) -> None:
     scene = asked()
     scene.imu.mute = mute
 
-    def finalize(*of: Any) -> Any:
+    def read_registers(run_in_background: Any) -> None:
         scene.clock.at(scene.clock.time + 9.0, scene.imu.restart)
-        return Scene.finalize(scene, *of)
 
-    scene.finalize = finalize  # type: ignore[method-assign]
+    scene.read_registers = read_registers  # type: ignore[method-assign]
     assert scene.run().state is State.PASSED, scene.events[-3:]
     (fresh,) = scene.proved
     assert turned(fresh.reference) == pytest.approx([1.0] * 3, abs=2e-4)

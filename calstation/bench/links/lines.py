@@ -35,8 +35,8 @@ def open_raw() -> tuple[int, int, str]:
 class _Line:
     """A line to one client; it waits for a slow reader, so that no samples are lost.
 
-    `endpoint` is the address that a client opens, `sent` the number of bytes sent to the current client, `slow` the
-    delays of the next replies, host time, s.
+    `endpoint` is the address that a client opens, `sent` the number of bytes sent to the current client, 0 once it has
+    closed the line, `slow` the delays of the next replies, host time, s.
     """
 
     def __init__(self, talk: Talk) -> None:
@@ -80,6 +80,7 @@ class SocketLine(_Line):
             writer.write(data)
             await writer.drain()
         except ConnectionError:
+            self.sent = 0
             self._drop(writer)
 
     def hang_up(self) -> None:
@@ -107,6 +108,8 @@ class SocketLine(_Line):
         except (ConnectionError, asyncio.CancelledError):
             pass
         finally:
+            if self._writer is writer:
+                self.sent = 0
             self._drop(writer)
 
     def _drop(self, writer: asyncio.StreamWriter) -> None:
@@ -130,7 +133,10 @@ class TerminalLine(_Line):
 
     async def send(self, data: bytes) -> None:
         """Write bytes to the terminal, waiting while its buffer is full."""
-        while data and self._is_open():
+        while data:
+            if not self._is_open():
+                self.sent = 0
+                return
             try:
                 written = os.write(self._master, data)
             except BlockingIOError:

@@ -34,3 +34,4 @@ from .table import TableTruth as TableTruth
 from .table import earth_rate_n as earth_rate_n
 from .table import normal_gravity as normal_gravity
 from .table import rotation as rotation
+from .table import unit_axes as unit_axes

@@ -14,9 +14,19 @@ class SensorStream:
     """Samples of one unit on one table; they do not depend on the sizes of the requests.
 
     `interval` is the true duration of a sample, s, which differs from the nominal one if the unit's clock is wrong.
+    The table's motion is in the time of another unit, which runs `rate` times as fast as that of this unit and is
+    `begin`, s, when this unit's time is 0; gravity and the rotation of the earth are per second of this unit.
     """
 
-    def __init__(self, imu: ImuTruth, table: TableTruth, seed: int | np.random.SeedSequence) -> None:
+    def __init__(
+        self,
+        imu: ImuTruth,
+        table: TableTruth,
+        seed: int | np.random.SeedSequence,
+        *,
+        rate: float = 1.0,
+        begin: float = 0.0,
+    ) -> None:
         self.interval = imu.interval
         self.produced = 0
         root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
@@ -25,7 +35,8 @@ class SensorStream:
         self._changes = Changes(imu.effects, self.interval, np.random.default_rng(root.spawn(1)[0]))
         self._model = imu.error_model()
         self._chain = table.chain()
-        self._field = np.array([table.up_force_n, table.earth_rate_n])
+        self._field = np.array([table.up_force_n, table.earth_rate_n]) / rate
+        self._table_interval, self._begin = self.interval * rate, begin
         drifts = imu.gyro_bias_instability != 0.0 or imu.accel_bias_instability != 0.0
         self._digitiser = Digitiser(imu, instability=drifts)
         if drifts:
@@ -43,11 +54,10 @@ class SensorStream:
         normals = self._random.standard_normal((count, self._columns))
         vibration = self._vibration
         velocity = vibration.velocities(normals[:, -6:]) if vibration.active else np.zeros((count + 1, 3))
+        outer, inner = _later(outer, -self._begin), _later(inner, -self._begin)
         increments = self._increments(velocity, outer, inner)
-        if self._imu.effects.accel_delay:
-            late = np.array([self._imu.effects.accel_delay, 0.0, 0.0, 0.0, 0.0, 0.0])
-            before = (JointProfile(profile.segments + late) for profile in (outer, inner))
-            increments[:, 3:] = self._increments(velocity, *before)[:, 3:]
+        if delay := self._imu.effects.accel_delay:
+            increments[:, 3:] = self._increments(velocity, _later(outer, delay), _later(inner, delay))[:, 3:]
         if self._imu.effects.changing:
             self._changes.apply(increments, self.produced)
         self.produced += count
@@ -60,4 +70,11 @@ class SensorStream:
 
     def _increments(self, velocity: FloatArray, outer: JointProfile, inner: JointProfile) -> FloatArray:
         joints = (outer.segments, outer.still, inner.segments, inner.still)
-        return true_increments(self._model, self._chain, self._field, *joints, self.produced, self.interval, velocity)
+        samples = self.produced, self._table_interval, velocity
+        return true_increments(self._model, self._chain, self._field, *joints, *samples)
+
+
+def _later(profile: JointProfile, seconds: float) -> JointProfile:
+    """Return the same motion `seconds` later."""
+    later = np.array([seconds, 0.0, 0.0, 0.0, 0.0, 0.0])
+    return JointProfile(profile.segments + later) if seconds else profile

@@ -1,11 +1,11 @@
 """True attitude and rotation of the unit on the table, from the true joint angles.
 
-    C_b^n = R_base · Rz(−azimuth) · W_o · R(outer axis, q_o) · R_orth · W_i · R(inner axis, q_i) · R_mount
+    C_b^n = R_base · Rz(−azimuth) · W_o · R(outer axis, q_o) · R_orth · W_i · R(inner axis, q_i) · R_mount · A
 
-W is the wobble of a bearing: a tilt of constant size ε whose direction turns with the joint,
-W = R(a, kq + ψ) · R(u, ε) · R(a, −kq − ψ), with u normal to the axis a. The attitude is therefore a chain of constant
-rotations P_j and of turns about constant axes by angles linear in the joint angles, and rate and acceleration are
-transformed exactly by each link: with R = R(a, θ),
+A has the axes of the unit along x, y and z of the platform as rows. W is the wobble of a bearing: a tilt of constant
+size ε whose direction turns with the joint, W = R(a, kq + ψ) · R(u, ε) · R(a, −kq − ψ), with u normal to the axis a.
+The attitude is therefore a chain of constant rotations P_j and of turns about constant axes by angles linear in the
+joint angles, and rate and acceleration are transformed exactly by each link: with R = R(a, θ),
 
     ω' = Rᵀω + a θ',    ω'' = Rᵀω'' − θ' a × (Rᵀω) + a θ''        (rigid-body kinematics, rotating axes)
 
@@ -59,14 +59,29 @@ def rotation(vector: FloatArray) -> FloatArray:
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross))
 
 
+def unit_axes(orientation: str) -> FloatArray:
+    """Return the unit's axes along x, y and z of the platform as rows, shape (3, 3), for a name such as "+x+z".
+
+    The name gives the axes along x and z. Raises ValueError if they are not two different axes.
+    """
+    signs, letters = orientation[::2], orientation[1::2]
+    if len(orientation) != 4 or not set(signs) <= set("+-") or len(set(letters) & set("xyz")) != 2:
+        raise ValueError(f"{orientation!r} is no orientation such as +x+z")
+    axes = np.zeros((3, 3))
+    for row, sign, letter in zip((0, 2), signs, letters, strict=True):
+        axes[row, "xyz".index(letter)] = 1.0 if sign == "+" else -1.0
+    axes[1] = np.cross(axes[2], axes[0])
+    return axes
+
+
 @dataclass(frozen=True)
 class TableTruth:
     """True geometry and site of the table; angles in rad, rotation vectors of shape (3,).
 
-    `base_tilt` rotates the base in n, `mount` the unit on the inner platform. `non_orthogonality` rotates the inner
-    axis about (outer × inner). `wobble` tilts the outer and inner bearings towards `wobble_phase` at angle 0.
-    `velocity_sigma` is the rms velocity of the centre along each axis of n, m/s. If `gravity` is None, normal gravity
-    applies.
+    `base_tilt` rotates the base in n, `mount` the unit on the inner platform, on which it stands in one of the
+    right-angled orientations, see `unit_axes`. `non_orthogonality` rotates the inner axis about (outer × inner).
+    `wobble` tilts the outer and inner bearings towards `wobble_phase` at angle 0. `velocity_sigma` is the rms velocity
+    of the centre along each axis of n, m/s. If `gravity` is None, normal gravity applies.
     """
 
     latitude: float
@@ -79,6 +94,7 @@ class TableTruth:
     wobble: tuple[float, float] = (0.0, 0.0)
     wobble_phase: tuple[float, float] = (0.0, 0.0)
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    orientation: str = "+x+z"
     velocity_sigma: float = 0.0
     gravity: float | None = None
 
@@ -109,7 +125,7 @@ class TableTruth:
             (rotation(self.wobble[0] * hinge), outer, 1.0 - k, 0.0, -self.wobble_phase[0]),
             (orthogonal, inner, 0.0, k, self.wobble_phase[1]),
             (rotation(self.wobble[1] * hinge), inner, 0.0, 1.0 - k, -self.wobble_phase[1]),
-            (rotation(np.asarray(self.mount)), np.zeros(3), 0.0, 0.0, 0.0),
+            (rotation(np.asarray(self.mount)) @ unit_axes(self.orientation), np.zeros(3), 0.0, 0.0, 0.0),
         ]
         return np.array([[*p.T.ravel(), *axis, a, b, phase] for p, axis, a, b, phase in links])
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.physics import FloatArray, TableGeometry, normal_gravity
+from calstation.physics import ALIGNED, FloatArray, Orientation, TableGeometry, normal_gravity
 
 #: Standard deviation of normal gravity, m/s²: gravity anomalies are of 30 to 50 ppm.
 NORMAL_GRAVITY_SIGMA = 5e-4
@@ -20,7 +20,7 @@ class Site:
     latitude: float  #: rad
     longitude: float  #: rad
     height: float  #: m
-    azimuth: float | None = None  #: Heading of body +y at home, rad clockwise from true north; None if unknown.
+    azimuth: float | None = None  #: Heading of platform +y at home, rad clockwise from true north; None if unknown.
     gravity: float | None = None  #: Surveyed gravity, m/s²; None for the normal gravity of the site.
 
     #: Standard deviation of gravity, m/s²; None for that of a surveyed or of normal gravity.
@@ -75,8 +75,8 @@ class ImuModel:
 class TableModel:
     """Axes of the table, and the uncertainty of its angles and of its motion at rest."""
 
-    outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)  #: Unit vector in b at home.
-    inner_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)  #: Unit vector in b at home.
+    outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)  #: Unit vector in platform axes at home.
+    inner_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)  #: Unit vector in platform axes at home.
     outer_lever: str = "estimated"  #: "estimated" or "fixed" (at 0).
     encoder_sigma: float = np.deg2rad(0.05)  #: rad
     mount_sigma: float = np.deg2rad(1.0)  #: rad
@@ -84,11 +84,12 @@ class TableModel:
     base_tilt_sigma: float = np.deg2rad(0.2)  #: rad
     velocity_sigma: float = 1e-3  #: Sigma of the velocity observation made every `velocity_interval`, m/s.
     velocity_interval: float = 0.1  #: s
+    orientation: Orientation = ALIGNED  #: Rotation from b to the platform's axes.
 
     @property
     def geometry(self) -> TableGeometry:
         """Geometry of the two axes, without travel limits."""
-        return TableGeometry(self.outer_axis, self.inner_axis)
+        return TableGeometry(self.outer_axis, self.inner_axis, orientation=self.orientation)
 
     @property
     def tilt_sigma(self) -> float:

@@ -41,7 +41,7 @@ class PlannedSamples:
     ) -> None:
         site, imu = context.site, context.imu
         self._geometry = geometry
-        self._mount = rotation_matrix(mount)
+        self._mount = rotation_matrix(mount) @ np.array(geometry.orientation)  # from b to the platform's axes
         self._dt = 1.0 / imu.sample_rate
         self._azimuth = site.azimuth or 0.0
         self._earth = rotation_rate(site.latitude)
@@ -120,7 +120,7 @@ class PlannedSamples:
     def _rates(self, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the mean of ω_nb over each sample, rad/s, and its rate of change, rad/s², each shape (n, 3).
 
-        In b the outer axis rotates with the inner joint; its mean over a sample is computed by Simpson's rule.
+        Seen from the platform the outer axis turns with the inner joint; its mean over a sample is by Simpson's rule.
         """
         axes = self._outer_axis(joints[:, 1])
         mean_axis = (axes[:-2:2] + 4.0 * axes[1::2] + axes[2::2]) / 6.0
@@ -133,7 +133,7 @@ class PlannedSamples:
         return rate @ self._mount, turning @ self._mount
 
     def _outer_axis(self, inner: FloatArray) -> FloatArray:
-        """Return the outer axis in b, shape (n, 3), at inner joint angles, rad, shape (n,)."""
+        """Return the outer axis in platform axes, shape (n, 3), at inner joint angles, rad, shape (n,)."""
         k, v = np.array(self._geometry.inner_axis), np.array(self._geometry.outer_axis)
         c, s = np.cos(inner)[:, None], np.sin(inner)[:, None]
         return np.asarray(v * c - np.cross(k, v) * s + k * ((k @ v) * (1.0 - c)))

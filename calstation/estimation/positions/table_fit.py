@@ -1,10 +1,10 @@
 """Geometry of a two-axis table from gravity at the rests of a run: angle between the axes, and tilt of the base.
 
-The direction of up in b at a rest with encoder angles q is u = R(m)ᵀ R(inner, qᵢ)ᵀ R(h, ε)ᵀ R(outer, qₒ)ᵀ t. The
-mounting m is a rotation vector, h the unit vector along outer × inner, ε the excess of the angle between the axes over
-the nominal one, and t is up in the axes of the base, rotated by its tilt about x and y at home. Gravity shows neither
-the azimuth nor the zero of the inner encoder, which is part of m; the tilt about the outer axis includes the zero of
-the outer encoder.
+The direction of up in b at a rest with encoder angles q is u = Pᵀ R(m)ᵀ R(inner, qᵢ)ᵀ R(h, ε)ᵀ R(outer, qₒ)ᵀ t. P is
+the orientation of the unit, the mounting m a rotation vector, h the unit vector along outer × inner, ε the excess of
+the angle between the axes over the nominal one, and t is up in the axes of the base, rotated by its tilt about x and y
+at home. Gravity shows neither the azimuth nor the zero of the inner encoder, which is part of m; the tilt about the
+outer axis includes the zero of the outer encoder.
 """
 
 from collections.abc import Sequence
@@ -162,7 +162,7 @@ def _up(context: SolveContext, values: FloatArray, angles: FloatArray) -> FloatA
     hinge = np.cross(outer, inner)
     between = axis_rotation(hinge / np.linalg.norm(hinge), values[0]).T
     up = np.array([-values[2], values[1], 1.0]) / np.sqrt(1.0 + values[1] ** 2 + values[2] ** 2)
-    mount = rotation_matrix(values[3:]).T
+    mount = (rotation_matrix(values[3:]) @ np.array(context.table.orientation)).T
     turned = axis_rotations(outer, -angles[:, 0]) @ up @ between.T
     return np.asarray(np.einsum("kij,kj->ki", axis_rotations(inner, -angles[:, 1]), turned) @ mount.T)
 

@@ -1,0 +1,77 @@
+"""Batches: the requests and the configurations of several units on one table."""
+
+import random
+from dataclasses import replace
+from datetime import UTC, datetime
+from secrets import token_hex
+from typing import Any
+
+from calstation.config.request import RunRequest
+from calstation.config.resolved import Adjustment, ResolvedConfiguration, prepare_run
+from calstation.config.station import load_station
+from calstation.errors import ConfigurationError
+
+#: Largest drift of the clock of a further unit on the virtual bench, ppm.
+_CLOCK_DRIFT = 20.0
+
+
+def new_batch_id() -> str:
+    """Return an identifier of a batch: its start in UTC, and four digits that differ between stations."""
+    return f"B{datetime.now(UTC):%Y%m%dT%H%M%S}-{token_hex(2).upper()}"
+
+
+def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
+    """Return one request per unit of a batch, in the order of the slots; only itself for a single unit.
+
+    Raises ConfigurationError if there are more serial numbers than slots, the same one twice, or none.
+    """
+    if not request.serials:
+        return (request,)
+    path, station = load_station(request.station)
+    names = station.slot_names
+    if len(request.serials) > len(names):
+        raise ConfigurationError("batch.more_than_slots", station=path, units=len(request.serials), slots=len(names))
+    placed = [(name, serial) for name, serial in zip(names, request.serials, strict=False) if serial not in ("", "-")]
+    serials = [serial for _, serial in placed]
+    if not serials:
+        raise ConfigurationError("batch.no_unit", station=path)
+    for number, serial in enumerate(serials):
+        if serial in serials[:number]:
+            raise ConfigurationError("batch.serial_twice", serial=serial)
+    if request.resume is not None and len(serials) > 1:
+        raise ConfigurationError("batch.resume")
+    batch = request.batch or new_batch_id()
+    return tuple(replace(request, serial=serial, serials=(), slot=name, batch=batch) for name, serial in placed)
+
+
+def prepare_batch(
+    request: RunRequest, adjust: Adjustment = lambda resolved: resolved
+) -> tuple[ResolvedConfiguration, ...]:
+    """Return the checked configuration of each unit of a run, like `prepare_run`.
+
+    Raises ConfigurationError also if the units cannot be on one table or do not share the plan.
+    """
+    setups = tuple(prepare_run(unit, adjust) for unit in unit_requests(request))
+    first = setups[0]
+    for setup in setups[1:]:
+        # the order of the stages counts too
+        if list(setup.schedules.items()) != list(first.schedules.items()):
+            slot, product = setup.request.slot or "", setup.product.name
+            raise ConfigurationError("batch.other_plan", slot=slot, product=product, first=first.product.name)
+    return setups
+
+
+def batch_bench_config(setups: tuple[ResolvedConfiguration, ...]) -> dict[str, Any] | None:
+    """Return the configuration of the bench process for these units on one table; None on hardware."""
+    config, *others = (setup.bench_config() for setup in setups)
+    if config is None or not others:
+        return config
+    further = [{"clock_drift_ppm": _clock_drift(own["seed"]), **own} for own in others if own is not None]
+    numbered = zip(setups, (config, *further), strict=True)
+    first, *rest = ({**own, "unit": setup.number} for setup, own in numbered)
+    # the first unit holds the orders for all of them
+    return {**first, "secondaries": [{**own, "orders": []} for own in rest]}
+
+
+def _clock_drift(seed: int) -> float:
+    return random.Random(seed).uniform(-_CLOCK_DRIFT, _CLOCK_DRIFT)

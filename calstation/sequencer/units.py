@@ -1,0 +1,222 @@
+"""The units of a run: what belongs to each, and how one that fails leaves without stopping the others."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calstation.devices import NoFramesError
+from calstation.errors import CalstationError
+from calstation.estimation import Solution
+from calstation.estimation.common import SampleBlock
+from calstation.sequencer.acquisition import Acquisition, Flow, Stamps
+from calstation.sequencer.context import Ended, RunContext, Slot
+from calstation.sequencer.control import State
+from calstation.sequencer.events import Event, Fault, Message, Trace
+from calstation.sequencer.guard import reason_of
+
+if TYPE_CHECKING:
+    from calstation.sequencer.unit_stream import UnitStream
+
+#: Station time without a sample after which the unit counts as silent, s.
+NO_DATA = 1.0
+
+#: Maximum number of ticks kept for a trace; if the listener is too slow, only the latest are shown.
+_MAX_TRACED = 400
+
+
+class Unit:
+    """A unit in a run, with its samples and its stream.
+
+    If `patient`, bytes that belong to no frame are treated as silence; otherwise they are an immediate fault. If
+    `unproved`, its registers are written but not verified.
+    """
+
+    stream: "UnitStream"
+
+    def __init__(self, context: RunContext, slot: Slot, stamps: Stamps) -> None:
+        self._context = context
+        self.slot = slot
+        self.acquisition = Acquisition(
+            slot.imu,
+            slot.unit,
+            context.clock,
+            stamps,
+            slot.take,
+            latency=context.task.latency,
+            after=slot.after,
+            gimbal=context.task.gimbal,
+        )
+        self.flow = Flow()
+        self.patient = False
+        self.solutions: list[Solution] = list(slot.solved)
+        self.passed = False
+        self.unproved = False
+        self._traced: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=_MAX_TRACED)
+
+    def emit(self, event: Event) -> None:
+        """Emit an event that concerns this unit."""
+        self._context.emit(replace(event, slot=self.slot.name) if self.slot.name else event)
+
+    def drain(self) -> None:
+        """Drain the samples received so far. Raises DeviceFaultError, or ConfigurationError of the log."""
+        try:
+            self.flow = self.acquisition.drain()
+        except NoFramesError:
+            if not self.patient:
+                raise
+            self.flow = Flow()
+        newest, recent = self.acquisition.newest, self.acquisition.recent
+        if self.flow.count and newest is not None and recent is not None and np.isfinite(recent[0]).all():
+            self._traced.append((newest, recent[0]))
+
+    def service(self) -> None:
+        """Service the log. Raises ConfigurationError if it cannot be written."""
+        error = self._context.log_errors.pop(self.slot.name, None)
+        if error is not None:
+            raise error
+        if self.slot.journal is not None:
+            self.slot.journal.service()
+
+    def trace(self) -> None:
+        """Emit the output of the ticks since the last trace."""
+        if self._traced:
+            times, outputs = zip(*self._traced, strict=True)
+            self.emit(Trace(times, tuple(value for output in outputs for value in output)))
+            self._traced.clear()
+
+    @property
+    def silent(self) -> bool:
+        """Whether no sample has arrived for more than `NO_DATA` s."""
+        return self._context.clock.now() - self.acquisition.last_arrival > NO_DATA
+
+    @property
+    def spoilt(self) -> str:
+        """Reason why the samples of the last drain cannot be used, a term of the family ``reason``; "" if they can."""
+        if self.silent:
+            return "no_data"
+        if self.flow.missing:
+            return "gap"
+        if self.flow.invalid:
+            return "invalid"
+        return "saturated" if self.flow.saturated else ""
+
+
+class Units:
+    """The units that are still in the run, in the order of their slots.
+
+    An error that occurs while a unit is served is that unit's: it leaves the run, and the others go on. It ends the run
+    if no other unit is left, or if it is an error of the table.
+    """
+
+    def __init__(self, context: RunContext) -> None:
+        self._context = context
+        steps = [slot.after.step + 1 for slot in context.slots if slot.after is not None]
+        self.stamps = Stamps(max(steps, default=0))
+        self._active = [Unit(context, slot, self.stamps) for slot in context.slots]
+        self._served: Unit | None = None
+        self._table_error: CalstationError | None = None
+        # The result of a unit that leaves is written beside the control loop, which feeds the table's watchdog.
+        self._worker = ThreadPoolExecutor(1, "leaving")
+        self._ends: list[Future[None]] = []
+
+    def __iter__(self) -> Iterator[Unit]:
+        return iter(tuple(self._active))
+
+    def __len__(self) -> int:
+        return len(self._active)
+
+    def __contains__(self, unit: Unit) -> bool:
+        return unit in self._active
+
+    @property
+    def first(self) -> Unit:
+        """The first unit, which is the only one on a manual rig, on a gimbal and of a register operation."""
+        return self._active[0]
+
+    def of(self, units: Iterable[Unit]) -> list[Unit]:
+        """Return those of some units that are still in the run."""
+        return [unit for unit in units if unit in self._active]
+
+    def each(self, work: Callable[[Unit], object], units: Iterable[Unit] | None = None) -> None:
+        """Do some work for every unit, or for some units; those that fail leave. Raises the error of the last one."""
+        for unit in self if units is None else tuple(units):
+            if unit in self._active:
+                with self.serving(unit):
+                    work(unit)
+
+    @contextmanager
+    def serving(self, unit: Unit) -> Iterator[None]:
+        """Let a unit leave if an error occurs while the context is open. Raises the error of the last unit."""
+        if self._served is unit:
+            yield
+            return
+        before, self._served = self._served, unit
+        try:
+            yield
+        except CalstationError as error:
+            if error is self._table_error:
+                raise
+            self._served = before
+            self.leave(unit, error)
+        finally:
+            self._served = before
+
+    @contextmanager
+    def of_table(self) -> Iterator[None]:
+        """Note an error that occurs while the context is open as one of the table, whichever unit is being served."""
+        try:
+            yield
+        except CalstationError as error:
+            self._table_error = error
+            raise
+
+    def leave(self, unit: Unit, error: CalstationError) -> None:
+        """Let a unit leave by a fault of its own. Raises `error` if no other one is left, or while the unit is served.
+
+        Nothing happens if the unit has left already.
+        """
+        if unit not in self._active:
+            return
+        if len(self._active) == 1 or self._served is unit:
+            raise error
+        if unit.unproved:
+            unit.emit(Message("transfer_unproved"))
+        unit.emit(Message("unit_left", {"serial": unit.slot.unit.serial, "reason": reason_of(error)}))
+        unit.emit(Fault.of(error))
+        self.dismiss(unit, State.FAULT, error)
+
+    def dismiss(self, unit: Unit, state: State, error: CalstationError | None = None) -> None:
+        """Remove a unit from the run and write its result."""
+        self._active.remove(unit)
+        self._context.left.add(unit.slot.name)
+        evaluation = unit.slot.evaluation
+        if evaluation is not None:
+            ended = Ended(state, tuple(unit.solutions), error)
+            self._ends.append(self._worker.submit(evaluation.ended, ended))
+
+    def close(self, state: State, error: CalstationError | None) -> None:
+        """Write the results of all other units at the end of the run in `state`. Raises like `Evaluation.ended`."""
+        self._worker.shutdown()
+        with ExitStack() as ends:  # calls all of them, in reverse order, even if one raises
+            for unit in reversed(self._active):
+                failure = error or self._context.log_errors.get(unit.slot.name)
+                own = state
+                if failure is not None:
+                    own = State.FAULT
+                elif state in (State.PASSED, State.FAILED):
+                    own = State.PASSED if unit.passed else State.FAILED
+                if unit.slot.evaluation is not None:
+                    ends.callback(unit.slot.evaluation.ended, Ended(own, tuple(unit.solutions), failure))
+            for end in self._ends:
+                ends.callback(end.result)
+
+    @contextmanager
+    def taps(self) -> Iterator[Mapping[Unit, list[SampleBlock]]]:
+        """Collect the blocks of every unit that are drained while the context is open."""
+        with ExitStack() as stack:
+            yield {unit: stack.enter_context(unit.acquisition.tap()) for unit in self}

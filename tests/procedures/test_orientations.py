@@ -1,0 +1,131 @@
+"""Units in other orientations and away from the platform's centre: the plan is the platform's, the truth the unit's."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from simulated_stages import block_of, context_of, errors_in_sigma, prior_of, simulate, solved
+
+from calstation.bench.config import BenchConfig
+from calstation.bench.truth import BenchTruth
+from calstation.bench.truth.simulate import Simulator
+from calstation.estimation.common import Belief, SolveContext
+from calstation.estimation.common.planned import PlannedSamples
+from calstation.physics import (
+    COUNT,
+    DEFAULT_ORIENTATION,
+    INDEX,
+    ORIENTATIONS,
+    TableGeometry,
+    group_indices,
+    orientation_matrix,
+    rotation_matrix,
+    rotation_vector,
+)
+from procedures import method
+from tests.helpers import sampled
+
+STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
+
+
+def unit(orientation: str, **bench: object) -> tuple[BenchTruth, SolveContext]:
+    """A tactical unit in an orientation on the platform, with a mounting error, and its solvers' context."""
+    truth = BenchConfig(grade="tactical", seed=31, sample_rate_hz=100.0, **bench).truth()
+    turned = np.array(orientation_matrix(orientation))
+    mount = rotation_vector(rotation_matrix(np.asarray(truth.table.mount)) @ turned)
+    truth = replace(truth, table=replace(truth.table, mount=(mount[0], mount[1], mount[2])))
+    context = context_of(truth)
+    return truth, replace(context, table=replace(context.table, orientation=orientation_matrix(orientation)))
+
+
+def calibrated(truth: BenchTruth, context: SolveContext, prior: Belief, stages: tuple[str, ...]) -> SimpleNamespace:
+    """The belief after the stages, and what every stage reports."""
+    simulator, belief, solutions = Simulator(truth, 131), prior, {}
+    for stage in stages:
+        solutions[stage] = solved(truth, belief, [block_of(simulate(simulator, truth, stage))], context)
+        belief = solutions[stage].belief
+    return SimpleNamespace(belief=belief, solutions=solutions)
+
+
+@pytest.fixture(scope="module")
+def aligned() -> SimpleNamespace:
+    """The unit in the default orientation after all stages."""
+    truth, context = unit(DEFAULT_ORIENTATION)
+    return calibrated(truth, context, prior_of(truth), STAGES)
+
+
+@pytest.mark.parametrize("orientation", sampled(8, ORIENTATIONS))
+def test_the_truth_of_a_turned_unit_is_found_as_well_as_that_of_an_aligned_one(
+    aligned: SimpleNamespace, orientation: str
+) -> None:
+    truth, context = unit(orientation)
+    found = calibrated(truth, context, prior_of(truth), STAGES)
+    errors = errors_in_sigma(found.belief, truth)
+    assert np.abs(errors).max() < 4.0
+    assert np.sqrt(np.mean(errors**2)) < 1.5
+    for stage in ("excitation", "azimuth_flip"):
+        consistency = found.solutions[stage].consistency
+        assert consistency.nis_low < consistency.nis_mean < consistency.nis_high
+    # axes of the unit change places on the platform, which does not treat all of them equally
+    ratio = found.belief.sigma / aligned.belief.sigma
+    assert ratio.min() > 0.5
+    assert ratio.max() < 2.0
+
+
+@pytest.mark.parametrize("orientation", ORIENTATIONS)
+def test_whole_turns_and_positions_are_found_in_every_orientation(orientation: str) -> None:
+    truth, context = unit(orientation)
+    prior = prior_of(truth)
+    found = calibrated(truth, context, prior, ("rate", "six_position"))
+    assert np.abs(errors_in_sigma(found.belief, truth)).max() < 4.0
+    for group in ("gyro_scale", "accel_scale", "accel_bias"):
+        assert np.all(found.belief.sigma[group_indices(group)] < 0.3 * prior.sigma[group_indices(group)]), group
+
+
+@pytest.mark.parametrize("orientation", ["+x+z", "-y+z", "+z-x"])
+def test_turns_without_encoders_are_those_of_the_joint_that_turned(orientation: str) -> None:
+    truth, context = unit(orientation)
+    block = block_of(simulate(Simulator(truth, 131), truth, "rate"))
+    blind = replace(block, angles=np.full_like(block.angles, np.nan))
+    with_encoders = solved(truth, prior_of(truth), [block], context)
+    without = solved(truth, prior_of(truth), [blind], context)
+    joints = [[turn["joint"] for turn in s.details["turns"]] for s in (with_encoders, without)]
+    angles = [[turn["angle"] for turn in s.details["turns"]] for s in (with_encoders, without)]
+    assert joints[0] == joints[1]
+    assert angles[0] == pytest.approx(angles[1], abs=1e-2)
+
+
+@pytest.mark.parametrize("orientation", ORIENTATIONS)
+def test_planned_samples_of_a_turned_unit_are_those_of_the_platform_in_its_axes(orientation: str) -> None:
+    _, context = unit(DEFAULT_ORIENTATION)
+    turned, matrix = (
+        TableGeometry(orientation=orientation_matrix(orientation)),
+        np.array(orientation_matrix(orientation)),
+    )
+    lever = np.array([0.1, -0.2, 0.3])
+    samples = []
+    for geometry, arm in ((TableGeometry(), lever), (turned, matrix.T @ lever)):
+        parameters = np.zeros(COUNT)
+        parameters[group_indices("outer_lever")] = arm
+        planned = PlannedSamples(context, parameters, geometry, np.array([0.01, -0.02, 0.03]))
+        steps = list(method("rate").plan(TableGeometry(), method("rate").schedule(turns=1)))[:5]
+        blocks = [b for step in steps for b in planned.run(step, 2.0, "rate")]
+        samples.append(np.vstack([block.counts for block in blocks]).reshape(-1, 2, 3))
+    platform, body = samples
+    assert body == pytest.approx(platform @ matrix, rel=1e-9, abs=1e-6 * np.abs(platform).max())
+
+
+def test_a_large_nominal_lever_arm_is_solved_with_its_usual_sigma() -> None:
+    truth, context = unit("-y+z")
+    lever = group_indices("outer_lever")
+    nominal = np.array([0.3, -0.25, 0.1])
+    parameters = truth.parameters.copy()
+    parameters[lever] += nominal
+    truth = replace(truth, imu=replace(truth.imu, parameters=parameters))
+    prior = prior_of(truth)
+    mean = prior.mean.copy()
+    mean[lever] = nominal
+    found = calibrated(truth, context, Belief(mean, prior.covariance), STAGES)
+    assert np.abs(errors_in_sigma(found.belief, truth)).max() < 4.0
+    assert np.abs(found.belief.mean - parameters)[INDEX["outer_lever_x"]] < 2e-3
