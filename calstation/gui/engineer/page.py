@@ -305,6 +305,9 @@ class EngineerPage(Page):
             self._update()
 
     def _follow(self, event: Event) -> None:
+        """Follow a run, of several units the first."""
+        if event.slot not in ("", self.app.run.units[0].slot):
+            return
         self.analysis.follow(event)
         if isinstance(event, Verdict):
             self.analysis.open(Path(event.result_file))
@@ -377,6 +380,8 @@ class EngineerPage(Page):
 
     def _why_no_unit(self) -> str:
         serial, found = self._header.serial, self._options
+        if found is not None and found.slots:
+            return say("engineer.several_slots")
         if not serial:
             return say("engineer.no_serial")
         if found is not None and not re.fullmatch(found.serial_pattern, serial):

@@ -18,6 +18,7 @@ from calstation.config import (
     library,
     load_product,
     load_station,
+    new_batch_id,
 )
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
@@ -211,7 +212,8 @@ class RunStarter(QObject):
             return
         app, history, slots = self._app, self._history(), self.slots
         units = slots.units or (self._header.serial,)
-        request = self._request(units[0], app.product_path, app.stages, schedule=app.schedule, serials=slots.serials)
+        batch = {"serials": slots.serials, "batch": new_batch_id()} if slots else {}
+        request = self._request(units[0], app.product_path, app.stages, schedule=app.schedule, **batch)
         allowed = self.run_summary.attempts_allowed
         failures = {serial: history.failures(serial) for serial in units} if history is not None else {}
         too_often = [serial for serial, count in failures.items() if allowed is not None and count >= allowed]

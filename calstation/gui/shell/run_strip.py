@@ -8,6 +8,9 @@ from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.text import KINDS, duration_text, on_language_change, term
 from calstation.gui.widgets import STEPS, StateBadge, column, label, progress_bar, row, theme
 
+#: Outcomes of units, in the order in which they are counted.
+_COUNTED = ("passed", "partial", "failed", "fault", "stopped", "incomplete")
+
 
 class RunStrip(QWidget):
     """Shows the status of the current run."""
@@ -44,7 +47,7 @@ def run_badge(run: RunStatus) -> tuple[str, str]:
     """
     if run.in_slots and run.ended:
         counts = Counter(run.shown_of(unit) for unit in run.units)
-        texts = [term("unit_count", outcome, count=count) for outcome, count in counts.items()]
+        texts = [term("unit_count", outcome, count=counts[outcome]) for outcome in _COUNTED if counts[outcome]]
         return KINDS.get(run.shown, "none"), term("unit_count", "comma").join(texts)
     state = term("badge", run.shown)
     if run.going and run.partial:

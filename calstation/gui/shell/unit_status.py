@@ -133,6 +133,8 @@ class UnitStatus:
                 self._end_stage("fault")
             case Verdict():
                 self.verdict, self.result = event, Result.from_json(event.result)
+                if self.slot and self.fault is None and self.result.fault is not None:
+                    self.fault = Fault.of(self.result.fault)  # it occurred when the run was closed
                 self._mark_failed(self.result)
 
     def _start_stage(self, event: StageStarted) -> None:

@@ -205,7 +205,7 @@
     </message>
     <message>
         <source>no slot left</source>
-        <translation>没有空位</translation>
+        <translation>没有空装夹位</translation>
     </message>
     <message>
         <source>attempt {count}</source>
@@ -229,11 +229,11 @@
     </message>
     <message>
         <source>all slots have a unit</source>
-        <translation>所有位置都已有产品</translation>
+        <translation>所有装夹位都有产品</translation>
     </message>
     <message>
         <source>slot {slot}</source>
-        <translation>位置 {slot}</translation>
+        <translation>装夹位 {slot}</translation>
     </message>
     <message>
         <source>not valid</source>
@@ -271,7 +271,7 @@
     <name>SlotsPanel</name>
     <message>
         <source>{count} of {slots} slots have a unit</source>
-        <translation>{slots} 个位置中 {count} 个有产品</translation>
+        <translation>{slots} 个装夹位中 {count} 个有产品</translation>
     </message>
 </context>
 <context>
