@@ -211,9 +211,10 @@ class EngineerPage(Page):
         """Return the request for registers; on a virtual bench, the unit of the last run is still in the fixture."""
         request, serial = self._request(), self.app.run.unit.serial
         entered = self._header.serial not in ("", self._suggested)
-        if entered or not serial or self._options is None or not self._options.virtual:
-            return request
-        return replace(request, serial=serial)
+        if not entered and serial and self._options is not None and self._options.virtual:
+            request = replace(request, serial=serial)
+        slots = {unit.serial: unit.slot for unit in self.app.run.units}
+        return replace(request, slot=slots.get(request.serial) or None)
 
     def _ask_to_save(self) -> None:
         assert self._options is not None
