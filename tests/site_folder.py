@@ -1,5 +1,6 @@
 """A folder with a short product and a virtual-bench station, for runs through the real protocols."""
 
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -63,6 +64,12 @@ class SiteFolder:
         self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
         site = {**STATION["site"], "gravity_mps2": 9.79547}  # surveyed
         self.station.write_text(tomli_w.dumps({**STATION, "site": site, "bench": {**BENCH, **bench}}), encoding="utf-8")
+
+    def write_station(self, *, slots: list[dict[str, Any]], bench: dict[str, Any]) -> None:
+        """Write the station file with slots for several units."""
+        self.write(**bench)
+        station = tomllib.loads(self.station.read_text(encoding="utf-8"))
+        self.station.write_text(tomli_w.dumps({**station, "slots": slots}), encoding="utf-8")
 
     def request(self, *stages: str, serial: str = "SN-000042") -> RunRequest:
         """A run of these stages here."""

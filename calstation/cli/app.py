@@ -69,7 +69,10 @@ def run(
     stages: StagesOption = None,
     station: StationOption = None,
     product: ProductOption = None,
-    serial: Annotated[str | None, typer.Option(help="Serial number of the unit in the fixture.")] = None,
+    serial: Annotated[
+        list[str] | None,
+        typer.Option(help="Serial number of the unit in the fixture; once per slot in order, - for an empty slot."),
+    ] = None,
     speed: Annotated[
         float | None, typer.Option(help="Virtual bench: multiple of real time, 0 as fast as it goes.")
     ] = None,
@@ -104,12 +107,13 @@ def run(
     from calstation.config import RunRequest
 
     request = RunRequest(
-        serial or "",
+        "",
         station,
         product,
         parsed_stages(stages),
         out,
         operator,
+        serials=tuple(serial or ()),
         speed=speed,
         seed=seed,
         resume=resume,

@@ -94,10 +94,9 @@ def restore(
 
 
 def _unit(serial: str, station: Path | None, product: Path | None, out: Path) -> "RunRequest":
-    from calstation.cli.run import complete_request
     from calstation.config import RunRequest, computer_user
 
-    return complete_request(RunRequest(serial, station, product, out=out, operator=computer_user()))
+    return RunRequest(serial, station, product, out=out, operator=computer_user())
 
 
 table = typer.Typer(

@@ -1,9 +1,11 @@
 """`test`, `table` and `check`: test links and show or reset the table without motion, and check configuration files."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -22,7 +24,7 @@ from calstation.connection import (
     station_conflicts,
 )
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.messages import render, sentence
+from calstation.messages import Report, render, sentence
 from calstation.quality import due_certificates
 from calstation.records import SUFFIX, is_text
 from calstation.results import inspect_recording
@@ -32,7 +34,10 @@ _MARKS = {"ok": "ok", "told": "", "look": "LOOK", "wrong": "WRONG"}
 
 
 def link_command(device: str, station: Path | None, product: Path | None, json: str | None) -> int:
-    """Test a link and show every finding; return the exit code of a device fault if a run would not start."""
+    """Test a link, or those of the IMUs in all slots, and show every finding.
+
+    Return the exit code of a device fault if a run would not start.
+    """
     check_json(json)
     if device not in _TESTS:
         raise ConfigurationError("cli.unknown_choice", option="DEVICE", value=device, choices=list(_TESTS))
@@ -45,20 +50,33 @@ def link_command(device: str, station: Path | None, product: Path | None, json: 
             last = note
             console.print(say(f"note.{note}"), highlight=False, markup=False, style="dim")
 
-    request = LinkTestRequest(load_station(station)[1], product)
-    tested = _TESTS[device](progress, request)
-    if device == "table" and product is not None and tested.state != "wrong":
-        more = incompatibilities(link_test_configuration(request))
-        tested = replace(tested, findings=(*tested.findings, *more))
-    options = command_options(station, product)
+    configured = load_station(station)[1]
+    slots = configured.slot_names if device == "imu" else ()
+    rows: list[dict[str, Any]] = []
+    lines: list[str] = []
+    for slot in slots or (None,):
+        request = LinkTestRequest(configured, product, slot)
+        tested = _TESTS[device](progress, request)
+        if device == "table" and product is not None and tested.state != "wrong":
+            more = incompatibilities(link_test_configuration(request))
+            tested = replace(tested, findings=(*tested.findings, *more))
+        findings, found = _findings(tested, command_options(station, product))
+        row = {"device": tested.device, "state": tested.state, "findings": findings}
+        rows.append(row if slot is None else {"slot": slot, **row})
+        lines += ([] if slot is None else [f"[{slot}]"]) + found
+    wrong = next((row["state"] for row in rows if row["state"] != "ok"), "ok")
+    report({"device": device, "state": wrong, "slots": rows} if slots else rows[0], json, lines)
+    return 0 if wrong == "ok" else DeviceFaultError.exit_code
+
+
+def _findings(tested: Report, options: Mapping[str, str]) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return the findings of a link test for JSON, and as lines of text."""
     findings, lines = [], []
     for finding in tested.findings:
         text = render(finding.message.code, {**finding.message.values, **options})
         findings.append({**finding.to_json(), "text": text.text, "mend": text.remedy})
         lines += [f"{_MARKS[finding.state]:<6} {text.text}", *([f"       {text.remedy}"] if text.remedy else [])]
-    row = {"device": tested.device, "state": tested.state, "findings": findings}
-    report(row, json, [*lines, say(f"cli.link_{tested.state}")])
-    return 0 if tested.state == "ok" else DeviceFaultError.exit_code
+    return findings, [*lines, say(f"cli.link_{tested.state}")]
 
 
 def check_command(path: Path, json: str | None) -> int:

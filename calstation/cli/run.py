@@ -6,14 +6,23 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from math import degrees
+from pathlib import Path
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
+from rich.table import Table
 
 from calstation.cli.errors import command_options, complain, complete_commands, station_options
 from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, result_table, say, show_line
-from calstation.config import RegisterOperation, RunRequest, load_station, prepare_run
+from calstation.config import (
+    RegisterOperation,
+    RunRequest,
+    load_station,
+    new_batch_id,
+    prepare_batch,
+)
 from calstation.database import Claim, start_exchange
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.messages import Text, event_text, render, sentence, step_text, term
@@ -34,8 +43,14 @@ from calstation.sequencer import (
 )
 from calstation.simulation import BenchHooks
 
+#: Largest number of checks named per unit of a batch.
+_NAMED = 3
+
 #: What the user enters to end a repeated stage.
 _END_STAGE = "e"
+
+#: Exit code by outcome; that of a fault is 3.
+_EXIT_CODES = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
 
 #: Outcome of a stage's innovation test, None if it had nothing to test.
 _CONSISTENCY = {True: "consistent", False: "NOT consistent", None: "consistency not tested"}
@@ -44,42 +59,48 @@ _CONSISTENCY = {True: "consistent", False: "NOT consistent", None: "consistency 
 def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
     """Run a calibration and return the exit code. Raises ConfigurationError for an invalid request."""
     check_json(json)
-    setup = prepare_run(filled(request), BenchHooks().adjust)
+    setup = prepare_batch(filled(request), BenchHooks().adjust)[0]
     _, station = load_station(request.station)
     question = say("cli.confirm_run", station=station.name)
     ask = station.bench is None and not setup.by_hand and not yes
     if ask and not typer.confirm(question, err=True):
         raise StoppedError("cli.not_confirmed")
-    verdict = fault = None
+    verdicts: list[Verdict] = []
+    fault = None
     with shared_records(request) as new_claims:
         for event in engine_events(request, new_claims=new_claims):
-            verdict = event if isinstance(event, Verdict) else verdict
-            fault = event if isinstance(event, Fault) else fault
+            if isinstance(event, Verdict):
+                verdicts.append(event)
+            elif isinstance(event, Fault) and not event.slot:
+                fault = event
         # before the last exchange, which may take seconds
-        if verdict is not None:
-            _show_verdict(verdict, json, request)
+        if request.serials:
+            _show_batch(verdicts, json)
+        elif verdicts:
+            _show_verdict(verdicts[0], json, request)
         if fault is not None:
             return complain_fault(fault, request, debug=debug)
-    exit_codes = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
-    return 3 if verdict is None else exit_codes[verdict.outcome]
+    return max((_EXIT_CODES.get(verdict.outcome, 3) for verdict in verdicts), default=3)
 
 
 def complete_request(request: RunRequest) -> RunRequest:
-    """Complete the request from the command line with the serial number if it is empty.
+    """Complete the request from the command line with serial numbers if there are none, and with an id of the batch.
 
-    Raises ConfigurationError if the serial number is missing, or if an option contradicts the resumed run.
+    Raises ConfigurationError if the serial numbers are missing, or if an option contradicts the resumed run.
     """
     path, station = load_station(request.station)
-    serial = request.serial
+    serials = request.serials
     if request.resume is not None:
         if request.stages is not None or request.seed is not None:
             raise ConfigurationError("cli.resume_options")
-        serial = serial or serial_of(request.resume)
-    if not serial:
+        serials = serials or (serial_of(request.resume),)
+    if not any(serials):
         if station.bench is None:
             raise ConfigurationError("cli.serial_missing", path=path)
-        serial = station.virtual_serial
-    return replace(request, serial=serial)
+        serials = station.virtual_serials
+    if request.resume is None and (station.slot_names or len(serials) > 1):
+        return replace(request, serial=next(filter(None, serials)), serials=serials, batch=new_batch_id())
+    return replace(request, serial=serials[0], serials=())
 
 
 @contextmanager
@@ -88,7 +109,8 @@ def shared_records(request: RunRequest) -> Iterator[Callable[[], Sequence[Claim]
 
     Gives a function that returns new claims of other stations on the unit.
     """
-    exchange = start_exchange(request.station, request.out, (request.serial, request.operator))
+    serials = filter(None, request.serials or (request.serial,))
+    exchange = start_exchange(request.station, request.out, dict.fromkeys(serials, request.operator))
     if exchange is None:
         yield tuple
         return
@@ -158,6 +180,26 @@ def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> No
         show_line(console, f"to resume: {command} {station_options(request.station, request.product)}".rstrip())
 
 
+def _show_batch(verdicts: Sequence[Verdict], json: str | None) -> None:
+    """Show one line per unit of a batch, in the order of the slots, and write the list of results."""
+    results = [Result.from_json(verdict.result) for verdict in verdicts]
+    emit_json([verdict.result for verdict in verdicts], json)
+    console = Console(stderr=json == "-")
+    table = Table(title=results[0].batch if results else None, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
+    for heading in ("slot", "unit", "verdict", "why", "result"):
+        table.add_column(heading, overflow="fold")
+    for verdict, result in zip(verdicts, results, strict=True):
+        outside = [check.name for check in result.checks if check.passed is False]
+        why = result.error or ", ".join(outside[:_NAMED]) + (" ..." if len(outside) > _NAMED else "")
+        table.add_row(verdict.slot, result.serial, verdict.outcome.upper(), why, Path(verdict.result_file).name)
+    console.print(table)
+    for result in results[:1]:
+        if result.cycle:
+            show_line(console, _cycle_line(result.cycle_seconds))
+    for folder in {str(Path(verdict.result_file).parent) for verdict in verdicts}:
+        show_line(console, f"logs and results: {folder}")
+
+
 def _cycle_line(seconds: Mapping[str, float]) -> str:
     """Return the duration of the cycle and of its phases: the stages, then the others, the longest first."""
     phases = sorted(seconds, key=lambda name: (name != "stage", -seconds[name]))
@@ -216,9 +258,12 @@ class _Display:
         elif isinstance(event, StageSolved):
             found = f"{len(event.parameters)} parameters, {_CONSISTENCY[event.consistency['passed']]}"
             self._update(event.stage, completed=1.0, left="done", now=found)
-            self._line(f"{event.stage}: {found}")
+            self._line(_of_slot(event, f"{event.stage}: {found}"))
         elif isinstance(event, Message):
-            self._console.print(sentence(event_text(event.id, event.values)), highlight=False, markup=False)
+            text = sentence(event_text(event.id, event.values))
+            self._console.print(_of_slot(event, text), highlight=False, markup=False)
+        elif isinstance(event, Fault) and event.slot and event.code:
+            self._console.print(_of_slot(event, render(event.code, event.values).line), highlight=False, markup=False)
         elif isinstance(event, StateChanged) and event.state in ("pausing", "paused", "stopping"):
             self._console.print(f"{say(f'state.{event.state}')}.", highlight=False)
 
@@ -229,6 +274,11 @@ class _Display:
     def _line(self, text: str) -> None:
         if not self._console.is_terminal:
             self._console.print(text, highlight=False, markup=False)
+
+
+def _of_slot(event: Event, text: str) -> str:
+    """Return a text with the slot of the unit concerned, if any."""
+    return f"slot {event.slot}: {text}" if event.slot else text
 
 
 def _guided(event: PositionGuided) -> str:

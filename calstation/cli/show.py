@@ -66,7 +66,7 @@ def check_json(target: str | None) -> None:
         raise ConfigurationError("cli.json_unwritable", path=path)
 
 
-def emit_json(result: Mapping[str, Any], target: str | None) -> None:
+def emit_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]], target: str | None) -> None:
     """Write the JSON to a file or, for ``-``, to standard output; do nothing for None."""
     if target == "-":
         sys.stdout.write(json_module.dumps(result, indent=1, allow_nan=False) + "\n")

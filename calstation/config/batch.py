@@ -41,7 +41,8 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
     if request.resume is not None and len(serials) > 1:
         raise ConfigurationError("batch.resume")
     batch = request.batch or new_batch_id()
-    return tuple(replace(request, serial=serial, serials=(), slot=name, batch=batch) for name, serial in placed)
+    common = replace(request, serials=(), batch=batch, batch_units=tuple(serials))
+    return tuple(replace(common, serial=serial, slot=name) for name, serial in placed)
 
 
 def prepare_batch(

@@ -57,7 +57,8 @@ class RunRequest:
     unfinished: Literal["finish", "restore"] | None = None
 
     def __post_init__(self) -> None:
-        """Remove control characters from what a person entered."""
+        """Remove control characters from what a person entered, and the mark of an empty slot."""
+        object.__setattr__(self, "serials", tuple("" if serial == "-" else serial for serial in self.serials))
         for name in ("operator", "override_standard"):
             entered = getattr(self, name)
             if entered is not None:

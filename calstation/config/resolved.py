@@ -172,7 +172,7 @@ class ResolvedConfiguration:
                 name: PriorSection(value=levers.get(name, self._prior_mean(held.get(name, 0.0), sigma)), sigma=sigma)
                 for name, sigma in sigmas.items()
             },
-            product=_section(ProductSection, self.product),
+            product=self._product_section(levers),
             run=RunSection(
                 stages=list(self.stages),
                 station=self.station.name,
@@ -181,6 +181,7 @@ class ResolvedConfiguration:
                 attempt=attempt,
                 batch=self.request.batch,
                 slot=self.request.slot,
+                batch_units=list(self.request.batch_units) or None,
                 software=__version__,
                 started_utc=started.isoformat(timespec="seconds"),
                 clock_error_ppm=self.station.clock_error_ppm,
@@ -204,6 +205,13 @@ class ResolvedConfiguration:
         if self.slot is None or not any(self.slot.lever_m):
             return {}
         return dict(zip([NAMES[i] for i in group_indices("outer_lever")], self.slot.lever_m, strict=True))
+
+    def _product_section(self, levers: Mapping[str, float]) -> ProductSection:
+        """Return the product's section of the log; limits of the lever arm are about that of the slot."""
+        section = _section(ProductSection, self.product)
+        given = {name: section.limits.get(name, section.limits.get("outer_lever")) for name in levers}
+        moved = {name: limit.about(levers[name]) for name, limit in given.items() if limit is not None}
+        return section.model_copy(update={"limits": {**section.limits, **moved}}) if moved else section
 
     def _prior_mean(self, register: float, sigma: float) -> float:
         plausible = not self.after_registers and abs(register) <= _PLAUSIBLE_SIGMAS * sigma

@@ -136,6 +136,15 @@ class StationConfig(StrictModel):
         return "" if self.bench is None else str(self.bench.get("serial", VIRTUAL_UNIT))
 
     @property
+    def virtual_serials(self) -> tuple[str, ...]:
+        """Serial numbers of the units on the virtual bench, one per slot."""
+        first = self.virtual_serial
+        stem, digits = first.rstrip("0123456789"), len(first) - len(first.rstrip("0123456789"))
+        count = max(1, len(self.slot_names))
+        number = int(first[len(stem) :] or 0)
+        return (first, *(f"{stem}{number + k:0{digits}d}" for k in range(1, count)))
+
+    @property
     def secondaries(self) -> dict[int, FurtherImuLinkSection]:
         """The secondary IMUs by number."""
         sections = {2: self.imu2, 3: self.imu3}

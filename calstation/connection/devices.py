@@ -26,19 +26,19 @@ from calstation.sequencer import Clock
 class Devices:
     """Open devices and the clock that their data refer to.
 
-    `imus` are the units of a run that can be used, in order; `failed` are the faults of the others, by their place
-    among the units of the run.
+    `imus` are the units of the run in order; None for a unit that does not answer, whose fault is in `failed` by its
+    place in `imus`.
     """
 
     table: RegisterTable | TextTable | ManualTable
-    imus: tuple[StreamedImu, ...]
+    imus: tuple[StreamedImu | None, ...]
     clock: Clock
     failed: Mapping[int, DeviceFaultError] = field(default_factory=dict)
 
     @property
     def imu(self) -> StreamedImu:
-        """The only unit, or the first one."""
-        return self.imus[0]
+        """The only unit, or the first one that answers."""
+        return next(imu for imu in self.imus if imu is not None)
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def connected(
             imu.start()
         if isinstance(at.clock, BenchClock):
             at.clock.attach(lambda: {place: imu.received for place, imu in imus.items()})
-        yield Devices(table, tuple(imus.values()), at.clock, failed)
+        yield Devices(table, tuple(imus.get(place) for place in range(len(setups))), at.clock, failed)
 
 
 def _answering(

@@ -1,7 +1,7 @@
 """Exchange of a folder of runs with the shared database: sends its outbox and receives the runs of other folders."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -33,11 +33,12 @@ _INDEXED = [column for column in runs.c if column.name != "result"]
 class Exchange:
     """Exchange of one folder; it keeps its connection from pass to pass."""
 
-    def __init__(self, folder: Path, url: str, station: str, claim: tuple[str, str | None] | None = None) -> None:
-        """Create the exchange; `claim` is the serial number of a unit and its operator."""
+    def __init__(self, folder: Path, url: str, station: str, claimed: Mapping[str, str | None] = {}) -> None:
+        """Create the exchange; `claimed` names the operator by serial number of the units to claim."""
         self._folder, self._url, self._station = folder, url, station
-        self.claim = claim  #: The unit that every exchange claims, in place of the previous one; None for no unit.
-        self._held: str | None = None  #: Serial number of the unit that is claimed in the database.
+        #: Operator by serial number of the units that every exchange claims, in place of the previous ones.
+        self.claimed = claimed
+        self._held = set[str]()  #: Serial numbers of the units that are claimed in the database.
         self._engine: Engine | None = None
         self.begun_utc = datetime.now(UTC)  #: Time when this exchange was created.
         self.outbox = Outbox(folder)
@@ -73,11 +74,11 @@ class Exchange:
         return LogArchiver(self._folder, archive)
 
     def close(self) -> None:
-        """End the claim and close the connection; the next exchange opens a new one."""
-        if self._engine is not None and self._held is not None:
-            with suppress(DBAPIError):  # the claim ends by itself
-                release_unit(self._engine, self.outbox.id, self._held)
-                self._held = None
+        """End the claims and close the connection; the next exchange opens a new one."""
+        if self._engine is not None:
+            with suppress(DBAPIError):  # the claims end by themselves
+                while self._held:
+                    release_unit(self._engine, self.outbox.id, self._held.pop())
         self._disconnect()
 
     def _disconnect(self) -> None:
@@ -91,17 +92,17 @@ class Exchange:
         return self._engine
 
     def _hold(self, engine: Engine) -> None:
-        """Claim the present unit, or renew its claim, and end that on the previous one.
+        """Claim the present units, or renew their claims, and end those on the previous ones.
 
         A claim of another process on the same folder is not ended.
         """
-        serial = None if self.claim is None else self.claim[0]
-        if self._held is not None and self._held != serial:
-            release_unit(engine, self.outbox.id, self._held)
-        self._held = None
-        if self.claim is not None:
-            claim_unit(engine, self.outbox.id, self._station, *self.claim)
-            self._held = serial
+        claimed = dict(self.claimed)
+        for serial in self._held - claimed.keys():
+            release_unit(engine, self.outbox.id, serial)
+        self._held.clear()
+        for serial, operator in claimed.items():
+            claim_unit(engine, self.outbox.id, self._station, serial, operator)
+            self._held.add(serial)
 
     def _synchronise(self, engine: Engine) -> None:
         """Take the messages that the database has out of the outbox; queue again what one of the two has lost.

@@ -4,7 +4,7 @@ import logging
 import multiprocessing
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -53,24 +53,24 @@ class ExchangeProcess:
         folder: Path,
         url: str,
         station: str,
-        claim: tuple[str, str | None] | None = None,
+        claimed: Mapping[str, str | None] = {},
         archive: str | None = None,
     ) -> None:
-        """Start the process; `claim` is the serial number of a unit and its operator, which it holds until the end."""
-        self._folder, self._claim = folder, claim
+        """Start the process; `claimed` names the operator by serial number of the units to claim until the end."""
+        self._folder, self._claimed = folder, claimed
         self._contact_before = read_state(folder).contact_utc
         context = multiprocessing.get_context("spawn")
         self._connection, there = context.Pipe()
-        self.process = context.Process(target=_work, args=(there, folder, url, station, claim, archive), daemon=True)
+        self.process = context.Process(target=_work, args=(there, folder, url, station, claimed, archive), daemon=True)
         spawn_process(self.process)
         there.close()
         self._shown, self._read_at = set[Claim](), 0.0
 
-    def claim(self, claim: tuple[str, str | None] | None) -> None:
-        """Hold the claim on this unit in place of the previous one; None for no unit."""
-        self._claim = claim
+    def claim(self, claimed: Mapping[str, str | None]) -> None:
+        """Hold the claims on these units, with their operators, in place of the previous ones."""
+        self._claimed = claimed
         with suppress(OSError):  # the process has ended
-            self._connection.send(claim)
+            self._connection.send(claimed)
 
     def state(self) -> ExchangeState:
         """Return the state of the exchange; before the first contact of this process without claims, which are old."""
@@ -78,13 +78,13 @@ class ExchangeProcess:
         return replace(state, claims=()) if state.contact_utc == self._contact_before else state
 
     def new_claims(self) -> list[Claim]:
-        """Return other stations' claims on the unit not returned before; reads the state once a second at most."""
+        """Return other stations' claims on these units not returned before; reads the state once a second at most."""
         now = time.monotonic()
         if now < self._read_at + _READ_S:
             return []
         self._read_at = now
-        serial = None if self._claim is None else self._claim[0]
-        new = [claim for claim in self.state().claims if claim.serial == serial and claim not in self._shown]
+        claims = [claim for claim in self.state().claims if claim.serial in self._claimed]
+        new = [claim for claim in claims if claim not in self._shown]
         self._shown.update(new)
         return new
 
@@ -124,7 +124,7 @@ def close_exchanges(exchanges: Sequence[ExchangeProcess]) -> None:
 
 
 def start_exchange(
-    station: Path | None, folder: Path, claim: tuple[str, str | None] | None = None
+    station: Path | None, folder: Path, claimed: Mapping[str, str | None] = {}
 ) -> ExchangeProcess | None:
     """Start the exchange of a folder; None if the station shares no records. Raises ConfigurationError."""
     _, config = load_station(station)
@@ -134,7 +134,7 @@ def start_exchange(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as exc:
         raise ConfigurationError("database.folder_unusable", folder=folder, reason=os_reason(exc)) from exc
-    return ExchangeProcess(folder, config.records.database, config.name, claim, config.records.archive)
+    return ExchangeProcess(folder, config.records.database, config.name, claimed, config.records.archive)
 
 
 def _work(
@@ -142,23 +142,23 @@ def _work(
     folder: Path,
     url: str,
     station: str,
-    claim: tuple[str, str | None] | None,
+    claimed: Mapping[str, str | None],
     archive: str | None,
 ) -> None:
-    """Exchange until the owner closes the pipe or ends; the owner sends the unit to claim, or None."""
+    """Exchange until the owner closes the pipe or ends; the owner sends the units to claim."""
     applog.configure("exchange")
 
     def wait(seconds: float) -> bool:
-        nonlocal claim
+        nonlocal claimed
         try:
             while owner.poll(seconds):
-                claim, seconds = owner.recv(), 0.0
+                claimed, seconds = owner.recv(), 0.0
         except (EOFError, OSError):
             return True
         return False
 
     try:
-        watch(folder, url, station, wait, lambda: claim, archive)
+        watch(folder, url, station, wait, lambda: claimed, archive)
     except Exception:
         logger.exception("the exchange ended by a mistake of the program")
         raise
@@ -169,7 +169,7 @@ def watch(
     url: str,
     station: str,
     wait: Callable[[float], bool],
-    claim: Callable[[], tuple[str, str | None] | None] = lambda: None,
+    claimed: Callable[[], Mapping[str, str | None]] = dict,
     archive: str | None = None,
 ) -> None:
     """Exchange a folder again and again, and copy its logs to an archive in a thread, for which nothing waits.
@@ -179,7 +179,7 @@ def watch(
     folder : runs folder of the station
     url, station : URL of the database, and name of the station
     wait : waits for a pause, s, and returns whether to end after a last exchange
-    claim : returns the serial number of the unit to claim at present and its operator, None for no unit
+    claimed : returns the operator by serial number of the units to claim at present
     archive : folder or URL for copies of the logs; None for no copies
     """
     failed, ended, exchange = FAILED_S, False, None
@@ -196,7 +196,7 @@ def watch(
                 if archive is not None and archiver is None:
                     archiver = threading.Thread(target=_copy_logs, args=(folder, archive, stop), daemon=True)
                     archiver.start()
-            exchange.claim = claim()
+            exchange.claimed = claimed()
             begin = time.thread_time()
             exchange_once(exchange, folder)
         except Exception as exc:  # noqa: BLE001 - whatever one pass did, the next may succeed

@@ -82,7 +82,7 @@ class _Designer:
         self._trial = trial
         prior = prior_from_meta(self._meta)
         self._conditions = Conditions(
-            self._context, prior, self._geometry, self._settle, rate, acceleration, trial.mount, self._effects
+            self._context, prior, self._settle, rate, acceleration, trial.mount, self._effects
         )
         self._library = SegmentLibrary(self._conditions)
         self._limits = self._present_sigmas(present) if request.as_present else self._sigma_limits(setup.sigma_limits())

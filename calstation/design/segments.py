@@ -9,7 +9,7 @@ import numpy as np
 from calstation.estimation.common import Belief, PlannedSamples, SolveContext, stage_data, starts
 from calstation.estimation.effects import Candidate
 from calstation.estimation.navigation import NavigationFilter, Segment, advanced, joined, segment_information
-from calstation.physics import Dwell, FloatArray, Move, Step, TableGeometry
+from calstation.physics import Dwell, FloatArray, Move, Step
 from calstation.sequencer import step_time
 
 #: Angles of the joints in a schedule are multiples of this, °.
@@ -31,7 +31,6 @@ class Conditions:
 
     context: SolveContext
     prior: Belief
-    geometry: TableGeometry
     settle: float  #: Settling time after a move, s.
     rate: float  #: Rate of all moves, rad/s.
     acceleration: float  #: Acceleration of all moves, rad/s².
@@ -79,7 +78,7 @@ class SegmentLibrary:
     def _pass(self, at: Position, steps: Sequence[Step]) -> tuple[Segment, float]:
         """Return the information of steps and their duration, s."""
         c, joints = self._conditions, (at[0] * _LATTICE, at[1] * _LATTICE)
-        samples = PlannedSamples(c.context, c.prior.mean, c.geometry, c.mount, joints)
+        samples = PlannedSamples(c.context, c.prior.mean, c.mount, joints)
         blocks = list(samples.run(Dwell(_BEGIN), _BEGIN, "designed"))
         duration = 0.0
         for step in steps:

@@ -80,7 +80,7 @@ class Trial:
         self, moves: Moves, context: SolveContext, mount: FloatArray
     ) -> Iterator[tuple[float, SampleBlock | None]]:
         """Yield time and samples, and None after every move and its rest."""
-        samples = PlannedSamples(context, self._prior.mean, self._geometry, mount)
+        samples = PlannedSamples(context, self._prior.mean, mount)
         time = 0.0
         for step in method(STAGE).plan(self._geometry, self._schedule(moves)):
             if isinstance(step, RoundEnd):

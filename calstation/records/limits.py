@@ -75,6 +75,12 @@ class Limit(StrictModel):
             return self.within[0], self.within[1]
         return -self.within, self.within
 
+    def about(self, nominal: float) -> "Limit":
+        """Return the limits of a parameter whose nominal value is not 0."""
+        if self.interval is None:
+            return self
+        return self.model_copy(update={"within": [end + nominal for end in self.interval]})
+
 
 def acceptance_interval(limits: tuple[float, float], sigma: float, rule: Rule) -> tuple[float, float]:
     """Return the lowest and highest accepted value; nothing is accepted if the lowest is above the highest.

@@ -124,7 +124,7 @@ class _Previewer:
         self._chain = StageChain(meta)
         self._settle = setup.table.settle_s
         mount = _MOUNT * self._context.table.mount_sigma
-        self._samples = PlannedSamples(self._context, self._chain.prior.mean, self._geometry, mount)
+        self._samples = PlannedSamples(self._context, self._chain.prior.mean, mount)
         self._course = [(0.0, 0.0, 0.0)]
         self._clock = 0.0
         self._joints = (0.0, 0.0)

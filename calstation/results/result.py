@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -408,7 +408,7 @@ def plain(value: Any) -> Any:
     return value
 
 
-def write_json(path: Path, data: Mapping[str, Any]) -> None:
+def write_json(path: Path, data: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> None:
     """Write a JSON file atomically. Raises ConfigurationError."""
     text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     try:

@@ -32,14 +32,13 @@ logger = logging.getLogger(__name__)
 
 
 class Finalization:
-    """Evaluates a unit, see `calstation.sequencer.Evaluation`; `closed` is whether its end has been told."""
+    """Evaluates a unit, see `calstation.sequencer.Evaluation`."""
 
     def __init__(self, run: OpenRun, imu: Imu) -> None:
-        self._run = run
+        self.run = run
         self._setup = run.setup
-        self._imu = imu
+        self.imu = imu
         self._entries = RegisterMap(tuple(run.setup.imu.registers))
-        self.closed = False
         self._old: Mapping[str, float] = {}
         self._wanted: Mapping[str, float] = {}
         self._done: Transferred | None = None
@@ -49,7 +48,7 @@ class Finalization:
 
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
         """Return a function that verifies a transfer finished before the run, or None if there is none."""
-        unverified = self._run.unverified
+        unverified = self.run.unverified
         return None if unverified is None else unverified.verify_output
 
     def stage_passed(self, solution: Solution) -> bool:
@@ -57,7 +56,7 @@ class Finalization:
 
         Raises ConfigurationError if the measured latitude contradicts the station file.
         """
-        run, solutions = self._run, tuple(self._run.chain.solutions)
+        run, solutions = self.run, tuple(self.run.chain.solutions)
         check_seen_latitude(run.meta, solutions)
         if not self._setup.product.end_on_failure or judge(run.meta, run.chain.prior, solutions).passed:
             return True
@@ -67,7 +66,7 @@ class Finalization:
 
     def judge(self, solutions: tuple[Solution, ...]) -> Judged:
         """Check the limits, and determine the registers to write if they are met."""
-        run = self._run
+        run = self.run
         standard_passed = self._judge_standard(solutions)
         if not judge(run.meta, run.chain.prior, solutions).passed:
             run.emit(Message("registers_kept"))
@@ -85,10 +84,10 @@ class Finalization:
 
         Raises DeviceFaultError, or ConfigurationError if the log cannot be written.
         """
-        run = self._run
+        run = self.run
         # Only this thread may write the log, so the registers are read and logged before the transfer begins.
         run.emit(Message("registers_reading"))
-        self._old = old = run_in_background(lambda: flash_registers(self._imu))
+        self._old = old = run_in_background(lambda: flash_registers(self.imu))
         run.registers |= {"old": dict(old), "new": None, "verified": False}
         run.log.event({"event": "OldRegisters", "registers": dict(old)})
         run_in_background(run.log.begin_sync().result)
@@ -103,12 +102,12 @@ class Finalization:
         A stop before the first register takes effect immediately; a later one waits until the transfer is done. Raises
         DeviceFaultError or StopRequested.
         """
-        run, check_cancelled = self._run, self._run.prepared.control.check_cancelled
+        run, check_cancelled = self.run, self.run.prepared.control.check_cancelled
         check_cancelled()
         run.emit(Message("registers_transfer"))
         logger.info("transfer of %d registers begins", len(self._wanted))
         self._done = done = run_in_background(
-            lambda: transfer(self._imu, self._entries, run.serial, self._wanted, self._begin, self._old)
+            lambda: transfer(self.imu, self._entries, run.serial, self._wanted, self._begin, self._old)
         )
         run.registers["new"] = dict(done.found)
         try:
@@ -120,7 +119,7 @@ class Finalization:
 
     def _judge_standard(self, solutions: tuple[Solution, ...]) -> bool | None:
         """Compare a check standard with its reference; None for a unit of production."""
-        run, standard = self._run, self._setup.check_standard
+        run, standard = self.run, self._setup.check_standard
         if standard is None:
             return None
         determined = estimated_stage(solutions).keys() - set(unobservable(run.chain.prior, solutions))
@@ -145,7 +144,7 @@ class Finalization:
         """
         if self._done is None or self._belief is None:
             raise RuntimeError("nothing was transferred")
-        run, entry = self._run, self._done.entry
+        run, entry = self.run, self._done.entry
         checks = verify_output(
             data,
             AppliedRegisters(entry.new, entry.old if self._setup.after_registers else None),
@@ -157,7 +156,7 @@ class Finalization:
         )
         run.registers["proof"] = [check.to_json() for check in checks]
         restored = partial(run.registers.__setitem__, "new")
-        run_in_background(lambda: close_checked(self._imu, self._entries, entry, checks, data, restored))
+        run_in_background(lambda: close_checked(self.imu, self._entries, entry, checks, data, restored))
         written = datetime.now(UTC).isoformat(timespec="seconds")
         estimate = estimate_of(self._belief, run.meta.registers).model_dump()
         run.registers |= {"verified": True, "proved_on": verified_on(data), "written_utc": written}
@@ -167,7 +166,7 @@ class Finalization:
 
     def ended(self, ended: Ended) -> None:
         """Write the result of the unit and emit its verdict."""
-        self.closed, run = True, self._run
+        run = self.run
         if run.unverified is not None and run.unverified.open:
             run.emit(Message("transfer_unproved"))
         close_run(run, ended)
@@ -179,9 +178,9 @@ class Finalization:
         effects = {p.name for p in EFFECT_PARAMETERS}
         self._effects = {n: e.value for s in solutions for n, e in s.found.items() if n in effects}
         answer = {name: found[name] for name in estimated_stage(solutions)} | self._effects
-        return compose(self._run.meta.registers, answer) if self._setup.after_registers else answer
+        return compose(self.run.meta.registers, answer) if self._setup.after_registers else answer
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
-        log, site = self._run.log.path, journal_folder(self._setup.station)
-        purpose = Purpose.of(self._setup, self._imu.identify().model, "run", log.name)
-        return register_journal.begin(log.parent, self._run.serial, old, new, purpose, site)
+        log, site = self.run.log.path, journal_folder(self._setup.station)
+        purpose = Purpose.of(self._setup, self.imu.identify().model, "run", log.name)
+        return register_journal.begin(log.parent, self.run.serial, old, new, purpose, site)

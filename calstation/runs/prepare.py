@@ -5,6 +5,7 @@ import re
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ from calstation.config import (
     ResolvedConfiguration,
     RunRequest,
     confirmation_required,
+    new_batch_id,
     pin_known,
-    prepare_run,
+    prepare_batch,
     site_folder,
 )
 from calstation.errors import ConfigurationError
@@ -42,7 +44,10 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class PreparedRun:
-    """A run before its devices are open; `continuation` is the start of a resumed run."""
+    """The run of a unit before its devices are open; `continuation` is the start of a resumed run.
+
+    The units of a batch have a common `cycle`, which follows the events that the `listener` gets.
+    """
 
     setup: ResolvedConfiguration
     history: History
@@ -54,9 +59,13 @@ class PreparedRun:
     cycle: Cycle
 
     def emit(self, event: Event) -> None:
-        """Pass an event to the listener; it may begin another phase of the cycle."""
-        self.cycle.follow(event)
-        self.listener(event)
+        """Pass an event that concerns this unit to the listener."""
+        self.listener(replace(event, slot=self.slot))
+
+    @property
+    def slot(self) -> str:
+        """Name of its slot on the table; "" at a station with one unit."""
+        return self.setup.request.slot or ""
 
     @property
     def folder(self) -> Path:
@@ -117,6 +126,7 @@ class OpenRun:
     unverified: UnverifiedTransfer | None = None
     registers: dict[str, Any] = field(default_factory=dict)
     standard: StandardVerdict | None = None  #: Set at the end of a whole run of a check standard.
+    closed: bool = False  #: Whether its result is written.
 
     @property
     def setup(self) -> ResolvedConfiguration:
@@ -134,8 +144,8 @@ class OpenRun:
         self.prepared.emit(event)
 
 
-def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) -> PreparedRun:
-    """Check everything that can be checked before a device is opened.
+def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) -> tuple[PreparedRun, ...]:
+    """Check everything that can be checked before a device is opened; return the run of each unit.
 
     Raises ConfigurationError or InputError if the run is not possible as requested.
     """
@@ -143,12 +153,46 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     if request.resume is not None:
         continuation = Continuation.of(request, request.resume)
         request = continuation.request
-    setup = prepare_run(request, hooks.adjust)
+    elif request.serials and request.batch is None:
+        request = replace(request, batch=new_batch_id())
+    setups = prepare_batch(request, hooks.adjust)
     _check_folder(request.out)
     for log in finish_incomplete(request.out):
         emit(Message("incomplete_run", {"log": str(log)}))
-    history = History(request.out)
+    history, started = History(request.out), datetime.now(UTC)
     history.refresh()
+    allowed = [_allowed(setup, history) for setup in setups]
+    for setup in allowed:
+        check_flash(setup, request.out, partial(_emit_of_slot, emit, setup.request.slot or ""))
+        check_interrupted(setup, request.out)
+    accompanied = hooks.listener(allowed[0], request.out, emit)
+
+    def listener(event: Event) -> None:
+        cycle.follow(event)
+        accompanied(event)
+
+    units = tuple(
+        PreparedRun(setup, history, listener, control, hooks, continuation, started, cycle) for setup in allowed
+    )
+    for unit in units:
+        meta, _ = unit.meta(None)  # refuses a run that cannot be resumed unchanged
+        files = (meta.run.files if meta.run else None) or {}
+        logger.info("run of %s, stages %s", unit.setup.request.serial, ", ".join(unit.setup.stages))
+        for kind, section in files.items():
+            logger.info("%s %s version %s sha256 %s", kind, section.name, section.version, section.sha256)
+    return units
+
+
+def _emit_of_slot(emit: Emit, slot: str, event: Event) -> None:
+    emit(replace(event, slot=slot))
+
+
+def _allowed(setup: ResolvedConfiguration, history: History) -> ResolvedConfiguration:
+    """Check that a unit may be calibrated; return its configuration as `_with_standards` does.
+
+    Raises ConfigurationError.
+    """
+    request = setup.request
     failures, allowed = history.failures(request.serial), setup.product.attempts_allowed
     used_up = allowed is not None and failures >= allowed and setup.check_standard is None
     attempts: dict[str, Any] = {
@@ -163,16 +207,7 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     if used_up:
         station = setup.station.name
         append_audit(site_folder(), "attempt_allowed", request.operator or "", station=station, **attempts)
-    check_flash(setup, request.out, emit)
-    check_interrupted(setup, request.out)
-    emit = hooks.listener(setup, request.out, emit)
-    prepared = PreparedRun(setup, history, emit, control, hooks, continuation, datetime.now(UTC), cycle)
-    meta, _ = prepared.meta(None)  # refuses a run that cannot be resumed unchanged
-    files = (meta.run.files if meta.run else None) or {}
-    logger.info("run of %s, stages %s", request.serial, ", ".join(setup.stages))
-    for kind, section in files.items():
-        logger.info("%s %s version %s sha256 %s", kind, section.name, section.version, section.sha256)
-    return prepared
+    return setup
 
 
 def _with_standards(setup: ResolvedConfiguration, history: History) -> ResolvedConfiguration:

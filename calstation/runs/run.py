@@ -1,6 +1,7 @@
 """Executes one run: prepares it, opens the devices, drives and solves the stages, finalizes it, writes its result."""
 
 import logging
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -36,38 +37,73 @@ logger = logging.getLogger(__name__)
 
 
 def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHooks] = RunHooks) -> None:
-    """Execute a run to its end and emit the verdict; a result JSON is written next to the log for every outcome.
+    """Execute a run to its end and emit the verdict of every unit; a result JSON is written next to each log.
 
     Raises ConfigurationError or InputError, before any device is opened, if the run is not possible as requested.
     """
-    prepared = prepare(request, emit, control, hooks())
-    setup = prepared.setup
-    hand_over = HandOver(prepared.folder, setup.sources["station"].path, setup.station, prepared.emit)
+    units = prepare(request, emit, control, hooks())
+    first = units[0]
+    hand_over = HandOver(first.folder, first.setup.sources["station"].path, first.setup.station, first.listener)
     hand_over.start()
     try:
         with one_blas_thread():
-            _run(prepared)
+            _run(units)
     finally:
         hand_over.finish()
 
 
-def _run(prepared: PreparedRun) -> None:
-    """Open the devices and run; without devices or after an early stop, the log has a result but no samples."""
-    run: OpenRun | None = None
-    setup, check_cancelled = prepared.setup, prepared.control.check_cancelled
+def _run(units: tuple[PreparedRun, ...]) -> None:
+    """Open the devices and run; without devices or after an early stop, the logs have results but no samples."""
+    runs: list[OpenRun] = []
+    first = units[0]
     try:
-        with connected((setup,), check_cancelled) as devices, prepared.cycle.on(devices.clock):
-            prepared.hooks.connected(devices)
-            unverified = recover_interrupted(devices, setup, prepared.folder, prepared.emit, check_cancelled)
-            run = prepared.open(_registers(devices.imu, setup), unverified)
-            with applog.run(run.log.path.stem):
-                _sequence(run, devices)
+        with (
+            connected(tuple(unit.setup for unit in units), first.control.check_cancelled) as devices,
+            first.cycle.on(devices.clock),
+        ):
+            first.hooks.connected(devices)
+            evaluations = _open(units, devices, runs)
+            with applog.run(_name(runs)):
+                _sequence(runs, evaluations, devices)
     except (DeviceFaultError, StopRequested) as error:
-        if run is not None:
+        if runs:
             raise
-        run = prepared.open(None)
-        with applog.run(run.log.path.stem):
+        runs = [unit.open(None) for unit in units]
+        with applog.run(_name(runs)):
+            for run in runs:
+                close_run(run, _ended(run, error))
+
+
+def _name(runs: Sequence[OpenRun]) -> str:
+    """Return the name of the run in the application log: that of its batch, or of its log."""
+    return runs[0].setup.request.batch or runs[0].log.path.stem
+
+
+def _open(units: Sequence[PreparedRun], devices: Devices, runs: list[OpenRun]) -> list[Finalization]:
+    """Recover interrupted transfers, read the registers of the units and append their open runs to `runs`.
+
+    Returns the evaluations of the units that can go on; those with a fault have left the batch. Raises DeviceFaultError
+    if it is the only unit or the last one, ConfigurationError, StopRequested.
+    """
+    evaluations = []
+    for place, (unit, imu) in enumerate(zip(units, devices.imus, strict=True)):
+        check_cancelled = unit.control.check_cancelled
+        try:
+            if imu is None:
+                raise devices.failed[place]
+            own = replace(devices, imus=(imu,))
+            unverified = recover_interrupted(own, unit.setup, unit.folder, unit.emit, check_cancelled)
+            run = unit.open(_registers(imu, unit.setup), unverified)
+        except DeviceFaultError as error:
+            if len(units) == 1:
+                raise
+            run = unit.open(None)
+            run.emit(Message("unit_left", {"serial": run.serial, "reason": error.as_text}))
             close_run(run, _ended(run, error))
+        else:
+            evaluations.append(Finalization(run, imu))
+        runs.append(run)
+    return evaluations
 
 
 def _registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
@@ -83,42 +119,43 @@ def _registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
     return imu.read_registers()
 
 
-def _sequence(run: OpenRun, devices: Devices) -> None:
-    """Drive and solve the remaining stages, and close the run, even after a programming error."""
-    evaluation = Finalization(run, devices.imu)
+def _sequence(runs: Sequence[OpenRun], evaluations: Sequence[Finalization], devices: Devices) -> None:
+    """Drive and solve the remaining stages, and close the runs, even after a programming error."""
     try:
-        _drive(run, devices, evaluation)
+        _drive(evaluations, devices)
     except Exception as mistake:
-        if evaluation.closed:  # the result itself could not be written
+        left = [run for run in runs if not run.closed]
+        if not left:  # a result itself could not be written
             raise
         logger.exception("the run ended by a mistake of the program")
         error = CalstationError("program.internal", detail=f"{type(mistake).__name__}: {mistake}")
-        with suppress(OSError, RuntimeError, CalstationError):  # the log itself may have failed
-            close_run(run, Ended(State.FAULT, tuple(run.chain.solutions), error))
+        for run in left:
+            with suppress(OSError, RuntimeError, CalstationError):  # the log itself may have failed
+                close_run(run, Ended(State.FAULT, tuple(run.chain.solutions), error))
         raise
 
 
-def _drive(run: OpenRun, devices: Devices, evaluation: Finalization) -> None:
-    try:
-        after = _resume(run)
+def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:
+    if not evaluations:
+        return
+    slots = []
+    for evaluation in evaluations:
+        run, imu = evaluation.run, evaluation.imu
+        try:
+            after = _resume(run)
+        except (StopRequested, CalstationError) as error:  # of a single unit
+            evaluation.ended(_ended(run, error))
+            return
         solved = tuple(run.chain.solutions)
         if solved:
-            devices.imu.read()  # discards samples received while they were solved
-        task, unit = run.setup.task(), run.setup.unit_task(run.meta)
-        slot = Slot(devices.imu, unit, run.log, run.chain, after, evaluation=evaluation, solved=solved)
-        context = RunContext(
-            replace(task, stages=task.stages[len(solved) :]),
-            devices.table,
-            (slot,),
-            devices.clock,
-            run.prepared.emit,
-            run.prepared.control,
-        )
-        sequencer = Sequencer(context)
-    except (StopRequested, CalstationError) as error:
-        evaluation.ended(_ended(run, error))
-        return
-    sequencer.run()
+            imu.read()  # discards samples received while they were solved
+        unit = run.setup.unit_task(run.meta)
+        slots.append(Slot(imu, unit, run.log, run.chain, after, run.prepared.slot, evaluation, solved))
+    prepared = evaluations[0].run.prepared
+    task = prepared.setup.task()
+    stages = task.stages[len(slots[0].solved) :]
+    task = replace(task, stages=stages)
+    Sequencer(RunContext(task, devices.table, tuple(slots), devices.clock, prepared.listener, prepared.control)).run()
 
 
 def _resume(run: OpenRun) -> LastSample | None:

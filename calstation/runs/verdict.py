@@ -18,6 +18,7 @@ logger = logging.getLogger(__name__)
 
 def close_run(run: OpenRun, ended: Ended) -> None:
     """Write the result into the log and next to it; emit the verdict."""
+    run.closed = True
     history, log, control = run.prepared.history, run.log, run.prepared.control
     outcome = _OUTCOMES[ended.state]
     failures = history.failures(run.serial) + (outcome == "failed")

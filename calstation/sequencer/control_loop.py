@@ -44,7 +44,8 @@ class ControlLoop:
     def tick(self) -> None:
         """Let one tick of station time pass, then call `update`."""
         begin = time.monotonic()
-        self.context.clock.sleep(self.context.clock.tick)
+        with self.units.of_table():
+            self.context.clock.sleep(self.context.clock.tick)
         self.update()
         seconds = time.monotonic() - begin
         if seconds > _SLOW_TICK:

@@ -1,14 +1,14 @@
 """Runs a calibration from preparation to verdict; every exit path leaves the table at rest with its axes off."""
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import TypeVar
 
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
-from calstation.physics import Carry, Dwell, Finish, Move, Prepare, RoundEnd
+from calstation.physics import Carry, Dwell, Finish, FloatArray, Move, Prepare, RoundEnd
 from calstation.sequencer.context import Evaluation, Output, RunContext, Solving
 from calstation.sequencer.control import State, StopRequested
 from calstation.sequencer.driving import POLL, Driving
@@ -94,7 +94,7 @@ class Sequencer:
             unit.unproved = False
             _evaluation(unit).verify(data[unit], background)
 
-        units.each(judge)
+        self._compute_for_each(judge)
         if not units.of(writing):
             return
         self._context.emit(Message("reference"))
@@ -128,7 +128,7 @@ class Sequencer:
         count = self._solved_before + len(self._context.task.stages)
         emit(StageStarted(stage.name, index, count, duration, stage.rule.repeated))
         logger.info("stage %s begins", stage.name)
-        self._units.each(lambda unit: _solving(unit).start(stage.name))
+        self._compute_for_each(lambda unit: _solving(unit).start(stage.name))
         self._context.control.check_cancelled()  # a late END_STAGE of the stage before ends nothing
         self._context.control.ending_stage = False
         drive.stamps.stage = stage.name
@@ -148,7 +148,7 @@ class Sequencer:
         def judge(unit: Unit) -> None:
             passed[unit] = _evaluation(unit).stage_passed(unit.solutions[-1])
 
-        self._units.each(judge)
+        self._compute_for_each(judge)
         failed = [unit for unit in self._units if not passed[unit]]
         if len(failed) == len(self._units):
             return False
@@ -182,8 +182,8 @@ class Sequencer:
             if isinstance(step, RoundEnd):
                 rounds = step.rounds
                 elapsed = min((unit.acquisition.newest or 0.0) - begin[unit] for unit in units)
-                sigmas = [_solving(unit).sigma() if stage.rule.targets else None for unit in units]
-                reasons = [stage.rule.reason(rounds, elapsed, sigma) for sigma in sigmas]
+                sigmas = self._sigmas() if stage.rule.targets else {}
+                reasons = [stage.rule.reason(rounds, elapsed, sigmas.get(unit.slot.name)) for unit in units]
                 if reasons[0] and all(reasons):
                     return reasons[0], rounds
                 if stage.rule.open_ended:
@@ -193,7 +193,7 @@ class Sequencer:
             elif not isinstance(step, Prepare):
                 track.begin(clock.now(), step_time(step, drive.runner.position(), self._context.task.settle))
                 drive.runner.run(step)
-                track.end({unit.slot.name: _solving(unit).sigma() for unit in units})
+                track.end(self._sigmas())
                 self._show_progress()
                 for unit in units:
                     if (ranking := _solving(unit).ranking()) is not None:
@@ -202,6 +202,25 @@ class Sequencer:
                 if ending or (isinstance(step, Carry) and drive.runner.guiding.done):
                     return "operator", rounds
         return "plan", rounds
+
+    def _sigmas(self) -> dict[str, FloatArray]:
+        """Return the current standard deviations by slot."""
+        sigmas: dict[str, FloatArray] = {}
+
+        def compute(unit: Unit) -> None:
+            sigmas[unit.slot.name] = _solving(unit).sigma()
+
+        self._compute_for_each(compute)
+        return sigmas
+
+    def _compute_for_each(self, work: Callable[[Unit], object]) -> None:
+        """Do for every unit what may take a while, and feed the table's watchdog after each."""
+
+        def compute(unit: Unit) -> None:
+            work(unit)
+            self._drive.control_loop.feed_watchdog()
+
+        self._units.each(compute)
 
     def _show_progress(self) -> None:
         if self._track is not None:
@@ -225,12 +244,12 @@ class Sequencer:
 
 @contextmanager
 def _worker(name: str) -> Iterator[ThreadPoolExecutor]:
-    """Provide a worker for one job; leaving the context does not wait for the job to end."""
+    """Provide a worker that does one job after the other; leaving the context does not wait for the current one."""
     worker = ThreadPoolExecutor(1, name)
     try:
         yield worker
     finally:
-        worker.shutdown(wait=False)
+        worker.shutdown(wait=False, cancel_futures=True)
 
 
 def _solving(unit: Unit) -> Solving:

@@ -36,6 +36,24 @@ def test_a_working_link_is_described_line_by_line(calstation: Run) -> None:
     assert {"id", "state", "values", "text", "mend"} == set(report["findings"][0])
 
 
+def test_the_imus_of_all_slots_are_tested(calstation: Run, tmp_path: Path) -> None:
+    path = tmp_path / "batch.toml"
+    slots = [{"name": "left"}, {"name": "right", "orientation": "-y+z"}]
+    path.write_text(tomli_w.dumps({**STATION, "bench": {"seed": 5}, "slots": slots}), encoding="utf-8")
+    done = calstation("test", "imu", "--station", path)
+    assert done.code == 0, done.out + done.err
+    lines = done.out.splitlines()
+    assert [line for line in lines if line.startswith("[")] == ["[left]", "[right]"]
+    assert lines.count("The link works.") == 2
+    report = calstation("test", "imu", "--station", path, "--json", "-").json
+    assert (report["device"], report["state"]) == ("imu", "ok")
+    assert [(row["slot"], row["device"], row["state"]) for row in report["slots"]] == [
+        ("left", "imu", "ok"),
+        ("right", "imu", "ok"),
+    ]
+    assert "slots" not in calstation("test", "table", "--station", path, "--json", "-").json
+
+
 def test_a_failed_link_is_shown_with_its_remedy(calstation: Run, tmp_path: Path) -> None:
     fake = FakeTable({})
     fake.words[17] |= 1 << 3

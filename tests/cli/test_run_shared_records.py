@@ -33,7 +33,7 @@ def test_a_run_is_shared_and_names_another_station_with_its_unit(
     monkeypatch.setattr("calstation.database.process._END_S", 60.0)  # on a busy computer the process starts slowly
     other = tmp_path / "line 2"
     other.mkdir()
-    there = Exchange(other, shared_database, "line 2", ("SN-000042", "li"))
+    there = Exchange(other, shared_database, "line 2", {"SN-000042": "li"})
     assert there.exchange() == []
     site, out = sharing(tmp_path, shared_database), tmp_path / "runs"
     where = ("--station", site.station, "--product", site.product, "--out", out)

@@ -97,8 +97,22 @@ def serials(url: str, changes: dict[str, Any] | None = None) -> list[str]:
     return list(found)
 
 
+def test_all_units_of_a_batch_are_claimed(url: str, folders: tuple[Path, Path]) -> None:
+    batch, other = (Exchange(folder, url, folder.name) for folder in folders)
+    batch.claimed, other.claimed = {"SN-1": "li", "SN-2": "li"}, {"SN-2": None}
+    assert batch.exchange() == []
+    assert [(claim.serial, claim.station) for claim in other.exchange()] == [("SN-2", "line 1")]
+    assert [(claim.serial, claim.station) for claim in batch.exchange()] == [("SN-2", "line 2")]
+    batch.claimed = {"SN-1": "li"}
+    batch.exchange()
+    assert other.exchange() == []
+    batch.close()
+    other.close()
+    assert serials(url) == []
+
+
 def test_a_claim_lasts_while_the_station_holds_it(url: str, folders: tuple[Path, Path]) -> None:
-    one, two = (Exchange(folder, url, folder.name, ("SN-1", "li")) for folder in folders)
+    one, two = (Exchange(folder, url, folder.name, {"SN-1": "li"}) for folder in folders)
     assert one.exchange() == []
     (since,) = [claim.since for claim in two.exchange()]
     one.exchange()
@@ -109,11 +123,11 @@ def test_a_claim_lasts_while_the_station_holds_it(url: str, folders: tuple[Path,
     assert two.exchange() == []
     assert [claim.station for claim in one.exchange()] == ["line 2"]
     assert [claim.station for claim in two.exchange()] == ["line 1"]
-    one.claim = ("SN-2", "li")
+    one.claimed = {"SN-2": "li"}
     one.exchange()
     assert serials(url) == ["SN-1", "SN-2"]
     assert two.exchange() == []
-    one.claim = None
+    one.claimed = {}
     one.exchange()
     assert serials(url) == ["SN-1"]
     two.close()
@@ -122,7 +136,7 @@ def test_a_claim_lasts_while_the_station_holds_it(url: str, folders: tuple[Path,
 
 
 def test_a_claim_lasts_five_minutes_by_the_clock_of_the_database(url: str, folders: tuple[Path, Path]) -> None:
-    exchange = Exchange(folders[0], url, "line 1", ("SN-1", "li"))
+    exchange = Exchange(folders[0], url, "line 1", {"SN-1": "li"})
     exchange.exchange()
     engine = create_engine(url)
     with engine.begin() as connection:
@@ -135,7 +149,7 @@ def test_a_claim_lasts_five_minutes_by_the_clock_of_the_database(url: str, folde
 
 def test_an_earlier_run_of_a_unit_ends_no_claim(url: str, folders: tuple[Path, Path]) -> None:
     write_result(folders[0], "a", 1)
-    exchange = Exchange(folders[0], url, "line 1", ("SN-1", "li"))
+    exchange = Exchange(folders[0], url, "line 1", {"SN-1": "li"})
     exchange.exchange()
     assert in_database(url) == [("a", "line 1")]
     assert serials(url) == ["SN-1"]
@@ -143,7 +157,7 @@ def test_an_earlier_run_of_a_unit_ends_no_claim(url: str, folders: tuple[Path, P
 
 
 def test_a_service_on_the_same_folder_ends_no_claim(url: str, folders: tuple[Path, Path]) -> None:
-    window, service = Exchange(folders[0], url, "line 1", ("SN-1", "li")), Exchange(folders[0], url, "line 1")
+    window, service = Exchange(folders[0], url, "line 1", {"SN-1": "li"}), Exchange(folders[0], url, "line 1")
     window.exchange()
     service.exchange()
     service.close()

@@ -58,11 +58,11 @@ def test_runs_are_exchanged_while_the_process_lives(
     other = tmp_path / "line 2"
     other.mkdir()
     write_result(folder, "a", 1)
-    with start_exchange(station_file(folder, shared_database), folder, ("SN-7", "li")) as exchange:
+    with start_exchange(station_file(folder, shared_database), folder, {"SN-7": "li"}) as exchange:
         eventually(lambda: in_database(shared_database) == [("a", "line 1")])
         write_result(folder, "b", 2)
         eventually(lambda: len(in_database(shared_database)) == 2)
-        with start_exchange(station_file(other, shared_database), other, ("SN-7", None)):
+        with start_exchange(station_file(other, shared_database), other, {"SN-7": None}):
             eventually(lambda: len(in_index(other)) == 2)
             claims = []
             eventually(lambda: claims.extend(exchange.new_claims()) or claims)
@@ -91,12 +91,12 @@ def test_only_present_claims_on_the_unit_are_returned(folder: Path, monkeypatch:
     now = datetime.now(UTC)
     mine, other = (Claim(serial, "line 2", None, now) for serial in ("SN-7", "SN-8"))
     change_state(folder, contact_utc=now, claims=(mine, other))
-    with ExchangeProcess(folder, "sqlite://", "line 1", ("SN-7", None)) as exchange:
+    with ExchangeProcess(folder, "sqlite://", "line 1", {"SN-7": None}) as exchange:
         assert exchange.new_claims() == []  # of the last session
         change_state(folder, contact_utc=now + timedelta(seconds=1))
         assert exchange.new_claims() == [mine]
         assert exchange.new_claims() == []
-        exchange.claim(("SN-8", None))
+        exchange.claim({"SN-8": None})
         assert exchange.new_claims() == [other]
 
 

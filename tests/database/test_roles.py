@@ -31,9 +31,9 @@ def test_stations_exchange_and_claim_with_their_role(postgres, database: str, tm
     for number, folder in enumerate(folders):
         folder.mkdir()
         write_result(folder, f"run{number}", number)
-        exchange = Exchange(folder, url, folder.name, ("SN-3", "li"))
+        exchange = Exchange(folder, url, folder.name, {"SN-3": "li"})
         exchange.exchange()
-        exchange.claim = ("SN-2", "li")
+        exchange.claimed = {"SN-2": "li"}
         exchange.exchange()
         exchange.outbox.add_copy(f"run{number}", "s3://logs/x.h5", "0" * 64, 1)
         exchanges.append(exchange)

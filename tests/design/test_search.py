@@ -23,9 +23,9 @@ def problem():
     product = library.find("products", "mems_c")
     setup = resolve_configuration(RunRequest("M-1", None, product, ("designed",), Path("nowhere")))
     meta = setup.log_meta()
-    context, geometry = context_from_meta(meta), setup.table.geometry()
+    context = context_from_meta(meta)
     mount = np.full(3, 0.3 * context.table.mount_sigma)
-    conditions = Conditions(context, prior_from_meta(meta), geometry, 0.5, 1.7, 2.6, mount)
+    conditions = Conditions(context, prior_from_meta(meta), 0.5, 1.7, 2.6, mount)
     limits = setup.sigma_limits()
     targets = np.array([limits[n] if n.startswith("gyro_misalign") else np.inf for n in NAMES])
     with one_blas_thread():

@@ -43,7 +43,7 @@ STEPS = [
 def setting():
     context = SolveContext(Site(0.6, 1.9, 0.0, azimuth=0.0), IMU, TableModel())
     prior = Belief(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
-    samples = PlannedSamples(context, prior.mean, context.table.geometry, np.full(3, 0.005))
+    samples = PlannedSamples(context, prior.mean, np.full(3, 0.005))
     blocks = [
         block for step in STEPS for block in samples.run(step, 4.0 if isinstance(step, Move) else step.duration, "s")
     ]

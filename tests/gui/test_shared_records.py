@@ -45,7 +45,7 @@ def test_a_unit_at_another_station_is_named_and_does_not_block(
 ) -> None:
     folder = tmp_path / "line 2"
     folder.mkdir()
-    other = Exchange(folder, shared, "line 2", (SERIAL, "Li Na"))
+    other = Exchange(folder, shared, "line 2", {SERIAL: "Li Na"})
     other.exchange()
     operator.scan(SERIAL)
     notice = operator.widget("claim_notice")
@@ -59,7 +59,7 @@ def test_a_unit_at_another_station_is_named_and_does_not_block(
 
     # the other station has ended its work, and the unit is known here
     write_result(folder, f"{SERIAL}_20261101T000000", 1, serial=SERIAL)
-    other.claim = None
+    other.claimed = {}
     other.exchange()
     other.close()
     operator.until(lambda: not notice.isVisible() and History(site_folder.runs).passed(SERIAL))
@@ -82,7 +82,7 @@ def test_a_unit_is_claimed_when_the_database_is_back_and_released_when_the_windo
     app.set_station(site_folder.station)
     folder = tmp_path / "line 2"
     folder.mkdir()
-    other = Exchange(folder, url, "line 2", (SERIAL, None))
+    other = Exchange(folder, url, "line 2", {SERIAL: None})
     operator.until(lambda: other.exchange())
     operator.until(operator.widget("claim_notice").isVisible)
     app.close()

@@ -98,17 +98,13 @@ def test_turns_without_encoders_are_those_of_the_joint_that_turned(orientation: 
 
 @pytest.mark.parametrize("orientation", ORIENTATIONS)
 def test_planned_samples_of_a_turned_unit_are_those_of_the_platform_in_its_axes(orientation: str) -> None:
-    _, context = unit(DEFAULT_ORIENTATION)
-    turned, matrix = (
-        TableGeometry(orientation=orientation_matrix(orientation)),
-        np.array(orientation_matrix(orientation)),
-    )
-    lever = np.array([0.1, -0.2, 0.3])
+    matrix, lever = np.array(orientation_matrix(orientation)), np.array([0.1, -0.2, 0.3])
     samples = []
-    for geometry, arm in ((TableGeometry(), lever), (turned, matrix.T @ lever)):
+    for name, arm in ((DEFAULT_ORIENTATION, lever), (orientation, matrix.T @ lever)):
+        _, context = unit(name)
         parameters = np.zeros(COUNT)
         parameters[group_indices("outer_lever")] = arm
-        planned = PlannedSamples(context, parameters, geometry, np.array([0.01, -0.02, 0.03]))
+        planned = PlannedSamples(context, parameters, np.array([0.01, -0.02, 0.03]))
         steps = list(method("rate").plan(TableGeometry(), method("rate").schedule(turns=1)))[:5]
         blocks = [b for step in steps for b in planned.run(step, 2.0, "rate")]
         samples.append(np.vstack([block.counts for block in blocks]).reshape(-1, 2, 3))

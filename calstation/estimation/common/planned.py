@@ -11,7 +11,6 @@ from calstation.physics import (
     FloatArray,
     Move,
     Step,
-    TableGeometry,
     axis_rotation,
     group_matrix,
     group_vector,
@@ -35,13 +34,12 @@ class PlannedSamples:
         self,
         context: SolveContext,
         parameters: FloatArray,
-        geometry: TableGeometry,
         mount: FloatArray,
         joints: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         site, imu = context.site, context.imu
-        self._geometry = geometry
-        self._mount = rotation_matrix(mount) @ np.array(geometry.orientation)  # from b to the platform's axes
+        self._geometry = context.table.geometry
+        self._mount = rotation_matrix(mount) @ np.array(context.table.orientation)  # from b to the platform's axes
         self._dt = 1.0 / imu.sample_rate
         self._azimuth = site.azimuth or 0.0
         self._earth = rotation_rate(site.latitude)

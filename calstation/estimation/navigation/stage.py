@@ -195,7 +195,7 @@ def warm_up() -> None:
     context = SolveContext(Site(0.6, 1.9, 0.0, azimuth=0.0), imu, TableModel())
     prior = Belief(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
     stage = NavigationStage("excitation", context, prior, NAMES)
-    samples = PlannedSamples(context, prior.mean, context.table.geometry, np.zeros(3))
+    samples = PlannedSamples(context, prior.mean, np.zeros(3))
     for block in samples.run(Dwell(10.0), 10.0, stage.stage):
         stage.feed(block)
     stage.sigma()

@@ -24,14 +24,13 @@ class ClaimNotice(NoticeBar):
         if request is None or self._app.run.register_operation:
             return
         if running:
-            self._app.set_claim(request.serial)
-        elif self._app.claim is not None and self._app.claim[0] == request.serial:  # not the next unit's
-            self._app.set_claim(None)
+            self._app.claim(*filter(None, request.serials or (request.serial,)))
+        elif request.serial in self._app.claimed:  # not the next unit's
+            self._app.claim()
 
     def _refresh(self) -> None:
-        state, claim = self._app.exchange_state, self._app.claim
-        claims = () if state is None or claim is None else state.claims
-        mine = [each for each in claims if claim is not None and each.serial == claim[0]]
+        state, claimed = self._app.exchange_state, self._app.claimed
+        mine = [] if state is None else [claim for claim in state.claims if claim.serial in claimed]
         if mine == list(self._claims):
             return
         self._claims = mine

@@ -172,13 +172,13 @@ class RunStarter(QObject):
             self._app.run.acknowledge()
         if slots.next is not None:
             slots.fill(slots.next, header.serial, before)
-            self._app.set_claim(slots.units[0])
+            self._app.claim(*slots.units)
             header.set_serial("")
             self._notice.dismiss()
             self._note_next(accepted=True)
             self._await_start() if slots.full else header.focus_scan()
             return True
-        self._app.set_claim(header.serial)
+        self._app.claim(header.serial)
         note = self.tr("attempt {count}").format(count=before + 1) if before else self.tr("accepted")
         header.note_serial(note, accepted=True)
         self._await_start()

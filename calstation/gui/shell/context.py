@@ -60,8 +60,8 @@ class AppContext(QObject):
         self.schedule: Mapping[str, Mapping[str, Any]] | None = None
         #: State of the exchange with the shared database; None for a station that shares no records.
         self.exchange_state: ExchangeState | None = None
-        #: Serial number and operator of the unit that the exchange claims; None for no unit.
-        self.claim: tuple[str, str | None] | None = None
+        #: Operator by serial number of the units that the exchange claims.
+        self.claimed: Mapping[str, str | None] = {}
         self.runs_folder = runs_folder or Path(str(self.settings.value("runs_folder", "runs")))
 
     def set_station(self, path: Path | None) -> None:
@@ -87,11 +87,11 @@ class AppContext(QObject):
         self.settings.setValue("runs_folder", str(folder))
         self.runs_folder_changed.emit()
 
-    def set_claim(self, serial: str | None) -> None:
-        """Claim a unit in the shared database in place of the previous one; None for no unit."""
-        claim = None if serial is None else (serial, self.operator)
-        if claim != self.claim:
-            self.claim = claim
+    def claim(self, *serials: str) -> None:
+        """Claim these units in the shared database in place of the previous ones."""
+        claimed = dict.fromkeys(serials, self.operator)
+        if claimed != self.claimed:
+            self.claimed = claimed
             self.claim_changed.emit()
 
     def set_theme(self, name: str) -> None:

@@ -29,7 +29,7 @@ class RecordsExchange(QObject):
     def _restart(self) -> None:
         self._end()
         try:
-            self._process = start_exchange(self._app.station_path, self._app.runs_folder, self._app.claim)
+            self._process = start_exchange(self._app.station_path, self._app.runs_folder, self._app.claimed)
         except CalstationError:  # the pages show what is wrong with the station file
             self._process = None
         if self._process is not None:
@@ -40,7 +40,7 @@ class RecordsExchange(QObject):
 
     def _claim(self) -> None:
         if self._process is not None:
-            self._process.claim(self._app.claim)
+            self._process.claim(self._app.claimed)
 
     def _read(self) -> None:
         state = None if self._process is None else self._process.state()

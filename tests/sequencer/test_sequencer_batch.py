@@ -1,0 +1,675 @@
+"""Several units on one table: a unit that fails leaves, the others go on; a fault of the table ends all."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.estimation.method import Solution
+from calstation.messages.rendering import Text
+from calstation.physics.table import TableGeometry
+from calstation.sequencer.capture import VerificationData
+from calstation.sequencer.context import (
+    Ended,
+    Judged,
+    LastSample,
+    Output,
+    PreflightLimits,
+    RunContext,
+    Slot,
+    StatusMasks,
+    Task,
+    UnitTask,
+)
+from calstation.sequencer.control import Command, Control, State
+from calstation.sequencer.events import (
+    Event,
+    Fault,
+    Message,
+    StageEnded,
+    StageProgress,
+    StageRanked,
+    StageSolved,
+    StageStarted,
+    StateChanged,
+    StepStarted,
+    Trace,
+)
+from calstation.sequencer.plan import StagePlan, StopRule
+from calstation.sequencer.sequencer import Sequencer
+from tests.sequencer.fakes import (
+    GEOMETRY,
+    GRAVITY,
+    MODEL,
+    FakeClock,
+    FakeImu,
+    FakeJournal,
+    FakeSolving,
+    FakeTable,
+    Scene,
+    endless,
+    quarter_turns,
+    repeated,
+)
+
+LOST = DeviceFaultError("link.lost", device="imu", port="FAKE", reason="no answer")
+
+
+class Member:
+    """A unit of a batch among fakes, and its evaluation."""
+
+    def __init__(self, batch: "Batch", index: int) -> None:
+        self.batch, self.name = batch, f"S{index + 1}"
+        self.imu = FakeImu(batch.clock, batch.table, serial=f"SN-{index + 1}")
+        self.journal, self.solving = FakeJournal(), FakeSolving()
+        self.unit = UnitTask(
+            self.imu.serial, MODEL, PreflightLimits(r"SN-\d+", GRAVITY), GEOMETRY, StatusMasks(1, 2, 4)
+        )
+        self.passes, self.writes = True, True
+        self.goes_on = True
+        self.done: list[str] = []
+        self.proved: list[VerificationData] = []
+        self.ends: list[Ended] = []
+
+    @property
+    def end(self) -> Ended:
+        (ended,) = self.ends
+        return ended
+
+    @property
+    def code(self) -> str:
+        assert self.end.error is not None
+        return self.end.error.code
+
+    def slot(self) -> Slot:
+        return Slot(self.imu, self.unit, self.journal, self.solving, None, self.name, self)
+
+    def verify_earlier(self) -> None:
+        return None
+
+    def stage_passed(self, solution: Solution) -> bool:
+        return self.goes_on
+
+    def judge(self, solutions: tuple[Solution, ...]) -> Judged:
+        self.done.append("judge")
+        return Judged(self.passes, self.passes and self.writes)
+
+    def read_registers(self, run_in_background: Any) -> None:
+        self.done.append("read")
+
+    def transfer(self, run_in_background: Any) -> None:
+        self.batch.order.append(self.name)
+        run_in_background(lambda: self.done.append("transfer"))
+
+    def verify(self, data: VerificationData, run_in_background: Any) -> None:
+        self.done.append("verify")
+        self.proved.append(data)
+
+    def ended(self, ended: Ended) -> None:
+        self.ends.append(ended)
+
+    def messages(self) -> list[str]:
+        """Messages in its log."""
+        return [event["id"] for event in self.journal.events if event["event"] == "Message"]
+
+    def samples(self) -> dict[str, np.ndarray]:
+        """Everything that its log holds of its samples."""
+        names = ("seq", "time", "counts", "angles", "step", "valid", "temperature", "station")
+        samples = {name: np.concatenate([getattr(b, name) for b in self.journal.blocks]) for name in names}
+        return samples | {"stage": np.concatenate([[b.stage] * len(b) for b in self.journal.blocks])}
+
+
+class Batch:
+    """Units on one table among fakes."""
+
+    def __init__(self, count: int, *stages: StagePlan) -> None:
+        self.clock = FakeClock()
+        self.table = FakeTable(self.clock)
+        self.control = Control()
+        self.task = Task(stages or (StagePlan("rate", quarter_turns),), GEOMETRY)
+        self.order: list[str] = []
+        self.events: list[Event] = []
+        self._scripts: list[tuple[Callable[[Event], bool], float, Callable[[], Any]]] = []
+        self.units = [Member(self, index) for index in range(count)]
+
+    def on(self, kind: type[Event], delay: float, action: Callable[[], Any], ident: str = "") -> None:
+        """Act `delay` s after the first event of a kind."""
+        self._scripts.append((lambda e: isinstance(e, kind) and getattr(e, "id", "") == ident, delay, action))
+
+    def run(self) -> State:
+        """Run to the end; every unit is told its end once."""
+        slots = tuple(unit.slot() for unit in self.units)
+        Sequencer(RunContext(self.task, self.table, slots, self.clock, self._take, self.control)).run()
+        assert [len(unit.ends) for unit in self.units] == [1] * len(self.units)
+        return State(self.of(StateChanged)[-1].state)
+
+    def _take(self, event: Event) -> None:
+        self.events.append(event)
+        for script in list(self._scripts):
+            chosen, delay, action = script
+            if chosen(event):
+                self._scripts.remove(script)
+                self.clock.at(self.clock.time + delay, action)
+
+    def of(self, kind: type[Event]) -> list[Any]:
+        return [event for event in self.events if isinstance(event, kind)]
+
+    def ids(self, ident: str) -> list[str]:
+        """The slots of the messages of an id."""
+        return [event.slot for event in self.of(Message) if event.id == ident]
+
+
+def loses_its_port(unit: Member) -> Callable[[], None]:
+    def lose() -> None:
+        def read() -> Any:
+            raise LOST
+
+        unit.imu.read = read  # type: ignore[method-assign]
+
+    return lose
+
+
+def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
+    return one.keys() == other.keys() and all(
+        np.array_equal(one[name], other[name], equal_nan=name != "stage") for name in one
+    )
+
+
+def steps(unit: Member) -> dict[int, bool]:
+    """Whether all samples of each step of the stage are valid."""
+    samples = unit.samples()
+    of_stage = {int(step) for step in samples["step"][samples["stage"] == "rate"]}
+    return {step: bool(samples["valid"][samples["step"] == step].all()) for step in sorted(of_stage)}
+
+
+def alone(*stages: StagePlan) -> Member:
+    batch = Batch(1, *stages)
+    batch.units[0].name = ""
+    assert batch.run() is State.PASSED
+    return batch.units[0]
+
+
+def test_the_units_of_a_batch_get_what_each_would_get_alone() -> None:
+    batch, single = Batch(3), alone()
+    assert batch.run() is State.PASSED
+    assert [unit.end.state for unit in batch.units] == [State.PASSED] * 3
+    for unit in batch.units:
+        assert same(unit.samples(), single.samples())
+        assert [len(block) for block in unit.solving.blocks["rate"]] == [len(b) for b in single.solving.blocks["rate"]]
+        (own,), (one,) = unit.proved, single.proved
+        assert np.allclose(own.rests, one.rests, atol=1e-9)
+        assert np.allclose([t.integral for t in own.turns], [t.integral for t in one.turns], atol=1e-3)
+        assert unit.done == ["judge", "read", "transfer", "verify"]
+    assert batch.order == ["S1", "S2", "S3"]
+    assert batch.table.commands.count("disable") == 1
+
+
+def test_events_of_a_unit_carry_its_slot_and_only_its_log_has_them() -> None:
+    batch = Batch(2)
+    assert batch.run() is State.PASSED
+    for kind in (StageSolved, StageProgress, StageRanked, Trace):
+        assert {event.slot for event in batch.of(kind)} == {"S1", "S2"}
+    for kind in (StateChanged, StageStarted, StageEnded, StepStarted):
+        assert {event.slot for event in batch.of(kind)} == {""}
+    assert batch.ids("identified") == ["S1", "S2"]
+    for unit in batch.units:
+        assert {event.get("slot", "") for event in unit.journal.events} == {"", unit.name}
+        kinds = [event["event"] for event in unit.journal.events]
+        assert kinds.count("StageSolved") == kinds.count("StageStarted") == 1
+    assert {event.slot for event in Batch.of(one_unit(), Event)} == {""}
+
+
+def one_unit() -> Batch:
+    batch = Batch(1)
+    batch.units[0].name = ""
+    batch.run()
+    return batch
+
+
+def test_a_unit_whose_port_is_lost_leaves_and_the_others_do_not_notice() -> None:
+    batch, single = Batch(3), alone()
+    lost = batch.units[1]
+    batch.on(StageStarted, 2.0, loses_its_port(lost))
+    assert batch.run() is State.FAILED
+    assert (lost.end.state, lost.code, lost.end.solutions) == (State.FAULT, "link.lost", ())
+    assert lost.messages()[-1] == "unit_left"
+    assert [event["event"] for event in lost.journal.events][-1] == "Fault"
+    assert batch.ids("unit_left") == ["S2"]
+    (left,) = (event.values for event in batch.of(Message) if event.id == "unit_left")
+    assert left == {"serial": "SN-2", "reason": Text("link.lost", LOST.values)}
+    assert [(fault.slot, fault.code) for fault in batch.of(Fault)] == [("S2", "link.lost")]
+    assert "step_repeated" not in [event.id for event in batch.of(Message)]
+    for unit in (batch.units[0], batch.units[2]):
+        assert unit.end.state is State.PASSED
+        assert same(unit.samples(), single.samples())
+        assert "unit_left" not in unit.messages()
+
+
+@pytest.mark.parametrize(("deaf", "code"), [(True, "stream.no_answer"), (False, "stream.not_started")])
+def test_a_unit_that_falls_silent_leaves_after_the_step_was_interrupted_and_the_others_repeat_it(
+    deaf: bool, code: str
+) -> None:
+    batch = Batch(2)
+    silent, other = batch.units
+
+    def fall_silent() -> None:
+        silent.imu.silent, silent.imu.deaf = True, deaf
+
+    batch.on(StageStarted, 1.0, fall_silent)
+    assert batch.run() is State.FAILED
+    assert (silent.end.state, silent.code) == (State.FAULT, code)
+    assert other.end.state is State.PASSED
+    assert batch.ids("step_repeated") == ["S1"]
+    stage = np.concatenate([block.step for block in other.solving.blocks["rate"]])
+    valid = np.concatenate([block.valid for block in other.solving.blocks["rate"]])
+    assert not valid[stage == stage[0]].all()
+    assert valid[stage >= stage[-1] - 1].all()
+    assert np.all(np.diff(other.samples()["seq"]) == 1)
+
+
+def test_a_gap_of_one_unit_repeats_the_step_for_all() -> None:
+    batch, single = Batch(3), Batch(1)
+    for one in (batch, single):
+        one.on(StageStarted, 1.0, lambda one=one: setattr(one.units[0].imu, "drop", 2))
+        assert one.run() is State.PASSED
+    assert batch.ids("step_repeated") == ["S1"]
+    (reason,) = (event.values["reason"] for event in batch.of(Message) if event.id == "step_repeated")
+    assert reason == "gap"
+    for unit in batch.units:
+        assert steps(unit) == steps(single.units[0])
+        assert (np.diff(unit.samples()["seq"]) != 1).sum() == (unit is batch.units[0])
+
+
+def test_a_unit_that_spoils_a_step_too_often_leaves_and_the_step_is_repeated_without_it() -> None:
+    batch = Batch(2)
+    bad, good = batch.units
+
+    def drop() -> None:
+        if good.journal.blocks[-1].stage:
+            bad.imu.drop = 2
+
+    batch.table.on_move = drop
+    assert batch.run() is State.FAILED
+    assert (bad.end.state, bad.code) == (State.FAULT, "stream.repeated_gap")
+    assert good.end.state is State.PASSED
+    assert batch.ids("step_repeated") == ["S1"] * 3
+    valid = np.concatenate([block.valid for block in good.solving.blocks["rate"]])
+    assert valid[-300:].all()
+
+
+def test_a_stuck_channel_is_the_fault_of_its_unit() -> None:
+    batch, single = Batch(2), alone()
+    stuck, other = batch.units
+    stuck.unit = replace(stuck.unit, model=replace(MODEL, gyro_arw=1e-7))
+    assert batch.run() is State.FAILED
+    assert stuck.code == "stream.stuck"
+    assert other.end.state is State.PASSED
+    assert same(other.samples(), single.samples())
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        ({"serial": "SN-9"}, "preflight.other_unit"),
+        ({"sign": -1.0}, "preflight.turn_size"),
+        ({"upside_down": True}, "preflight.gravity_direction"),
+        ({"twist": 0.3}, "preflight.turn_axis"),
+        ({"ready_at": 1e6}, "preflight.not_ready"),
+        ({"silent": True}, "preflight.not_ready"),
+    ],
+)
+def test_a_unit_that_fails_a_check_before_the_run_leaves_and_the_others_are_calibrated(
+    change: dict[str, Any], code: str
+) -> None:
+    batch = Batch(3)
+    bad = batch.units[2]
+    for name, value in change.items():
+        setattr(bad.imu, name, value)
+    if "serial" in change:
+        bad.unit = replace(bad.unit, serial="SN-3")
+    assert batch.run() is State.FAILED
+    assert (bad.end.state, bad.code) == (State.FAULT, code)
+    assert [unit.end.state for unit in batch.units[:2]] == [State.PASSED] * 2
+    assert "StageStarted" not in [event["event"] for event in bad.journal.events]
+
+
+def test_the_run_begins_when_every_unit_is_warm() -> None:
+    batch = Batch(2)
+    for unit, warm_up in zip(batch.units, (5.0, 60.0), strict=True):
+        unit.unit = replace(unit.unit, preflight=replace(unit.unit.preflight, warm_up=warm_up))
+    assert batch.run() is State.PASSED
+    running = next(e["station_time"] for e in batch.units[0].journal.events if e.get("state") == "running")
+    assert running == pytest.approx(60.0, abs=FakeClock.tick)
+
+
+def test_a_unit_whose_temperature_drifts_leaves() -> None:
+    batch = Batch(2)
+    limits = batch.units[0].unit.preflight
+    drifting, other = batch.units
+    for unit in batch.units:
+        unit.unit = replace(unit.unit, preflight=replace(limits, warm_up_slope=0.5, warm_up_timeout=90.0))
+    read = drifting.imu.read
+
+    def drift() -> Any:
+        data = read()
+        return replace(data, temperature=25.0 + 0.1 * data.time)
+
+    drifting.imu.read = drift  # type: ignore[method-assign]
+    assert batch.run() is State.FAILED
+    assert drifting.code == "preflight.temperature_drift"
+    assert other.end.state is State.PASSED
+
+
+def test_a_unit_is_checked_in_its_own_axes() -> None:
+    batch = Batch(2)
+    mounted = batch.units[1]
+    mounted.imu.twist = 0.3
+    turn = np.array([[np.cos(0.3), -np.sin(0.3), 0.0], [np.sin(0.3), np.cos(0.3), 0.0], [0.0, 0.0, 1.0]])
+
+    class Turned(TableGeometry):
+        def body_to_home(self, outer: float, inner: float) -> np.ndarray:
+            return GEOMETRY.body_to_home(outer, inner) @ turn.T
+
+    mounted.unit = replace(mounted.unit, geometry=Turned(limits=GEOMETRY.limits))
+    assert batch.run() is State.PASSED
+
+
+def test_a_unit_that_misses_its_limits_after_a_stage_leaves_as_failed() -> None:
+    batch = Batch(3, StagePlan("rate", quarter_turns), StagePlan("excitation", quarter_turns))
+    out = batch.units[0]
+    out.goes_on = out.passes = False
+    assert batch.run() is State.FAILED
+    assert out.end.state is State.FAILED
+    assert [solution.stage for solution in out.end.solutions] == ["rate"]
+    assert "excitation" not in out.solving.blocks
+    assert out.done == ["judge"]
+    assert not batch.of(Fault)
+    for unit in batch.units[1:]:
+        assert unit.end.state is State.PASSED
+        assert [solution.stage for solution in unit.end.solutions] == ["rate", "excitation"]
+
+
+def test_no_further_stage_begins_if_all_units_miss_their_limits() -> None:
+    batch = Batch(2, StagePlan("rate", quarter_turns), StagePlan("excitation", quarter_turns))
+    for unit in batch.units:
+        unit.goes_on = unit.passes = False
+    assert batch.run() is State.FAILED
+    assert [event.stage for event in batch.of(StageStarted)] == ["rate"]
+    assert [unit.end.state for unit in batch.units] == [State.FAILED] * 2
+    assert batch.table.commands[-1] == "disable"
+
+
+def test_a_unit_outside_its_limits_at_the_end_fails_and_only_the_others_are_written() -> None:
+    batch = Batch(3)
+    batch.units[1].passes = False
+    assert batch.run() is State.FAILED
+    assert [unit.end.state for unit in batch.units] == [State.PASSED, State.FAILED, State.PASSED]
+    assert batch.order == ["S1", "S3"]
+    assert [len(unit.proved) for unit in batch.units] == [1, 0, 1]
+
+
+def test_a_unit_whose_stage_cannot_be_solved_leaves() -> None:
+    batch = Batch(2)
+
+    def finish() -> Solution:
+        raise ConfigurationError("log.not_written", file="a.h5", reason="")
+
+    batch.units[1].solving.finish = finish  # type: ignore[method-assign, assignment]
+    assert batch.run() is State.FAILED
+    assert batch.units[1].end.state is State.FAULT
+    assert batch.units[0].end.state is State.PASSED
+
+
+def test_targets_end_a_stage_when_every_unit_has_reached_them() -> None:
+    rule = StopRule(targets={"gyro_bias": 1e-2})
+    slow = Batch(2, repeated(rule))
+    slow.units[1].solving.level = 100.0
+    assert slow.run() is State.PASSED
+    (ended,) = slow.of(StageEnded)
+    (single,) = Batch.of(_ran(Batch(1, StagePlan("excitation", endless, rule))), StageEnded)
+    assert ended.reason == single.reason == "targets"
+    assert ended.rounds > single.rounds
+
+
+def _ran(batch: Batch) -> Batch:
+    batch.run()
+    return batch
+
+
+def test_a_unit_whose_transfer_fails_leaves_and_the_others_are_written_and_verified() -> None:
+    batch = Batch(3)
+    bad = batch.units[1]
+
+    def transfer(run_in_background: Any) -> None:
+        raise LOST
+
+    bad.transfer = transfer  # type: ignore[method-assign]
+    assert batch.run() is State.FAILED
+    assert (bad.end.state, bad.code, bad.proved) == (State.FAULT, "link.lost", [])
+    assert "transfer_unproved" not in bad.messages()
+    for unit in (batch.units[0], batch.units[2]):
+        assert unit.end.state is State.PASSED
+        assert unit.done == ["judge", "read", "transfer", "verify"]
+    assert batch.table.commands[-1] == "disable"
+
+
+def test_a_unit_with_wrong_output_leaves_and_the_others_have_passed() -> None:
+    batch = Batch(2)
+
+    def verify(data: Any, run_in_background: Any) -> None:
+        raise DeviceFaultError("stream.lossy")
+
+    batch.units[0].verify = verify  # type: ignore[method-assign]
+    assert batch.run() is State.FAILED
+    assert [unit.end.state for unit in batch.units] == [State.FAULT, State.PASSED]
+    assert batch.ids("transfer_unproved") == []
+
+
+def asked(batch: Batch) -> None:
+    for unit in batch.units:
+        unit.unit = replace(unit.unit, corrected=Output.ASKED)
+
+
+def test_all_units_are_compared_with_one_common_reference() -> None:
+    batch, single = Batch(2), Batch(1)
+    for one in (batch, single):
+        asked(one)
+        assert one.run() is State.PASSED
+    moves = [command for command in batch.table.commands if command.startswith("move")]
+    assert moves == [command for command in single.table.commands if command.startswith("move")]
+    for unit in batch.units:
+        (data,) = unit.proved
+        assert data.corrected
+        assert data.reference is not None
+        assert unit.imu.started[-2:] == [True, False]
+
+
+def test_a_unit_lost_during_the_verification_leaves_unproved_and_the_others_are_verified() -> None:
+    batch = Batch(3)
+    lost = batch.units[2]
+    batch.on(Message, 9.0, loses_its_port(lost), "verifying")
+    assert batch.run() is State.FAILED
+    assert lost.end.state is State.FAULT
+    assert batch.ids("transfer_unproved") == ["S3"]
+    assert [len(unit.proved) for unit in batch.units] == [1, 1, 0]
+
+
+def test_frames_that_one_unit_loses_in_the_verification_repeat_only_that_turn() -> None:
+    batch, single = Batch(2), alone()
+    batch.on(Message, 9.0, lambda: setattr(batch.units[0].imu, "drop", 2), "verifying")
+    assert batch.run() is State.PASSED
+    (own,), (one,) = batch.units[1].proved, single.proved
+    for turn, expected in zip(own.turns, one.turns, strict=True):
+        assert np.allclose(turn.angle, expected.angle, atol=1e-9)
+
+
+def test_a_unit_that_restarts_in_every_verification_leaves() -> None:
+    batch = Batch(2)
+    asked(batch)
+    bad, good = batch.units
+
+    def again() -> None:
+        bad.imu.restart()
+        if good.end_pending:
+            batch.clock.at(batch.clock.time + 9.0, again)
+
+    good.end_pending = True  # type: ignore[attr-defined]
+    batch.on(Message, 9.0, again, "verifying")
+    batch.on(Message, 0.0, lambda: setattr(good, "end_pending", False), "unit_left")
+    assert batch.run() is State.FAILED
+    assert bad.code == "stream.restarts_after_write"
+    assert batch.ids("look_repeated") == ["S1"] * 3
+    assert batch.ids("transfer_unproved") == ["S1"]
+    assert good.end.state is State.PASSED
+    assert len(good.proved) == 1
+
+
+@pytest.mark.parametrize("moment", [0.05, 3.0, 9.0, 12.0, 20.0, 40.0])
+def test_a_stop_ends_all_units(moment: float) -> None:
+    batch = Batch(2)
+    batch.clock.at(moment, lambda: batch.control.send(Command.STOP))
+    assert batch.run() is State.STOPPED
+    assert [unit.end.state for unit in batch.units] == [State.STOPPED] * 2
+    assert batch.table.commands[-2:] == ["stop", "disable"]
+
+
+def test_a_stop_between_two_transfers_leaves_the_written_unit_unproved() -> None:
+    batch = Batch(2)
+    first, second = batch.units
+    write = first.transfer
+
+    def transfer(run_in_background: Any) -> None:
+        write(run_in_background)
+        batch.control.send(Command.STOP)
+
+    def stopped(run_in_background: Any) -> None:
+        batch.control.check_cancelled()
+
+    first.transfer, second.transfer = transfer, stopped  # type: ignore[method-assign]
+    assert batch.run() is State.STOPPED
+    assert batch.ids("transfer_unproved") == ["S1"]
+    assert [unit.end.state for unit in batch.units] == [State.STOPPED] * 2
+
+
+def test_a_pause_repeats_the_step_for_all() -> None:
+    batch = Batch(2)
+
+    def pause() -> None:
+        batch.control.send(Command.PAUSE)
+        batch.clock.at(batch.clock.time + 5.0, lambda: batch.control.send(Command.RESUME))
+
+    batch.on(StageStarted, 1.0, pause)
+    assert batch.run() is State.PASSED
+    assert same(batch.units[0].samples(), batch.units[1].samples())
+    assert [event.state for event in batch.of(StateChanged)][1:-1] == ["running", "pausing", "paused", "running"]
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value", "code"),
+    [
+        ("fault", "drive", "table.latched_drive"),
+        ("interlock", False, "motion.interlock_opened"),
+        ("enabled", False, "motion.switched_off"),
+        ("dead", True, "link.lost"),
+        ("stuck", True, "motion.not_reached"),
+    ],
+)
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_fault_of_the_table_ends_all_units(attribute: str, value: object, code: str, silent: bool) -> None:
+    """Also while a unit that has fallen silent is asked to stream again."""
+    batch = Batch(3)
+
+    def fail() -> None:
+        if silent and attribute != "stuck":
+            batch.units[0].imu.silent = True
+            batch.clock.at(batch.clock.time + 5.0, lambda: setattr(batch.table, attribute, value))
+        else:
+            setattr(batch.table, attribute, value)
+
+    batch.on(StageStarted, 0.0 if attribute == "stuck" else 1.0, fail)
+    if attribute == "stuck":
+        batch.table.on_move = lambda: None if not batch.of(StageStarted) else setattr(batch.table, "stuck", True)
+    assert batch.run() is State.FAULT
+    assert [unit.end.state for unit in batch.units] == [State.FAULT] * 3
+    assert {unit.code for unit in batch.units} == {code}
+    assert [(fault.slot, fault.code) for fault in batch.of(Fault)] == [("", code)]
+    assert batch.ids("unit_left") == []
+
+
+def test_the_fault_of_the_last_unit_is_the_fault_of_the_run() -> None:
+    batch = Batch(2)
+    for delay, unit in zip((1.0, 2.0), batch.units, strict=True):
+        batch.on(StageStarted, delay, loses_its_port(unit))
+    assert batch.run() is State.FAULT
+    assert batch.ids("unit_left") == ["S1"]
+    assert [fault.slot for fault in batch.of(Fault)] == ["S1", ""]
+    assert [unit.end.state for unit in batch.units] == [State.FAULT] * 2
+    assert batch.table.commands[-2:] == ["stop", "disable"]
+
+
+def test_all_units_at_fault_at_once_is_the_fault_of_the_run() -> None:
+    batch = Batch(3)
+    for unit in batch.units:
+        batch.on(StageStarted, 1.0, loses_its_port(unit))
+    assert batch.run() is State.FAULT
+    assert batch.ids("unit_left") == ["S1", "S2"]
+
+
+@pytest.mark.parametrize("method", ["append", "event", "service"])
+def test_a_log_that_cannot_be_written_is_the_fault_of_its_unit(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    batch, single = Batch(2), alone()
+    bad, good = batch.units
+
+    def fail(*arguments: Any) -> None:
+        raise ConfigurationError("log.not_written", file="a.h5", reason="")
+
+    batch.on(StageStarted, 1.0, lambda: monkeypatch.setattr(bad.journal, method, fail))
+    assert batch.run() is State.FAILED
+    assert (bad.end.state, bad.code) == (State.FAULT, "log.not_written")
+    assert good.end.state is State.PASSED
+    assert same(good.samples(), single.samples())
+
+
+def test_the_log_of_a_unit_that_left_takes_nothing_more() -> None:
+    batch = Batch(2)
+    lost = batch.units[0]
+    batch.on(StageStarted, 1.0, loses_its_port(lost))
+    counts: list[int] = []
+    ended = lost.ended
+
+    def end(told: Ended) -> None:
+        counts.append(len(lost.journal.events))
+        ended(told)
+
+    lost.ended = end  # type: ignore[method-assign]
+    assert batch.run() is State.FAILED
+    assert counts == [len(lost.journal.events)]
+
+
+def test_sixteen_units_pass() -> None:
+    batch = Batch(16)
+    assert batch.run() is State.PASSED
+    assert len(batch.order) == 16
+
+
+def test_a_result_that_cannot_be_written_does_not_keep_the_others_from_theirs() -> None:
+    batch = Batch(2)
+    told: list[Ended] = []
+
+    def fail(ended: Ended) -> None:
+        told.append(ended)
+        raise ConfigurationError("log.not_written", file="a.json", reason="")
+
+    batch.units[0].ended = fail  # type: ignore[method-assign]
+    with pytest.raises(ConfigurationError):
+        batch.run()
+    assert len(told) == 1
+    assert batch.units[1].end.state is State.PASSED
+
+
+def test_a_single_run_tells_its_end_once() -> None:
+    scene = Scene()
+    assert scene.run(after=LastSample(10, 1.0, 2)).state is State.PASSED
