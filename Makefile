@@ -40,6 +40,7 @@ fuzz: $(VENV)/installed-dev
 GUI := calstation/gui
 translations: $(VENV)/installed-dev
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/operator/*.py $(GUI)/operator/production/*.py \
+		$(GUI)/operator/units/*.py \
 		-ts $(GUI)/translations/operator_zh_CN.ts
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/engineer/*.py $(GUI)/engineer/designer/*.py \
 		-ts $(GUI)/translations/engineer_zh_CN.ts

@@ -86,6 +86,7 @@ class ScheduleOptions:
     serial_example: str  #: A serial number that matches.
     serial: str  #: Serial number of the unit on a virtual bench; empty on hardware.
     geometry: TableGeometry  #: Axes of the table, or of the gimbal.
+    slots: tuple[str, ...] = ()  #: Names of the slots at a station with several units.
 
 
 def schedule_options(station: Path | None, product: Path | None) -> ScheduleOptions:
@@ -115,6 +116,7 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         serial_example=setup.product.example,
         serial=setup.station.virtual_serial,
         geometry=geometry,
+        slots=setup.station.slot_names,
     )
 
 

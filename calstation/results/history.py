@@ -284,7 +284,7 @@ class ShiftCount:
 
     passed: int = 0
     failed: int = 0
-    mean_duration: float | None = None  #: Mean duration of a run, s; None without runs.
+    mean_duration: float | None = None  #: Mean time of the table per unit, s; None without runs.
 
     @property
     def done(self) -> int:
@@ -309,7 +309,7 @@ def count_shift(report: ProgressCallback, folder: Path, station: str, since: dat
     """Job: count the runs of a station in a folder that began at `since` or later.
 
     Partial runs and runs of check standards do not count, nor do runs that were stopped or ended in a fault; a resumed
-    run counts once.
+    run counts once. The units of a batch share its duration.
     """
     history = History(folder)
     history.refresh()
@@ -320,5 +320,9 @@ def count_shift(report: ProgressCallback, folder: Path, station: str, since: dat
         if run.verdict in ("passed", "failed") and not run.partial and not run.check_standard
     ]
     passed = sum(run.outcome == "passed" for run in runs)
-    mean = sum(run.duration for run in runs) / len(runs) if runs else None
+    on_table: dict[str, float] = {}  # the units of a batch share the table's time
+    for run in runs:
+        key = run.batch or run.log.name
+        on_table[key] = max(run.duration, on_table.get(key, 0.0))
+    mean = sum(on_table.values()) / len(runs) if runs else None
     return ShiftCount(passed, len(runs) - passed, mean)

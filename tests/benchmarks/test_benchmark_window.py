@@ -95,12 +95,12 @@ def test_window_stays_responsive_over_a_whole_run(window: MainWindow, benchmark,
     def run() -> Probe:
         button.click()
         probe = Probe()
-        until(lambda: window.app.run.verdict is not None or window.app.run.fault is not None, 800.0)
+        until(lambda: window.app.run.unit.verdict is not None or window.app.run.fault is not None, 800.0)
         return probe
 
     probe = benchmark.pedantic(run, rounds=1)
     assert window.app.run.state == "passed", window.app.run.fault
-    result = window.app.run.verdict.result
+    result = window.app.run.unit.verdict.result
     samples = result["log"]["last_seq"] - result["log"]["first_seq"] + 1
     works, waits = np.array(probe.works), np.array(probe.waits)
     figures(

@@ -351,3 +351,29 @@ def test_every_button_of_the_list_has_a_reason_or_a_tip(page: HistoryPage, qtbot
         found = page.findChild(QPushButton, name)
         assert not found.isEnabled()
         assert found.toolTip()
+
+
+def test_units_of_a_batch_are_listed_together(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
+    hour = timedelta(hours=1)
+    write_run(folder, "SN-000009", "passed", 2 * hour)
+    shown(page, qtbot)
+    table = page.table
+    headings = [table.horizontalHeaderItem(k).text() for k in range(table.columnCount())]
+    batch, slot = headings.index("Batch"), headings.index("Slot")
+    assert table.isColumnHidden(batch)
+    assert table.isColumnHidden(slot)
+    assert not button(page, "history_batch_button").isVisible()
+
+    for name, age in (("A", hour), ("B", hour)):
+        write_run(folder, f"SN-00000{name}", "passed", age, batch="B20261101T000000-00FF", slot=name)
+    write_run(folder, "SN-000008", "passed", 3 * hour, batch="B20261101T090000-00FF", slot="A")
+    page.refresh()
+    qtbot.waitUntil(lambda: len(rows(page)) == 4, timeout=WAIT)
+    assert not table.isColumnHidden(batch)
+    assert not table.isColumnHidden(slot)
+    select_row(page, 0, qtbot)
+    assert {table.item(row, slot).text() for row in (0, 1)} == {"A", "B"}
+    assert "B20261101T000000-00FF" in visible_texts(page)
+    qtbot.mouseClick(button(page, "history_batch_button"), Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: len(rows(page)) == 2, timeout=WAIT)
+    assert {serial for serial, _ in rows(page)} == {"SN-00000A", "SN-00000B"}

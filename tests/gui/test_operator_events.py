@@ -264,7 +264,7 @@ def test_serial_number_belongs_to_the_verdict_and_the_field_to_the_next_unit(
 
 
 def test_a_long_serial_number_fits_beside_the_verdict(simulated_run: Operator) -> None:
-    simulated_run.run.serial = "UNIT-OF-A-VERY-LONG-NAME-0000000123456789"
+    simulated_run.run.unit.serial = "UNIT-OF-A-VERY-LONG-NAME-0000000123456789"
     end_run(simulated_run, "incomplete")
     serial = simulated_run.widget("verdict_serial_label", QLabel)
     assert serial.fontMetrics().horizontalAdvance(serial.text()) <= serial.width()

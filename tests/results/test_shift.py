@@ -62,3 +62,12 @@ def test_only_whole_runs_that_passed_or_failed_count(tmp_path: Path) -> None:
     assert (found.done, found.passed_share) == (3, 2 / 3)
     assert count_shift(lambda *_: None, tmp_path, "bench 3", since) == ShiftCount()
     assert ShiftCount().passed_share is None
+
+
+def test_the_units_of_a_batch_share_the_time_of_the_table(tmp_path: Path) -> None:
+    for name, serial, seconds in (("a", "SN-1", 400.0), ("b", "SN-2", 390.0), ("c", "SN-3", 400.0)):
+        write(tmp_path, name, serial, "passed", 2, batch="B-1", slot=name, duration_s=seconds)
+    write(tmp_path, "d", "SN-4", "failed", 2, duration_s=200.0)
+    since = datetime(2026, 11, 2, 16, 0).astimezone()
+    found = count_shift(lambda *_: None, tmp_path, "bench 1", since)
+    assert found == ShiftCount(passed=3, failed=1, mean_duration=150.0)

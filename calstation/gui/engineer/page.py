@@ -142,7 +142,7 @@ class EngineerPage(Page):
     def _suggest(self) -> None:
         """Fill in the unit of the virtual bench, unless its verdict is shown; on hardware, clear the field."""
         found, run = self._options, self.app.run
-        judged = run.serial if run.ended or run.fault is not None else ""
+        judged = run.unit.serial if run.ended or run.fault is not None else ""
         self._suggested = found.serial if found is not None and found.serial != judged else ""
         self._header.serial_edit.setText(self._suggested)
 
@@ -185,7 +185,7 @@ class EngineerPage(Page):
             found = self._options
             if found is not None and found.offered and self.choice.parts.stages != found.stages:
                 self.choice.parts.offer(found.offered, found.stages)
-            if ("certificate_waits", {}) in self.app.run.remarks:
+            if ("certificate_waits", {}) in self.app.run.unit.remarks:
                 self.notice.ask("caution", lambda: event_sentence("certificate_waits", {}), str)
         self._update()
 
@@ -209,11 +209,12 @@ class EngineerPage(Page):
 
     def _register_request(self) -> RunRequest:
         """Return the request for registers; on a virtual bench, the unit of the last run is still in the fixture."""
-        request, serial = self._request(), self.app.run.serial
+        request, serial = self._request(), self.app.run.unit.serial
         entered = self._header.serial not in ("", self._suggested)
-        if entered or not serial or self._options is None or not self._options.virtual:
-            return request
-        return replace(request, serial=serial)
+        if not entered and serial and self._options is not None and self._options.virtual:
+            request = replace(request, serial=serial)
+        slots = {unit.serial: unit.slot for unit in self.app.run.units}
+        return replace(request, slot=slots.get(request.serial) or None)
 
     def _ask_to_save(self) -> None:
         assert self._options is not None
@@ -305,6 +306,9 @@ class EngineerPage(Page):
             self._update()
 
     def _follow(self, event: Event) -> None:
+        """Follow a run, of several units the first."""
+        if event.slot not in ("", self.app.run.units[0].slot):
+            return
         self.analysis.follow(event)
         if isinstance(event, Verdict):
             self.analysis.open(Path(event.result_file))
@@ -377,6 +381,8 @@ class EngineerPage(Page):
 
     def _why_no_unit(self) -> str:
         serial, found = self._header.serial, self._options
+        if found is not None and found.slots:
+            return say("engineer.several_slots")
         if not serial:
             return say("engineer.no_serial")
         if found is not None and not re.fullmatch(found.serial_pattern, serial):

@@ -162,6 +162,7 @@ class RunDetails(QFrame):
         self.folder_button = button("history_folder_button", lambda: self.tr("Folder"))
         self.resume_button = button("history_resume_button", lambda: self.tr("Resume"))
         self.close_button = button("history_close_button")
+        self.batch_button = button("history_batch_button", lambda: self.tr("All units of the batch"))
         self._documents, self._release = (label_button, certificate_button), release
         self._people = certificate_button.panel
         for asking in (release.asking, self._people.asking):
@@ -199,7 +200,7 @@ class RunDetails(QFrame):
             row((self._serial, 1), self.badge),
             (self.content_area, 5),
             (self.trend, 3),
-            self._release,
+            *(self._release, self.batch_button),
             row((self.resume_button, 1), (self.close_button, 1)),
             row(*((each, 1) for each in (self.result_button, self.log_button, self.folder_button))),
             row(*((each, 1) for each in self._documents)),
@@ -299,6 +300,7 @@ class RunDetails(QFrame):
     def _update_buttons(self, run: RunRecord) -> None:
         actions = self._actions
         incomplete = run.outcome == "incomplete"
+        self.batch_button.setVisible(run.batch is not None)
         self.close_button.setText(self.tr("Close as incomplete") if incomplete else self.tr("Do not resume"))
         self.resume_button.setVisible(actions.resumable)
         self.close_button.setVisible(actions.resumable or (incomplete and not run.closed and not run.origin))

@@ -145,6 +145,7 @@ class HistoryPage(Page):
         details.folder_button.clicked.connect(self._open_folder)
         details.resume_button.clicked.connect(lambda: self._emit_log(app.resume_run))
         details.close_button.clicked.connect(self._close_run)
+        details.batch_button.clicked.connect(self._show_batch)
         self.table.chosen_changed.connect(self._show_texts)
         self._loader.done.connect(self._show_comparison)
         self.exports.watch.busy_changed.connect(self.notice.dismiss)
@@ -252,6 +253,12 @@ class HistoryPage(Page):
                 Choice("folder_close_button", lambda: self.tr("Close"), self.table.setFocus),
             )
             self.notice.ask("none", lambda: self.tr("Folder of this run"), lambda: folder, choices)
+
+    def _show_batch(self) -> None:
+        """List the units that were on the table together with the one selected."""
+        run = self.table.run
+        if run is not None and run.batch is not None:
+            self._filters.search_edit.setText(run.batch)
 
     def _close_run(self) -> None:
         if self.app.badge_required:

@@ -1,4 +1,4 @@
-"""The table of runs: outcome, unit, time, operator, duration, station and stages."""
+"""The table of runs: outcome, unit, time, operator, duration, station, batch, slot and stages."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from calstation.records import RunRecord
 
 #: Columns hidden first if there is too little space: attempt, operator, product; the details also show them.
 _HIDDEN_FIRST = (4, 5, 3)
-_OUTCOME, _STARTED, _STATION, _STAGES = 0, 2, 7, 8
+_OUTCOME, _STARTED, _STATION, _BATCH, _SLOT, _STAGES = 0, 2, 7, 8, 9, 10
 #: Right-aligned columns of numbers: attempt, duration.
 _NUMBERS = (4, 6)
 
@@ -96,6 +96,8 @@ class RunTable(QTableWidget):
             self.tr("Operator"),
             self.tr("Duration"),
             self.tr("Station"),
+            self.tr("Batch"),
+            self.tr("Slot"),
             self.tr("Stages"),
         )
         for column, text in enumerate(headings):
@@ -113,6 +115,8 @@ class RunTable(QTableWidget):
             run.operator or "",
             duration_text(run.duration),
             run.station or "",
+            run.batch or "",
+            run.slot or "",
             stages_text(run),
         )
         cells = [_cell(text, column) for column, text in enumerate(texts)]
@@ -126,11 +130,13 @@ class RunTable(QTableWidget):
     def _share_width(self) -> None:
         """Fit the columns to their contents, the stages to the remaining width; hide columns if it is too small.
 
-        The station is shown only if the runs are those of several.
+        The station is shown only if the runs are those of several, batch and slot only if a unit was not alone.
         """
-        one = len({run.station for run in self.runs if run.station}) < 2
+        hidden = {_STATION} if len({run.station for run in self.runs if run.station}) < 2 else set()
+        if not any(run.batch for run in self.runs):
+            hidden |= {_BATCH, _SLOT}
         for column in range(_STAGES):
-            self.setColumnHidden(column, one and column == _STATION)
+            self.setColumnHidden(column, column in hidden)
         self.resizeColumnsToContents()
         for column in range(_STAGES):
             self.setColumnWidth(column, self.columnWidth(column) + 2 * theme.GRID)

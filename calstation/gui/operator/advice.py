@@ -11,6 +11,7 @@ from calstation.gui.text import (
     parameter_text,
     rendered,
     say,
+    term,
     with_minus,
 )
 from calstation.messages import local_time
@@ -71,18 +72,43 @@ def override_notes(result: Result | None) -> list[str]:
 
 def next_action(outcome: str, result: Result | None) -> str:
     """Return what to do with the unit next."""
+    return say(f"advice.{_action(outcome, result)}")
+
+
+def brief_reason(outcome: str, result: Result | None) -> str:
+    """Return `reason` in a few words: the worst failing check, or how many values are near their limits."""
+    if outcome in ("passed", "partial"):
+        near = 0 if result is None else sum(check.near_miss for check in result.checks)
+        return say("advice.near", count=near) if near else ""
+    if outcome != "failed" or result is None:
+        return ""
+    failing = [figure for figure in figures(result) if not figure.passed]
+    if not failing:
+        return say("advice.no_stage")
+    worst, count = failing[0], len(result.failed_checks)
+    text = f"{worst.name} σ" if worst.by_sigma else worst.name
+    return text if count == 1 else f"{text}, +{count - 1}"
+
+
+def brief_action(outcome: str, result: Result | None) -> str:
+    """Return `next_action` in a few words."""
+    return term("advice_brief", _action(outcome, result))
+
+
+def _action(outcome: str, result: Result | None) -> str:
+    """Return the entry of the catalogue that says what to do with the unit next."""
     if outcome == "failed" and result is not None and missing_state(result) is not None:
-        return say("advice.ask_engineer")
+        return "ask_engineer"
     advised = None if result is None else result.advice
     if outcome == "passed":
-        return say("advice.next_unit")
+        return "next_unit"
     if outcome == "partial":
-        return say("advice.next_partial")
+        return "next_partial"
     if advised in ("reseat", "set_aside"):
-        return say(f"advice.{advised}")
+        return advised
     if outcome == "failed":
-        return say("advice.repeat")
-    return say("advice.resume" if advised == "resume" else "advice.begin_again")
+        return "repeat"
+    return "resume" if advised == "resume" else "begin_again"
 
 
 def figures(result: Result) -> list[Figure]:

@@ -1,7 +1,7 @@
 """Convergence plot: the sigma of each parameter group as a multiple of its target, with the target as a dashed line."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -53,7 +53,9 @@ class Convergence(QFrame):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("kind", "panel")
+        #: Lines of the unit shown, by group.
         self.lines: dict[str, Line] = {}
+        self._lines_of: dict[str, dict[str, Line]] = {}
         self._now = self._drawn = 0.0
         self._plot = ThemedPlot()
         self._plot.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)
@@ -73,26 +75,32 @@ class Convergence(QFrame):
         )
         theme.on_appearance_change(self, self._refresh)
 
-    def start(self, targets: Mapping[str, float]) -> None:
-        """Start a new run with these targets per group, SI."""
+    def start(self, targets: Mapping[str, float], slots: Sequence[str] = ("",)) -> None:
+        """Start a new run of the units in these slots with these targets per group, SI; show the first unit."""
+        self._lines_of = {slot: {group: Line(target) for group, target in targets.items()} for slot in slots}
+        self._now = 0.0
+        self.show_unit(slots[0])
+
+    def show_unit(self, slot: str) -> None:
+        """Show the unit in a slot."""
         for line in self.lines.values():
             self._plot.removeItem(line.curve)
-        self.lines = {group: Line(target) for group, target in targets.items()}
+        self.lines = self._lines_of.get(slot, {})
         for group, line in self.lines.items():
             line.curve.opts["name"] = f"log10 {group}"  # in its CSV
             self._plot.addItem(line.curve)
-        self._now = 0.0
         self._refresh()
         self.draw()
 
-    def take(self, at: float, sigma: Mapping[str, float]) -> None:
-        """Add sigmas per group, SI, at device time `at`, s since the start of the first stage."""
+    def take(self, at: float, sigma: Mapping[str, float], slot: str = "") -> None:
+        """Add sigmas of a unit per group, SI, at device time `at`, s since the start of the first stage."""
         self._now = max(self._now, at)
+        lines = self._lines_of.get(slot, {})
         for group, value in sigma.items():
-            line = self.lines.get(group)
+            line = lines.get(group)
             if line is not None and value > 0.0:
                 line.add(self._now, value / line.target)
-        if time.monotonic() - self._drawn >= _DRAW_INTERVAL:
+        if lines is self.lines and time.monotonic() - self._drawn >= _DRAW_INTERVAL:
             self.draw()
 
     def draw(self) -> None:

@@ -1,5 +1,7 @@
 """View of a run in progress: preparation steps, table, traces and convergence, or guidance for a manual rig."""
 
+from math import ceil
+
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
@@ -8,6 +10,7 @@ from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.position_panel import PositionPanel
 from calstation.gui.operator.table_panel import TablePanel
 from calstation.gui.operator.traces import Traces
+from calstation.gui.operator.units import COLUMNS, UnitTiles
 from calstation.gui.shell import RunStatus
 from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import PANEL, StateIcon, column, grid, label, row, stack, theme
@@ -25,6 +28,9 @@ from calstation.sequencer import (
     TableMoved,
     Trace,
 )
+
+#: Height of a window that has room for the convergence plot, and further height for each row of tiles, px.
+_ROOM, _TILES = 704, 54
 
 #: Preparation steps, each identified by the message that starts it; the first step starts with START.
 _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")
@@ -86,8 +92,12 @@ class LiveView(QWidget):
         self._lower = stack(Preparation(run), self._convergence, self.gimbal)
         self.position.finish_wanted.connect(self.finish_wanted)
         self.table.setMinimumWidth(37 * theme.GRID)
-        row((self.table, 1), (self._traces, 3), on=self._upper)
-        column((self.position, 9), (self._upper, 5), (self._lower, 4), on=self)
+        #: Beside the table: the traces; while several units are prepared, whose tiles are below, the preparation steps.
+        self._beside = stack(self._traces, Preparation(run))
+        self._units = UnitTiles(run)
+        row((self.table, 1), (self._beside, 3), on=self._upper)
+        column((self.position, 9), (self._upper, 5), self._units, (self._lower, 4), on=self)
+        run.unit_chosen.connect(self._show_unit)
 
     def start(self) -> None:
         """Prepare for a new run."""
@@ -96,7 +106,9 @@ class LiveView(QWidget):
         self.table.forget()
         self._turns = []
         self._traces.start()
-        self._convergence.start(run_summary.targets if run_summary is not None else {})
+        targets = run_summary.targets if run_summary is not None else {}
+        self._convergence.start(targets, [unit.slot for unit in self._run.units])
+        self._units.start()
         if run_summary is not None:
             self.table.picture.set_axes(run_summary.outer_axis, run_summary.inner_axis)
             self.position.plan(run_summary)
@@ -120,11 +132,17 @@ class LiveView(QWidget):
             case StageEnded():
                 self.position.finish_stage()
             case Trace():
-                self._traces.take(event)
+                if event.slot in ("", self._run.unit.slot):
+                    self._traces.take(event)
             case StageProgress():
-                self._convergence.take(self._run.done, event.sigma)
+                self._convergence.take(self._run.done, event.sigma, event.slot)
             case StageSolved():
-                self._convergence.take(self._run.done, _largest_sigmas(event))
+                self._convergence.take(self._run.done, _largest_sigmas(event), event.slot)
+
+    def _show_unit(self) -> None:
+        """Show the traces from now on and the convergence of another unit."""
+        self._traces.clear()
+        self._convergence.show_unit(self._run.unit.slot)
 
     def refresh(self) -> None:
         """Show the widgets for the current state of the run."""
@@ -135,7 +153,11 @@ class LiveView(QWidget):
         self.table.setVisible(not run.by_hand)
         self.position.setVisible(guiding)
         self._upper.setVisible(not guiding)
-        self._lower.setVisible(not guiding)
+        several = run.in_slots and not run.register_operation
+        self._beside.setCurrentIndex(several and not begun)
+        self._units.setVisible(several)
+        room = self.window().height() >= _ROOM + _TILES * ceil(len(run.units) / COLUMNS)
+        self._lower.setVisible(not guiding and (not several or (begun and room)))
 
 
 def _largest_sigmas(event: StageSolved) -> dict[str, float]:

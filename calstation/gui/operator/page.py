@@ -25,6 +25,7 @@ from calstation.gui.operator.production import ShiftCounter
 from calstation.gui.operator.questions import ask
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
+from calstation.gui.operator.units import SlotsPanel, VerdictGrid
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.shell import AppContext, ExchangeLabel, Page, run_badge
 from calstation.gui.text import (
@@ -80,7 +81,10 @@ class OperatorPage(Page):
         self._verdict, self._shift = VerdictPanel(app, self.notice, self.await_scan), ShiftCounter(app)
         self._claimed = ClaimNotice(app)
         self._starting = RunStarter(app, self.header, self.notice)
-        self._views = stack(self._loading, self._live, self._verdict)
+        self._slots, self._verdicts = SlotsPanel(self._starting.slots), VerdictGrid(app.run)
+        #: Whether the verdict of one of several units is shown.
+        self._unit_opened = False
+        self._views = stack(self._loading, self._slots, self._live, self._verdicts, self._verdict)
         self._progress = progress_bar(theme.GRID, "run_progress")
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
@@ -123,6 +127,10 @@ class OperatorPage(Page):
         header.badge_field.signed_out.connect(self.await_scan)
         self._live.finish_wanted.connect(lambda: app.engine_link.send(Command.END_STAGE))
         self._verdict.acknowledged.connect(self._acknowledge)
+        self._verdict.closed.connect(lambda: self._open_unit(opened=False))
+        self._verdicts.opened.connect(lambda: self._open_unit(opened=True))
+        self._slots.acted.connect(header.focus_scan)
+        self._starting.slots.changed.connect(self._refresh)
         app.engine_link.event.connect(self._live.take)
         app.engine_link.running_changed.connect(self._running_changed)
         app.run.changed.connect(self._refresh)
@@ -194,10 +202,10 @@ class OperatorPage(Page):
             app.settings.setValue("product", app.product_path.stem)
         planned, choices = self._summarise()
         app.run.set_runnable(self._problem is None)
-        self._starting.run_summary = planned
-        self._starting.suggest()
+        self._starting.plan(planned)
         self._stages.plan(planned)
         self._loading.plan(planned)
+        self._slots.plan(planned)
         self._shift.plan(planned)
         if planned is not None:
             self.header.badge_field.set_section(planned.sign_in)
@@ -241,7 +249,7 @@ class OperatorPage(Page):
 
     def _acknowledge(self) -> None:
         run, request = self.app.run, self.app.engine_link.request
-        transfer, fault = run.transfer, run.fault
+        transfer, fault = run.unit.transfer, run.fault
         run.acknowledge()
         self._starting.suggest()
         self.header.focus_scan()
@@ -249,8 +257,8 @@ class OperatorPage(Page):
             self._starting.ask_transfer(request)
         elif fault is not None and fault.code in _OVERRIDABLE and request is not None:
             self._starting.ask_override(request, CalstationError(fault.code, **fault.values).as_text)
-        else:
-            self._starting.offer(self.app.run.serial)
+        elif not run.in_slots:
+            self._starting.offer(run.unit.serial)
 
     def _pause(self) -> None:
         paused = self.app.run.state in ("pausing", "paused")
@@ -266,8 +274,9 @@ class OperatorPage(Page):
             request = self.app.engine_link.request
             self.notice.dismiss()
             if request is not None and not self.app.run.register_operation:
-                self.header.set_serial(request.serial)
-            self._next_awaited = False
+                count = self.tr("{count} units").format(count=len(self.app.run.units))
+                self.header.set_serial(count if request.serials else request.serial)
+            self._next_awaited = self._unit_opened = False
             self.setFocus()
             self._live.start()
         else:
@@ -285,14 +294,13 @@ class OperatorPage(Page):
         run = self.app.run
         self._next_awaited = True
         if not run.register_operation:
-            self.header.set_serial("")
-            self._starting.suggest()
+            self._starting.clear_units()
         if run.fault is not None:
             self._verdict.acknowledge_button.setFocus()
             return
         self.header.focus_scan()
-        if run.state in ("stopped", "incomplete"):
-            self._starting.offer(run.serial)
+        if run.state in ("stopped", "incomplete") and not run.in_slots:
+            self._starting.offer(run.unit.serial)
 
     def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
         """Ask before closing during a run; offer to close immediately only after a safe stop has been requested."""
@@ -321,7 +329,9 @@ class OperatorPage(Page):
         if self._problem is not None:
             header.set_start(rendered(self._problem).remedy)
         else:
-            missing = say("operator.sign_in") if header.badge_field.required else ""
+            slots = self._starting.slots
+            missing = say("operator.no_unit") if slots and not slots.units and not header.serial else ""
+            missing = say("operator.sign_in") if header.badge_field.required else missing
             header.set_start(say("operator.fault_open") if run.fault is not None else why_busy or missing)
         pausable = run.shown in ("running", "paused")
         header.set_pause(
@@ -337,15 +347,28 @@ class OperatorPage(Page):
         self._message.setText(self._message_text())
 
     def _choose_view(self) -> None:
-        """Show the loading view, the live view or the verdict."""
+        """Show the loading view or the slots, the live view, or the verdicts, those of several units without stages."""
         run = self.app.run
         if run.state == "idle":
-            self._views.setCurrentWidget(self._loading)
-        elif run.verdict is None and run.fault is None and self.app.engine_link.running:
+            self._views.setCurrentWidget(self._slots if self._starting.slots else self._loading)
+        elif not run.judged and run.fault is None and self.app.engine_link.running:
             self._views.setCurrentWidget(self._live)
+        elif run.in_slots and run.fault is None and not self._unit_opened:
+            self._verdicts.show_end()
+            self._views.setCurrentWidget(self._verdicts)
         else:
             self._verdict.show_end()
             self._views.setCurrentWidget(self._verdict)
+        self._stages.setVisible(self._views.currentWidget() is not self._verdicts)
+
+    def _open_unit(self, *, opened: bool) -> None:
+        """Show the verdict of the chosen unit, or those of all units."""
+        self._unit_opened = opened
+        self._choose_view()
+        if opened:
+            self._verdict.close_button.setFocus()
+        else:
+            self._verdicts.focus_shown()
 
     def _message_text(self) -> str:
         run = self.app.run
@@ -354,13 +377,14 @@ class OperatorPage(Page):
         if run.shown == "idle" and self.header.badge_field.required:
             return say("operator.sign_in")
         if run.state in ("idle", "starting"):
-            return say(f"operator.{run.shown}")
+            slots = run.state == "idle" and run.runnable and self._starting.slots
+            return say("operator.idle_slots" if slots else f"operator.{run.shown}")
         if run.state == "stopping" and not run.commanded:
             return say("operator.stopping_connecting")
         if run.state in ("stopping", "paused"):
             return say(f"operator.{run.state}{'_manual' if run.by_hand else ''}")
         if not run.going:
-            return self._verdict.next_action()
+            return self._verdicts.next_action() if run.in_slots else self._verdict.next_action()
         if run.latest is None:
             return ""
         what, key, values = run.latest

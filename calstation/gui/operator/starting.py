@@ -18,10 +18,12 @@ from calstation.config import (
     library,
     load_product,
     load_station,
+    new_batch_id,
 )
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask
+from calstation.gui.operator.units import Slots
 from calstation.gui.shell import AppContext, PeoplePanel
 from calstation.gui.text import event_sentence, on_language_change
 from calstation.gui.widgets import JobWatch, NoticeBar
@@ -41,6 +43,8 @@ class RunStarter(QObject):
         self.people = PeoplePanel("override")
         #: Summary of the next run; None while station and product cannot be used.
         self.run_summary: RunSummary | None = None
+        #: Units of the next run at a station with several slots.
+        self.slots = Slots(self)
         #: Serial number that the virtual bench has suggested last.
         self._suggested = ""
         self._wanted: Path | None = None
@@ -56,25 +60,43 @@ class RunStarter(QObject):
         header.badge_field.refused.connect(self._badge_refused)
         on_language_change(header, self._note_next)
 
-    def suggest(self) -> None:
-        """On the virtual bench, fill an empty field with a serial number that has not passed yet.
+    def plan(self, run_summary: RunSummary | None) -> None:
+        """Set the next run."""
+        self.run_summary = run_summary
+        if run_summary is not None:
+            self.slots.plan(run_summary.slots)
+        self.suggest()
 
-        An earlier suggestion is replaced, on hardware by nothing. While a verdict is shown, the field is for another
-        unit.
+    def suggest(self) -> None:
+        """On the virtual bench, fill an empty field or empty slots with serial numbers that have not passed yet.
+
+        Earlier suggestions are replaced, on hardware by nothing. While a verdict is shown, the next run is
+        that of other units.
         """
-        header, run = self._header, self._app.run
+        header, run, slots = self._header, self._app.run, self.slots
         if self._suggested and header.serial == self._suggested:
             header.set_serial("")
-        judged = run.serial if run.ended or run.fault is not None else ""
+        slots.remove_units(only_suggested=True)
+        judged = [unit.serial for unit in run.units] if run.ended or run.fault is not None else []
         if self.run_summary is not None and self.run_summary.virtual and not header.serial:
             history = self._history()
 
             def unsuitable(serial: str) -> bool:
-                return serial == judged or (history is not None and history.passed_before(serial) is not None)
+                taken = serial in judged or serial in slots.serials
+                return taken or (history is not None and history.passed_before(serial) is not None)
 
-            self._suggested = suggested_serial(self.run_summary, unsuitable)
-            header.set_serial(self._suggested)
+            for slot in [each for each in slots if each.open]:
+                slots.suggest(slot, suggested_serial(self.run_summary, unsuitable))
+            if not slots:
+                self._suggested = suggested_serial(self.run_summary, unsuitable)
+                header.set_serial(self._suggested)
         self._note_next()
+
+    def clear_units(self) -> None:
+        """Remove the units of the last run and suggest the next."""
+        self._header.set_serial("")
+        self.slots.remove_units()
+        self.suggest()
 
     def scan(self) -> None:
         """Check the serial number that has been entered; if its run was interrupted, offer to resume it.
@@ -91,7 +113,7 @@ class RunStarter(QObject):
             return
         accepted = self.check()
         self._signal(accepted=accepted)
-        if accepted and (interrupted := self._interrupted()) is not None:
+        if accepted and not self.slots and (interrupted := self._interrupted()) is not None:
             self._ask_resume(interrupted)
 
     def _signed_in(self) -> None:
@@ -116,53 +138,96 @@ class RunStarter(QObject):
         return self.run_summary is not None and re.fullmatch(self.run_summary.serial_pattern, serial) is not None
 
     def check(self) -> bool:
-        """Check the serial number; if it is valid, move the focus to START, which has to be pressed separately."""
-        header = self._header
+        """Check the serial number; if it is valid, move the focus to START, which has to be pressed separately.
+
+        At a station with several slots, put the unit into its slot; the focus moves on when all slots have one, or
+        when Enter has been pressed without a serial number.
+        """
+        header, slots = self._header, self.slots
         if self.run_summary is None:
             return False
+        if slots.units and not header.serial:
+            self._await_start()
+            return True
         if not self._valid(header.serial):
-            header.note_serial(self.tr("not valid"), accepted=False)
+            self._refuse(self.tr("not valid"))
             code = "question.invalid_serial" if header.serial else "question.missing_serial"
             example = self.run_summary.serial_example
             ask(self._notice, "caution", Text.of(code, serial=header.serial, example=example), {})
+            header.focus_scan()
+            return False
+        if slots and (where := slots.slot_of(header.serial)) is not None:
+            self._refuse(self.tr("twice"))
+            ask(self._notice, "caution", Text.of("question.serial_twice", serial=header.serial, slot=where.name), {})
+            header.focus_scan()
+            return False
+        if slots and slots.next is None:
+            self._refuse(self.tr("no slot left"))
+            ask(self._notice, "caution", Text.of("question.no_slot_left", serial=header.serial), {})
             header.focus_scan()
             return False
         history = self._history()
         before = history.attempts(header.serial) if history is not None else 0
         if self._app.run.ended:
             self._app.run.acknowledge()
+        if slots.next is not None:
+            slots.fill(slots.next, header.serial, before)
+            self._app.claim(*slots.units)
+            header.set_serial("")
+            self._notice.dismiss()
+            self._note_next(accepted=True)
+            self._await_start() if slots.full else header.focus_scan()
+            return True
         self._app.claim(header.serial)
         note = self.tr("attempt {count}").format(count=before + 1) if before else self.tr("accepted")
         header.note_serial(note, accepted=True)
-        if header.badge_field.required:
-            header.focus_scan()
-        else:
-            header.start_button.setFocus()
+        self._await_start()
         return True
+
+    def _await_start(self) -> None:
+        """Move the focus to START, or to the badge that is missing."""
+        if self._header.badge_field.required:
+            self._header.focus_scan()
+        else:
+            self._header.start_button.setFocus()
+
+    def _refuse(self, note: str) -> None:
+        """Note beside the field, and in its slot, that a scan was refused."""
+        self._header.note_serial(note, accepted=False)
+        self.slots.refuse(self._header.serial)
 
     def start(self) -> None:
         """Check the serial number, ask the necessary questions, then start the run."""
         if self._app.engine_link.running or not self.check():
             return
-        interrupted = self._interrupted()
+        interrupted = None if self.slots else self._interrupted()
         if interrupted is None:
             self._start_anew()
         else:
             self._ask_resume(interrupted)
 
     def _start_anew(self) -> None:
-        """Start a run from its first stage, after a question if the unit has passed or failed too often."""
+        """Start a run from its first stage, after a question if a unit has passed or failed too often."""
         if self.run_summary is None:
             return
-        app, serial, history = self._app, self._header.serial, self._history()
-        request = self._request(serial, app.product_path, app.stages, schedule=app.schedule)
+        app, history, slots = self._app, self._history(), self.slots
+        units = slots.units or (self._header.serial,)
+        batch = {"serials": slots.serials, "batch": new_batch_id()} if slots else {}
+        request = self._request(units[0], app.product_path, app.stages, schedule=app.schedule, **batch)
         allowed = self.run_summary.attempts_allowed
-        if history is not None and allowed is not None and (failures := history.failures(serial)) >= allowed:
-            self._ask_attempt(failures, request)
-        elif history is not None and (passed := history.passed_before(serial)) is not None:
-            where = "passed_elsewhere" if passed.origin else "passed_before"
-            when, station = passed.started_utc, passed.station or "?"
-            question = Text.of(f"question.{where}", serial=serial, when=when, station=station)
+        failures = {serial: history.failures(serial) for serial in units} if history is not None else {}
+        too_often = [serial for serial, count in failures.items() if allowed is not None and count >= allowed]
+        passed = {serial: history.passed_before(serial) for serial in units} if history is not None else {}
+        before = [serial for serial, run in passed.items() if run is not None]
+        if too_often:
+            self._ask_attempt(too_often, max(failures.values()), request)
+        elif before:
+            question = Text.of("question.units_passed_before", serials=before)
+            first = passed[before[0]]
+            if not slots and first is not None:
+                where = "passed_elsewhere" if first.origin else "passed_before"
+                when, station = first.started_utc, first.station or "?"
+                question = Text.of(f"question.{where}", serial=before[0], when=when, station=station)
             self._ask(question, {"repeat": lambda: self.run(request)})
         else:
             self.run(request)
@@ -201,7 +266,8 @@ class RunStarter(QObject):
 
     def ask_override(self, request: RunRequest, refusal: Text) -> None:
         """Offer an engineer to calibrate although a check standard or a certificate is not in order."""
-        self._header.set_serial(request.serial)
+        if not self.slots:
+            self._header.set_serial(request.serial)
         self._ask(refusal, {"override": lambda: self._ask_engineer(request)})
 
     def _ask_engineer(self, request: RunRequest) -> None:
@@ -316,24 +382,30 @@ class RunStarter(QObject):
         folder = self._app.runs_folder
         return History(folder) if folder.is_dir() else None
 
-    def _note_next(self) -> None:
-        """While a verdict is shown, state that the field is for the next unit."""
+    def _note_next(self, *, accepted: bool | None = None) -> None:
+        """State the slot that the field is for and, while a verdict is shown, that it is for the next unit."""
         judged = self._app.run.ended or self._app.run.fault is not None
-        self._header.note_serial(self.tr("next unit") if judged else "")
+        note, following = (self.tr("next unit") if judged else ""), self.slots.marked
+        if self.slots and not judged:
+            note = self.tr("all slots have a unit")
+            if following is not None:
+                note = self.tr("slot {slot}").format(slot=following.name)
+        self._header.note_serial(note, accepted=accepted)
 
     def _edited(self) -> None:
         self._note_next()
         if self.run_summary is not None and not self._app.run.going:
             self._notice.dismiss()
 
-    def _ask_attempt(self, failures: int, request: RunRequest) -> None:
+    def _ask_attempt(self, serials: list[str], failures: int, request: RunRequest) -> None:
         """Ask for one more attempt after too many failures, which only an engineer can allow."""
+        kind = "units_" if self.slots else ""
+        values = {"serial": serials[0], "serials": serials, "count": failures}
         if self._app.role.engineer:
-            question = Text.of("question.allow_attempt", serial=request.serial, count=failures)
+            question = Text.of(f"question.{kind}allow_attempt", **values)
             self._ask(question, {"beyond": lambda: self.run(replace(request, beyond_attempts=True))}, "bad")
         else:
-            question = Text.of("question.set_aside", serial=request.serial, count=failures)
-            self._ask(question, {"unlock": self._app.role.ask}, "bad")
+            self._ask(Text.of(f"question.{kind}set_aside", **values), {"unlock": self._app.role.ask}, "bad")
 
     def _ask(self, question: Text, answers: Mapping[str, Callable[[], None]], kind: str = "caution") -> None:
         """Ask a question that can also be cancelled."""
@@ -345,7 +417,7 @@ def suggested_serial(run_summary: RunSummary, unsuitable: Callable[[str], bool])
     if run_summary.bench is None:
         return ""
     own = run_summary.bench.get("serial")
-    if own is not None:
+    if own is not None and not run_summary.slots:
         return str(own)
     for number in range(1, 1000):
         serial = f"SN-{number:06d}"

@@ -108,10 +108,14 @@ class Traces(QFrame):
 
     def start(self) -> None:
         """Clear the plots and start drawing for a new run."""
-        self.rows = np.empty((0, 7))
-        self._new_rows = True
+        self.clear()
         self.hold_button.setChecked(False)
         self._timer.start()
+
+    def clear(self) -> None:
+        """Clear the plots for another unit."""
+        self.rows = np.empty((0, 7))
+        self._new_rows = True
 
     def stop(self) -> None:
         """Stop drawing at the end of the run; the lines remain visible."""

@@ -4,95 +4,32 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from PySide6.QtCore import QRectF, Qt, Signal
-from PySide6.QtGui import QColor, QFontMetricsF, QPaintEvent, QResizeEvent
-from PySide6.QtWidgets import QBoxLayout, QFrame, QLabel, QWidget
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import load_station
 from calstation.connection import LinkTestRequest
 from calstation.errors import InputError
 from calstation.gui.operator import advice
 from calstation.gui.operator.production import CertificateButton, LabelButton
+from calstation.gui.operator.units import Banner
 from calstation.gui.shell import AppContext, ResetBar
-from calstation.gui.text import KINDS, duration_text, event_sentence, fault_text, say, term
+from calstation.gui.text import duration_text, event_sentence, fault_text, say
 from calstation.gui.widgets import (
     NoticeBar,
     StateIcon,
     button,
     clear,
     column,
-    draw_state,
     grid,
     label,
     row,
     show_text,
-    state_colour,
     theme,
 )
 from calstation.physics import aligned
 from calstation.results import Result, load_result
 from calstation.sequencer import Fault, Verdict
-
-#: Margin at the right end of the banner, px, and smallest gap between its texts, in units of their size.
-_BANNER_MARGIN, _GAP = 3 * theme.GRID, 0.4
-
-
-def _width(text: str) -> float:
-    """Return the width of a bold text, in units of its size."""
-    return QFontMetricsF(theme.font(theme.VERDICT, bold=True)).horizontalAdvance(text) / theme.VERDICT
-
-
-class _Banner(QWidget):
-    """Banner with the verdict, its shape, and the unit, on a background in the colour of the state."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._kind = "none"
-        self.word, self.serial = label(name="verdict_label"), label(name="verdict_serial_label")
-        self._texts = QBoxLayout(QBoxLayout.Direction.LeftToRight, self)
-        self._texts.setSpacing(0)
-        for stretch, shown in ((1, self.word), (0, self.serial)):
-            self._texts.addWidget(shown, stretch)
-        for shown in (self.word, self.serial):
-            shown.setMinimumWidth(1)  # the text is fitted to the banner, not the banner to the text
-        self.setMinimumHeight(17 * theme.GRID)
-
-    def show_state(self, state: str, serial: str) -> None:
-        """Show the text of a state and the unit that it applies to, in the colours of the theme."""
-        self._kind = KINDS.get(state, "none")
-        for shown, text in ((self.word, term("badge", state)), (self.serial, serial)):
-            shown.setText(text)
-            shown.setStyleSheet(f"color: {theme.colours().on_state};")
-        self._fit()
-        self.update()
-
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        """Fit the texts to the banner."""
-        super().resizeEvent(event)
-        self._fit()
-
-    def _fit(self) -> None:
-        """Show both texts in one size, the unit below the verdict if they do not fit on one line in that size."""
-        room = self.width() - self.height() - _BANNER_MARGIN
-        word, serial = (_width(shown.text()) for shown in (self.word, self.serial))
-        size = min(0.55 * self.height(), room / (word + serial + _GAP))
-        below = size < theme.VERDICT
-        if below:
-            size = min(0.42 * self.height(), room / word)
-        self._texts.setDirection(QBoxLayout.Direction.TopToBottom if below else QBoxLayout.Direction.LeftToRight)
-        self._texts.setContentsMargins(self.height(), 0, _BANNER_MARGIN, 0)
-        self.word.setFont(theme.font(int(size), bold=True))
-        self.serial.setFont(theme.font(int(min(size, room / max(serial, 1.0))), bold=True))
-
-    def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw the background and the shape."""
-        painter = theme.painter(self)
-        painter.setPen(Qt.PenStyle.NoPen)
-        painter.setBrush(state_colour(self._kind))
-        painter.drawRoundedRect(QRectF(self.rect()), 4.0, 4.0)
-        side = 0.6 * self.height()
-        margin = (self.height() - side) / 2.0
-        draw_state(painter, self._kind, QRectF(margin, margin, side, side), QColor(theme.colours().on_state))
 
 
 class FiguresTable(QWidget):
@@ -141,12 +78,15 @@ class FiguresTable(QWidget):
 
 
 class VerdictPanel(QFrame):
-    """Replaces the plots when a run has ended; `acknowledged()` : the operator has acknowledged the fault.
+    """Replaces the plots when a run has ended, for the unit that is shown in detail.
+
+    `acknowledged()` : the operator has acknowledged the fault; `closed()` : back to the verdicts of all units.
 
     `notice` shows whether a label was printed, and `then` is called afterwards.
     """
 
     acknowledged = Signal()
+    closed = Signal()
 
     def __init__(self, app: AppContext, notice: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__()
@@ -154,9 +94,8 @@ class VerdictPanel(QFrame):
         self.setProperty("kind", "panel")
         self._run = app.run
         self._verdict: Verdict | None = None
-        self._result: Result | None = None
         self._fault: Fault | None = None
-        self._banner, self._figures = _Banner(), FiguresTable(theme.SECTION)
+        self._banner, self._figures = Banner("verdict", 17 * theme.GRID), FiguresTable(theme.SECTION)
         self._source, self._facts = label(kind="muted", wrap=True), label(kind="muted", wrap=True)
         self.reason_label, self.action_label, self._notes = label(wrap=True), label(wrap=True), label(wrap=True)
         self.reason_label.setFont(theme.font(theme.SECTION))
@@ -168,6 +107,7 @@ class VerdictPanel(QFrame):
         )
         self.label_button = LabelButton(app, "label_button", notice, then)
         self.certificate_button = CertificateButton(app, "certificate_button", notice, then)
+        self.close_button = button("all_units_button", lambda: self.tr("All units"), self.closed, kind="primary")
         self._station_button = button(
             "verdict_station_button",
             lambda: self.tr("Open the station page"),
@@ -177,7 +117,7 @@ class VerdictPanel(QFrame):
             *(self._facts, self._notes),
             None,
             row(
-                self.acknowledge_button,
+                *(self.close_button, self.acknowledge_button),
                 self.label_button,
                 self.certificate_button,
                 self.details_button,
@@ -199,50 +139,64 @@ class VerdictPanel(QFrame):
 
     def show_end(self) -> None:
         """Show how the run ended."""
-        run = self._run
-        if run.fault is not self._fault:
-            self._fault = run.fault
+        unit, fault = self._run.unit, self._present_fault
+        if fault is not self._fault:
+            self._fault = fault
             self.reset.forget()
-            self.reset.offer(run.fault is not None and fault_text(run.fault).resettable)
-        if run.verdict is not self._verdict:
-            self._verdict = run.verdict
-            self._result = None if run.verdict is None else Result.from_json(run.verdict.result)
-            file = None if run.verdict is None else Path(run.verdict.result_file)
+            self.reset.offer(fault is not None and fault_text(fault).resettable)
+        if unit.verdict is not self._verdict:
+            self._verdict = unit.verdict
+            file = None if unit.verdict is None else Path(unit.verdict.result_file)
             for each in (self.label_button, self.certificate_button):
-                each.offer(self._result, file)
+                each.offer(unit.result, file)
         self._refresh()
 
     def next_action(self) -> str:
         """Return the next action for the operator, in the current language."""
-        fault = self._run.fault
-        if self._result is not None and self._result.released:
+        fault, result = self._present_fault, self._run.unit.result
+        if result is not None and result.released:
             return say("advice.released")
-        return advice.next_action(self._run.shown, self._result) if fault is None else fault_text(fault).remedy
+        return advice.next_action(self._shown, result) if fault is None else fault_text(fault).remedy
+
+    @property
+    def _present_fault(self) -> Fault | None:
+        """Fault of the run or of the unit."""
+        return self._run.fault or self._run.unit.fault
+
+    @property
+    def _shown(self) -> str:
+        return self._run.shown if self._run.fault is not None else self._run.shown_of(self._run.unit)
 
     def _refresh(self) -> None:
-        text = None if self._run.fault is None else fault_text(self._run.fault)
-        released = self._run.shown == "failed" and self._result is not None and self._result.released
-        self._banner.show_state("released" if released else self._run.shown, self._run.serial)
-        self.acknowledge_button.setVisible(text is not None)
+        run, unit, fault, shown = self._run, self._run.unit, self._present_fault, self._shown
+        text = None if fault is None else fault_text(fault)
+        result = unit.result
+        released = shown == "failed" and result is not None and result.released
+        name = f"{unit.slot} · {unit.serial}" if unit.slot else unit.serial
+        if run.in_slots and run.fault is not None:
+            name = self.tr("{count} units").format(count=len(run.units))
+        self._banner.show_state("released" if released else shown, name)
+        self.acknowledge_button.setVisible(run.fault is not None)
+        self.close_button.setVisible(run.in_slots and run.fault is None)
         self.details_button.setVisible(self._verdict is not None)
         self._station_button.setVisible(text is not None and text.source == "configuration")
-        reason = advice.reason(self._run.shown, self._result, self._stopped_entry()) if text is None else text.reason
+        reason = advice.reason(shown, result, self._stopped_entry()) if text is None else text.reason
         self.reason_label.setText(reason)
-        notes = dict.fromkeys(event_sentence(*remark) for remark in self._run.remarks)
-        for shown, content in (
+        notes = dict.fromkeys(event_sentence(*remark) for remark in unit.remarks)
+        for each, content in (
             (self._source, self.tr("Where: {place}").format(place=text.where) if text and text.where else ""),
             (self.action_label, self.next_action()),
-            (self._notes, "\n".join([*advice.override_notes(self._result), *notes])),
+            (self._notes, "\n".join([*advice.override_notes(result), *notes])),
             (self._facts, "  ·  ".join(self._fact_texts())),
         ):
-            show_text(shown, content)
-        self._figures.show_result(self._result if text is None else None)
+            show_text(each, content)
+        self._figures.show_result(result if text is None else None)
 
     def _released(self, path: Path) -> None:
         """Show that the unit was released, if this is its run."""
         if self._verdict is not None and path.absolute() == Path(self._verdict.result_file).absolute():
             with suppress(InputError):
-                self._result = load_result(path)
+                self._run.unit.result = load_result(path)
             self._refresh()
 
     def _table(self) -> LinkTestRequest | None:
@@ -257,7 +211,7 @@ class VerdictPanel(QFrame):
         return "stopped_manual" if self._run.by_hand else "stopped"
 
     def _fact_texts(self) -> list[str]:
-        result = self._result
+        result = self._run.unit.result
         if result is None:
             return []
         facts = [

@@ -8,7 +8,8 @@ from .people_panel import PeoplePanel as PeoplePanel
 from .release_bar import ReleaseBar as ReleaseBar
 from .reset_bar import ResetBar as ResetBar
 from .run_status import RunStatus as RunStatus
-from .run_status import StageState as StageState
 from .run_status import planned as planned
 from .run_strip import RunStrip as RunStrip
 from .run_strip import run_badge as run_badge
+from .unit_status import StageState as StageState
+from .unit_status import UnitStatus as UnitStatus

@@ -1,16 +1,14 @@
 """Status of the run, accumulated from the events of the engine."""
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from calstation.config import RunSummary, run_summary
+from calstation.config import RunRequest, RunSummary, run_summary
 from calstation.errors import CalstationError
 from calstation.gui.shell.engine_link import EngineLink
-from calstation.results import Result
+from calstation.gui.shell.unit_status import TRANSFER, StageState, UnitStatus
 from calstation.sequencer import (
     Command,
     Event,
@@ -32,69 +30,28 @@ _GOING = ("starting", "preparing", "running", "pausing", "paused", "stopping")
 #: States of the sequencer after a run or a register operation.
 _ENDED = ("stopped", "fault", "passed", "failed", "done")
 
-#: Outcomes of a run.
-_OUTCOMES = ("passed", "failed", "stopped", "incomplete")
+#: Outcomes of a run without a fault, the one that decides about several units first.
+_OUTCOMES = ("stopped", "incomplete", "failed", "passed")
 
-#: Messages that are shown again with the verdict.
-_REMARKS = (
-    "step_repeated",
-    "look_repeated",
-    "safe_stop_incomplete",
-    "azimuth_from_data",
-    "table_quiet",
-    "not_settled",
-    "turns_assumed_whole",
-    "transfer_finished",
-    "transfer_unproved",
-    "old_unproved",
-    "stopped_because",
-    "stopped_early",
-    "latitude_untold",
-    "handover_waiting",
-    "certificate_waits",
+#: Events that change what is shown of the run.
+_SHOWN = (
+    *(StateChanged, StageStarted, StageProgress, StepStarted, StageEnded, StageSolved),
+    *(Message, Settled, Fault, Verdict),
 )
 
-#: Name of the last row, in which the registers are written and verified.
-_TRANSFER = "transfer"
-#: Messages that mark the start and the end of the transfer.
-_TRANSFER_STARTS = ("reference", "registers_transfer", "registers_writing")
-_TRANSFER_ENDS = ("registers_written", "registers_proved", "registers_read_back")
+#: Message of a unit that concerns the others, too.
+_LEFT = "unit_left"
+
 #: Host time after which the pace is accurate enough, s.
 _PACE_FROM = 2.0
-#: Part of the transfer completed by one move of the verification, which has 17 moves that may be repeated.
-_VERIFICATION_STEP = 1.0 / 18.0
-
-
-@dataclass
-class StageState:
-    """Display state of a stage, or of the register transfer that follows the stages."""
-
-    name: str
-    duration: float  #: Planned duration, s of device time.
-    #: waiting, active, solving, good, bad, outside (a value of it fails), stopped, fault; kept if nothing is written.
-    state: str = "waiting"
-    fraction: float = 0.0
-    remaining: float = 0.0  #: Remaining device time, s.
-    took: float | None = None  #: Host time from start to solution, s; None until solved or if solved in an earlier run.
-    repeated: bool = False  #: Whether it can be ended early; known once it has started.
-    begun: float | None = field(default=None, repr=False)  #: Host time at its start, s; None in an earlier run.
-
-    def start(self, now: float) -> None:
-        """Mark the stage as started at host time `now`, s."""
-        self.state, self.begun = "active", now
-        self.fraction, self.remaining = 0.0, self.duration
-
-    def solve(self, state: str) -> None:
-        """Mark the stage as solved now."""
-        self.state, self.fraction, self.remaining = state, 1.0, 0.0
-        self.took = None if self.begun is None else time.monotonic() - self.begun
 
 
 class RunStatus(QObject):
-    """Status of the run after the events received so far."""
+    """Status of the run and of its units after the events received so far."""
 
     changed = Signal()  #: Emitted shortly after a change, once for several events.
     stop_pressed = Signal()  #: Emitted in every state.
+    unit_chosen = Signal()  #: `unit` is another one.
 
     def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -107,18 +64,14 @@ class RunStatus(QObject):
         self.runnable = True
         #: Whether the sequencer has begun to command the table; False while devices are opened and identified.
         self.commanded = False
-        self.serial = ""
-        #: Stages in order, followed by the transfer if the unit has registers.
-        self.stages: list[StageState] = []
+        #: The units on the table, one or several, in the order of their slots.
+        self.units: tuple[UnitStatus, ...] = (UnitStatus(""),)
+        #: The unit that is shown in detail.
+        self.unit = self.units[0]
         #: Latest message ("message", id, values) or step ("step", kind, label); a dwell has the label of its move.
         self.latest: tuple[str, str, Any] | None = None
-        #: Messages shown again with the verdict, each (id, values).
-        self.remarks: list[tuple[str, Mapping[str, Any]]] = []
-        #: Values of a register transfer interrupted before this run that requires a decision, or None.
-        self.transfer: Mapping[str, Any] | None = None
         #: Name of the stage that the operator has ended, until the next run.
         self.stage_ending = ""
-        self.verdict: Verdict | None = None
         #: Fault of the last run until `acknowledge` is called.
         self.fault: Fault | None = None
         self._begun = self._done_before = 0.0
@@ -143,6 +96,16 @@ class RunStatus(QObject):
         return self.run_summary is not None and bool(self.run_summary.joint_order)
 
     @property
+    def in_slots(self) -> bool:
+        """Whether the run is that of a station with several slots."""
+        return bool(self.unit.slot)
+
+    @property
+    def judged(self) -> bool:
+        """Whether every unit has a verdict."""
+        return all(unit.verdict is not None for unit in self.units)
+
+    @property
     def shown(self) -> str:
         """State to display: `state`, or one of these.
 
@@ -153,6 +116,12 @@ class RunStatus(QObject):
         if self.state == "idle" and not self.runnable:
             return "not_ready"
         return "writing" if self.register_operation and self.state == "running" else self.state
+
+    def shown_of(self, unit: UnitStatus) -> str:
+        """State to display for a unit: its outcome, or that of the run while the unit takes part in it."""
+        if not unit.outcome or not unit.slot:
+            return self.shown
+        return "partial" if unit.outcome == "passed" and self.partial else unit.outcome
 
     @property
     def partial(self) -> bool:
@@ -166,6 +135,11 @@ class RunStatus(QObject):
         return self.state in _OUTCOMES
 
     @property
+    def stages(self) -> list[StageState]:
+        """Stages of the run: those of the first unit that still takes part, after the run those of the unit shown."""
+        return next((unit for unit in self.units if not unit.outcome), self.unit).stages
+
+    @property
     def stage(self) -> StageState | None:
         """The current stage."""
         return next((s for s in self.stages if s.state in ("active", "solving")), None)
@@ -173,7 +147,7 @@ class RunStatus(QObject):
     @property
     def done(self) -> float:
         """Completed part of the planned device time, s."""
-        return sum(s.duration - self.left(s) for s in self.stages)
+        return max(sum(s.duration - self.left(s) for s in unit.stages) for unit in self.units)
 
     @property
     def fraction(self) -> float:
@@ -202,6 +176,19 @@ class RunStatus(QObject):
         if stage.state == "waiting":
             return stage.duration
         return stage.remaining if stage.state == "active" else 0.0
+
+    def share(self, unit: UnitStatus) -> float | None:
+        """Return the largest ratio of a sigma of a unit to its target; None until it is known."""
+        targets = {} if self.run_summary is None else self.run_summary.targets
+        ratios = [value / targets[group] for group, value in unit.sigma.items() if group in targets]
+        return max(ratios, default=None)
+
+    def choose(self, unit: UnitStatus) -> None:
+        """Show another unit in detail."""
+        if unit is not self.unit:
+            self.unit = unit
+            self.unit_chosen.emit()
+            self.changed.emit()
 
     def set_runnable(self, runnable: bool) -> None:
         """Set whether station and product can be used for the next run."""
@@ -246,120 +233,71 @@ class RunStatus(QObject):
             assert self._link.request is not None
             self.state, self.commanded = "starting", False
             self.register_operation = self._link.operation is not None
-            self.serial = self._link.request.serial
-            self.verdict = self.fault = self.latest = self.transfer = None
-            self.remarks = []
+            self.fault = self.latest = None
             self.stage_ending = ""
             self._begun = self._done_before = 0.0
             try:
                 self.run_summary = run_summary(self._link.request)
-                rows = planned(self.run_summary)
-                self.stages = [row for row in rows if row.name == _TRANSFER or not self.register_operation]
             except CalstationError:  # the engine encounters the same error and reports it as a fault
-                self.run_summary, self.stages = None, []
+                self.run_summary = None
+            self.units = self._requested(self._link.request)
+            self.choose(self.units[0])
         elif self.going:
             self.state = "idle" if self.register_operation else "incomplete"
         self.changed.emit()
 
+    def _requested(self, request: RunRequest) -> tuple[UnitStatus, ...]:
+        """Return the units of a request."""
+        summary = self.run_summary
+        if summary is None:
+            return (UnitStatus(request.serial),)
+        slots = zip(summary.slots, request.serials, strict=False) if request.serials else (("", request.serial),)
+        return tuple(UnitStatus(serial, slot, self._rows(summary)) for slot, serial in slots if serial not in ("", "-"))
+
+    def _rows(self, summary: RunSummary) -> list[StageState]:
+        return [row for row in planned(summary) if row.name == TRANSFER or not self.register_operation]
+
     def _handle_event(self, event: Event) -> None:
+        if not isinstance(event, _SHOWN):
+            return
+        if isinstance(event, StageStarted) and not self._begun:
+            # stages completed before a resume are excluded from the pace
+            self._begun, self._done_before = time.monotonic(), self.done
+        if not isinstance(event, StateChanged) or self._change_state(event.state):
+            for unit in self.units:
+                if unit.slot == event.slot if event.slot else not unit.outcome:
+                    unit.take(event)
         match event:
-            case StateChanged():
-                self._change_state(event.state)
-            case StageStarted():
-                self._start_stage(event)
-            case StageProgress():
-                row = self._row(event.stage)
-                if row.state == "active":
-                    row.fraction, row.remaining = event.fraction, event.remaining
             case StepStarted():
-                self._start_step(event)
-            case StageEnded():
-                self._row(event.stage).state = "solving"
-            case StageSolved():
-                self._row(event.stage).solve("bad" if event.consistency["passed"] is False else "good")
-            case Message():
-                self._handle_message(event.id, event.values)
+                after_move = event.kind == "dwell" and self.latest is not None and self.latest[0] == "step"
+                self.latest = ("step", event.kind, self.latest[2] if after_move and self.latest else event.label)
+            case Message() if not event.slot or event.id == _LEFT:
+                self.latest = ("message", event.id, event.values)
             case Settled():
                 self.state = "idle"
-                self._end_stage("stopped")
-            case Fault():
+            case Fault() if not event.slot:
                 self.fault, self.state = event, "fault"
-                self._end_stage("fault")
-            case Verdict():
-                self.verdict = event
-                self._mark_failed(Result.from_json(event.result))
-                if event.outcome in _OUTCOMES:
-                    self.state = event.outcome
-            case _:
-                return
+            case Verdict() if self.judged and self.fault is None:
+                outcomes = {unit.outcome.replace("fault", "failed") for unit in self.units}
+                self.state = next((outcome for outcome in _OUTCOMES if outcome in outcomes), self.state)
         self._changed_timer.start()
 
-    def _change_state(self, state: str) -> None:
+    def _change_state(self, state: str) -> bool:
+        """Follow the state of the sequencer; return whether it is shown."""
         self.commanded = self.commanded or state not in _ENDED
         if self.state == "stopping" and state not in _ENDED:
-            return  # the event was sent before the stop
+            return False  # the event was sent before the stop
         if state in _ENDED and self.register_operation:
-            return  # the result of the operation follows
+            return False  # the result of the operation follows
+        if state in ("passed", "failed") and self.in_slots:
+            return False  # the verdicts follow
         self.state = state
-        if state in ("stopped", "fault"):
-            self._end_stage(state)
-
-    def _start_stage(self, event: StageStarted) -> None:
-        now = time.monotonic()
-        if not self._begun:  # stages completed before a resume are excluded from the pace
-            self._begun, self._done_before = now, self.done
-        row = self._row(event.stage)
-        if row not in self.stages:
-            self.stages.insert(len(self.stages) - (self._row(_TRANSFER) in self.stages), row)
-        row.duration, row.repeated = event.duration, event.repeated
-        row.start(now)
-
-    def _start_step(self, event: StepStarted) -> None:
-        after_move = event.kind == "dwell" and self.latest is not None and self.latest[0] == "step"
-        self.latest = ("step", event.kind, self.latest[2] if after_move and self.latest else event.label)
-        row = self._row(_TRANSFER)
-        if event.label[:1] == ("verify",) and row.state == "active":
-            row.fraction = min(1.0, row.fraction + _VERIFICATION_STEP)
-            row.remaining = row.duration * (1.0 - row.fraction)
-
-    def _handle_message(self, message: str, values: Mapping[str, Any]) -> None:
-        self.latest = ("message", message, values)
-        if message in _REMARKS:
-            self.remarks.append((message, values))
-        row = self._row(_TRANSFER)
-        if message == "transfer_open":
-            self.transfer = values
-        elif message == "stopped_early":
-            self._row(str(values.get("stage"))).state = "bad"
-        elif message in _TRANSFER_STARTS and row.state != "active":
-            row.start(time.monotonic())
-        elif message in _TRANSFER_ENDS:
-            row.solve("good")
-        elif message == "registers_kept":
-            row.state = "kept"
-
-    def _mark_failed(self, result: Result) -> None:
-        """Mark the stages that produced failing values, unless later stages would have improved them."""
-        if not result.judged:
-            return
-        for stage in self.stages:
-            if stage.state == "good" and stage.name in result.failed_stages:
-                stage.state = "outside"
-
-    def _end_stage(self, state: str) -> None:
-        """End the current stage without a solution."""
-        for stage in self.stages:
-            if stage.state in ("active", "solving"):
-                stage.state = state
-
-    def _row(self, name: str) -> StageState:
-        """Return the row of a stage, or a new row that is not yet in `stages`."""
-        return next((s for s in self.stages if s.name == name), StageState(name, 0.0))
+        return True
 
 
 def planned(run_summary: RunSummary) -> list[StageState]:
     """Return the rows of a run before it starts."""
     rows = [StageState(s.name, s.duration) for s in run_summary.stages]
     if run_summary.transfer is not None:
-        rows.append(StageState(_TRANSFER, run_summary.transfer))
+        rows.append(StageState(TRANSFER, run_summary.transfer))
     return rows

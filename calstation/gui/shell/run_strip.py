@@ -1,10 +1,15 @@
 """A line beside STOP with state, stage, progress and time left, for pages without their own header."""
 
+from collections import Counter
+
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.text import KINDS, duration_text, on_language_change, term
 from calstation.gui.widgets import STEPS, StateBadge, column, label, progress_bar, row, theme
+
+#: Outcomes of units, in the order in which they are counted.
+_COUNTED = ("passed", "partial", "failed", "fault", "stopped", "incomplete")
 
 
 class RunStrip(QWidget):
@@ -22,8 +27,8 @@ class RunStrip(QWidget):
     def _refresh(self) -> None:
         run = self._run
         kind, state = run_badge(run)
-        if run.ended or run.fault is not None:  # the serial number is not shown elsewhere on the page
-            state = f"{run.serial}  ·  {state}"
+        if (run.ended or run.fault is not None) and not run.in_slots:  # it is not shown elsewhere on the page
+            state = f"{run.unit.serial}  ·  {state}"
         self._badge.show_state(kind, state)
         parts = []
         if run.stage is not None:
@@ -36,7 +41,14 @@ class RunStrip(QWidget):
 
 
 def run_badge(run: RunStatus) -> tuple[str, str]:
-    """Return the badge of a run, its shape and its text; that of a partial run in progress says that it is partial."""
+    """Return the badge of a run, its shape and its text; that of a partial run in progress says that it is partial.
+
+    The badge of several units counts their outcomes.
+    """
+    if run.in_slots and run.ended:
+        counts = Counter(run.shown_of(unit) for unit in run.units)
+        texts = [term("unit_count", outcome, count=counts[outcome]) for outcome in _COUNTED if counts[outcome]]
+        return KINDS.get(run.shown, "none"), term("unit_count", "comma").join(texts)
     state = term("badge", run.shown)
     if run.going and run.partial:
         state = f"{term('badge', 'partial')}  ·  {state}"

@@ -395,6 +395,10 @@
         <translation>接着做</translation>
     </message>
     <message>
+        <source>All units of the batch</source>
+        <translation>本批全部产品</translation>
+    </message>
+    <message>
         <source>It can be resumed after its last completed stage, or closed.</source>
         <translation>可以从最后完成的阶段之后接着做，或就此结束。</translation>
     </message>
@@ -500,6 +504,14 @@
     <message>
         <source>Station</source>
         <translation>工位</translation>
+    </message>
+    <message>
+        <source>Batch</source>
+        <translation>批次</translation>
+    </message>
+    <message>
+        <source>Slot</source>
+        <translation>装夹位</translation>
     </message>
     <message>
         <source>Stages</source>

@@ -131,6 +131,13 @@
     </message>
 </context>
 <context>
+    <name>OperatorPage</name>
+    <message>
+        <source>{count} units</source>
+        <translation>{count} 台产品</translation>
+    </message>
+</context>
+<context>
     <name>PositionPanel</name>
     <message>
         <source>Enough positions: finish</source>
@@ -193,6 +200,14 @@
         <translation>这次标定未能结束</translation>
     </message>
     <message>
+        <source>twice</source>
+        <translation>重复</translation>
+    </message>
+    <message>
+        <source>no slot left</source>
+        <translation>没有空装夹位</translation>
+    </message>
+    <message>
         <source>attempt {count}</source>
         <translation>第 {count} 次</translation>
     </message>
@@ -211,6 +226,14 @@
     <message>
         <source>next unit</source>
         <translation>下一个产品</translation>
+    </message>
+    <message>
+        <source>all slots have a unit</source>
+        <translation>所有装夹位都有产品</translation>
+    </message>
+    <message>
+        <source>slot {slot}</source>
+        <translation>装夹位 {slot}</translation>
     </message>
     <message>
         <source>not valid</source>
@@ -242,6 +265,13 @@
     <message>
         <source>{time} per unit</source>
         <translation>平均每台 {time}</translation>
+    </message>
+</context>
+<context>
+    <name>SlotsPanel</name>
+    <message>
+        <source>{count} of {slots} slots have a unit</source>
+        <translation>{slots} 个装夹位中 {count} 个有产品</translation>
     </message>
 </context>
 <context>
@@ -346,6 +376,21 @@
     </message>
 </context>
 <context>
+    <name>UnitTiles</name>
+    <message>
+        <source>σ {share} × its target</source>
+        <translation>σ 为目标的 {share} 倍</translation>
+    </message>
+    <message>
+        <source>{sigma}, reached</source>
+        <translation>{sigma}，已达到</translation>
+    </message>
+    <message>
+        <source>preparing</source>
+        <translation>准备中</translation>
+    </message>
+</context>
+<context>
     <name>VerdictPanel</name>
     <message>
         <source>Understood</source>
@@ -356,8 +401,16 @@
         <translation>详情</translation>
     </message>
     <message>
+        <source>All units</source>
+        <translation>全部产品</translation>
+    </message>
+    <message>
         <source>Open the station page</source>
         <translation>打开工位页</translation>
+    </message>
+    <message>
+        <source>{count} units</source>
+        <translation>{count} 台产品</translation>
     </message>
     <message>
         <source>Where: {place}</source>
@@ -378,6 +431,49 @@
     <message>
         <source>registers written and verified</source>
         <translation>寄存器已写入并核对</translation>
+    </message>
+</context>
+<context>
+    <name>_SlotTile</name>
+    <message>
+        <source>refused</source>
+        <translation>未接受</translation>
+    </message>
+    <message>
+        <source>attempt {count}</source>
+        <translation>第 {count} 次</translation>
+    </message>
+    <message>
+        <source>accepted</source>
+        <translation>已接受</translation>
+    </message>
+    <message>
+        <source>suggested</source>
+        <translation>建议值</translation>
+    </message>
+    <message>
+        <source>stays empty</source>
+        <translation>留空</translation>
+    </message>
+    <message>
+        <source>next scan</source>
+        <translation>下一次扫描</translation>
+    </message>
+    <message>
+        <source>empty</source>
+        <translation>空</translation>
+    </message>
+    <message>
+        <source>Skip</source>
+        <translation>跳过</translation>
+    </message>
+    <message>
+        <source>Use</source>
+        <translation>启用</translation>
+    </message>
+    <message>
+        <source>Clear</source>
+        <translation>清除</translation>
     </message>
 </context>
 </TS>

@@ -194,6 +194,10 @@ def style_sheet(c: Colours) -> str:
     QPushButton[kind="partial"] {{ background: {c.partial}; color: {c.on_state}; border-color: {c.partial}; }}
     QPushButton[kind="partial"]:focus {{ border: 3px solid {c.text}; padding: 0 {2 * GRID - 2}px; }}
     QPushButton[kind="partial"]:disabled {{ background: {c.window}; color: {c.muted}; border-color: {c.line}; }}
+    Tile[kind="tile"] {{ background: {c.panel}; border: 1px solid {c.line}; border-radius: 4px; }}
+    Tile[kind="tile_chosen"] {{ background: {c.window}; border: 2px solid {c.accent}; border-radius: 4px; }}
+    Tile:hover {{ border-color: {c.accent}; }}
+    Tile:focus {{ border: 2px solid {c.text}; }}
     QPushButton#stop_button {{ background: {c.bad}; color: {c.on_state}; border-color: {c.bad}; }}
     QPushButton#stop_button:focus {{ border: 3px solid {c.text}; padding: 0 {2 * GRID - 2}px; }}
     QPushButton#start_button, QPushButton#stop_button, QPushButton#pause_button {{

@@ -1,0 +1,74 @@
+"""A banner with the word of a verdict, its shape and the unit, fitted to its size."""
+
+from PySide6.QtCore import QRectF, Qt
+from PySide6.QtGui import QColor, QFontMetricsF, QPaintEvent, QResizeEvent
+from PySide6.QtWidgets import QBoxLayout, QWidget
+
+from calstation.gui.text import KINDS, term
+from calstation.gui.widgets import draw_state, label, state_colour, theme
+
+#: Margin at the right end of the banner, px, and smallest gap between its texts, in units of their size.
+_BANNER_MARGIN, _GAP = 3 * theme.GRID, 0.4
+
+
+def _width(text: str) -> float:
+    """Return the width of a bold text, in units of its size."""
+    return QFontMetricsF(theme.font(theme.VERDICT, bold=True)).horizontalAdvance(text) / theme.VERDICT
+
+
+class Banner(QWidget):
+    """Banner with the verdict, its shape, and the unit, on a background in the colour of the state.
+
+    Its labels are named `name` followed by ``_label`` and ``_serial_label``. `height` is its least height, px, and
+    `line` the least size of texts beside each other, px.
+    """
+
+    def __init__(self, name: str, height: int, line: int = theme.VERDICT) -> None:
+        super().__init__()
+        self._line = line
+        self._kind = "none"
+        self.word, self.serial = label(name=f"{name}_label"), label(name=f"{name}_serial_label")
+        self._texts = QBoxLayout(QBoxLayout.Direction.LeftToRight, self)
+        self._texts.setSpacing(0)
+        for stretch, shown in ((1, self.word), (0, self.serial)):
+            self._texts.addWidget(shown, stretch)
+        for shown in (self.word, self.serial):
+            shown.setMinimumWidth(1)  # the text is fitted to the banner, not the banner to the text
+        self.setMinimumHeight(height)
+
+    def show_state(self, state: str, serial: str) -> None:
+        """Show the text of a state and the unit that it applies to, in the colours of the theme."""
+        self._kind = KINDS.get(state, "none")
+        for shown, text in ((self.word, term("badge", state)), (self.serial, serial)):
+            shown.setText(text)
+            shown.setStyleSheet(f"color: {theme.colours().on_state};")
+        self._fit()
+        self.update()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Fit the texts to the banner."""
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        """Show both texts in one size, the unit below the verdict if they do not fit on one line in that size."""
+        room = self.width() - self.height() - _BANNER_MARGIN
+        word, serial = (_width(shown.text()) for shown in (self.word, self.serial))
+        size = min(0.55 * self.height(), room / (word + serial + _GAP))
+        below = size < self._line
+        if below:
+            size = min(0.42 * self.height(), room / word)
+        self._texts.setDirection(QBoxLayout.Direction.TopToBottom if below else QBoxLayout.Direction.LeftToRight)
+        self._texts.setContentsMargins(self.height(), 0, _BANNER_MARGIN, 0)
+        self.word.setFont(theme.font(int(size), bold=True))
+        self.serial.setFont(theme.font(int(min(size, room / max(serial, 1.0))), bold=True))
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw the background and the shape."""
+        painter = theme.painter(self)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(state_colour(self._kind))
+        painter.drawRoundedRect(QRectF(self.rect()), 4.0, 4.0)
+        side = 0.6 * self.height()
+        margin = (self.height() - side) / 2.0
+        draw_state(painter, self._kind, QRectF(margin, margin, side, side), QColor(theme.colours().on_state))

@@ -1,0 +1,121 @@
+"""The slots of a station with several units, and the serial numbers scanned into them for the next run."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from PySide6.QtCore import QObject, Signal
+
+
+@dataclass(eq=False)
+class Slot:
+    """A place for a unit on the table."""
+
+    name: str
+    serial: str = ""  #: Serial number of its unit; "" while there is none.
+    suggested: bool = False  #: Whether the virtual bench has suggested the serial number.
+    left_empty: bool = False  #: Whether scans pass over it.
+    attempts: int = 0  #: Number of earlier runs of the unit.
+    refused: str = ""  #: The latest scan if it was refused here.
+
+    @property
+    def open(self) -> bool:
+        """Whether a scan may go here."""
+        return not self.serial and not self.left_empty
+
+
+class Slots(QObject):
+    """The slots in order; emits `changed`. A station with a single unit has none."""
+
+    changed = Signal()
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._slots: list[Slot] = []
+        self._chosen: Slot | None = None
+
+    def __iter__(self) -> Iterator[Slot]:
+        return iter(self._slots)
+
+    def __bool__(self) -> bool:
+        return bool(self._slots)
+
+    @property
+    def serials(self) -> tuple[str, ...]:
+        """Serial numbers by slot, "" for an empty one."""
+        return tuple(slot.serial for slot in self._slots)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Serial numbers of all units."""
+        return tuple(filter(None, self.serials))
+
+    @property
+    def marked(self) -> Slot | None:
+        """The slot that has been chosen, or the first open one; None if there is neither."""
+        return self._chosen or next((slot for slot in self._slots if slot.open), None)
+
+    @property
+    def next(self) -> Slot | None:
+        """The slot for the next scan: the marked one, or the first with a suggestion, which the scan replaces."""
+        return self.marked or next((slot for slot in self._slots if slot.suggested), None)
+
+    @property
+    def full(self) -> bool:
+        """Whether no slot is open."""
+        return not any(slot.open for slot in self._slots)
+
+    def plan(self, names: tuple[str, ...]) -> None:
+        """Use the slots of a station; those of the present one keep their units."""
+        if names != tuple(slot.name for slot in self._slots):
+            self._slots = [Slot(name) for name in names]
+            self._chosen = None
+            self.changed.emit()
+
+    def slot_of(self, serial: str) -> Slot | None:
+        """Return the slot of a unit that has been scanned, or None; suggestions do not count."""
+        return next((slot for slot in self._slots if slot.serial == serial and not slot.suggested), None)
+
+    def suggest(self, slot: Slot, serial: str) -> None:
+        """Fill an open slot with the serial number of a simulated unit; "" for none."""
+        slot.serial, slot.suggested = serial, bool(serial)
+        self.changed.emit()
+
+    def fill(self, slot: Slot, serial: str, attempts: int) -> None:
+        """Put a unit into a slot; a suggestion of the same serial number elsewhere is removed."""
+        for other in self._slots:
+            other.refused = ""
+            if other.serial == serial:
+                other.serial, other.suggested = "", False
+        slot.serial, slot.attempts, slot.suggested, slot.left_empty = serial, attempts, False, False
+        self._chosen = None
+        self.changed.emit()
+
+    def refuse(self, serial: str) -> None:
+        """Note that a scan was refused."""
+        for slot in self._slots:
+            slot.refused = serial if slot is self.next else ""
+        self.changed.emit()
+
+    def choose(self, slot: Slot) -> None:
+        """Let the next scan go into a slot."""
+        self._chosen = slot
+        self.changed.emit()
+
+    def clear(self, slot: Slot) -> None:
+        """Remove the unit of a slot; its slot is the one for the next scan."""
+        slot.serial, slot.suggested = "", False
+        self.choose(slot)
+
+    def leave_empty(self, slot: Slot, *, left_empty: bool) -> None:
+        """Let scans pass over an empty slot, or no longer."""
+        slot.left_empty, slot.refused = left_empty, ""
+        self._chosen = None
+        self.changed.emit()
+
+    def remove_units(self, *, only_suggested: bool = False) -> None:
+        """Remove all units, or only those that the virtual bench has suggested; slots left empty stay so."""
+        for slot in self._slots:
+            if slot.suggested or not only_suggested:
+                slot.serial, slot.suggested = "", False
+        self._chosen = None
+        self.changed.emit()

@@ -1,0 +1,104 @@
+"""The slots of the table before a run: a tile for each, with the serial number that was scanned into it."""
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QFrame, QLabel, QWidget
+
+from calstation.config import RunSummary
+from calstation.gui.operator.units.slots import Slot, Slots
+from calstation.gui.operator.units.tile import Tile, arrange, pass_clicks
+from calstation.gui.text import on_language_change, rendered
+from calstation.gui.widgets import PANEL, ElidedLabel, StateIcon, button, column, grid, label, row, show_text, theme
+from calstation.messages import Text
+
+
+class _SlotTile(Tile):
+    """A slot: its name, its unit with a note, and a button to clear or to skip it."""
+
+    def __init__(self, slot: Slot, slots: Slots) -> None:
+        super().__init__(f"slot_{slot.name}_tile")
+        self._slot, self._slots = slot, slots
+        self._icon, self._name = StateIcon(18), label(kind="muted")
+        self._serial, self._note = ElidedLabel(), ElidedLabel("muted")
+        self._serial.setFont(theme.font(theme.SECTION, bold=True))
+        self.action = button(f"slot_{slot.name}_button", pressed=self._act)
+        self.action.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # the keys of a scan after a click must not act again
+        head = row(self._icon, self._name, (self._note, 1), spacing=theme.GRID)
+        texts = column(None, head, self._serial, None, spacing=0)
+        row((texts, 1), self.action, on=self, margins=(theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID // 2))
+        pass_clicks(self._icon, self._name, self._serial, self._note)
+        self._name.setText(slot.name)
+        self._name.setFont(theme.font(theme.SECTION))
+        self.clicked.connect(lambda: slots.choose(slot))
+
+    def refresh(self) -> None:
+        """Show the state of the slot."""
+        slot, following = self._slot, self._slots.marked is self._slot
+        self.show_chosen(following)
+        self._icon.set_kind("bad" if slot.refused else "good" if slot.serial else "active" if following else "none")
+        if slot.refused:
+            note = self.tr("refused")
+        elif slot.serial:
+            note = self.tr("attempt {count}").format(count=slot.attempts + 1) if slot.attempts else self.tr("accepted")
+            note = self.tr("suggested") if slot.suggested else note
+        elif slot.left_empty:
+            note = self.tr("stays empty")
+        else:
+            note = self.tr("next scan") if following else self.tr("empty")
+        theme.set_kind(self._note, "error" if slot.refused else "muted")
+        show_text(self._serial, slot.serial)
+        self._note.setText(note)
+        self.action.setVisible(bool(slot.serial) or following or slot.left_empty)
+        clearable = self.tr("Skip") if not slot.left_empty else self.tr("Use")
+        self.action.setText(self.tr("Clear") if slot.serial else clearable)
+        self.setAccessibleName(", ".join((slot.name, slot.serial, note) if slot.serial else (slot.name, note)))
+
+    def _act(self) -> None:
+        if self._slot.serial:
+            self._slots.clear(self._slot)
+        else:
+            self._slots.leave_empty(self._slot, left_empty=not self._slot.left_empty)
+
+
+class SlotsPanel(QFrame):
+    """All slots in order with a line of instructions; emits `acted` when an operator has clicked in it."""
+
+    acted = Signal()
+
+    def __init__(self, slots: Slots, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setProperty("kind", "panel")
+        self._slots = slots
+        self._situation = "driven"
+        self._tiles: list[_SlotTile] = []
+        self._title, self._text = label(kind="section"), label(kind="muted", wrap=True)
+        self._count = QLabel()
+        self._count.setObjectName("slots_count_label")
+        self._grid = grid()
+        column(
+            row((self._title, 1), self._count),
+            self._text,
+            (self._grid, 1),
+            on=self,
+            margins=PANEL,
+        )
+        slots.changed.connect(self._refresh)
+        on_language_change(self, self._refresh)
+
+    def plan(self, run_summary: RunSummary | None) -> None:
+        """Show the slots of the next run."""
+        self._situation = "virtual" if run_summary is not None and run_summary.virtual else "driven"
+        self._tiles = [_SlotTile(slot, self._slots) for slot in self._slots]
+        for tile in self._tiles:
+            tile.clicked.connect(self.acted)
+            tile.action.clicked.connect(self.acted)
+        arrange(self._grid, self._tiles)
+        self._refresh()
+
+    def _refresh(self) -> None:
+        words = rendered(Text(f"loading.slots_{self._situation}"))
+        self._title.setText(words.text)
+        self._text.setText(words.remedy)
+        count, free = len(self._slots.units), len(self._slots.serials)
+        self._count.setText(self.tr("{count} of {slots} slots have a unit").format(count=count, slots=free))
+        for tile in self._tiles:
+            tile.refresh()

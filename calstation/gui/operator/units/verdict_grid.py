@@ -1,0 +1,110 @@
+"""The verdicts of several units: a tile for each with the word in large, the reason and what to do with the unit."""
+
+from functools import partial
+from math import ceil
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QFrame
+
+from calstation.gui.operator import advice
+from calstation.gui.operator.units.banner import Banner
+from calstation.gui.operator.units.tile import COLUMNS, Tile, arrange, pass_clicks
+from calstation.gui.shell import RunStatus, UnitStatus, run_badge
+from calstation.gui.text import fault_text, say
+from calstation.gui.widgets import PANEL, ElidedLabel, StateBadge, column, grid, label, row, theme
+
+#: Least height of the banner of a tile, its largest one in one and in several rows, and size of the line above, px.
+_BANNER, _HIGH, _LOW, _SUMMARY = 5 * theme.GRID, 17 * theme.GRID, 10 * theme.GRID, 28
+#: Number of rows in which tiles have room for whole sentences.
+_ROOMY_ROWS = 2
+
+
+class _VerdictTile(Tile):
+    """The verdict of a unit, in a few words if there are many `rows` of tiles."""
+
+    def __init__(self, unit: UnitStatus, rows: int) -> None:
+        name = f"unit_{unit.slot}_verdict"
+        super().__init__(name)
+        self.unit = unit
+        self._roomy = rows <= _ROOMY_ROWS
+        self._banner, self._serial = Banner(name, _BANNER, theme.BODY), ElidedLabel()
+        self._banner.setMaximumHeight(_HIGH if rows == 1 else _LOW)
+        self._serial.setText(unit.serial)
+        self._reason, self._action = (label(wrap=True) if self._roomy else ElidedLabel() for _ in range(2))
+        size = theme.SECTION if rows == 1 else theme.BODY
+        self._reason.setFont(theme.font(size))
+        self._action.setFont(theme.font(size, bold=True))
+        self._serial.setFont(theme.font(size, bold=True))
+        margins = (theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID // 2)
+        if self._roomy:
+            texts = column(self._serial, self._reason, self._action, margins=margins)
+        else:
+            head = row((self._serial, 2), (self._action, 3), spacing=theme.GRID)
+            texts = column(head, self._reason, spacing=0, margins=margins)
+        column((self._banner, 4), texts, None, on=self, spacing=0, margins=(2, 2, 2, 2))
+        pass_clicks(self._banner, self._serial, self._reason, self._action)
+
+    def show_verdict(self, shown: str) -> None:
+        """Show the state of the unit at its end, why, and what to do with it."""
+        unit = self.unit
+        released = shown == "failed" and unit.result is not None and unit.result.released
+        brief = advice.brief_reason(shown, unit.result), advice.brief_action(shown, unit.result)
+        whole = advice.reason(shown, unit.result), advice.next_action(shown, unit.result)
+        if released:
+            brief, whole = (brief[0], say("advice.released")), (whole[0], say("advice.released"))
+        if unit.fault is not None:
+            fault = fault_text(unit.fault)
+            brief = whole = (fault.reason, fault.remedy)
+        self._banner.show_state("released" if released else shown, unit.slot)
+        for sentence, text in zip((self._reason, self._action), whole if self._roomy else brief, strict=True):
+            sentence.setText(text)
+        self.setToolTip("\n".join(whole))
+        self.setAccessibleName(", ".join((unit.slot, unit.serial, self._banner.word.text(), *whole)))
+
+
+class VerdictGrid(QFrame):
+    """The verdicts of all units of a run below a line that counts them; `opened()` : a unit has been clicked."""
+
+    opened = Signal()
+
+    def __init__(self, run: RunStatus) -> None:
+        super().__init__()
+        self.setProperty("kind", "panel")
+        self._run = run
+        self._tiles: list[_VerdictTile] = []
+        self._summary, self._action = StateBadge(_SUMMARY, "units_summary"), label(wrap=True)
+        self._action.setFont(theme.font(theme.SECTION, bold=True))
+        self._grid = grid()
+        column(row(self._summary, (self._action, 1), spacing=3 * theme.GRID), (self._grid, 1), on=self, margins=PANEL)
+        theme.on_appearance_change(self, self._refresh)
+
+    def show_end(self) -> None:
+        """Show how the run ended for each unit."""
+        units = self._run.units
+        if [tile.unit for tile in self._tiles] != list(units):
+            self._tiles = [_VerdictTile(unit, ceil(len(units) / COLUMNS)) for unit in units]
+            for tile in self._tiles:
+                tile.clicked.connect(partial(self._open, tile.unit))
+            arrange(self._grid, self._tiles)
+        self._refresh()
+
+    def focus_shown(self) -> None:
+        """Focus the tile of the unit that was shown in detail."""
+        for tile in self._tiles:
+            if tile.unit is self._run.unit:
+                tile.setFocus()
+
+    def next_action(self) -> str:
+        """Return what the operator does next."""
+        return say("advice.next_units")
+
+    def _open(self, unit: UnitStatus) -> None:
+        self._run.choose(unit)
+        self.opened.emit()
+
+    def _refresh(self) -> None:
+        if self._tiles:
+            self._summary.show_state(*run_badge(self._run))
+            self._action.setText(self.next_action())
+            for tile in self._tiles:
+                tile.show_verdict(self._run.shown_of(tile.unit))

@@ -1,0 +1,178 @@
+"""Status of one unit of a run, accumulated from the events of the engine that concern it."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from calstation.results import Result
+from calstation.sequencer import (
+    Event,
+    Fault,
+    Message,
+    Settled,
+    StageEnded,
+    StageProgress,
+    StageSolved,
+    StageStarted,
+    StateChanged,
+    StepStarted,
+    Verdict,
+)
+
+#: Messages that are shown again with the verdict.
+_REMARKS = (
+    "step_repeated",
+    "look_repeated",
+    "safe_stop_incomplete",
+    "azimuth_from_data",
+    "table_quiet",
+    "not_settled",
+    "turns_assumed_whole",
+    "transfer_finished",
+    "transfer_unproved",
+    "old_unproved",
+    "stopped_because",
+    "stopped_early",
+    "latitude_untold",
+    "handover_waiting",
+    "certificate_waits",
+)
+
+#: Name of the last row, in which the registers are written and verified.
+TRANSFER = "transfer"
+#: Messages that mark the start and the end of the transfer.
+_TRANSFER_STARTS = ("reference", "registers_transfer", "registers_writing")
+_TRANSFER_ENDS = ("registers_written", "registers_proved", "registers_read_back")
+#: Part of the transfer completed by one move of the verification, which has 17 moves that may be repeated.
+_VERIFICATION_STEP = 1.0 / 18.0
+
+
+@dataclass
+class StageState:
+    """Display state of a stage, or of the register transfer that follows the stages."""
+
+    name: str
+    duration: float  #: Planned duration, s of device time.
+    #: waiting, active, solving, good, bad, outside (a value of it fails), stopped, fault; kept if nothing is written.
+    state: str = "waiting"
+    fraction: float = 0.0
+    remaining: float = 0.0  #: Remaining device time, s.
+    took: float | None = None  #: Host time from start to solution, s; None until solved or if solved in an earlier run.
+    repeated: bool = False  #: Whether it can be ended early; known once it has started.
+    begun: float | None = field(default=None, repr=False)  #: Host time at its start, s; None in an earlier run.
+
+    def start(self, now: float) -> None:
+        """Mark the stage as started at host time `now`, s."""
+        self.state, self.begun = "active", now
+        self.fraction, self.remaining = 0.0, self.duration
+
+    def solve(self, state: str) -> None:
+        """Mark the stage as solved now."""
+        self.state, self.fraction, self.remaining = state, 1.0, 0.0
+        self.took = None if self.begun is None else time.monotonic() - self.begun
+
+
+@dataclass
+class UnitStatus:
+    """Status of a unit after the events received so far; `slot` is its place on the table, "" for a single unit."""
+
+    serial: str
+    slot: str = ""
+    #: Stages in order, followed by the transfer if the unit has registers.
+    stages: list[StageState] = field(default_factory=list)
+    sigma: Mapping[str, float] = field(default_factory=dict)  #: Latest largest sigma by parameter group, SI.
+    #: Messages shown again with the verdict, each (id, values).
+    remarks: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
+    #: Values of a register transfer interrupted before this run that requires a decision, or None.
+    transfer: Mapping[str, Any] | None = None
+    fault: Fault | None = None  #: Fault for which the unit has left the run, while the others go on.
+    verdict: Verdict | None = None
+    result: Result | None = None  #: That of the verdict.
+
+    @property
+    def outcome(self) -> str:
+        """Outcome as in the result; "" while the unit takes part in the run."""
+        if self.fault is not None:
+            return "fault"
+        return "" if self.verdict is None else self.verdict.outcome
+
+    @property
+    def stage(self) -> StageState | None:
+        """The current stage."""
+        return next((s for s in self.stages if s.state in ("active", "solving")), None)
+
+    def take(self, event: Event) -> None:
+        """Follow an event of this unit or of the whole run."""
+        match event:
+            case StateChanged():
+                if event.state in ("stopped", "fault"):
+                    self._end_stage(event.state)
+            case StageStarted():
+                self._start_stage(event)
+            case StageProgress():
+                row = self._row(event.stage)
+                if row.state == "active":
+                    row.fraction, row.remaining = event.fraction, event.remaining
+                self.sigma = event.sigma or self.sigma
+            case StepStarted():
+                row = self._row(TRANSFER)
+                if event.label[:1] == ("verify",) and row.state == "active":
+                    row.fraction = min(1.0, row.fraction + _VERIFICATION_STEP)
+                    row.remaining = row.duration * (1.0 - row.fraction)
+            case StageEnded():
+                self._row(event.stage).state = "solving"
+            case StageSolved():
+                self._row(event.stage).solve("bad" if event.consistency["passed"] is False else "good")
+            case Message():
+                self._take_message(event.id, event.values)
+            case Settled():
+                self._end_stage("stopped")
+            case Fault():
+                self.fault = event if event.slot else None
+                self._end_stage("fault")
+            case Verdict():
+                self.verdict, self.result = event, Result.from_json(event.result)
+                if self.slot and self.fault is None and self.result.fault is not None:
+                    self.fault = Fault.of(self.result.fault)  # it occurred when the run was closed
+                self._mark_failed(self.result)
+
+    def _start_stage(self, event: StageStarted) -> None:
+        row = self._row(event.stage)
+        if row not in self.stages:
+            self.stages.insert(len(self.stages) - (self._row(TRANSFER) in self.stages), row)
+        row.duration, row.repeated = event.duration, event.repeated
+        row.start(time.monotonic())
+
+    def _take_message(self, message: str, values: Mapping[str, Any]) -> None:
+        if message in _REMARKS:
+            self.remarks.append((message, values))
+        row = self._row(TRANSFER)
+        if message == "transfer_open":
+            self.transfer = values
+        elif message == "stopped_early":
+            self._row(str(values.get("stage"))).state = "bad"
+        elif message in _TRANSFER_STARTS and row.state != "active":
+            row.start(time.monotonic())
+        elif message in _TRANSFER_ENDS:
+            row.solve("good")
+        elif message == "registers_kept":
+            row.state = "kept"
+
+    def _mark_failed(self, result: Result) -> None:
+        """Mark the stages that produced failing values, unless later stages would have improved them."""
+        if not result.judged:
+            return
+        for stage in self.stages:
+            if stage.state == "good" and stage.name in result.failed_stages:
+                stage.state = "outside"
+
+    def _end_stage(self, state: str) -> None:
+        """End the current stage without a solution."""
+        for stage in self.stages:
+            if stage.state in ("active", "solving"):
+                stage.state = state
+
+    def _row(self, name: str) -> StageState:
+        """Return the row of a stage, or a new row that is not yet in `stages`."""
+        return next((s for s in self.stages if s.name == name), StageState(name, 0.0))

@@ -1,0 +1,408 @@
+"""Several units on one table: scans into slots, tiles during the run, and verdicts; runs are emitted events."""
+
+from dataclasses import replace
+from typing import Any
+from unittest.mock import Mock
+
+import pytest
+import tomli_w
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QListWidget, QPushButton
+
+from calstation.config.request import RunRequest
+from calstation.errors import DeviceFaultError
+from calstation.gui.operator import starting
+from calstation.gui.shell.engine_link import EngineLink
+from calstation.gui.shell.run_strip import RunStrip
+from calstation.results.history import History
+from calstation.sequencer.events import (
+    Fault,
+    Message,
+    StageEnded,
+    StageProgress,
+    StageSolved,
+    StageStarted,
+    StateChanged,
+    Trace,
+    Verdict,
+)
+from tests.database.result_files import write_result
+from tests.gui.conftest import RESULT, Operator
+from tests.site_folder import STATION
+
+#: A unit that does not answer.
+NO_ANSWER = Fault.of(DeviceFaultError("imu.answer_not_framed", port="socket://10.0.0.7:4001", seconds=5.0))
+
+
+def use_slots(operator: Operator, count: int) -> None:
+    """Use the virtual bench with so many slots."""
+    operator.site_folder.write(units=count)
+    operator.window.app.set_station(operator.site_folder.station)
+
+
+@pytest.fixture
+def hardware(operator: Operator) -> Operator:
+    """An operator at a station with three slots whose serial numbers are not suggested."""
+    slots = [{"name": name, "port": f"socket://127.0.0.1:{port}"} for name, port in (("A", 7), ("B", 8), ("C", 9))]
+    table = {"profile": "bench", "port": "tcp://127.0.0.1:9"}
+    station = operator.site_folder.station.with_name("hardware.toml")
+    station.write_text(tomli_w.dumps({**STATION, "name": "line", "table": table, "slots": slots}), encoding="utf-8")
+    operator.window.app.set_station(station)
+    return operator
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[RunRequest]:
+    """The requests of runs, which no engine is started for."""
+    requests: list[RunRequest] = []
+    monkeypatch.setattr(EngineLink, "start", lambda _, order: requests.append(order))
+    return requests
+
+
+def serials(operator: Operator) -> tuple[str, ...]:
+    """The serial numbers in the slots."""
+    return operator.window.operator_page._starting.slots.serials
+
+
+def tile(operator: Operator, name: str) -> QAbstractButton:
+    """A visible tile."""
+    found: QAbstractButton = operator.widget(name, QAbstractButton)
+    operator.until(found.isVisible, 10.0)
+    return found
+
+
+def click(operator: Operator, name: str) -> None:
+    """Click a tile at its left end, away from its button."""
+    found = tile(operator, name)
+    operator.qtbot.mouseClick(found, Qt.MouseButton.LeftButton, pos=found.rect().topLeft() + found.rect().center() / 8)
+
+
+def begin(operator: Operator) -> None:
+    """Begin a run of the units in the slots, up to its first stage."""
+    app = operator.window.app
+    link, slots = app.engine_link, operator.window.operator_page._starting.slots
+    link.request = RunRequest(slots.units[0], app.station_path, app.product_path, serials=slots.serials)
+    link._engine = Mock()
+    link.running_changed.emit(True)
+    link.event.emit(StateChanged("preparing", "idle"))
+    link.event.emit(StateChanged("running", "preparing"))
+    link.event.emit(StageStarted("rate", 0, 4, 10.0))
+    operator.until(lambda: operator.run.stage is not None)
+
+
+def end_unit(operator: Operator, slot: str, outcome: str, **result: Any) -> None:
+    """Give a unit its verdict."""
+    unit = next(unit for unit in operator.run.units if unit.slot == slot)
+    ended = {**RESULT, "unit": {"serial": unit.serial}, "outcome": outcome, "attempt": 1, "duration_s": 60.0, **result}
+    operator.window.app.engine_link.event.emit(Verdict(outcome, "log.h5", f"{slot}.json", ended, slot=slot))
+
+
+FAILED: dict[str, Any] = {
+    "advice": "reseat",
+    "stages": ["rate"],
+    "parameters": {"accel_scale_y": {"unit": "1", "sigma": 1e-6, "value": 5e-3, "stage": "rate"}},
+    "checks": [{"name": "accel_scale_y within", "value": 5e-3, "limit": [-1e-3, 1e-3], "unit": "1", "passed": False}],
+}
+
+
+def test_virtual_bench_fills_all_slots_and_one_press_starts_them(operator: Operator, started: list[RunRequest]) -> None:
+    use_slots(operator, 6)
+    expected = tuple(f"SN-00000{number}" for number in range(1, 7))
+    assert serials(operator) == expected
+    assert operator.widget("slots_count_label", QLabel).text() == "6 of 6 slots have a unit"
+    assert operator.widget("serial_edit", QLineEdit).text() == ""
+    operator.press("start_button")
+    (request,) = started
+    assert (request.serial, request.serials, request.resume) == (expected[0], expected, None)
+    assert request.batch
+
+    operator.scan("SN-000077")  # replaces the first suggestion
+    operator.scan("SN-000004")  # a suggestion elsewhere
+    assert serials(operator) == ("SN-000077", "SN-000004", "SN-000003", "", "SN-000005", "SN-000006")
+    use_slots(operator, 1)
+    assert operator.widget("serial_edit", QLineEdit).text() == "SN-000001"
+    assert serials(operator) == ()
+
+
+def test_each_scan_goes_into_the_next_slot_and_all_full_moves_on_to_start(
+    hardware: Operator, started: list[RunRequest]
+) -> None:
+    window, edit, start = hardware.window, hardware.widget("serial_edit", QLineEdit), hardware.widget("start_button")
+    assert not start.isEnabled()
+    assert start.toolTip() == "No slot has a unit: scan at least one serial number."
+    assert "Serial number: slot A" in hardware.says()
+    hardware.scan("SN-000001")
+    assert (edit.text(), window.focusWidget()) == ("", edit)
+    assert "Serial number: slot B" in hardware.says()
+    assert hardware.widget("serial_symbol").isVisible()
+    assert start.isEnabled()
+    click(hardware, "slot_C_tile")
+    assert window.focusWidget() is edit
+    hardware.scan("SN-000002")
+    assert serials(hardware) == ("SN-000001", "", "SN-000002")
+    hardware.scan("SN-000003")
+    assert serials(hardware) == ("SN-000001", "SN-000003", "SN-000002")
+    assert window.focusWidget() is start
+    assert "all slots have a unit" in hardware.says()
+    hardware.scan("SN-000004")
+    assert "There is no slot left for SN-000004" in hardware.says()
+    hardware.press("slot_B_button")
+    hardware.scan("SN-000004")
+    assert serials(hardware) == ("SN-000001", "SN-000004", "SN-000002")
+    hardware.qtbot.keyClick(start, Qt.Key.Key_Space)
+    hardware.press("clear_choice")
+    assert started[0].serials == ("SN-000001", "SN-000004", "SN-000002")
+
+
+def test_enter_without_a_number_goes_on_to_start_and_slots_may_stay_empty(
+    hardware: Operator, started: list[RunRequest]
+) -> None:
+    edit, start = hardware.widget("serial_edit", QLineEdit), hardware.widget("start_button")
+    hardware.qtbot.keyClick(edit, Qt.Key.Key_Return)
+    assert "The serial number is missing" in hardware.says()
+    hardware.press("slot_A_button")  # skips it
+    hardware.scan("SN-000001")
+    assert serials(hardware) == ("", "SN-000001", "")
+    hardware.qtbot.keyClick(edit, Qt.Key.Key_Return)
+    assert hardware.window.focusWidget() is start
+    assert started == []
+    hardware.press("start_button")
+    hardware.press("clear_choice")
+    (request,) = started
+    assert (request.serial, request.serials) == ("SN-000001", ("", "SN-000001", ""))
+    hardware.press("slot_A_button")
+    hardware.scan("SN-000002")
+    assert serials(hardware)[0] == "SN-000002"
+
+
+def test_wrong_and_repeated_serial_numbers_are_refused_in_their_slot(hardware: Operator) -> None:
+    hardware.scan("SN-000001")
+    hardware.scan("SN-000001")
+    assert "SN-000001 is already in slot A" in hardware.says()
+    assert serials(hardware) == ("SN-000001", "", "")
+    assert "refused" in tile(hardware, "slot_B_tile").accessibleName()
+    hardware.scan("TX-1")
+    assert "The serial number 'TX-1' does not fit this product" in hardware.says()
+    hardware.scan("SN-000002")
+    assert "refused" not in hardware.says()
+    assert serials(hardware) == ("SN-000001", "SN-000002", "")
+    hardware.press("slot_A_button")
+    assert serials(hardware) == ("", "SN-000002", "")
+    hardware.scan("SN-000001")
+    assert serials(hardware) == ("SN-000001", "SN-000002", "")
+
+
+def test_scans_sound_and_units_are_asked_about_once(
+    hardware: Operator, started: list[RunRequest], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sounds: list[str] = []
+    monkeypatch.setattr(starting, "play", sounds.append)
+    hardware.window.app.settings.setValue("sounds", True)
+    runs = hardware.site_folder.runs
+    runs.mkdir()
+    for number in (1, 2):
+        write_result(runs, f"SN-00000{number}_20261101T000000", number, serial=f"SN-00000{number}")
+    History(runs).refresh()
+    for number in (1, 2, 3):
+        hardware.scan(f"SN-00000{number}")
+    hardware.scan("nothing")
+    assert sounds == ["accepted", "accepted", "accepted", "refused"]
+    assert "attempt 2" in tile(hardware, "slot_A_tile").accessibleName()
+    assert "accepted" in tile(hardware, "slot_C_tile").accessibleName()
+    hardware.widget("serial_edit", QLineEdit).clear()
+    hardware.press("start_button")
+    assert "Units that have already passed: SN-000001, SN-000002" in hardware.says()
+    hardware.press("repeat_choice")
+    hardware.press("clear_choice")
+    assert len(started) == 1
+
+
+def test_tiles_show_who_is_where_and_a_click_chooses_the_plots(operator: Operator) -> None:
+    use_slots(operator, 3)
+    begin(operator)
+    link, live = operator.window.app.engine_link, operator.window.operator_page._live
+    assert operator.widget("serial_edit", QLineEdit).text() == "3 units"
+    targets = operator.run.run_summary.targets if operator.run.run_summary else {}
+    for slot, factor in (("1", 3.0), ("2", 0.5), ("3", 12.0)):
+        sigma = {group: factor * target for group, target in targets.items()}
+        link.event.emit(StageProgress("rate", 0.5, 5.0, sigma, slot=slot))
+        link.event.emit(Trace((0.0, 1.0), (float(slot),) * 12, slot=slot))
+    operator.until(lambda: "12 × its target" in tile(operator, "unit_3_tile").accessibleName())
+    assert "σ 3 × its target" in tile(operator, "unit_1_tile").accessibleName()
+    assert "reached" in tile(operator, "unit_2_tile").accessibleName()
+    assert live._traces.rows[0, 1] == 1.0
+    assert live._convergence.lines["gyro_bias"].ratios == [3.0]
+    click(operator, "unit_2_tile")
+    assert operator.run.unit.slot == "2"
+    assert len(live._traces.rows) == 0
+    assert live._convergence.lines["gyro_bias"].ratios == [0.5]
+    link.event.emit(Trace((2.0,), (2.0,) * 6, slot="2"))
+    link.event.emit(Trace((2.0,), (1.0,) * 6, slot="1"))
+    assert live._traces.rows[:, 1].tolist() == [2.0]
+
+    link.event.emit(StageEnded("rate", "plan", 1))
+    for slot, passed in (("1", True), ("2", False)):
+        link.event.emit(StageSolved("rate", {}, {"passed": passed}, slot=slot))
+    operator.until(lambda: "Rate: solving" in tile(operator, "unit_3_tile").accessibleName())
+    assert "Rate: not ok" in tile(operator, "unit_2_tile").accessibleName()
+    stages = operator.widget("stage_list", QListWidget)
+    assert "done" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole)
+
+
+def test_a_unit_with_a_fault_leaves_and_the_others_go_on(operator: Operator) -> None:
+    use_slots(operator, 3)
+    begin(operator)
+    link = operator.window.app.engine_link
+    link.event.emit(Message("unit_left", {"serial": "SN-000001", "reason": "no answer"}, slot="1"))
+    link.event.emit(replace(NO_ANSWER, slot="1"))
+    end_unit(operator, "1", "fault")
+    operator.until(lambda: operator.message == "SN-000001 leaves the batch: no answer")
+    assert operator.run.going
+    assert operator.run.fault is None
+    assert "FAULT: No answer on socket" in tile(operator, "unit_1_tile").accessibleName()
+    link.event.emit(StageProgress("rate", 0.4, 6.0, {}, slot="2"))
+    stages = operator.widget("stage_list", QListWidget)
+    operator.until(lambda: "40 %" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole))
+    assert operator.run.fraction > 0.0
+    link.event.emit(StateChanged("failed", "running"))
+    end_unit(operator, "2", "passed")
+    assert operator.run.going
+    end_unit(operator, "3", "passed")
+    link._end()
+    operator.until(lambda: operator.run.state == "failed")
+    assert "2 passed, 1 fault" in operator.says()
+
+
+def end_mixed_run(operator: Operator) -> None:
+    """End a run of three units: passed, failed, fault."""
+    use_slots(operator, 3)
+    begin(operator)
+    link = operator.window.app.engine_link
+    link.event.emit(StageSolved("rate", {}, {"passed": True}, slot="2"))
+    link.event.emit(replace(NO_ANSWER, slot="3"))
+    for slot, outcome, more in (("3", "fault", {}), ("1", "passed", {}), ("2", "failed", FAILED)):
+        end_unit(operator, slot, outcome, **more)
+    link._end()
+    operator.until(lambda: operator.run.judged and tile(operator, "unit_1_verdict"))
+
+
+def test_all_verdicts_are_shown_and_a_click_opens_one(operator: Operator) -> None:
+    end_mixed_run(operator)
+    says = operator.says()
+    assert "1 passed, 1 failed, 1 fault" in says
+    assert not operator.widget("stage_list").isVisible()
+    words = {slot: operator.widget(f"unit_{slot}_verdict_label", QLabel).text() for slot in ("1", "2", "3")}
+    assert words == {"1": "PASS", "2": "FAIL", "3": "FAULT"}
+    for sentence in ("Accel scale factor y is 5000 ppm", "Reseat the unit", "No answer on socket", "Check baud"):
+        assert sentence in says
+    assert operator.verdict == ""
+    click(operator, "unit_2_verdict")
+    assert operator.verdict == "FAIL"
+    assert operator.widget("verdict_serial_label", QLabel).text() == "2 · SN-000002"
+    assert "outside its limit" in operator.says()
+    stages = operator.widget("stage_list", QListWidget)
+    operator.until(lambda: "outside limits" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole))
+    opened: list[object] = []
+    operator.window.app.open_run.connect(opened.append)
+    operator.press("details_button")
+    assert [path.name for path in opened] == ["2.json"]  # type: ignore[attr-defined]
+    operator.window.show_page("operator_page")
+    operator.press("all_units_button")
+    assert operator.window.focusWidget() is tile(operator, "unit_2_verdict")
+
+    found = tile(operator, "unit_3_verdict")
+    found.setFocus()
+    operator.qtbot.keyClick(found, Qt.Key.Key_Space)
+    assert operator.verdict == "FAULT"
+    assert "Check baud, parity and the IMU profile." in operator.says()
+    assert not operator.widget("acknowledge_button").isVisible()
+    operator.qtbot.keyClick(operator.widget("all_units_button"), Qt.Key.Key_Space)
+    assert tile(operator, "unit_3_verdict").hasFocus()
+    operator.widget("language_combo", QComboBox).setCurrentIndex(1)
+    operator.until(lambda: "1 台合格，1 台不合格，1 台故障" in operator.says())
+
+
+def test_next_units_are_scanned_while_verdicts_are_shown(operator: Operator) -> None:
+    end_mixed_run(operator)
+    assert serials(operator) == ("SN-000004", "SN-000005", "SN-000006")
+    assert "Serial number: next unit" in operator.says()
+    assert "Remove the units, scan the next." in operator.message
+    operator.window.show_page("history_page")
+    strip = next(strip for strip in operator.window.findChildren(RunStrip) if strip.isVisible())
+    assert "1 passed, 1 failed, 1 fault" in [label.text() for label in strip.findChildren(QLabel)]
+    operator.window.show_page("operator_page")
+    operator.scan("SN-000002")
+    assert operator.run.state == "idle"
+    assert tile(operator, "slot_1_tile").isVisible()
+    assert serials(operator) == ("SN-000002", "SN-000005", "SN-000006")
+
+
+def test_a_fault_of_the_table_ends_the_run_of_all_units(operator: Operator) -> None:
+    use_slots(operator, 2)
+    begin(operator)
+    link = operator.window.app.engine_link
+    link.event.emit(StateChanged("fault", "running"))
+    link.event.emit(NO_ANSWER)
+    for slot in ("1", "2"):
+        end_unit(operator, slot, "fault")
+    link._end()
+    operator.until(lambda: operator.verdict == "FAULT")
+    assert operator.widget("verdict_serial_label", QLabel).text() == "2 units"
+    assert not operator.widget("all_units_button").isVisible()
+    assert not operator.widget("start_button").isEnabled()
+    operator.press("acknowledge_button")
+    assert tile(operator, "slot_1_tile").isVisible()
+    assert operator.widget("start_button").isEnabled()
+
+
+def test_stop_ends_all_units(operator: Operator) -> None:
+    use_slots(operator, 2)
+    begin(operator)
+    operator.press("stop_button")
+    link = operator.window.app.engine_link
+    link.event.emit(StateChanged("stopped", "stopping"))
+    for slot in ("1", "2"):
+        end_unit(operator, slot, "stopped")
+    link._end()
+    operator.until(lambda: "2 stopped" in operator.says())
+    assert operator.run.state == "stopped"
+    assert (
+        not operator.widget("resume_choice").isVisible()
+        if operator.window.findChild(QPushButton, "resume_choice")
+        else True
+    )
+
+
+def test_sixteen_units_fit_on_a_small_screen(operator: Operator) -> None:
+    use_slots(operator, 16)
+    for language in (0, 1):
+        operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        assert whole(operator, [f"slot_{number}_tile" for number in range(1, 17)])
+    begin(operator)
+    for language in (0, 1):
+        operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        assert whole(operator, [f"unit_{number}_tile" for number in range(1, 17)])
+    for number in range(1, 17):
+        end_unit(operator, str(number), "failed" if number % 5 == 0 else "passed", **FAILED)
+    operator.window.app.engine_link._end()
+    operator.until(lambda: operator.run.judged)
+    for language in (0, 1):
+        operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        assert whole(operator, [f"unit_{number}_verdict" for number in range(1, 17)])
+
+
+def whole(operator: Operator, names: list[str]) -> bool:
+    """Whether tiles are visible as a whole, and as high as their contents."""
+    tiles = [tile(operator, name) for name in names]
+    operator.until(lambda: all(each.visibleRegion().boundingRect().size() == each.size() for each in tiles), 10.0)
+    return all(each.height() >= each.minimumSizeHint().height() for each in tiles)
+
+
+def test_engineer_page_leaves_start_to_the_operator_page(operator: Operator) -> None:
+    use_slots(operator, 2)
+    operator.window.show_page("engineer_page")
+    start = operator.widget("engineer_start_button")
+    assert not start.isEnabled()
+    assert "START is on the Operator page" in start.toolTip()
+    use_slots(operator, 1)
+    assert start.isEnabled()
