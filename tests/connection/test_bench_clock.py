@@ -1,4 +1,7 @@
-"""The clock of the virtual bench reports what the bench refuses."""
+"""The clock of the virtual bench reports what the bench refuses, and answers each thread its own request."""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
 
 from calstation.connection.clock import BenchClock
 from calstation.errors import DeviceFaultError
@@ -21,3 +24,20 @@ def test_a_refused_request_is_a_fault() -> None:
             with raises_code(DeviceFaultError, "connection.bench_refused"):
                 refused()
         clock.close()
+
+
+def test_each_of_several_threads_gets_the_answer_to_its_own_request() -> None:
+    def answer(asked: bytes) -> bytes:
+        return json.dumps({"now": 0.0, "error": json.loads(asked).get("order")}).encode() + b"\n"
+
+    def refused(number: int) -> str:
+        with raises_code(DeviceFaultError, "connection.bench_refused") as caught:
+            clock.order({"order": f"order {number}."})
+        return str(caught.value)
+
+    with server(lambda asked: b'{"now": 0.0}\n' if b"now" in asked else answer(asked)) as address:
+        clock = clock_at(address)
+        with ThreadPoolExecutor(8) as threads:
+            answers = list(threads.map(refused, range(200)))
+        clock.close()
+    assert all(f"order {number}." in text for number, text in enumerate(answers))

@@ -1,5 +1,6 @@
 """Several units on one table: a unit that fails leaves, the others go on; a fault of the table ends all."""
 
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -647,6 +648,22 @@ def test_the_log_of_a_unit_that_left_takes_nothing_more() -> None:
     lost.ended = end  # type: ignore[method-assign]
     assert batch.run() is State.FAILED
     assert counts == [len(lost.journal.events)]
+
+
+def test_the_run_goes_on_while_the_result_of_a_unit_that_left_is_written() -> None:
+    batch = Batch(2)
+    lost = batch.units[0]
+    over, waited = threading.Event(), []
+
+    def end(told: Ended) -> None:
+        waited.append(over.wait(60.0))
+        lost.ends.append(told)
+
+    lost.ended = end  # type: ignore[method-assign]
+    batch.on(StageStarted, 1.0, loses_its_port(lost))
+    batch.on(StageEnded, 0.0, over.set)
+    assert batch.run() is State.FAILED
+    assert waited == [True]
 
 
 def test_sixteen_units_pass() -> None:
