@@ -373,7 +373,7 @@ def test_units_of_a_batch_are_listed_together(page: HistoryPage, folder: Path, q
     assert not table.isColumnHidden(slot)
     select_row(page, 0, qtbot)
     assert {table.item(row, slot).text() for row in (0, 1)} == {"A", "B"}
-    assert "B20261101T000000-00FF" in visible_texts(page)
+    qtbot.waitUntil(lambda: "B20261101T000000-00FF" in visible_texts(page), timeout=WAIT)
     qtbot.mouseClick(button(page, "history_batch_button"), Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: len(rows(page)) == 2, timeout=WAIT)
     assert {serial for serial, _ in rows(page)} == {"SN-00000A", "SN-00000B"}

@@ -242,7 +242,10 @@ def test_tiles_show_who_is_where_and_a_click_chooses_the_plots(operator: Operato
 
     link.event.emit(StageEnded("rate", "plan", 1))
     for slot, passed in (("1", True), ("2", False)):
-        link.event.emit(StageSolved("rate", {}, {"passed": passed}, slot=slot))
+        solved = {f"{group}_x": {"value": 0.0, "sigma": 0.2 * target} for group, target in targets.items()}
+        link.event.emit(StageSolved("rate", solved, {"passed": passed}, slot=slot))
+    operator.until(lambda: "σ 0.2 × its target, reached" in tile(operator, "unit_1_tile").accessibleName())
+    assert live._convergence.lines["gyro_bias"].ratios == [0.5, 0.2]
     operator.until(lambda: "Rate: solving" in tile(operator, "unit_3_tile").accessibleName())
     assert "Rate: not ok" in tile(operator, "unit_2_tile").accessibleName()
     stages = operator.widget("stage_list", QListWidget)
@@ -406,3 +409,27 @@ def test_engineer_page_leaves_start_to_the_operator_page(operator: Operator) -> 
     assert "START is on the Operator page" in start.toolTip()
     use_slots(operator, 1)
     assert start.isEnabled()
+
+
+@pytest.mark.long
+def test_a_batch_on_the_virtual_bench_whose_second_unit_falls_silent(operator: Operator) -> None:
+    folder = operator.site_folder
+    plan = folder.folder / "plan.toml"
+    fault = {"kind": "silence_imu", "stage": "six_position", "time_s": 3.0, "value": 60.0, "unit": 2}
+    plan.write_text(tomli_w.dumps({"fault": [fault]}), encoding="utf-8")
+    folder.write({"stages": ["six_position"]}, units=3, faults=str(plan))
+    operator.window.app.set_station(folder.station)
+    operator.press("start_button")
+    operator.until(lambda: operator.run.units[1].fault is not None)
+    assert operator.run.going
+    assert "FAULT" in tile(operator, "unit_2_tile").accessibleName()
+    operator.until_ended()
+    assert [unit.outcome for unit in operator.run.units] == ["passed", "fault", "passed"], operator.says()
+    assert "2 passed, 1 fault" in operator.says()
+    click(operator, "unit_3_verdict")
+    assert operator.verdict == "PASS"
+    operator.until(lambda: "2 done" in operator.widget("shift_label", QLabel).text())
+    assert serials(operator) == ("SN-000004", "SN-000005", "SN-000006")
+    operator.window.show_page("history_page")
+    operator.until(lambda: operator.window.findChild(QPushButton, "history_batch_button"))
+    operator.until(lambda: operator.widget("history_batch_button").isVisible())

@@ -11,11 +11,10 @@ from calstation.gui.operator.position_panel import PositionPanel
 from calstation.gui.operator.table_panel import TablePanel
 from calstation.gui.operator.traces import Traces
 from calstation.gui.operator.units import COLUMNS, UnitTiles
-from calstation.gui.shell import RunStatus
+from calstation.gui.shell import RunStatus, largest_sigmas
 from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import PANEL, StateIcon, column, grid, label, row, stack, theme
 from calstation.messages import Text
-from calstation.physics import GROUPS, INDEX, PARAMETERS
 from calstation.results.plots import gimbal_turns
 from calstation.sequencer import (
     Event,
@@ -137,7 +136,7 @@ class LiveView(QWidget):
             case StageProgress():
                 self._convergence.take(self._run.done, event.sigma, event.slot)
             case StageSolved():
-                self._convergence.take(self._run.done, _largest_sigmas(event), event.slot)
+                self._convergence.take(self._run.done, largest_sigmas(event), event.slot)
 
     def _show_unit(self) -> None:
         """Show the traces from now on and the convergence of another unit."""
@@ -158,13 +157,3 @@ class LiveView(QWidget):
         self._units.setVisible(several)
         room = self.window().height() >= _ROOM + _TILES * ceil(len(run.units) / COLUMNS)
         self._lower.setVisible(not guiding and (not several or (begun and room)))
-
-
-def _largest_sigmas(event: StageSolved) -> dict[str, float]:
-    """Return the largest sigma of each group."""
-    found: dict[str, float] = {}
-    for name, solved in event.parameters.items():
-        group = PARAMETERS[INDEX[name]].group
-        if group in GROUPS:
-            found[group] = max(solved["sigma"], found.get(group, 0.0))
-    return found

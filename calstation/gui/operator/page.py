@@ -279,6 +279,7 @@ class OperatorPage(Page):
             self._next_awaited = self._unit_opened = False
             self.setFocus()
             self._live.start()
+            self._refresh()
         else:
             self.closing.dismiss()
             self._live.stop()

@@ -322,6 +322,10 @@ class RunStarter(QObject):
     def _found(self, found: list[Resumable]) -> None:
         if self._app.engine_link.running or self.run_summary is None:
             return
+        if self.slots:
+            if self._wanted is not None:
+                ask(self._notice, "caution", Text.of("question.not_resumed_in_slots"), {})
+            return
         if self._wanted is None:
             self._offer([run for run in found if self._serial in (None, run.serial)])
             return

@@ -11,5 +11,7 @@ from .run_status import RunStatus as RunStatus
 from .run_status import planned as planned
 from .run_strip import RunStrip as RunStrip
 from .run_strip import run_badge as run_badge
+from .unit_status import TRANSFER as TRANSFER
 from .unit_status import StageState as StageState
 from .unit_status import UnitStatus as UnitStatus
+from .unit_status import largest_sigmas as largest_sigmas

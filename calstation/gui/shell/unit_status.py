@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from calstation.physics import GROUPS, INDEX, PARAMETERS
 from calstation.results import Result
 from calstation.sequencer import (
     Event,
@@ -73,6 +74,16 @@ class StageState:
         self.took = None if self.begun is None else time.monotonic() - self.begun
 
 
+def largest_sigmas(event: StageSolved) -> dict[str, float]:
+    """Return the largest sigma of each parameter group, SI."""
+    found: dict[str, float] = {}
+    for name, solved in event.parameters.items():
+        group = PARAMETERS[INDEX[name]].group if name in INDEX else ""
+        if group in GROUPS:
+            found[group] = max(solved["sigma"], found.get(group, 0.0))
+    return found
+
+
 @dataclass
 class UnitStatus:
     """Status of a unit after the events received so far; `slot` is its place on the table, "" for a single unit."""
@@ -81,7 +92,7 @@ class UnitStatus:
     slot: str = ""
     #: Stages in order, followed by the transfer if the unit has registers.
     stages: list[StageState] = field(default_factory=list)
-    sigma: Mapping[str, float] = field(default_factory=dict)  #: Latest largest sigma by parameter group, SI.
+    sigma: dict[str, float] = field(default_factory=dict)  #: Latest largest sigma by parameter group, SI.
     #: Messages shown again with the verdict, each (id, values).
     remarks: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
     #: Values of a register transfer interrupted before this run that requires a decision, or None.
@@ -114,7 +125,7 @@ class UnitStatus:
                 row = self._row(event.stage)
                 if row.state == "active":
                     row.fraction, row.remaining = event.fraction, event.remaining
-                self.sigma = event.sigma or self.sigma
+                self.sigma |= event.sigma
             case StepStarted():
                 row = self._row(TRANSFER)
                 if event.label[:1] == ("verify",) and row.state == "active":
@@ -124,6 +135,7 @@ class UnitStatus:
                 self._row(event.stage).state = "solving"
             case StageSolved():
                 self._row(event.stage).solve("bad" if event.consistency["passed"] is False else "good")
+                self.sigma |= largest_sigmas(event)
             case Message():
                 self._take_message(event.id, event.values)
             case Settled():

@@ -5,7 +5,7 @@ from functools import partial
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.operator.units.tile import Tile, arrange, pass_clicks
-from calstation.gui.shell import RunStatus, UnitStatus
+from calstation.gui.shell import TRANSFER, RunStatus, UnitStatus
 from calstation.gui.text import KINDS, fault_text, on_language_change, term
 from calstation.gui.widgets import ElidedLabel, StateIcon, column, grid, label, row, theme
 
@@ -74,6 +74,8 @@ class UnitTiles(QWidget):
             text = f"{term('stage', bad.name)}: {term('stage_state', 'bad')}"
         elif stage is not None and stage.state == "solving":
             text = f"{term('stage', stage.name)}: {term('stage_state', 'solving')}"
+        elif stage is not None and stage.name == TRANSFER:
+            text = term("stage", stage.name)
         elif share is not None:
             text = self.tr("σ {share} × its target").format(share=f"{share:.2g}" if share < 10.0 else f"{share:.0f}")
             if share <= 1.0:
