@@ -12,7 +12,6 @@ from uuid import uuid4
 from sqlalchemy import Connection, Engine, Row, func, insert, select, update
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 
-from calstation.database.archiver import LogArchiver
 from calstation.database.claims import claim_unit, other_claims, release_unit
 from calstation.database.connect import connect, public, reason_of
 from calstation.database.outbox import Outbox, OutboxMessage
@@ -35,7 +34,7 @@ class Exchange:
 
     def __init__(self, folder: Path, url: str, station: str, claim: tuple[str, str | None] | None = None) -> None:
         """Create the exchange; `claim` is the serial number of a unit and its operator."""
-        self._folder, self._url, self._station = folder, url, station
+        self._url, self._station = url, station
         self.claim = claim  #: The unit that every exchange claims, in place of the previous one; None for no unit.
         self._held: str | None = None  #: Serial number of the unit that is claimed in the database.
         self._engine: Engine | None = None
@@ -67,10 +66,6 @@ class Exchange:
             if lost:
                 raise ConfigurationError("database.unreachable", database=database, reason=reason_of(exc)) from exc
             raise ConfigurationError("database.refused", database=database, reason=reason_of(exc)) from exc
-
-    def archiver(self, archive: str) -> LogArchiver:
-        """Return what copies the logs of the folder to an archive."""
-        return LogArchiver(self._folder, archive)
 
     def close(self) -> None:
         """End the claim and close the connection; the next exchange opens a new one."""
