@@ -11,13 +11,15 @@ from typing import Any
 import pytest
 import tomli_w
 from PySide6.QtCore import QCoreApplication, QEvent, Qt
-from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QWidget
+from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.shell.app import create_window
+from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.text import language
+from calstation.gui.widgets import theme
 from calstation.jobs.queue import JobQueue
 from calstation.results.resolving import warm_up
 from calstation.results.result import Result
@@ -115,6 +117,19 @@ def job_queue(
     shared_queue[0].use_folders_of(site_folder)
     monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda warm_up: shared_queue[0])
     return shared_queue[0]
+
+
+@pytest.fixture
+def app(site_folder: SiteFolder, job_queue: SharedJobQueue, qapp: QApplication) -> Iterator[AppContext]:
+    """Shared state of a window with the test's station, for a page alone; English, light."""
+    if not qapp.styleSheet():
+        qapp.setStyle("Fusion")
+    theme.apply("light")
+    language.use("en")
+    made = AppContext(site_folder.station)
+    yield made
+    made.close()
+    language.use("en")
 
 
 @pytest.fixture
