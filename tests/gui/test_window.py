@@ -191,3 +191,10 @@ def test_the_window_starts_without_the_solvers() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["[]", "[]"]
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_the_fields_above_the_operator_page_are_as_high_as_start(window: MainWindow, code: str) -> None:
+    window.app.set_language(code)
+    header = window.operator_page.header
+    assert header.minimumSizeHint().height() == header.start_button.height() == theme.BIG_BUTTON
