@@ -10,6 +10,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTabWidget, QWidget
 from pytestqt.qtbot import QtBot
 
+from calstation.gui.operator.header import RunHeader
 from calstation.gui.shell.app import create_window
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.widgets import theme
@@ -194,7 +195,9 @@ def test_the_window_starts_without_the_solvers() -> None:
 
 
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
-def test_the_fields_above_the_operator_page_are_as_high_as_start(window: MainWindow, code: str) -> None:
+def test_the_fields_above_the_operator_page_are_as_high_as_start(window: MainWindow, qtbot: QtBot, code: str) -> None:
     window.app.set_language(code)
-    header = window.operator_page.header
+    header = RunHeader()
+    qtbot.addWidget(header)
+    header.show()
     assert header.minimumSizeHint().height() == header.start_button.height() == theme.BIG_BUTTON
