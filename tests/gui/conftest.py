@@ -1,6 +1,7 @@
 """The real window, offscreen, with a site folder of its own: no user's configuration, runs in the test's folder."""
 
 import os
+import time
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
@@ -86,9 +87,13 @@ class SharedJobQueue(JobQueue):
     """A job queue whose process serves all tests: starting one takes longer than most tests."""
 
     def close(self) -> None:
-        """Cancel all jobs and keep the process."""
+        """Cancel all jobs, but let a short one end, and keep the process."""
         while self._waiting:
             self._waiting[-1].cancel()
+        deadline = time.monotonic() + 1.0  # less than the start of another process takes
+        while self._running is not None and time.monotonic() < deadline:
+            self.poll()
+            time.sleep(0.002)
         if self._running is not None and not self._running.cancel():
             super().close()
 

@@ -18,6 +18,7 @@ from calstation.records.log import open_log
 from calstation.runs.resume import resumable
 from tests.gui.conftest import SiteFolder
 
+pytestmark = pytest.mark.usefixtures("job_queue")
 PAGES = ["operator_page", "engineer_page", "offline_page", "history_page", "quality_page", "station_page"]
 
 
