@@ -102,6 +102,7 @@ def test_a_second_engineer_confirms_it_where_the_product_requires_two(operator: 
     assert (event.by, event.confirmed_by) == ("B0001", "B0002")
 
 
+@pytest.mark.long
 def test_a_certificate_from_the_verdict_and_from_the_history(
     operator: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
