@@ -8,6 +8,7 @@ import socket
 import subprocess
 import tempfile
 from collections.abc import Iterator
+from functools import cached_property
 from itertools import count
 from pathlib import Path
 
@@ -59,10 +60,19 @@ class PostgresServer:
         others = f"FROM pg_stat_activity WHERE datname = '{database}' AND pid <> pg_backend_pid()"
         return int(self.execute(f"SELECT count(pg_terminate_backend(pid)) {others}"))
 
-    def new_database(self) -> str:
-        """Create an empty database and return its name."""
+    def new_database(self, template: str = "template1") -> str:
+        """Create a database, empty or as a copy of another one, and return its name."""
         name = next(self._names)
-        self.execute(f"CREATE DATABASE {name}")
+        self.execute(f"CREATE DATABASE {name} TEMPLATE {template}")
+        return name
+
+    @cached_property
+    def with_tables(self) -> str:
+        """Name of a database with the tables of this version, to be copied."""
+        from calstation.database import upgrade
+
+        name = self.new_database()
+        upgrade(self.url(name))
         return name
 
     def url(self, database: str, user: str = OWNER) -> str:
@@ -123,8 +133,4 @@ def postgres() -> Iterator[PostgresServer]:
 @pytest.fixture
 def shared_database(postgres: PostgresServer) -> str:
     """URL of a new database with the tables of this version."""
-    from calstation.database import upgrade
-
-    url = postgres.url(postgres.new_database())
-    upgrade(url)
-    return url
+    return postgres.url(postgres.new_database(postgres.with_tables))

@@ -2,8 +2,6 @@
 
 import io
 import logging
-import os
-import subprocess
 import sys
 import traceback
 from pathlib import Path
@@ -26,6 +24,7 @@ from calstation.cli.options import (
     parsed_stages,
 )
 from calstation.cli.quality_commands import quality
+from calstation.cli.simulation_commands import simulation
 from calstation.errors import CalstationError, ConfigurationError
 
 _NAME = "calstation"
@@ -60,7 +59,9 @@ def _program(
     window = context.invoked_subcommand is None
     applog.configure("window" if window else "cli", site_folder() / "logs", log_level)
     if window:
-        raise typer.Exit(_window(debug=bool(context.obj)))
+        from calstation.cli.window import window_command
+
+        raise typer.Exit(window_command(lambda: _run(["run"], debug=bool(context.obj))))
 
 
 @app.command()
@@ -202,31 +203,6 @@ def apply(
 
 
 @app.command()
-def record(
-    kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="hand, pair (of IMUs on one body) or gimbal; many: history, logs.")
-    ],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Raw log to write; history, logs: folder.", metavar="LOG")],
-    grade: Annotated[str, typer.Option(help="nav, tactical or mems.")] = "mems",
-    seed: Annotated[int, typer.Option(min=0, help="Of unit, motion and noise.")] = 1,
-    runs: Annotated[int, typer.Option(min=1, help="history: number of runs.")] = 2000,
-    count: Annotated[int, typer.Option(min=1, help="logs: number of logs.")] = 300,
-) -> None:
-    """Make a recording on the virtual bench for the methods that need no table, a history of runs, or many logs."""
-    if kind == "history":
-        from calstation.cli.quality import history_command
-
-        raise typer.Exit(history_command(out, runs, seed))
-    if kind == "logs":
-        from calstation.cli.logs import record_logs_command
-
-        raise typer.Exit(record_logs_command(out, count, grade, seed))
-    from calstation.cli.logs import record_command
-
-    raise typer.Exit(record_command(kind, out, grade, seed))
-
-
-@app.command()
 def watch(
     log: Annotated[Path | None, typer.Argument(metavar="LOG", help="Log of IMUs on one body.")] = None,
     station: Annotated[
@@ -258,25 +234,6 @@ def watch(
         raise typer.Exit(watch_log_command(log, folder, command, json, Delivery(serve, out)))
     request = RunRequest(serial, station, product)
     raise typer.Exit(watch_station_command(request, folder, command, seconds, json, Delivery(serve, out)))
-
-
-@app.command()
-def study(
-    grade: Annotated[str | None, typer.Option(help="nav, tactical or mems; default: all.")] = None,
-    seeds: Annotated[
-        int | None, typer.Option(help="Monte Carlo runs per grade; default: 30, for the stages of grade nav 100.")
-    ] = None,
-    json: JsonOption = None,
-    method: Annotated[
-        str | None, typer.Option(help="multi_position, cross_calibration or gimbal, in place of the stages.")
-    ] = None,
-) -> None:
-    """Monte Carlo of the whole method against truth and the Cramer-Rao bound."""
-    from calstation.cli.studies import method_study_command, study_command
-
-    if method is not None:
-        raise typer.Exit(method_study_command(method, grade, seeds, json))
-    raise typer.Exit(study_command(grade, seeds, json))
 
 
 @app.command()
@@ -316,20 +273,6 @@ def design(
         if value is not None:
             raise ConfigurationError("design.with_stages", option=option)
     raise typer.Exit(command(request, product, out, json))
-
-
-@app.command()
-def soak(
-    runs: Annotated[int, typer.Option(min=1, help="Calibrations.")] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="Of units, faults and their moments.")] = 1,
-    json: JsonOption = None,
-    full: Annotated[bool, typer.Option("--full", help="The product's whole schedule in every run.")] = False,
-    keep: Annotated[Path | None, typer.Option(help="Keep logs and results in this folder.", metavar="DIR")] = None,
-) -> None:
-    """Calibrations back to back on the virtual bench with random faults, judged by its truth."""
-    from calstation.cli.studies import soak_command
-
-    raise typer.Exit(soak_command(runs, seed, json, full=full, keep=keep))
 
 
 @app.command(name="test")
@@ -438,6 +381,7 @@ def report(
     )
 
 
+app.add_typer(simulation)
 app.add_typer(database, name="database")
 app.add_typer(fleet, name="fleet")
 app.add_typer(quality, name="quality")
@@ -480,31 +424,3 @@ def run_app(arguments: list[str]) -> int:
 def _run(arguments: list[str], debug: bool) -> int:
     code = app(arguments, prog_name=_NAME, standalone_mode=False, obj=debug)
     return code if isinstance(code, int) else 0
-
-
-def _window(*, debug: bool) -> int:
-    """Open the window, or start a run in the terminal if there is no screen."""
-    if not has_screen():
-        from calstation.cli.errors import complain
-        from calstation.cli.show import say
-
-        complain(say("cli.no_screen"))
-        return _run(["run"], debug)
-    from calstation.gui.shell import main
-
-    return main()
-
-
-def has_screen() -> bool:
-    """Whether a window can be opened on this computer."""
-    if sys.platform in ("win32", "darwin"):
-        return True
-    if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")):
-        return False
-    # If a library or the screen is missing, Qt aborts its process without an exception, so try it in another process.
-    probed = "from PySide6.QtWidgets import QApplication; QApplication([])"
-    try:
-        probe = subprocess.run([sys.executable, "-c", probed], capture_output=True, timeout=60.0, check=False)
-    except subprocess.TimeoutExpired:
-        return False
-    return probe.returncode == 0

@@ -25,7 +25,7 @@ def exchange(
 ) -> None:
     """Send the runs of a folder to the shared database and receive those of other stations."""
     from calstation.cli.show import say, show_line
-    from calstation.database import Exchange, exchange_once, read_state
+    from calstation.database import Exchange, LogArchiver, exchange_once, read_state
     from calstation.database import watch as watch_folder
     from calstation.messages import event_text, sentence
 
@@ -41,7 +41,7 @@ def exchange(
     try:
         exchange_once(made, out)
         if archive is not None:
-            archiver = made.archiver(archive)
+            archiver = LogArchiver(out, archive)
             while archiver.copy_next():
                 pass
             exchange_once(made, out)

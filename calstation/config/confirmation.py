@@ -95,4 +95,7 @@ def _identify(person: Person, engineers: list[str]) -> None:
     if not access.has_pin(badge):
         raise ConfigurationError("confirmation.no_pin" if badge else "confirmation.no_site_pin", badge=person.badge)
     if not access.check(person.pin, badge):
-        raise ConfigurationError("confirmation.wrong_pin", badge=person.badge, seconds=access.wait(badge))
+        seconds = access.wait(badge)
+        if seconds:
+            raise ConfigurationError("confirmation.wrong_pin_wait", badge=person.badge, seconds=seconds)
+        raise ConfigurationError("confirmation.wrong_pin", badge=person.badge)

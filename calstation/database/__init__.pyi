@@ -1,5 +1,6 @@
 from .archive import LogCopy as LogCopy
 from .archive import archive_log as archive_log
+from .archiver import LogArchiver as LogArchiver
 from .connect import connect as connect
 from .connect import upgrade as upgrade
 from .exchange import Exchange as Exchange

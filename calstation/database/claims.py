@@ -1,4 +1,4 @@
-"""Claims: which units stations work on, so that two stations that have scanned the same unit are told."""
+"""Claims: which units stations work on, so that two stations that have scanned the same unit are warned."""
 
 from datetime import UTC, datetime, timedelta
 

@@ -12,7 +12,6 @@ from uuid import uuid4
 from sqlalchemy import Connection, Engine, Row, func, insert, select, update
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 
-from calstation.database.archiver import LogArchiver
 from calstation.database.claims import claim_unit, other_claims, release_unit
 from calstation.database.connect import connect, public, reason_of
 from calstation.database.outbox import Outbox, OutboxMessage
@@ -35,7 +34,7 @@ class Exchange:
 
     def __init__(self, folder: Path, url: str, station: str, claimed: Mapping[str, str | None] = {}) -> None:
         """Create the exchange; `claimed` names the operator by serial number of the units to claim."""
-        self._folder, self._url, self._station = folder, url, station
+        self._url, self._station = url, station
         #: Operator by serial number of the units that every exchange claims, in place of the previous ones.
         self.claimed = claimed
         self._held = set[str]()  #: Serial numbers of the units that are claimed in the database.
@@ -68,10 +67,6 @@ class Exchange:
             if lost:
                 raise ConfigurationError("database.unreachable", database=database, reason=reason_of(exc)) from exc
             raise ConfigurationError("database.refused", database=database, reason=reason_of(exc)) from exc
-
-    def archiver(self, archive: str) -> LogArchiver:
-        """Return what copies the logs of the folder to an archive."""
-        return LogArchiver(self._folder, archive)
 
     def close(self) -> None:
         """End the claims and close the connection; the next exchange opens a new one."""

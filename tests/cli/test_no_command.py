@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from calstation.cli import app as window
+from calstation.cli import window
 from calstation.cli.app import run_app
 from calstation.config.request import RunRequest
 

@@ -99,6 +99,12 @@ def test_a_second_person_who_is_not_required_is_checked_all_the_same() -> None:
         confirm("certificate", product(), both, LI, Person("B0002", "1111"))
 
 
+def test_after_several_wrong_pins_the_error_says_how_long_to_wait() -> None:
+    for code in ("confirmation.wrong_pin", "confirmation.wrong_pin", "confirmation.wrong_pin_wait"):
+        with raises_code(ConfigurationError, code):
+            confirm("override", product(), station("B0001"), Person("B0001", "9999"))
+
+
 def test_the_first_pin_of_a_badge_needs_the_sites_pin_and_later_ones_its_own(home: Path) -> None:
     with raises_code(ConfigurationError, "access.wrong_pin"):
         access.set_pin("1111", "3333", "B0003")

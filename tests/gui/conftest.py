@@ -1,6 +1,7 @@
 """The real window, offscreen, with a site folder of its own: no user's configuration, runs in the test's folder."""
 
 import os
+import time
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
@@ -11,13 +12,15 @@ from typing import Any
 import pytest
 import tomli_w
 from PySide6.QtCore import QCoreApplication, QEvent, Qt
-from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QWidget
+from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.shell.app import create_window
+from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.text import language
+from calstation.gui.widgets import theme
 from calstation.jobs.queue import JobQueue
 from calstation.results.resolving import warm_up
 from calstation.results.result import Result
@@ -84,9 +87,13 @@ class SharedJobQueue(JobQueue):
     """A job queue whose process serves all tests: starting one takes longer than most tests."""
 
     def close(self) -> None:
-        """Cancel all jobs and keep the process."""
+        """Cancel all jobs, but let a short one end, and keep the process."""
         while self._waiting:
             self._waiting[-1].cancel()
+        deadline = time.monotonic() + 1.0  # less than the start of another process takes
+        while self._running is not None and time.monotonic() < deadline:
+            self.poll()
+            time.sleep(0.002)
         if self._running is not None and not self._running.cancel():
             super().close()
 
@@ -115,6 +122,19 @@ def job_queue(
     shared_queue[0].use_folders_of(site_folder)
     monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda warm_up: shared_queue[0])
     return shared_queue[0]
+
+
+@pytest.fixture
+def app(site_folder: SiteFolder, job_queue: SharedJobQueue, qapp: QApplication) -> Iterator[AppContext]:
+    """Shared state of a window with the test's station, for a page alone; English, light."""
+    if not qapp.styleSheet():
+        qapp.setStyle("Fusion")
+    theme.apply("light")
+    language.use("en")
+    made = AppContext(site_folder.station)
+    yield made
+    made.close()
+    language.use("en")
 
 
 @pytest.fixture

@@ -1,19 +1,13 @@
 """Drives the Station page as a user does, in the window or alone."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
-import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.settings.page import StationPage
 from calstation.gui.shell.context import AppContext
-from calstation.gui.text import language
-from calstation.gui.widgets import theme
-from calstation.jobs.queue import JobQueue
 
 PIN = "2468"
 
@@ -81,20 +75,9 @@ class PageDriver:
         return [label.text() for label in labels if label.text()]
 
 
-@contextmanager
-def station_page(
-    site_folder: Any, job_queue: JobQueue, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[PageDriver]:
+def station_page(app: AppContext, site_folder: Any, qtbot: QtBot) -> PageDriver:
     """The page alone below its header, in the role of an operator."""
-    application = QApplication.instance()
-    assert isinstance(application, QApplication)
-    if not application.styleSheet():
-        application.setStyle("Fusion")
-    language.use("en")
-    theme.apply("light")
-    monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda *_: job_queue)
     site_folder.write(surveyed=False)
-    app = AppContext(site_folder.station)
     page = StationPage(app)
     root = QWidget()
     column = QVBoxLayout(root)
@@ -105,6 +88,4 @@ def station_page(
     root.resize(1366, 700)
     root.show()
     qtbot.waitExposed(root)
-    yield PageDriver(root, page, qtbot)
-    app.engine_link.close()
-    language.use("en")
+    return PageDriver(root, page, qtbot)

@@ -3,7 +3,6 @@
 import csv
 import re
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,8 @@ from pytestqt.qtbot import QtBot
 
 from calstation.config import library, versions
 from calstation.gui.settings.form_view import FormTable
+from calstation.gui.shell.context import AppContext
 from calstation.gui.text import language
-from calstation.jobs.queue import JobQueue
 from tests.gui.station_driver import PIN, PageDriver, station_page
 
 PROFILES = 6
@@ -99,21 +98,11 @@ class FormDriver(PageDriver):
         return library.find(draft.kind, draft.name).read_text(encoding="utf-8")
 
 
-@pytest.fixture(scope="module")
-def job_queue() -> Iterator[JobQueue]:
-    """One job queue for all pages of this file."""
-    made = JobQueue()
-    yield made
-    made.close()
-
-
 @pytest.fixture
-def locked(
-    site_folder: Any, job_queue: JobQueue, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[FormDriver]:
+def locked(app: AppContext, site_folder: Any, qtbot: QtBot) -> FormDriver:
     """The page in the role of an operator."""
-    with station_page(site_folder, job_queue, qtbot, monkeypatch) as page:
-        yield FormDriver(page.root, page.page, qtbot)
+    page = station_page(app, site_folder, qtbot)
+    return FormDriver(page.root, page.page, qtbot)
 
 
 @pytest.fixture

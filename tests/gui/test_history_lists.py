@@ -28,7 +28,7 @@ from tests.gui.test_history_page import NOW, WAIT, button, rows, select_row, sho
 from tests.results.test_resolves import RECORD
 
 pytestmark = pytest.mark.timeout(120)
-app, folder, page = base.app, base.folder, base.page
+folder, page = base.folder, base.page
 
 
 @pytest.fixture

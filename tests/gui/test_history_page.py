@@ -2,7 +2,6 @@
 
 import json
 import os
-from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QPushButton, QTableView, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTableView, QWidget
 from pytestqt.qtbot import QtBot
 
 from calstation.config.request import computer_user
@@ -21,7 +20,6 @@ from calstation.gui.history.page import HistoryPage
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
-from calstation.gui.widgets import theme
 from calstation.physics.units import DEGREE_PER_HOUR
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
@@ -117,19 +115,6 @@ def write_dead_log(folder: Path) -> Path:
     writer._file.close()
     os.close(writer._sync_handle)
     return path
-
-
-@pytest.fixture(scope="module")
-def app(qapp: QApplication, tmp_path_factory: pytest.TempPathFactory) -> Iterator[AppContext]:
-    """Shared state of a window; one job process for all tests of this file."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CALSTATION_HOME", str(tmp_path_factory.mktemp("home")))
-        made = AppContext()
-    qapp.setStyle("Fusion")
-    theme.apply("light")
-    language.use("en")
-    yield made
-    made.close()
 
 
 @pytest.fixture

@@ -37,7 +37,6 @@ from calstation.gui.logs.source_bar import SourceBar
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language, parameter_text
-from calstation.gui.widgets import theme
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
 from calstation.results.resolving import Resolved, resolve
@@ -110,20 +109,6 @@ def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     writer.append(moved)
     writer.close("imported")
     return path
-
-
-@pytest.fixture(scope="module")
-def app(qapp: QApplication, tmp_path_factory: pytest.TempPathFactory) -> Iterator[AppContext]:
-    """What the window gives its pages; one worker for all tests here."""
-    home = tmp_path_factory.mktemp("home")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CALSTATION_HOME", str(home))
-        made = AppContext()
-    qapp.setStyle("Fusion")
-    theme.apply("light")
-    language.use("en")
-    yield made
-    made.close()
 
 
 @pytest.fixture(autouse=True)

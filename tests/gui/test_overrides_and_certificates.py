@@ -1,21 +1,25 @@
 """Production that is refused and overridden by engineers, and certificates, in the window by real clicks."""
 
 from datetime import date
+from itertools import pairwise
 from pathlib import Path
 
 import pypdf
 import pytest
 from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
-from PySide6.QtWidgets import QLineEdit
+from PySide6.QtWidgets import QLineEdit, QPushButton
 
-from calstation.config import access
+from calstation.config import ConfirmationRequired, access
+from calstation.gui.shell import PeoplePanel
 from calstation.records import AuditEvent, audit_path, read_audit
 from calstation.results import load_result
-from tests.gui.conftest import SERIAL, Operator
+from calstation.sequencer import StateChanged, Verdict
+from tests.gui.conftest import RESULT, SERIAL, Operator
 
 pytestmark = pytest.mark.timeout(240)
 ENGINEERS = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
+PEOPLE = ("badge", "pin", "second_badge", "second_pin")
 PINS = {"B0001": "1111", "B0002": "2222"}
 OVERDUE = [{"name": "Rate table A", "kind": "table", "due": date(2021, 3, 2)}]
 ONE_STAGE = {"stages": ["six_position"]}
@@ -98,6 +102,7 @@ def test_a_second_engineer_confirms_it_where_the_product_requires_two(operator: 
     assert (event.by, event.confirmed_by) == ("B0001", "B0002")
 
 
+@pytest.mark.long
 def test_a_certificate_from_the_verdict_and_from_the_history(
     operator: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -122,6 +127,36 @@ def test_a_certificate_from_the_verdict_and_from_the_history(
     assert pdf.read_bytes() == before, "the same certificate again"
     events = [each.event for each in events_of(operator)]
     assert events.count("certificate") == 1
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_all_that_two_engineers_fill_in_is_visible_on_a_small_screen(operator: Operator, code: str) -> None:
+    window = operator.window
+    window.resize(1280, 720)
+    window.app.set_language(code)
+    row = {"value": 3e-5, "sigma": 1e-8, "unit": "rad/s", "stage": "rate"}
+    result = {**RESULT, "stages": ["rate"], "passed": True, "parameters": {"gyro_bias_x": row}}
+    link = window.app.engine_link
+    link.event.emit(StateChanged("running", "idle"))
+    link.event.emit(StateChanged("passed", "running"))
+    link.event.emit(Verdict("passed", "SN-000042_x.h5", "SN-000042_x.json", result))
+    operator.until(lambda: operator.verdict)
+    details = operator.widget("details_button", QPushButton)
+    assert details.isVisible()
+    both = ConfirmationRequired(pin=True, badge=True, second=True)
+    panel = operator.widget("certificate_button_panel", PeoplePanel)
+    panel.ask(lambda: "Issue a certificate?", both, lambda *people: None, reason=False)
+    edits = [operator.widget(f"certificate_button_{key}_edit", QLineEdit) for key in PEOPLE]
+    inputs = [*edits, operator.widget("certificate_button_confirm_button", QPushButton)]
+
+    def laid_out() -> bool:
+        apart = all(upper.geometry().bottom() < lower.geometry().top() for upper, lower in pairwise(edits))
+        return apart and all(each.visibleRegion().boundingRect() == each.rect() for each in inputs)
+
+    operator.until(laid_out)
+    assert not details.isVisible(), "both do not fit"
+    operator.press("certificate_button_cancel_button")
+    assert details.isVisible()
 
 
 @pytest.mark.long

@@ -251,6 +251,7 @@ def write_result(folder: Path, serial: str, outcome: str, started: datetime, **m
     (folder / f"{name}.json").write_text(json.dumps(result), encoding="utf-8")
 
 
+@pytest.mark.long
 def test_the_shift_counter_counts_while_idle_and_after_a_verdict(operator: Operator) -> None:
     label = operator.widget("shift_label", QLabel)
     operator.until(lambda: label.text() == "Since 00:00  ·  0 done")
@@ -331,6 +332,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     return files
 
 
+@pytest.mark.long
 def test_a_label_is_printed_on_request_and_again_from_the_history(
     operator: Operator, printer: tuple[str, list[bytes]]
 ) -> None:
@@ -380,10 +382,8 @@ def test_a_typst_label_is_a_pdf_beside_the_runs(operator: Operator, opened: list
     assert str(pdf) in operator.says()
 
 
-@pytest.mark.parametrize(
-    ("bench", "stages", "verdict"),
-    [({"out_of_limits": True}, None, "FAIL"), pytest.param({}, 1, "PARTIAL", marks=pytest.mark.long)],
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("bench", "stages", "verdict"), [({"out_of_limits": True}, None, "FAIL"), ({}, 1, "PARTIAL")])
 def test_no_label_for_a_failed_or_partial_run(
     operator: Operator, bench: dict[str, Any], stages: int | None, verdict: str
 ) -> None:
@@ -403,6 +403,7 @@ def test_no_label_for_a_failed_or_partial_run(
     assert not operator.widget("history_label_button").isVisible()
 
 
+@pytest.mark.long
 def test_no_label_for_a_stopped_run(operator: Operator) -> None:
     use_station(operator, {**ONE_STAGE, "label": "label.typ"})
     operator.scan(SERIAL)

@@ -1,12 +1,11 @@
 """The history page with runs of other stations: their details, their logs from the archive, and their results."""
 
 import csv
-from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
 
 import pytest
-from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QPushButton, QTableView, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QTableView, QWidget
 from pytestqt.qtbot import QtBot
 
 from calstation.config import library
@@ -15,8 +14,6 @@ from calstation.errors import InputError
 from calstation.gui.history.page import HistoryPage
 from calstation.gui.quality.page import QualityPage
 from calstation.gui.shell.context import AppContext
-from calstation.gui.text import language
-from calstation.gui.widgets import theme
 from calstation.records import IndexedRun, RunFilter, RunIndex, RunRecord
 from calstation.results import History, export_runs, load_result, load_results
 from tests.gui.test_history_page import NOW, WAIT, rows, select_row, shown, write_run
@@ -25,19 +22,6 @@ from tests.helpers import ignore_progress, raises_code
 pytestmark = pytest.mark.timeout(120)
 #: Name of the outbox of the other station.
 OTHER = "5f0c0a52-6c0e-4c53-9d0e-0c5a52f7a7b1"
-
-
-@pytest.fixture(scope="module")
-def app(qapp: QApplication, tmp_path_factory: pytest.TempPathFactory) -> Iterator[AppContext]:
-    """Shared state of a window; one job process for all tests of this file."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CALSTATION_HOME", str(tmp_path_factory.mktemp("home")))
-        made = AppContext()
-    qapp.setStyle("Fusion")
-    theme.apply("light")
-    language.use("en")
-    yield made
-    made.close()
 
 
 @pytest.fixture

@@ -42,7 +42,6 @@ from calstation.gui.shell.engine_link import EngineLink
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
 from calstation.gui.widgets import NoticeBar, theme
-from calstation.jobs.queue import JobQueue
 from calstation.messages.catalogue import family
 from calstation.sequencer.events import Fault
 from tests.gui.station_driver import PIN, PageDriver, station_page
@@ -52,21 +51,10 @@ STATION, TABLE_LINK, IMU_LINK, SITE, RECORDS, TABLE, PROFILES, PERSONAL = range(
 LATCHED = DeviceFaultError("table.latched_interlock", fault="interlock", station_options="")
 
 
-@pytest.fixture(scope="module")
-def job_queue() -> Iterator[JobQueue]:
-    """One job queue for all pages of this file: starting its process takes longer than most of the tests."""
-    made = JobQueue()
-    yield made
-    made.close()
-
-
 @pytest.fixture
-def operator(
-    site_folder: Any, job_queue: JobQueue, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[PageDriver]:
+def operator(app: AppContext, site_folder: Any, qtbot: QtBot) -> PageDriver:
     """The page alone below its header, in the role of an operator."""
-    with station_page(site_folder, job_queue, qtbot, monkeypatch) as driver:
-        yield driver
+    return station_page(app, site_folder, qtbot)
 
 
 @pytest.fixture

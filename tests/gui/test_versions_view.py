@@ -1,12 +1,11 @@
 """The comparison of two versions on the history page: choice, changed verdicts, moves of the parameters, export."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QPushButton, QTableView, QTableWidget, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QTableView, QTableWidget, QWidget
 from pytestqt.qtbot import QtBot
 
 from calstation.database import ExchangeState
@@ -14,7 +13,6 @@ from calstation.gui.history import versions_view
 from calstation.gui.history.page import HistoryPage
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text import language
-from calstation.gui.widgets import theme
 from tests.fleet.test_fleet_compare import UNITS, add, row
 from tests.gui.conftest import SiteFolder
 
@@ -23,24 +21,10 @@ WAIT = 60_000
 
 
 @pytest.fixture
-def app(
-    qapp: QApplication, site_folder: SiteFolder, job_queue: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[AppContext]:
-    """Shared state of a window whose station shares records."""
+def page(app: AppContext, site_folder: SiteFolder, tmp_path: Path, qtbot: QtBot) -> HistoryPage:
+    """The page of a station that shares records, shown."""
     site_folder.write(station={"records": {"database": f"sqlite:///{tmp_path / 'shared.sqlite'}"}})
-    made = AppContext(site_folder.station, tmp_path)
-    made.exchange_state = ExchangeState()
-    qapp.setStyle("Fusion")
-    theme.apply("light")
-    language.use("en")
-    yield made
-    made.close()
-    language.use("en")
-
-
-@pytest.fixture
-def page(app: AppContext, qtbot: QtBot) -> HistoryPage:
-    """The page, shown."""
+    app.runs_folder, app.exchange_state = tmp_path, ExchangeState()
     made = HistoryPage(app)
     qtbot.addWidget(made)
     made.resize(1366, 640)

@@ -10,6 +10,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTabWidget, QWidget
 from pytestqt.qtbot import QtBot
 
+from calstation.gui.operator.header import RunHeader
 from calstation.gui.shell.app import create_window
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.widgets import theme
@@ -17,6 +18,7 @@ from calstation.records.log import open_log
 from calstation.runs.resume import resumable
 from tests.gui.conftest import SiteFolder
 
+pytestmark = pytest.mark.usefixtures("job_queue")
 PAGES = ["operator_page", "engineer_page", "offline_page", "history_page", "quality_page", "station_page"]
 
 
@@ -191,3 +193,12 @@ def test_the_window_starts_without_the_solvers() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["[]", "[]"]
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_the_fields_above_the_operator_page_are_as_high_as_start(window: MainWindow, qtbot: QtBot, code: str) -> None:
+    window.app.set_language(code)
+    header = RunHeader()
+    qtbot.addWidget(header)
+    header.show()
+    assert header.minimumSizeHint().height() == header.start_button.height() == theme.BIG_BUTTON

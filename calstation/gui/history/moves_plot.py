@@ -10,7 +10,7 @@ from calstation.fleet import Move
 from calstation.gui.text import bind
 from calstation.gui.widgets import NOTABLE_SIGMAS, LogAxis, ThemedPlot, dashed, theme
 
-#: Smallest move that is told from none, and least upper end of the axis, sigmas.
+#: Smallest move that is distinguished from zero, and least upper end of the axis, sigmas.
 _LEAST, _END = 1e-3, 10.0
 #: Height of the horizontal axis with its label, px.
 _AXIS = 7 * theme.GRID

@@ -187,4 +187,5 @@ def _field(widget: QLineEdit | QComboBox, name: str, caption: QLabel) -> QVBoxLa
     widget.setObjectName(name)
     widget.setProperty("kind", "tall")
     caption.setBuddy(widget)
+    caption.setFixedHeight(theme.BIG_BUTTON - theme.BUTTON)  # Chinese characters are higher
     return column(caption, widget, spacing=0)

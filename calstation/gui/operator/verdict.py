@@ -124,12 +124,15 @@ class VerdictPanel(QFrame):
                 self._station_button,
                 None,
             ),
-            self.certificate_button.panel,
         )
+        people, values = self.certificate_button.panel, QWidget()
+        row(column(self._figures, None), (beside, 1), on=values, spacing=3 * theme.GRID)
+        people.asking.connect(lambda asking: values.setVisible(not asking))  # both do not fit on a small screen
         column(
             (self._banner, 2),
             *(self._source, self.reason_label, self.action_label, self.reset),
-            (row(column(self._figures, None), (beside, 1), spacing=3 * theme.GRID), 3),
+            (values, 3),
+            (column(people, None), 3),
             on=self,
             spacing=theme.GRID,
             margins=(2 * theme.GRID,) * 4,

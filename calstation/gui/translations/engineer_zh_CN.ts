@@ -272,7 +272,7 @@
     </message>
     <message>
         <source>The log could not be solved again</source>
-        <translation>日志无法重新解算</translation>
+        <translation>数据记录无法重新解算</translation>
     </message>
     <message>
         <source>Design</source>

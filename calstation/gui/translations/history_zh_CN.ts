@@ -123,11 +123,11 @@
     </message>
     <message>
         <source>Compare solutions of all logs by two versions</source>
-        <translation>比较全部日志在两个版本下的解算结果</translation>
+        <translation>比较全部数据记录在两个版本下的解算结果</translation>
     </message>
     <message>
         <source>Copying the log</source>
-        <translation>正在复制日志</translation>
+        <translation>正在复制数据记录</translation>
     </message>
     <message>
         <source>Reading the result</source>
@@ -139,7 +139,7 @@
     </message>
     <message>
         <source>The log was not opened</source>
-        <translation>日志未能打开</translation>
+        <translation>数据记录未能打开</translation>
     </message>
     <message>
         <source>The result was not opened</source>
@@ -420,11 +420,11 @@
     </message>
     <message>
         <source>Log at</source>
-        <translation>日志位置</translation>
+        <translation>数据记录位置</translation>
     </message>
     <message>
         <source>The log is only at the station {0}, which keeps no archive of logs: {1}</source>
-        <translation>日志只在工位 {0}，该工位没有日志归档：{1}</translation>
+        <translation>数据记录只在工位 {0}，该工位没有数据记录归档：{1}</translation>
     </message>
     <message>
         <source>{0}, of which {1} not in stages</source>
@@ -613,7 +613,7 @@
     </message>
     <message>
         <source>Compare these versions on the logs that both have</source>
-        <translation>在两个版本共有的日志上进行比较</translation>
+        <translation>在两个版本共有的数据记录上进行比较</translation>
     </message>
     <message>
         <source>Write the comparison, or the later version as Parquet</source>
@@ -625,7 +625,7 @@
     </message>
     <message>
         <source>{0} logs in both versions</source>
-        <translation>两个版本共有 {0} 份日志</translation>
+        <translation>两个版本共有 {0} 份数据记录</translation>
     </message>
     <message>
         <source>{0} only before, {1} only after</source>
@@ -637,7 +637,7 @@
     </message>
     <message>
         <source>Solutions of many logs are kept in a database that stations share. Name one on the page Station.</source>
-        <translation>大量日志的解算结果保存在各工位共用的数据库中，请在“工位”页面填写该数据库。</translation>
+        <translation>大量数据记录的解算结果保存在各工位共用的数据库中，请在“工位”页面填写该数据库。</translation>
     </message>
     <message>
         <source>This station shares no records</source>
@@ -649,7 +649,7 @@
     </message>
     <message>
         <source>Solve the logs again with another version of the program or another configuration, and compare the answers here: calstation fleet resolve archive --database URL --patch FILE.toml</source>
-        <translation>用另一版本的程序或另一配置重新解算日志，然后在此比较结果：calstation fleet resolve archive --database URL --patch FILE.toml</translation>
+        <translation>用另一版本的程序或另一配置重新解算数据记录，然后在此比较结果：calstation fleet resolve archive --database URL --patch FILE.toml</translation>
     </message>
     <message>
         <source>There are no two versions to compare yet</source>
@@ -657,7 +657,7 @@
     </message>
     <message>
         <source>Changed verdicts and how far every parameter moved, in sigmas, over the logs of all stations.</source>
-        <translation>显示所有工位日志的判定变化，以及每个参数变化了多少 σ。</translation>
+        <translation>显示所有工位数据记录的判定变化，以及每个参数变化了多少 σ。</translation>
     </message>
     <message>
         <source>Choose two versions and press Compare</source>

@@ -466,7 +466,7 @@
     </message>
     <message>
         <source>Open a raw log (.h5) or a CSV with its TOML beside it, or drop the file here. Choose a range; the solver of the run solves it again, and both results are compared.</source>
-        <translation>打开原始记录（.h5）或带同名 TOML 的 CSV，也可将文件拖到此处。选择区间后，用与运行时相同的解算程序重新解算，并比较两个结果。</translation>
+        <translation>打开数据记录（.h5）或带同名 TOML 的 CSV，也可将文件拖到此处。选择区间后，用与运行时相同的解算程序重新解算，并比较两个结果。</translation>
     </message>
 </context>
 <context>
@@ -528,7 +528,7 @@
     </message>
     <message>
         <source>Path of a raw log (.h5) or of a CSV with its TOML beside it</source>
-        <translation>原始记录（.h5）的路径，或旁边有 TOML 的 CSV 的路径</translation>
+        <translation>数据记录（.h5）的路径，或旁边有 TOML 的 CSV 的路径</translation>
     </message>
     <message>
         <source>Open…</source>

@@ -258,7 +258,7 @@
     </message>
     <message>
         <source>Archive of logs</source>
-        <translation>日志归档</translation>
+        <translation>数据记录归档</translation>
     </message>
 </context>
 <context>

@@ -82,11 +82,11 @@
     </message>
     <message>
         <source>1 log waits for the archive</source>
-        <translation>1 份日志等待归档</translation>
+        <translation>1 份数据记录等待归档</translation>
     </message>
     <message>
         <source>{0} logs wait for the archive</source>
-        <translation>{0} 份日志等待归档</translation>
+        <translation>{0} 份数据记录等待归档</translation>
     </message>
 </context>
 <context>
@@ -182,7 +182,7 @@
     </message>
     <message>
         <source>Solves the stored log; nothing is stored or written to the unit</source>
-        <translation>解算已存日志；不保存结果，也不写入产品</translation>
+        <translation>解算已存数据记录；不保存结果，也不写入产品</translation>
     </message>
 </context>
 <context>

@@ -41,6 +41,7 @@ class BadgeField(QWidget):
         self.sign_out_button = button("sign_out_button", lambda: self.tr("Sign out"), self.sign_out)
         self.sign_out_button.hide()
         caption = label(lambda: self.tr("Operator"), buddy=self.edit)
+        caption.setFixedHeight(theme.BIG_BUTTON - theme.BUTTON)  # Chinese characters are higher
         column(caption, row((self.edit, 1), self.sign_out_button), on=self, spacing=0)
         self.edit.returnPressed.connect(self._entered)
         bind(self.edit.setPlaceholderText, self._placeholder)
