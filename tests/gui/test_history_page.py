@@ -300,7 +300,7 @@ def test_narrow_table_hides_other_columns_before_the_stages(
     for width, hidden in ((1440, True), (2400, False)):
         page.resize(width, 640)
         qtbot.waitUntil(lambda wanted=hidden: table.isColumnHidden(4) == wanted, timeout=WAIT)
-        qtbot.waitUntil(lambda: table.columnWidth(8) >= 200, timeout=WAIT)
+        qtbot.waitUntil(lambda: table.columnWidth(10) >= 200, timeout=WAIT)
 
 
 @pytest.mark.parametrize(

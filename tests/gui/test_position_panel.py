@@ -194,7 +194,7 @@ def test_operator_page_shows_the_guide_on_a_manual_rig(
     run.run_summary = planned
     page._live.position.plan(planned)
     link.event.emit(StateChanged("preparing", "idle"))
-    operator.until(lambda: window.findChild(Preparation).isVisible())
+    operator.until(lambda: any(shown.isVisible() for shown in window.findChildren(Preparation)))
     assert "Homing" not in operator.says()
     assert "The unit is identified." in operator.says()
     link.event.emit(StateChanged("running", "preparing"))

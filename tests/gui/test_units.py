@@ -358,6 +358,25 @@ def test_a_fault_of_the_table_ends_the_run_of_all_units(operator: Operator) -> N
     assert operator.widget("start_button").isEnabled()
 
 
+def test_an_interrupted_transfer_is_decided_for_its_unit_alone(operator: Operator, started: list[RunRequest]) -> None:
+    use_slots(operator, 2)
+    begin(operator)
+    link = operator.window.app.engine_link
+    link.event.emit(Message("transfer_open", {"serial": "SN-000002"}, slot="2"))
+    link.event.emit(replace(NO_ANSWER, slot="2"))
+    for slot, outcome in (("1", "passed"), ("2", "fault")):
+        end_unit(operator, slot, outcome)
+    link._end()
+    click(operator, "unit_1_verdict")
+    assert "was interrupted" not in operator.says()
+    operator.press("all_units_button")
+    click(operator, "unit_2_verdict")
+    assert "Writing the registers of SN-000002 was interrupted" in operator.says()
+    operator.press("restore_choice")
+    (request,) = started
+    assert (request.serial, request.serials, request.unfinished) == ("SN-000002", ("", "SN-000002"), "restore")
+
+
 def test_stop_ends_all_units(operator: Operator) -> None:
     use_slots(operator, 2)
     begin(operator)

@@ -249,12 +249,12 @@ class OperatorPage(Page):
 
     def _acknowledge(self) -> None:
         run, request = self.app.run, self.app.engine_link.request
-        transfer, fault = run.unit.transfer, run.fault
+        fault, interrupted = run.fault, next((unit for unit in run.units if unit.transfer is not None), None)
         run.acknowledge()
         self._starting.suggest()
         self.header.focus_scan()
-        if transfer is not None and request is not None:
-            self._starting.ask_transfer(request)
+        if interrupted is not None and request is not None:
+            self._starting.ask_transfer(request, interrupted.serial)
         elif fault is not None and fault.code in _OVERRIDABLE and request is not None:
             self._starting.ask_override(request, CalstationError(fault.code, **fault.values).as_text)
         elif not run.in_slots:
@@ -366,9 +366,13 @@ class OperatorPage(Page):
         """Show the verdict of the chosen unit, or those of all units."""
         self._unit_opened = opened
         self._choose_view()
+        unit, request = self.app.run.unit, self.app.engine_link.request
         if opened:
             self._verdict.close_button.setFocus()
+            if unit.transfer is not None and request is not None:
+                self._starting.ask_transfer(request, unit.serial)
         else:
+            self.notice.dismiss()
             self._verdicts.focus_shown()
 
     def _message_text(self) -> str:

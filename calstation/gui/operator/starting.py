@@ -252,8 +252,10 @@ class RunStarter(QObject):
         else:
             self._app.engine_link.start(replace(request, operator=badge_field.operator))
 
-    def ask_transfer(self, request: RunRequest) -> None:
-        """Ask whether to restore the old registers or to finish an interrupted transfer, then start the run."""
+    def ask_transfer(self, request: RunRequest, serial: str) -> None:
+        """Ask whether to restore old registers or to finish an interrupted transfer, then calibrate the unit alone."""
+        slots = tuple(each if each == serial else "" for each in request.serials)
+        request = replace(request, serial=serial, serials=slots, batch=None)
         manual = self.run_summary is None or self.run_summary.by_hand
         question = Text.of(
             "question.transfer_interrupted_manual" if manual else "question.transfer_interrupted", serial=request.serial
