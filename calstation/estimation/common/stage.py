@@ -2,7 +2,6 @@
 
 import itertools
 from dataclasses import dataclass, field
-from functools import reduce
 
 import numba as nb
 import numpy as np
@@ -57,7 +56,8 @@ class StageData:
 def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
     """Join the blocks of a stage; invalid samples are omitted and count as gaps, like missing ones."""
     dt = 1.0 / imu.sample_rate
-    valid = _joined([b.valid for b in blocks], np.bool_)
+    known = _joined([b.valid for b in blocks], np.bool_)
+    valid = slice(None) if known.all() else known  # a slice copies nothing
     seq = _joined([b.seq for b in blocks], np.int64)[valid]
     time = _joined([b.time for b in blocks], np.float64)[valid]
     counts = _joined([b.counts for b in blocks], np.float64, 6)[valid]
@@ -67,15 +67,25 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
         dt=dt,
         seq=seq,
         time=time,
-        gyro=np.ascontiguousarray(counts[:, :3]) * (imu.gyro_lsb * imu.rate_factor),
-        accel=np.ascontiguousarray(counts[:, 3:]) * (imu.accel_lsb * imu.rate_factor),
+        gyro=_scaled(counts[:, :3], imu.gyro_lsb * imu.rate_factor),
+        accel=_scaled(counts[:, 3:], imu.accel_lsb * imu.rate_factor),
         angles=_joined([b.angles for b in blocks], np.float64, 2)[valid],
         step=_joined([b.step for b in blocks], np.int64)[valid],
         segments=tuple((int(a), int(b)) for a, b in itertools.pairwise(cuts) if b > a),
         gaps=int(np.count_nonzero(broken)),
-        others=np.concatenate([b.others for b in blocks])[valid] if blocks else np.empty((0, 0, 6)),
-        joints=np.concatenate([b.joints for b in blocks])[valid] if blocks else np.empty((0, 0)),
+        others=_joined([b.others for b in blocks], np.float64)[valid] if blocks else np.empty((0, 0, 6)),
+        joints=_joined([b.joints for b in blocks], np.float64)[valid] if blocks else np.empty((0, 0)),
     )
+
+
+@nb.njit(cache=True)
+def _scaled(counts: FloatArray, size: float) -> FloatArray:
+    """Return n samples of three channels in units of `size`, shape (n, 3); NumPy is slow on short rows."""
+    found = np.empty(counts.shape)
+    for k in range(len(counts)):
+        for j in range(counts.shape[1]):
+            found[k, j] = counts[k, j] * size
+    return found
 
 
 def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
@@ -91,7 +101,7 @@ def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
 def _joined(parts: list[np.ndarray], dtype: type, columns: int = 0) -> np.ndarray:
     if not parts:
         return np.empty((0, columns) if columns else 0, dtype)
-    return np.concatenate(parts).astype(dtype, copy=False)
+    return (parts[0] if len(parts) == 1 else np.concatenate(parts)).astype(dtype, copy=False)
 
 
 @nb.njit(cache=True)
@@ -109,9 +119,18 @@ def window_mean(values: FloatArray, width: int) -> FloatArray:
     return mean
 
 
+@nb.njit(cache=True)
 def largest(values: FloatArray) -> FloatArray:
-    """Return the largest magnitude in each row, shape (n,); column by column, because NumPy is slow on short rows."""
-    return np.asarray(reduce(np.maximum, np.abs(values.T)))
+    """Return the largest magnitude in each row, shape (n,), NaN if the row has one; NumPy is slow on short rows."""
+    found = np.empty(len(values))
+    for k in range(len(values)):
+        most = 0.0
+        for j in range(values.shape[1]):
+            size = abs(values[k, j])
+            if size > most or size != size:
+                most = size
+        found[k] = most
+    return found
 
 
 def find_rests(
