@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from calstation.estimation.navigation.triangular import cholesky, forward
+from calstation.estimation.navigation.small_matrices import add_product, cholesky, forward
 from calstation.estimation.navigation.velocity_group import NAVIGATION, Setting, VelocityGroup, observe
 from calstation.physics import STATES, Compensation, FloatArray, Increments, IntervalWork, rotate
 
@@ -123,8 +123,7 @@ def predict(group: VelocityGroup, state: State, moved: FloatArray) -> None:
             mean[i] += F[i, k] * x[k]
         for j in range(size):
             moved[i, j] = 0.0
-    for i in range(0, NAVIGATION, 3):
-        _add_rows(F[i : i + 3], P, moved[i : i + 3])
+    add_product(F[:NAVIGATION], P, moved)
     for i in range(NAVIGATION):
         for j in range(i + 1):
             t = Q[i, j]
@@ -148,25 +147,6 @@ def predict(group: VelocityGroup, state: State, moved: FloatArray) -> None:
         for j in range(NAVIGATION, size):
             P[i, j] = moved[i, j]
             P[j, i] = moved[i, j]
-
-
-@nb.njit(cache=True)
-def _add_rows(factors: FloatArray, A: FloatArray, out: FloatArray) -> None:
-    """Add the rows of A, shape (n, n), times factors, shape (3, n), to `out`, shape (3, n).
-
-    Three rows at a time, for n is a multiple of 3: what is loaded is used several times.
-    """
-    u, v, w = out[0], out[1], out[2]
-    for k in range(0, len(A), 3):
-        a, b, c = factors[0, k], factors[0, k + 1], factors[0, k + 2]
-        d, e, f = factors[1, k], factors[1, k + 1], factors[1, k + 2]
-        g, h, i = factors[2, k], factors[2, k + 1], factors[2, k + 2]
-        x, y, z = A[k], A[k + 1], A[k + 2]
-        for j in range(len(A)):
-            p, q, r = x[j], y[j], z[j]
-            u[j] += a * p + b * q + c * r
-            v[j] += d * p + e * q + f * r
-            w[j] += g * p + h * q + i * r
 
 
 @nb.njit(cache=True)
@@ -228,8 +208,7 @@ def update(group: VelocityGroup, state: State, root: FloatArray, gain: FloatArra
         innovation[r] = residual
         for q in range(rows):
             S[r, q] = group.R[r, q]
-    for r in range(0, rows, 3):
-        _add_rows(H[r : r + 3], P, gain[r : r + 3])
+    add_product(H, P, gain)
     _products(gain, H, M, S)
     cholesky(S, root)
     forward(root, gain)

@@ -11,7 +11,7 @@ import numba as nb
 import numpy as np
 
 from calstation.estimation.common import FilterNoise
-from calstation.estimation.navigation.triangular import backward, cholesky, forward
+from calstation.estimation.navigation.small_matrices import backward, cholesky, forward
 from calstation.physics import Compensation, FloatArray, Increments, IntervalWork, interval_work, propagate, rotate
 
 #: Prior sigma of the start heading, rad: small, because the parameters may be too inaccurate for gyrocompassing.
