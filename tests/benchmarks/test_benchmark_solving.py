@@ -170,4 +170,4 @@ def test_an_hours_log_resolves_in_seconds(hour, benchmark, figures):
         for n, t in zip(NAMES, truth.parameters, strict=True)
     ]
     assert np.abs(errors).max() < 4.0
-    assert ratio < 30.0
+    assert ratio < 13.0
