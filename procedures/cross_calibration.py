@@ -61,17 +61,16 @@ class PairStage:
         self._context, self._prior, self._schedule = context, prior, schedule
         self._calibration = PairCalibration(context, prior, schedule)
         self._watch: PairWatch | None = None
-        self._spool = Spool()
+        self.spool = Spool()
         self._events: list[WatchEvent] = []
         if schedule.trigger != "command":
             self._watch = PairWatch(context.imu, context.secondaries, self._calibration)
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""
-        if self._watch is None:
-            self._spool.append(block)
-            return
-        self._events += self._watch.feed(block)
+        self.spool.append(block)
+        if self._watch is not None:
+            self._events += self._watch.feed(block)
 
     def sigma(self) -> FloatArray:
         """Return the standard deviations of the prior, SI, shape (30,); none of the 30 parameters is estimated."""
@@ -83,7 +82,7 @@ class PairStage:
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the recording. Raises InputError if it is unusable."""
         if self._watch is None:
-            return self._all(stage_data(list(self._spool.blocks()), self._context.imu), progress)
+            return self._all(stage_data([self.spool.block()], self._context.imu), progress)
         return self._watched(self._watch)
 
     def _all(self, data: StageData, progress: Progress | None) -> Solution:

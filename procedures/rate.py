@@ -50,6 +50,8 @@ from calstation.physics import (
 )
 
 ESTIMATED = tuple(f"gyro_scale_{axis}" for axis in "xyz")
+#: Groups of parameters on which a turn depends.
+GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign")
 #: A rotation between two rests smaller than this, rad, is a positioning move.
 SMALLEST_TURN = np.deg2rad(300.0)
 #: Largest deviation of a rotation from a whole number of turns, rad.
@@ -265,7 +267,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
     variance = np.repeat([noise.rate * t.duration + bias_drift * t.duration**3 / 3.0 for t in turns], 3)
     mask = np.array([name in ESTIMATED for name in NAMES])
     zero, encoders = np.zeros(len(sigma)), slice(len(sigma) - 2 * len(places), None)
-    result = gauss_newton("rate", model, observed, variance, prior, zero, sigma, mask, encoders)
+    result = gauss_newton("rate", model, observed, variance, prior, zero, sigma, mask, encoders, GROUPS)
     added = np.concatenate([_effects(data, t) for t in turns])
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(

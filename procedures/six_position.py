@@ -44,6 +44,8 @@ from calstation.physics import (
 )
 
 ESTIMATED = tuple(f"{group}_{axis}" for group in ("accel_scale", "accel_bias") for axis in "xyz")
+#: Groups of parameters on which the force at rest depends.
+GROUPS = ("accel_bias", "accel_scale", "accel_misalign", "accel_quadratic")
 #: A rest shorter than this, s, is a pause during a rotation and not a position.
 SHORTEST_REST = 1.0
 #: Prior sigma of an unknown direction of gravity about the measured one, rad.
@@ -170,7 +172,15 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
 
     mask = np.array([name in ESTIMATED for name in NAMES])
     result = gauss_newton(
-        "six_position", model, observed, noise, prior, np.concatenate(nuisance), np.concatenate(sigma), mask
+        "six_position",
+        model,
+        observed,
+        noise,
+        prior,
+        np.concatenate(nuisance),
+        np.concatenate(sigma),
+        mask,
+        groups=GROUPS,
     )
     force = np.array([p.force for p in positions])
     still = np.zeros_like(force)

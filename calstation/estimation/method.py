@@ -129,6 +129,8 @@ def with_misfit(solution: Solution, data: StageData, context: SolveContext) -> S
 class StageSolver(Protocol):
     """Processes the blocks of a stage; the solution does not depend on how the samples are divided into blocks."""
 
+    spool: Spool  #: All samples of the stage.
+
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""
 
@@ -195,11 +197,11 @@ class BatchStage:
     ) -> None:
         self.context, self.prior = context, prior
         self._solve = solve
-        self._spool = Spool()
+        self.spool = Spool()
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""
-        self._spool.append(block)
+        self.spool.append(block)
 
     def sigma(self) -> FloatArray:
         """Return the standard deviations of the prior, SI, shape (30,)."""
@@ -211,7 +213,7 @@ class BatchStage:
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage; the solution is too fast for progress reports."""
-        data = stage_data(list(self._spool.blocks()), self.context.imu)
+        data = stage_data([self.spool.block()], self.context.imu)
         return with_misfit(self._solve(data, self.context, self.prior), data, self.context)
 
 

@@ -47,9 +47,11 @@ from .rotation import rotation_vector as rotation_vector
 from .rotation import skew as skew
 from .strapdown import PARAMETER_START as PARAMETER_START
 from .strapdown import STATES as STATES
+from .strapdown import Increments as Increments
 from .strapdown import IntervalWork as IntervalWork
 from .strapdown import body_rotation as body_rotation
 from .strapdown import dynamics as dynamics
+from .strapdown import increments as increments
 from .strapdown import interval_work as interval_work
 from .strapdown import propagate as propagate
 from .strapdown import write_navigation_block as write_navigation_block

@@ -38,6 +38,14 @@ class IntervalWork(NamedTuple):
     force: FloatArray  #: Mean specific force in n, m/s², shape (3,).
 
 
+class Increments(NamedTuple):
+    """Motion of n samples with the assumed parameters, in b."""
+
+    rate: FloatArray  #: Angular rate, rad/s, shape (n, 3).
+    rotation: FloatArray  #: Rotation during the sample relative to inertial space, by rows, shape (n, 9).
+    velocity: FloatArray  #: Velocity increment, m/s, shape (n, 3).
+
+
 def interval_work() -> IntervalWork:
     """Allocate the arrays for `propagate`."""
     return IntervalWork(np.eye(STATES), np.eye(3), np.zeros(3), np.zeros(3), np.zeros((3, 30)), np.zeros(3))
@@ -88,6 +96,8 @@ def _force_jacobian(
 
 #: A vector in registers: an array for each would cost more than the computation.
 Vector = tuple[float, float, float]
+#: Rows of a matrix in registers.
+Matrix = tuple[Vector, Vector, Vector]
 
 
 @nb.njit(cache=True)
@@ -137,7 +147,7 @@ def _specific_force(c: Compensation, accel: FloatArray, k: int, omega: Vector) -
 
 
 @nb.njit(cache=True)
-def _exponential(rotvec: Vector) -> tuple[Vector, Vector, Vector]:
+def _exponential(rotvec: Vector) -> Matrix:
     """Return the rows of the rotation matrix of a rotation vector, rad (Rodrigues' formula)."""
     x, y, z = rotvec
     angle2 = x * x + y * y + z * z
@@ -182,21 +192,71 @@ def _increments(
 
 
 @nb.njit(cache=True)
-def _turn(earth: Vector, rotvec: Vector, dt: float, C: FloatArray, middle: FloatArray) -> None:
-    """Advance C by C_new = (I − [Ω dt×] + ½[Ω dt×]²) C Exp(rotvec); write the mean of both to `middle`."""
-    E = _exponential(rotvec)
-    for i in range(3):
-        a, b, c = C[i, 0], C[i, 1], C[i, 2]
-        for j in range(3):
-            middle[i, j] = a * E[0][j] + b * E[1][j] + c * E[2][j]
-    for j in range(3):
-        turned = (middle[0, j], middle[1, j], middle[2, j])
-        first = _cross_product(earth, turned)
-        second = _cross_product(earth, first)
+def increments(c: Compensation, dt: float, gyro: FloatArray, accel: FloatArray) -> Increments:
+    """Compute the motion of n samples from their raw mean rates, rad/s and m/s², shape (n, 3), `dt` s apart."""
+    count = len(gyro)
+    rate, rotation, velocity = np.empty((count, 3)), np.empty((count, 9)), np.empty((count, 3))
+    for k in range(count):  # apart, because samples that do not depend on each other are computed at the same time
+        omega = _angular_rate(c, gyro, k)
+        force = _specific_force(c, accel, k, omega)
         for i in range(3):
-            new = turned[i] - first[i] * dt + 0.5 * second[i] * dt * dt
-            middle[i, j] = 0.5 * (C[i, j] + new)
-            C[i, j] = new
+            rate[k, i], velocity[k, i] = omega[i], force[i]
+    last_omega, last_force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for k in range(count):
+        omega, force = _row(rate, k), _row(velocity, k)
+        if k == 0:
+            last_omega, last_force = omega, force
+        rotvec, dv = _increments(last_omega, last_force, omega, force, dt)
+        E = _exponential(rotvec)
+        for i in range(3):
+            velocity[k, i] = dv[i]
+            rotation[k, 3 * i], rotation[k, 3 * i + 1], rotation[k, 3 * i + 2] = E[i]
+        last_omega, last_force = omega, force
+    return Increments(rate, rotation, velocity)
+
+
+@nb.njit(cache=True)
+def _row(a: FloatArray, k: int) -> Vector:
+    return (a[k, 0], a[k, 1], a[k, 2])
+
+
+@nb.njit(cache=True)
+def _turned(earth: Vector, C: Matrix, E: Matrix, dt: float) -> Matrix:
+    """Return C_new = (I − [Ω dt×] + ½[Ω dt×]²) C E."""
+    x, y, z = _times(C[0], E), _times(C[1], E), _times(C[2], E)
+    p = _less_earth(earth, (x[0], y[0], z[0]), dt)
+    q = _less_earth(earth, (x[1], y[1], z[1]), dt)
+    r = _less_earth(earth, (x[2], y[2], z[2]), dt)
+    return ((p[0], q[0], r[0]), (p[1], q[1], r[1]), (p[2], q[2], r[2]))
+
+
+@nb.njit(cache=True)
+def _times(a: Vector, B: Matrix) -> Vector:
+    return (
+        a[0] * B[0][0] + a[1] * B[1][0] + a[2] * B[2][0],
+        a[0] * B[0][1] + a[1] * B[1][1] + a[2] * B[2][1],
+        a[0] * B[0][2] + a[1] * B[1][2] + a[2] * B[2][2],
+    )
+
+
+@nb.njit(cache=True)
+def _less_earth(earth: Vector, turned: Vector, dt: float) -> Vector:
+    first = _cross_product(earth, turned)
+    second = _cross_product(earth, first)
+    return (
+        turned[0] - first[0] * dt + 0.5 * second[0] * dt * dt,
+        turned[1] - first[1] * dt + 0.5 * second[1] * dt * dt,
+        turned[2] - first[2] * dt + 0.5 * second[2] * dt * dt,
+    )
+
+
+@nb.njit(cache=True)
+def _rotated(C: Matrix, a: Vector) -> Vector:
+    return (
+        C[0][0] * a[0] + C[0][1] * a[1] + C[0][2] * a[2],
+        C[1][0] * a[0] + C[1][1] * a[1] + C[1][2] * a[2],
+        C[2][0] * a[0] + C[2][1] * a[1] + C[2][2] * a[2],
+    )
 
 
 @nb.njit(cache=True)
@@ -205,8 +265,7 @@ def propagate(
     earth: FloatArray,
     gravity: float,
     dt: float,
-    gyro: FloatArray,
-    accel: FloatArray,
+    motion: Increments,
     start: int,
     stop: int,
     work: IntervalWork,
@@ -219,28 +278,27 @@ def propagate(
     c : constants of the assumed parameters
     earth, gravity : earth rate in n, rad/s, shape (3,), and gravity, m/s²
     dt : sample period, s
-    gyro, accel : raw mean rates of all samples, rad/s and m/s², shape (n, 3)
-    start, stop : samples of this interval; those before and after it are used for coning and the end rate
+    motion : `increments` of all samples with these parameters
+    start, stop : samples of this interval; the one after it is used for the end rate
     work : state and output
     jacobian : whether to write the columns of the parameters and the Jacobian of the rate
     """
-    C, F, middle = work.attitude, work.transition, np.empty((3, 3))
+    F, middle = work.transition, np.empty((3, 3))
     rows = 3 if jacobian else 0
     psi_phi, psi_v, psi_p = np.zeros((rows, 12)), np.zeros((rows, 27)), np.zeros((rows, 27))
     turn, push = np.empty((rows, 12)), np.empty((rows, 27))
     force_sum, force_moment = np.zeros(3), np.zeros(3)
+    rates, rotations, velocities = motion
     rotation, v = _vector(earth), _vector(work.velocity)
-
-    before = start - 1 if start > 0 else start
-    last_omega = _angular_rate(c, gyro, before)
-    last_force = _specific_force(c, accel, before, last_omega)
+    C = (_vector(work.attitude[0]), _vector(work.attitude[1]), _vector(work.attitude[2]))
     for k in range(start, stop):
-        omega = _angular_rate(c, gyro, k)
-        force = _specific_force(c, accel, k, omega)
-        rotvec, dv = _increments(last_omega, last_force, omega, force, dt)
-        f = _product(C, dv)
-        up = (C[2, 0], C[2, 1], C[2, 2])
-        _turn(rotation, rotvec, dt, C, middle)
+        f = _rotated(C, _row(velocities, k))
+        E = (
+            (rotations[k, 0], rotations[k, 1], rotations[k, 2]),
+            (rotations[k, 3], rotations[k, 4], rotations[k, 5]),
+            (rotations[k, 6], rotations[k, 7], rotations[k, 8]),
+        )
+        before, C = C, _turned(rotation, C, E, dt)
         cross, coriolis = _cross_product(rotation, f), _cross_product(rotation, v)
         f = (
             (f[0] - 0.5 * dt * cross[0]) / dt,
@@ -255,13 +313,15 @@ def propagate(
         for i in range(3):
             force_moment[i] += (force_sum[i] + 0.5 * f[i] * dt) * dt
             force_sum[i] += f[i] * dt
-        last_omega, last_force = omega, force
         if not jacobian:
             continue
         # transition blocks of the parameters by the midpoint rule; their errors act on the force implied by gravity and
         # rotation: the measured force contains noise, which an observation with the same noise would mistake for a
         # signal
-        _parameter_columns(c, gravity, omega, up, middle, turn, push)
+        for i in range(3):
+            for j in range(3):
+                middle[i, j] = 0.5 * (before[i][j] + C[i][j])
+        _parameter_columns(c, gravity, _row(rates, k), before[2], middle, turn, push)
         for p in range(12):
             x, y, z = turn[0, p] * dt, turn[1, p] * dt, turn[2, p] * dt
             tilt = (psi_phi[0, p] + 0.5 * x, psi_phi[1, p] + 0.5 * y, psi_phi[2, p] + 0.5 * z)
@@ -278,13 +338,14 @@ def propagate(
                 psi_v[i, p] += change
 
     # the rate at the end is the mean of the last sample and the next
-    rate = last_omega
-    if stop < gyro.shape[0]:
-        omega = _angular_rate(c, gyro, stop)
-        rate = (0.5 * (omega[0] + rate[0]), 0.5 * (omega[1] + rate[1]), 0.5 * (omega[2] + rate[2]))
+    rate = _row(rates, max(stop - 1, 0))
+    if stop < len(rates):
+        after = _row(rates, stop)
+        rate = (0.5 * (after[0] + rate[0]), 0.5 * (after[1] + rate[1]), 0.5 * (after[2] + rate[2]))
     T = (stop - start) * dt
     for i in range(3):
         work.velocity[i], work.rate[i] = v[i], rate[i]
+        work.attitude[i, 0], work.attitude[i, 1], work.attitude[i, 2] = C[i]
         work.force[i] = force_sum[i] / T if stop > start else 0.0
         F[6 + i, 3 + i] = T
     write_navigation_block(F, earth, force_sum, force_moment, T)

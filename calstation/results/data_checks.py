@@ -4,11 +4,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numba as nb
 import numpy as np
 
 from calstation.estimation import Misfit, ModelTest, Solution
 from calstation.estimation.common import ImuModel, RestResiduals, SampleBlock, SolveContext, StageData, rest_residuals
-from calstation.physics import CHANNELS, PARAMETERS, FloatArray, group_indices
+from calstation.physics import CHANNELS, PARAMETERS, BoolArray, FloatArray, group_indices
 from calstation.records import ChecksSection, LogMeta, SampleClockLimit, TemperatureLimit
 
 #: A channel is clipped if its noise lets this many samples be expected above the largest one.
@@ -60,8 +61,9 @@ class DataChecks:
         imus += [(str(s.number), s.imu, samples.others[:, k]) for k, s in enumerate(self._context.secondaries)]
         found = []
         for number, imu, counts in imus:
-            known = samples.valid & ~np.isnan(counts).any(axis=1)
-            found.append(clipping_test(counts[known], samples.time[known], imu, number))
+            known = _known(samples.valid, counts)
+            chosen = slice(None) if known.all() else known  # a slice copies nothing
+            found.append(clipping_test(counts[chosen], samples.time[chosen], imu, number))
         return max(found, key=lambda test: test.value)
 
     def _clock(self, clocks: dict[str, "SampleClock"]) -> Iterator[ModelTest]:
@@ -100,65 +102,123 @@ def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: s
     size = imu.count_size
     noise = np.repeat([imu.gyro_arw, imu.accel_vrw], 3) * imu.sample_rate**0.5 / size
     steps = np.repeat(imu.quantisation, 3) * imu.rate_factor / size
-    worst, cause = 0.0, Misfit("clipped")
-    for i, name in enumerate(CHANNELS):
-        both = _missing_samples(np.ascontiguousarray(counts[:, i]), float(noise[i]), float(steps[i]), imu.sample_rate)
-        for side, missing in zip((1.0, -1.0), both, strict=True):
-            if missing > worst:
-                values = side * counts[:, i]
-                at = np.flatnonzero(values == values.max())
-                level = float(side * values.max() * size[i])
-                shown, unit = (np.rad2deg(level), "°/s") if i < 3 else (level, "m/s²")
-                worst = missing
-                cause = Misfit(
-                    "clipped",
-                    level,
-                    unit="rad/s" if i < 3 else "m/s²",
-                    values={
-                        "channel": name.replace("_", f"{number} "),
-                        "level": float(shown),
-                        "level_unit": unit,
-                        "count": len(at),
-                        "first": float(time[at[0]]),
-                        "last": float(time[at[-1]]),
-                    },
-                )
+    missing = _missing_samples(counts, noise, steps, max(round(_WINDOW * imu.sample_rate), 8))
+    i, side = np.unravel_index(int(np.argmax(missing)), missing.shape)
+    worst = float(missing[i, side])
+    if not worst > 0.0:
+        return ModelTest("clipping", 0.0, MISSING_SAMPLES, "1", Misfit("clipped"))
+    values = counts[:, i]
+    last = (values.max(), values.min())[side]
+    at = np.flatnonzero(values == last)
+    level = float(last * size[i])
+    shown, unit = (np.rad2deg(level), "°/s") if i < 3 else (level, "m/s²")
+    cause = Misfit(
+        "clipped",
+        level,
+        unit="rad/s" if i < 3 else "m/s²",
+        values={
+            "channel": CHANNELS[i].replace("_", f"{number} "),
+            "level": float(shown),
+            "level_unit": unit,
+            "count": len(at),
+            "first": float(time[at[0]]),
+            "last": float(time[at[-1]]),
+        },
+    )
     return ModelTest("clipping", worst, MISSING_SAMPLES, "1", cause)
 
 
-def _missing_samples(values: FloatArray, noise: float, step: float, rate: float) -> tuple[float, float]:
-    """Return how many samples are missing above the largest one, and below the smallest one, at least.
+def _missing_samples(counts: FloatArray, noise: FloatArray, step: FloatArray, width: int) -> FloatArray:
+    """Return how many samples are missing above the largest one, and below the smallest one, at least, shape (6, 2).
 
-    `noise`, the profile's, and `step`, that of the rounding, are in counts; both are also taken from the data.
+    `noise`, the profile's, and `step`, that of the rounding, are in counts, shape (6,); both are also taken from the
+    data, the noise from windows of `width` samples.
     """
-    ordered = np.sort(values)
-    steps = np.diff(ordered)
-    steps = steps[steps > 0.0]
-    if len(steps) < 2:
-        return 0.0, 0.0
-    step, low, high = max(step, float(steps.min())), ordered[0], ordered[-1]
-    width = max(round(_WINDOW * rate), 8)
-    rows = values[: len(values) // width * width].reshape(-1, width)
-    rows = rows[(rows.max(axis=1) < high) & (rows.min(axis=1) > low)]
-    if not len(rows):
-        return 0.0, 0.0
-    # Second differences exclude the motion, standard deviations include slow noise; both only limit the noise.
-    fine = (np.diff(rows, 2, axis=1) ** 2).mean(axis=1) / 6.0
-    noise = min(noise, float(np.sqrt(min(np.quantile(fine, 0.05), rows.var(axis=1).min()))))
-    if not noise > 0.0:
-        return 0.0, 0.0
-    bin_width = step * max(1, round(noise / step))
+    missing = np.zeros((len(step), 2))
+    if not len(counts):
+        return missing
+    low, high, fine, slow, finest = _windows_of(counts, width)
+    for i in range(len(step)):
+        least, most = float(low[:, i].min()), float(high[:, i].max())
+        if finest[i] > step[i]:  # neighbours in time may be farther apart than values are
+            finest[i] = np.diff(np.unique(counts[:, i])).min(initial=np.inf)
+        inside = (high[: len(fine), i] < most) & (low[: len(fine), i] > least)
+        if not inside.any():
+            continue
+        # Second differences exclude the motion, standard deviations include slow noise; both only limit the noise.
+        found = np.sqrt(min(np.quantile(fine[inside, i], 0.05), slow[inside, i].min()))
+        smallest, spacing = min(noise[i], found), max(step[i], finest[i])
+        if not smallest > 0.0:
+            continue
+        bin_width = spacing * max(1, round(smallest / spacing))
+        edges = np.array([most, -least]) + 0.5 * spacing - bin_width
+        highest = _beyond(counts, i, edges, low, high, width)
+        next_bin = _beyond(counts, i, edges - bin_width, low, high, width) - highest
+        share = highest**2 / (next_bin + 3.0 * next_bin**0.5 + 3.0)
+        missing[i] = share * np.exp(-((bin_width / smallest) ** 2))
+    return missing
 
-    def beyond(edge: float, sorted_values: FloatArray) -> int:
-        return len(values) - int(np.searchsorted(sorted_values, edge, side="right"))
 
-    def missing(sorted_values: FloatArray) -> float:
-        edge = sorted_values[-1] + 0.5 * step - bin_width
-        highest = beyond(edge, sorted_values)
-        next_bin = beyond(edge - bin_width, sorted_values) - highest
-        return float(highest**2 / (next_bin + 3.0 * next_bin**0.5 + 3.0) * np.exp(-((bin_width / noise) ** 2)))
+@nb.njit(cache=True)
+def _known(valid: BoolArray, counts: FloatArray) -> BoolArray:
+    """Whether each sample is valid and all of its channels are there, shape (n,)."""
+    known = valid.copy()
+    for k in range(len(counts)):
+        for i in range(counts.shape[1]):
+            known[k] &= counts[k, i] == counts[k, i]
+    return known
 
-    return missing(ordered), missing(-ordered[::-1])
+
+@nb.njit(cache=True)
+def _windows_of(counts: FloatArray, width: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return what windows of `width` samples of m channels show, and the smallest step of each from one to the next.
+
+    The smallest and the largest value of each window have the shape (k, m), the last window being the remainder. The
+    noise from second differences and the variance of whole windows follow, shape (k or k − 1, m), and the steps,
+    infinite for a constant channel, shape (m,).
+    """
+    whole, channels = len(counts) // width, counts.shape[1]
+    total = -(-len(counts) // width)
+    low, high = np.full((total, channels), np.inf), np.full((total, channels), -np.inf)
+    fine, slow, finest = np.zeros((whole, channels)), np.zeros((whole, channels)), np.full(channels, np.inf)
+    for w in range(total):
+        first, last = w * width, min((w + 1) * width, len(counts))
+        for i in range(channels):
+            mean = 0.0
+            for k in range(first, last):
+                value = counts[k, i]
+                low[w, i], high[w, i] = min(low[w, i], value), max(high[w, i], value)
+                mean += value
+                step = abs(value - counts[k - 1, i]) if k > 0 else 0.0
+                if 0.0 < step < finest[i]:
+                    finest[i] = step
+            if w == whole:
+                continue
+            mean /= width
+            for k in range(first, last):
+                slow[w, i] += (counts[k, i] - mean) ** 2
+            for k in range(first + 2, last):
+                fine[w, i] += (counts[k, i] - 2.0 * counts[k - 1, i] + counts[k - 2, i]) ** 2
+            slow[w, i] /= width
+            fine[w, i] /= 6.0 * (width - 2)
+    return low, high, fine, slow, finest
+
+
+@nb.njit(cache=True)
+def _beyond(
+    counts: FloatArray, channel: int, edges: FloatArray, low: FloatArray, high: FloatArray, width: int
+) -> FloatArray:
+    """Return the number of values above the first edge, and of their negatives above the second, shape (2,).
+
+    `low` and `high` are the limits of the windows of `width` samples, as in `_windows_of`.
+    """
+    found = np.zeros(2)
+    for w in range(len(low)):
+        if high[w, channel] > edges[0] or -low[w, channel] > edges[1]:
+            for k in range(w * width, min((w + 1) * width, len(counts))):
+                found[0] += counts[k, channel] > edges[0]
+                found[1] += -counts[k, channel] > edges[1]
+    return found
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,8 @@ from calstation.estimation import Progress, Ranking, Solution, StageSolver
 from calstation.estimation.common import (
     RestOutput,
     SampleBlock,
-    Spool,
     gravity_sensitivity,
     has_gyros,
-    joined,
     resolves_earth_rate,
     stage_data,
     with_gravity,
@@ -65,7 +63,6 @@ class StageChain:
         self._stage = ""
         checks = meta.product.checks if meta.product is not None else None
         self._gather = checks is not None and checks.need_samples
-        self._kept = Spool()
         self._data_checks = DataChecks(meta, self._context)
         offset, matrix = composition(meta.registers)
         #: Parameters that compensate the effect of the registers, which leaves the uncalibrated output.
@@ -86,7 +83,6 @@ class StageChain:
         schedule = validate(chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
         self._lacks_gyros = False
         self._solver = chosen.solver(self._context, self._solved, schedule)
-        self._kept = Spool()
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the started stage."""
@@ -95,7 +91,6 @@ class StageChain:
             self._lacks_gyros = True
             return
         self._solver.feed(block)
-        self._kept.append(block)
         if self._resting is not None:
             self._resting.feed(block)
 
@@ -117,9 +112,9 @@ class StageChain:
         except np.linalg.LinAlgError as exc:
             what = Text.of("solution.diverged", detail=str(exc))
             raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
+        samples = self._solver.spool.block()
         self._solver = None
-        blocks = list(self._kept.blocks())
-        data = stage_data(blocks, self._context.imu)
+        data = stage_data([samples], self._context.imu)
         if self._gather:
             found = gather(self._stage, data, self._context, self._uncalibrated, solution.belief.mean)
             solution = replace(solution, evidence=found)
@@ -128,7 +123,7 @@ class StageChain:
         self._gravity = gravity_sensitivity(self._solved, solution.belief, solution.estimated, self._gravity)
         self._solved = solution.belief
         solution = self._model.tested(solution, self.solutions, self.belief)
-        solution = self._data_checks.checked(solution, joined(blocks), data)
+        solution = self._data_checks.checked(solution, samples, data)
         self.belief = solution.belief
         if not data.joints.size:  # a gimbal has three joints, and no base that stays in its place
             self._table_rests.append(table_rests(data, self._context, self.belief))

@@ -5,7 +5,7 @@ import pytest
 from simulated_stages import with_effect
 
 from calstation.estimation.common import Belief
-from calstation.estimation.effects import CONSTANT, EffectFound, EffectTests, batch_sensitivity, changing
+from calstation.estimation.effects import CONSTANT, EffectFound, EffectTests, Motion, batch_sensitivity, changing
 from calstation.physics import COUNT, INDEX, NAMES, PARAMETERS
 from calstation.simulation.study import draw_unit, simulate_stages, study_prior
 from procedures import DEFAULT_STAGES, method
@@ -35,6 +35,17 @@ def test_a_score_test_is_the_estimate_of_the_augmented_model() -> None:
     assert (found.size, found.sigma) == pytest.approx((solution[-1], np.sqrt(np.linalg.inv(normal)[-1, -1])), rel=1e-5)
     expected = (solution[:COUNT] - belief.mean) / belief.sigma
     np.testing.assert_allclose([found.moves[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max())
+
+
+def test_effects_follow_each_other_as_they_begin_and_add_nothing_before() -> None:
+    time = np.linspace(0.5, 80.0, 160)
+    moved = Motion(*np.random.default_rng(4).normal(size=(4, 160, 3)), time)
+    candidates = list(changing(80.0))
+    assert [c.begin for c in candidates] == sorted(c.begin for c in candidates)
+    for c in candidates:
+        errors = np.abs(c.errors(moved)).max(axis=(1, 2))
+        assert not errors[time < c.begin].any()
+        assert errors[time >= c.begin].all()
 
 
 def test_a_drift_throughout_the_run_is_followed_through_its_stages() -> None:

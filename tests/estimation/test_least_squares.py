@@ -13,7 +13,7 @@ from calstation.estimation.common.least_squares import (
     redundant,
     restricted,
 )
-from calstation.physics.parameters import COUNT
+from calstation.physics.parameters import COUNT, PARAMETERS
 
 ALL = np.ones(COUNT, dtype=bool)
 SEEDS = st.integers(0, 2**31)
@@ -50,6 +50,23 @@ def test_a_linear_model_gives_the_gaussian_posterior(seed):
     assert result.belief.mean == pytest.approx(posterior[:COUNT], abs=1e-6)
     assert result.nuisance == pytest.approx(posterior[COUNT:], abs=1e-6)
     assert result.belief.covariance == pytest.approx(covariance[:COUNT, :COUNT], abs=1e-6)
+
+
+def test_only_parameters_that_enter_the_model_are_varied():
+    model, arguments, *_ = linear_case(3)
+    entering = np.array([p.group.startswith("gyro") for p in PARAMETERS])
+    calls = []
+
+    def counted(p, n):
+        calls.append(p)
+        return model(np.where(entering, p, 0.0), n)
+
+    every = gauss_newton("test", counted, *arguments, ALL)
+    all_calls = len(calls)
+    chosen = gauss_newton("test", counted, *arguments, ALL, groups=("gyro_bias", "gyro_scale", "gyro_misalign"))
+    assert len(calls) - all_calls < all_calls
+    assert np.array_equal(chosen.belief.mean, every.belief.mean)
+    assert np.array_equal(chosen.belief.covariance, every.belief.covariance)
 
 
 @given(SEEDS)

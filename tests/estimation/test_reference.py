@@ -15,6 +15,7 @@ from calstation.estimation.common.stage import stage_data
 from calstation.estimation.navigation.reference import smoothed_reference
 from calstation.physics.earth import normal_gravity, rotation_rate
 from calstation.physics.imu_model import compensation
+from calstation.physics.strapdown import increments
 
 STRIDE = 20
 
@@ -37,12 +38,14 @@ def motion():
 
 def reference(truth, data, attitude, tilt_sigma=0.02):
     gravity = normal_gravity(truth.table.latitude, truth.table.height)
+    constants = compensation(truth.parameters)
     return smoothed_reference(
-        compensation(truth.parameters),
+        constants,
         rotation_rate(truth.table.latitude),
         gravity,
         filter_noise(context_of(truth)),
-        data,
+        increments(constants, data.dt, data.gyro, data.accel),
+        data.dt,
         (0, len(data), STRIDE),
         attitude,
         tilt_sigma,

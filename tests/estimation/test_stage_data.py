@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from calstation.estimation.common.context import ImuModel
 from calstation.estimation.common.samples import SampleBlock, since, snap_angles
-from calstation.estimation.common.stage import find_rests, mean_angles, slope_weights, stage_data
+from calstation.estimation.common.stage import _median, find_rests, mean_angles, slope_weights, stage_data
 
 RATE_IMU = ImuModel("S", 100.0, "rate", 1e-9, 1e-9, 1e-9, 1e-9)
 NO_BIAS = np.zeros(3)
@@ -181,3 +181,9 @@ def test_since_keeps_unconsumed_blocks(seq, left):
     kept = since([block(30), block(20, first=30)], seq)
     assert sum(len(b) for b in kept) == left
     assert left == 0 or kept[0].seq[0] == seq
+
+
+@pytest.mark.parametrize("count", [1, 2, 9, 10])
+def test_the_median_is_that_of_numpy(count):
+    values = np.random.default_rng(count).normal(size=count)
+    assert _median(values) == np.median(values)

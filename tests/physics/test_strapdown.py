@@ -13,7 +13,7 @@ from calstation.physics.earth import normal_gravity, rotation_rate
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import COUNT, GROUPS, PARAMETERS, group_indices
 from calstation.physics.rotation import axis_rotation, rotation_matrix, rotation_vector
-from calstation.physics.strapdown import body_rotation, dynamics, interval_work, propagate
+from calstation.physics.strapdown import body_rotation, dynamics, increments, interval_work, propagate
 
 G = 9.8
 NO_EARTH = np.zeros(3)
@@ -26,7 +26,8 @@ def navigate(constants, gyro, accel, dt, attitude, velocity=(0.0, 0.0, 0.0), ear
     work.attitude[:] = attitude
     work.velocity[:] = velocity
     start, stop = span or (0, len(gyro))
-    propagate(constants, earth, gravity, dt, gyro, accel, start, stop, work)
+    motion = increments(constants, dt, gyro, accel)
+    propagate(constants, earth, gravity, dt, motion, start, stop, work)
     return work
 
 
@@ -141,9 +142,10 @@ def test_true_parameters_reproduce_the_true_motion(motion):
     constants = compensation(truth.parameters)
     work = interval_work()
     work.attitude[:] = table_attitude(table, states[19, :, 0])[0]
+    moved = increments(constants, 0.005, gyro, accel)
     turned, centre = [], []
     for k in range(20, 2000, 20):
-        propagate(constants, earth, gravity, 0.005, gyro, accel, k, k + 20, work)
+        propagate(constants, earth, gravity, 0.005, moved, k, k + 20, work)
         true = table_attitude(table, states[k + 19, :, 0])[0]
         turned.append(np.linalg.norm(rotation_vector(work.attitude @ true.T)))
         omega = rotation_states(table, states[k + 19, 0][None], states[k + 19, 1][None])[0][0]

@@ -6,6 +6,7 @@ No other check of a calibration detects a wrong latitude, because both gravity a
 import itertools
 from dataclasses import dataclass
 
+import numba as nb
 import numpy as np
 
 from calstation.estimation.common.context import Belief, ImuModel
@@ -67,11 +68,10 @@ class RestOutput:
         if len(second) and seq[-1] % self._width == self._width - 1:
             complete = len(seq)
         self._pending = seq[complete:], counts[complete:]
-        known, first, count = np.unique(second[:complete], return_index=True, return_counts=True)
-        whole = count == self._width
-        rows = first[whole, None] + np.arange(self._width)
-        self._seconds.append(known[whole])
-        self._means.append(counts[rows].mean(axis=1))
+        first = np.flatnonzero(np.diff(second[:complete], prepend=-1))
+        whole = first[np.diff(first, append=complete) == self._width]
+        self._seconds.append(second[whole])
+        self._means.append(_means(counts, whole, self._width))
 
     def latitude(self, belief: Belief) -> LatitudeEstimate | None:
         """Estimate the latitude from all rests so far; return None if they do not distinguish latitudes 5° apart.
@@ -109,6 +109,19 @@ class RestOutput:
             return None
         value = float(np.arcsin(np.clip(rate / RATE, -1.0, 1.0)))
         return LatitudeEstimate(value, sigma / RATE / max(float(np.cos(value)), _NEAR_POLE))
+
+
+@nb.njit(cache=True)
+def _means(counts: FloatArray, first: IntArray, width: int) -> FloatArray:
+    """Return the means of `width` rows of six channels from each of `first` on, shape (k, 6)."""
+    means = np.zeros((len(first), 6))
+    for n in range(len(first)):
+        for k in range(first[n], first[n] + width):
+            for i in range(6):
+                means[n, i] += counts[k, i]
+        for i in range(6):
+            means[n, i] /= width
+    return means
 
 
 def _noise(imu: ImuModel) -> float:

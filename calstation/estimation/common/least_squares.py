@@ -1,6 +1,6 @@
 """Maximum a posteriori (MAP) estimation by Gauss-Newton, consider parameters, and consistency tests."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +9,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import gammaincinv
 
 from calstation.estimation.common.context import Belief
-from calstation.physics import COUNT, BoolArray, FloatArray
+from calstation.physics import COUNT, GROUPS, PARAMETERS, BoolArray, FloatArray
 
 MOST_ITERATIONS = 60
 #: The iteration has converged when its step is below this, in sigmas.
@@ -92,6 +92,7 @@ def gauss_newton(
     nuisance_sigma: FloatArray,
     estimated: BoolArray,
     noisy: slice = slice(0, 0),
+    groups: Collection[str] = GROUPS,
 ) -> MapResult:
     """Maximise p(parameters, nuisances | observed), relinearising until `estimated` and nuisances converge.
 
@@ -105,6 +106,7 @@ def gauss_newton(
     nuisance, nuisance_sigma : prior mean and sigma of the nuisance parameters, shape (k,)
     estimated : True for parameters that are relinearised; the others only enter the gain; shape (30,)
     noisy : nuisance parameters that are measurement errors, part of the noise in the test of redundancy
+    groups : of parameters on which the model depends
     """
     mean = np.concatenate([prior.mean, nuisance])
     P = np.zeros((len(mean), len(mean)))
@@ -112,6 +114,7 @@ def gauss_newton(
     P[COUNT:, COUNT:] = np.diag(nuisance_sigma**2)
     free = np.concatenate([estimated, np.ones(len(nuisance), dtype=bool)])
     scale = np.minimum(np.sqrt(np.diag(P)), 1e-3) * 1e-2
+    scale[:COUNT] *= [p.group in groups for p in PARAMETERS]
     R = np.diag(noise)
     point = mean.copy()
     for _ in range(MOST_ITERATIONS):

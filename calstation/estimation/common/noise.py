@@ -5,6 +5,7 @@ Noise measured in the data of a stage widens that of the profiles where it is la
 
 from dataclasses import dataclass, replace
 
+import numba as nb
 import numpy as np
 
 from calstation.estimation.common.context import ImuModel, SolveContext
@@ -258,7 +259,14 @@ def noise_tests(profile: SolveContext, used: SolveContext, measured: RestNoise) 
     )
 
 
+@nb.njit(cache=True)
 def _means(values: FloatArray, width: int) -> FloatArray:
-    """Return the means of consecutive groups of `width` rows."""
-    count = len(values) // width
-    return np.asarray(values[: count * width].reshape(count, width, values.shape[1]).mean(axis=1))
+    """Return the means of consecutive groups of `width` rows of three channels."""
+    means = np.zeros((len(values) // width, 3))
+    for k in range(len(means)):
+        for i in range(k * width, (k + 1) * width):
+            for j in range(3):
+                means[k, j] += values[i, j]
+        for j in range(3):
+            means[k, j] /= width
+    return means

@@ -2,7 +2,6 @@
 
 import tempfile
 import weakref
-from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -21,8 +20,6 @@ _ROW = [
     ("valid", np.bool_),
     ("temperature", np.float64),
 ]
-#: Number of spool rows read back at a time.
-_CHUNK = 65_536
 
 
 @dataclass(frozen=True)
@@ -101,6 +98,7 @@ class Spool:
         weakref.finalize(self, self._file.close)
         self._stage = ""
         self._row: np.dtype | None = None
+        self._block: SampleBlock | None = None
 
     def append(self, block: SampleBlock) -> None:
         """Append samples; all blocks need the same columns. Raises OSError if the disk is full."""
@@ -109,17 +107,17 @@ class Spool:
         rows = np.empty(len(block), self._row)
         for name in self._row.names or ():
             rows[name] = getattr(block, name)
-        self._stage = block.stage
-        self._file.write(rows.tobytes())
+        self._stage, self._block = block.stage, None
+        self._file.write(rows.data)
 
-    def blocks(self) -> Iterator[SampleBlock]:
-        """Yield all samples stored so far."""
-        row = self._row or np.dtype(_ROW)
-        self._file.seek(0)
-        while data := self._file.read(_CHUNK * row.itemsize):
-            rows = np.frombuffer(data, row)
-            columns = {name: np.ascontiguousarray(rows[name]) for name in row.names or ()}
-            yield SampleBlock(self._stage, **columns)
+    def block(self) -> SampleBlock:
+        """Return all samples stored so far; the same object until more are stored."""
+        if self._block is None:
+            self._file.seek(0)
+            rows = np.frombuffer(self._file.read(), self._row or np.dtype(_ROW))
+            columns = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
+            self._block = SampleBlock(self._stage, **columns)
+        return self._block
 
 
 def _row_type(block: SampleBlock) -> np.dtype:

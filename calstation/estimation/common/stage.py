@@ -2,7 +2,6 @@
 
 import itertools
 from dataclasses import dataclass, field
-from functools import reduce
 
 import numba as nb
 import numpy as np
@@ -57,7 +56,8 @@ class StageData:
 def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
     """Join the blocks of a stage; invalid samples are omitted and count as gaps, like missing ones."""
     dt = 1.0 / imu.sample_rate
-    valid = _joined([b.valid for b in blocks], np.bool_)
+    known = _joined([b.valid for b in blocks], np.bool_)
+    valid = slice(None) if known.all() else known  # a slice copies nothing
     seq = _joined([b.seq for b in blocks], np.int64)[valid]
     time = _joined([b.time for b in blocks], np.float64)[valid]
     counts = _joined([b.counts for b in blocks], np.float64, 6)[valid]
@@ -67,15 +67,25 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
         dt=dt,
         seq=seq,
         time=time,
-        gyro=np.ascontiguousarray(counts[:, :3]) * (imu.gyro_lsb * imu.rate_factor),
-        accel=np.ascontiguousarray(counts[:, 3:]) * (imu.accel_lsb * imu.rate_factor),
+        gyro=_scaled(counts[:, :3], imu.gyro_lsb * imu.rate_factor),
+        accel=_scaled(counts[:, 3:], imu.accel_lsb * imu.rate_factor),
         angles=_joined([b.angles for b in blocks], np.float64, 2)[valid],
         step=_joined([b.step for b in blocks], np.int64)[valid],
         segments=tuple((int(a), int(b)) for a, b in itertools.pairwise(cuts) if b > a),
         gaps=int(np.count_nonzero(broken)),
-        others=np.concatenate([b.others for b in blocks])[valid] if blocks else np.empty((0, 0, 6)),
-        joints=np.concatenate([b.joints for b in blocks])[valid] if blocks else np.empty((0, 0)),
+        others=_joined([b.others for b in blocks], np.float64)[valid] if blocks else np.empty((0, 0, 6)),
+        joints=_joined([b.joints for b in blocks], np.float64)[valid] if blocks else np.empty((0, 0)),
     )
+
+
+@nb.njit(cache=True)
+def _scaled(counts: FloatArray, size: float) -> FloatArray:
+    """Return n samples of three channels in units of `size`, shape (n, 3); NumPy is slow on short rows."""
+    found = np.empty(counts.shape)
+    for k in range(len(counts)):
+        for j in range(counts.shape[1]):
+            found[k, j] = counts[k, j] * size
+    return found
 
 
 def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
@@ -91,27 +101,41 @@ def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
 def _joined(parts: list[np.ndarray], dtype: type, columns: int = 0) -> np.ndarray:
     if not parts:
         return np.empty((0, columns) if columns else 0, dtype)
-    return np.concatenate(parts).astype(dtype, copy=False)
+    return (parts[0] if len(parts) == 1 else np.concatenate(parts)).astype(dtype, copy=False)
 
 
 @nb.njit(cache=True)
-def window_mean(values: FloatArray, width: int) -> FloatArray:
-    """Return the mean of the `width` samples ending at each index from width − 1, shape (n − width + 1, columns)."""
-    count, columns = values.shape
-    total = np.zeros((count + 1, columns))
-    mean = np.empty((max(count - width + 1, 0), columns))
-    for k in range(count):
-        for j in range(columns):
-            total[k + 1, j] = total[k, j] + values[k, j]
-    for k in range(len(mean)):
-        for j in range(columns):
-            mean[k, j] = (total[k + width, j] - total[k, j]) / width
+def window_mean(values: FloatArray, offset: FloatArray, width: int) -> FloatArray:
+    """Return the mean, less `offset`, of the `width` samples ending at each index from width − 1.
+
+    `values` has the shape (n, 3), `offset` (3,), and the result (n − width + 1, 3). A mean is the difference of two
+    running totals.
+    """
+    mean = np.empty((max(len(values) - width + 1, 0), 3))
+    for j in range(3):
+        ahead = behind = 0.0
+        less = offset[j]
+        for k in range(min(width - 1, len(values))):
+            ahead += values[k, j] - less
+        for k in range(len(mean)):
+            ahead += values[k + width - 1, j] - less
+            mean[k, j] = (ahead - behind) / width
+            behind += values[k, j] - less
     return mean
 
 
+@nb.njit(cache=True)
 def largest(values: FloatArray) -> FloatArray:
-    """Return the largest magnitude in each row, shape (n,); column by column, because NumPy is slow on short rows."""
-    return np.asarray(reduce(np.maximum, np.abs(values.T)))
+    """Return the largest magnitude in each row, shape (n,), NaN if the row has one; NumPy is slow on short rows."""
+    found = np.empty(len(values))
+    for k in range(len(values)):
+        most = 0.0
+        for j in range(values.shape[1]):
+            size = abs(values[k, j])
+            if size > most or size != size:
+                most = size
+        found[k] = most
+    return found
 
 
 def find_rests(
@@ -129,17 +153,13 @@ def find_rests(
     width = max(round(REST_WINDOW / data.dt), 2)
     if stop - start < 2 * width:
         return []
-    mean = window_mean(data.gyro[start:stop] - gyro_bias, width)
-    noise = _window_noise(imu, width, data.dt)
-    largest_rate, largest_change = _limits_of_rest(imu, width, data.dt, bias_sigma)
-    small = largest(mean) < largest_rate
-    flat = np.zeros(len(mean), dtype=np.bool_)
-    flat[width:] = largest(mean[width:] - mean[:-width]) < largest_change
-    if not np.any(small & flat):
+    mean = window_mean(data.gyro[start:stop], gyro_bias, width)
+    constant = _small_and_constant(mean, width, *_limits_of_rest(imu, width, data.dt, bias_sigma))
+    if not constant.shape[1]:
         return []
-    at_rest = np.median(mean[small & flat], axis=0)
-    still = largest(mean - at_rest) < 5.0 * noise + np.deg2rad(0.03)
-    still &= _steady(window_mean(data.accel[start:stop], width), width)
+    at_rest = np.array([_median(rates) for rates in constant])
+    still = _still(mean, at_rest, 5.0 * _window_noise(imu, width, data.dt) + np.deg2rad(0.03))
+    _split(data.accel[start:stop], width, still)
     margin = round(REST_MARGIN / data.dt)
     found = []
     for first, last in runs(still):
@@ -168,7 +188,7 @@ def quietest(data: StageData, imu: ImuModel, belief: Belief) -> Quietest:
     largest_rate, largest_change = _limits_of_rest(imu, width, data.dt, float(belief.sigma[bias].max()))
     if len(data) < 2 * width:
         return Quietest(np.nan, largest_rate, np.nan, largest_change)
-    mean = window_mean(data.gyro - belief.mean[bias], width)
+    mean = window_mean(data.gyro, belief.mean[bias], width)
     rate = float(largest(mean).min())
     change = float(largest(mean[width:] - mean[:-width]).min())
     return Quietest(rate, largest_rate, change, largest_change)
@@ -185,14 +205,51 @@ def _window_noise(imu: ImuModel, width: int, dt: float) -> float:
     return float(imu.gyro_arw / np.sqrt(width * dt) + imu.quantisation[0] * rounding)
 
 
-def _steady(force: FloatArray, width: int) -> BoolArray:
-    """Whether each window of mean force agrees with the windows before and after it, shape (n,)."""
-    steady = np.ones(len(force), dtype=np.bool_)
-    if len(force) > width:
-        stepped = largest(force[width:] - force[:-width]) > FORCE_STEP
-        steady[width:] &= ~stepped
-        steady[:-width] &= ~stepped
-    return steady
+@nb.njit(cache=True)
+def _small_and_constant(rate: FloatArray, width: int, most: float, most_change: float) -> FloatArray:
+    """Return the windows whose mean rate is small, and near that of the window before it, shape (3, k)."""
+    found, count = np.empty((3, len(rate))), 0
+    for k in range(width, len(rate)):
+        agrees = True
+        for j in range(3):
+            agrees &= abs(rate[k, j]) < most and abs(rate[k, j] - rate[k - width, j]) < most_change
+            found[j, count] = rate[k, j]
+        count += agrees
+    return found[:, :count]
+
+
+def _median(values: FloatArray) -> float:
+    """Return what `np.median` does, whose partition about several elements takes five times as long."""
+    half = len(values) // 2
+    parted = np.partition(values, half)
+    return float(parted[half] if len(values) % 2 else 0.5 * (parted[:half].max() + parted[half]))
+
+
+@nb.njit(cache=True)
+def _still(rate: FloatArray, at_rest: FloatArray, most: float) -> BoolArray:
+    """Whether each window has the rate at rest, shape (n,)."""
+    still = np.ones(len(rate), dtype=np.bool_)
+    for k in range(len(rate)):
+        for j in range(3):
+            still[k] &= abs(rate[k, j] - at_rest[j]) < most
+    return still
+
+
+@nb.njit(cache=True)
+def _split(accel: FloatArray, width: int, still: BoolArray) -> None:
+    """Mark windows as not still whose mean force differs from that of the window before or after them."""
+    step = FORCE_STEP * width
+    for j in range(3):
+        ahead = behind = 0.0  # totals of a window and of the one before it
+        for k in range(width):
+            ahead += accel[width + k, j]
+            behind += accel[k, j]
+        for k in range(width, len(still)):
+            if abs(ahead - behind) > step:
+                still[k] = still[k - width] = False
+            if k + width < len(accel):
+                ahead += accel[k + width, j] - accel[k, j]
+                behind += accel[k, j] - accel[k - width, j]
 
 
 def runs(flags: BoolArray) -> list[tuple[int, int]]:

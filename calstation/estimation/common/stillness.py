@@ -101,8 +101,8 @@ def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std:
     for start, stop in data.segments:
         if stop - start < 2 * width:
             continue
-        force = window_mean(data.accel[start:stop], width)
-        square = window_mean((data.accel[start:stop] - force.mean(axis=0)) ** 2, width)
+        force = window_mean(data.accel[start:stop], np.zeros(3), width)
+        square = window_mean((data.accel[start:stop] - force.mean(axis=0)) ** 2, np.zeros(3), width)
         power = (square - (force - force.mean(axis=0)) ** 2).mean(axis=1)
         still = power < (LOUDEST_FORCE * noise) ** 2
         moved = np.abs(force[width:] - force[:-width]).max(axis=1) > STEADY_FORCE * noise / np.sqrt(width) + CREEP_FORCE
@@ -124,9 +124,9 @@ def _find_cuts(data: StageData, gyro_noise: float, accel_noise: float, resting: 
     for start, stop in data.segments:
         if stop - start < 2 * width:
             continue
-        rate = window_mean(data.gyro[start:stop] - resting, width)
-        force = window_mean(data.accel[start:stop], width)
-        square = window_mean(data.accel[start:stop] ** 2, width)
+        rate = window_mean(data.gyro[start:stop], resting, width)
+        force = window_mean(data.accel[start:stop], np.zeros(3), width)
+        square = window_mean(data.accel[start:stop] ** 2, np.zeros(3), width)
         still = np.abs(rate).max(axis=1) < slow
         still &= np.sqrt(np.maximum(square - force**2, 0.0)).max(axis=1) < loud
         step = np.linalg.norm(force[width:] - force[:-width], axis=1)

@@ -44,6 +44,7 @@ class Candidate:
     parameters: tuple[str, ...] = ()
     #: Change of these parameters from the start to the end of the stage per unit of each size, given its duration, s.
     change: Callable[[float], FloatArray] = lambda duration: np.zeros(0)
+    begin: float = 0.0  #: Time in the stage before which its errors are zero, s.
 
     def parameter_of(self, component: int) -> str:
         """Return the parameter that a component changes, "" for an effect that is always there."""
@@ -91,6 +92,12 @@ def _skew(m: Motion) -> FloatArray:
     return np.concatenate([np.zeros_like(m.jerk), -m.jerk], axis=1)[:, :, None]
 
 
+#: Sensor, kind, unit and names of the parameters that may change.
+_CHANGING = tuple(
+    (sensor, what, unit, tuple(f"{name}_{what}_{axis}" for axis in AXES))
+    for sensor, (name, bias_unit) in enumerate((("gyro", "rad/s"), ("accel", "m/s²")))
+    for what, unit in (("bias", bias_unit), ("scale", "1"))
+)
 #: Axis of an accelerometer and another axis.
 _PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 _AXES = tuple(AXES)
@@ -131,19 +138,18 @@ def effect_errors(sizes: Mapping[str, float], rate: FloatArray, force: FloatArra
 
 
 def changing(duration: float) -> Iterator[Candidate]:
-    """Yield the drifts and jumps of every bias and scale factor within a stage of `duration` s."""
-    for sensor, (name, bias_unit) in enumerate((("gyro", "rad/s"), ("accel", "m/s²"))):
-        for what, unit in (("bias", bias_unit), ("scale", "1")):
-            axes = tuple(f"{name}_{what}_{axis}" for axis in AXES)
+    """Yield the drifts and jumps of every bias and scale factor within a stage of `duration` s, as they begin."""
+    for sensor, what, unit, axes in _CHANGING:
+        yield Candidate(
+            "drift", unit, None, 6 * ("",), _changing(sensor, what, _drift, duration),
+            tuple(np.repeat(axes, 2).tolist()), lambda end: np.tile(_drift(np.array([end]), end)[0], 3),
+        )  # fmt: skip
+    for share in JUMPS:
+        for sensor, what, unit, axes in _CHANGING:
             yield Candidate(
-                "drift", unit, None, 6 * ("",), _changing(sensor, what, _drift, duration),
-                tuple(np.repeat(axes, 2).tolist()), lambda end: np.tile(_drift(np.array([end]), end)[0], 3),
+                "jump", unit, None, 3 * ("",), _changing(sensor, what, _jump(share), duration), axes,
+                lambda _: np.ones(3), share * duration,
             )  # fmt: skip
-            for share in JUMPS:
-                yield Candidate(
-                    "jump", unit, None, 3 * ("",), _changing(sensor, what, _jump(share), duration), axes,
-                    lambda _: np.ones(3),
-                )  # fmt: skip
 
 
 def drifted(time: FloatArray) -> FloatArray:

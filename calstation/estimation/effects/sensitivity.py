@@ -7,6 +7,7 @@ minus estimate). Both follow from the gains of the estimator, whatever they are.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numba as nb
 import numpy as np
 
 from calstation.estimation.effects.candidates import CONSTANT, Candidate, Motion, changing
@@ -40,9 +41,24 @@ def all_errors(motion: Motion, candidates: Sequence[Candidate], counts: IntArray
 
 def mean_errors(motion: Motion, candidates: Sequence[Candidate], counts: IntArray) -> FloatArray:
     """Return the same as `all_errors` for `candidates` alone."""
-    first = np.cumsum(counts) - counts
-    means = [np.add.reduceat(c.errors(motion), first) / counts[:, None, None] for c in candidates]
-    return np.concatenate([np.zeros((len(counts), 6, 0)), *means], axis=2)
+    found, done = np.empty((len(counts), 6, sum(len(c.components) for c in candidates))), 0
+    for c in candidates:
+        _write_means(c.errors(motion), counts, found[:, :, done : (done := done + len(c.components))])
+    return found
+
+
+@nb.njit(cache=True)
+def _write_means(errors: FloatArray, counts: IntArray, out: FloatArray) -> None:
+    """Average errors, shape (n, 6, m), over k groups of `counts` rows, shape (k,), into `out`, shape (k, 6, m)."""
+    first = 0
+    for g in range(len(counts)):
+        for i in range(errors.shape[1]):
+            for j in range(errors.shape[2]):
+                total = 0.0
+                for k in range(first, first + counts[g]):
+                    total += errors[k, i, j]
+                out[g, i, j] = total / counts[g]
+        first += counts[g]
 
 
 def batch_sensitivity(

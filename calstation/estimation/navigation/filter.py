@@ -19,9 +19,11 @@ from calstation.physics import (
     PARAMETER_START,
     STATES,
     FloatArray,
+    Increments,
     IntArray,
     compensation,
     group_indices,
+    increments,
     interval_work,
     propagate,
     rotation_matrix,
@@ -80,6 +82,7 @@ class NavigationFilter:
         self.point = point
         self.constants = compensation(point)
         self.work = interval_work()
+        self._moved: tuple[StageData, Increments] | None = None
         self._history: list[tuple[FloatArray | IntArray, ...]] = [
             (np.empty(0, np.int64), np.empty((0, 3, 3)), np.empty((0, 3)), np.empty((0, 3)))
         ]
@@ -140,8 +143,7 @@ class NavigationFilter:
         self.work.attitude[:] = attitude
         self.work.velocity[:] = 0.0
         propagate(
-            self.constants, self.earth, self.gravity, self.dt, data.gyro, data.accel, start.begin,
-            start.begin, self.work,
+            self.constants, self.earth, self.gravity, self.dt, self._motion(data), start.begin, start.begin, self.work,
         )  # fmt: skip
         z, H = np.zeros(3), np.zeros((3, len(x)))
         self.state.arm_velocity[:] = observation(self.work, self.earth, self.constants, z, H)
@@ -174,14 +176,20 @@ class NavigationFilter:
         group = self._group(count)
         found = updates(groups, count, np.diag(group.transition)[STATES:].copy())
         process(
-            self.constants, self.setting, data.gyro, data.accel, start, *(follow or _FREE), self.work, group,
-            self.state, found,
+            self.constants, self.setting, self._motion(data), start, *(follow or _FREE), self.work, group, self.state,
+            found,
         )  # fmt: skip
         index = start + self.stride * np.arange(1, groups * count + 1)
         self._history.append((index, found.attitude, found.rate, found.innovation.reshape(-1, 3)))
         self.group, self.last = group, found
         if follow is not None:
             self.updates.append(found)
+
+    def _motion(self, data: StageData) -> Increments:
+        """Return the increments of all samples, computed once for the same data."""
+        if self._moved is None or self._moved[0] is not data:
+            self._moved = data, increments(self.constants, self.dt, data.gyro, data.accel)
+        return self._moved[1]
 
     def _group(self, count: int) -> VelocityGroup:
         """Return the arrays for a group of `count` observations, including the decay of bias drift over the group."""
@@ -219,7 +227,7 @@ class NavigationFilter:
         reference = None
         if smooth:
             reference = smoothed_reference(
-                self.constants, self.earth, self.gravity, self.noise, data, span, attitude,
+                self.constants, self.earth, self.gravity, self.noise, self._motion(data), self.dt, span, attitude,
                 float(start.prior_sigma[0]),
             )  # fmt: skip
             attitude = reference.attitude[0]

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from calstation.estimation.navigation.triangular import cholesky, forward
+from calstation.estimation.navigation.small_matrices import add_product, cholesky, forward
 from calstation.estimation.navigation.velocity_group import NAVIGATION, Setting, VelocityGroup, observe
-from calstation.physics import STATES, Compensation, FloatArray, IntervalWork, rotate
+from calstation.physics import STATES, Compensation, FloatArray, Increments, IntervalWork, rotate
 
 
 class State(NamedTuple):
@@ -63,8 +63,7 @@ def updates(groups: int, count: int, decay: FloatArray) -> Updates:
 def process(
     c: Compensation,
     s: Setting,
-    gyro: FloatArray,
-    accel: FloatArray,
+    motion: Increments,
     start: int,
     attitudes: FloatArray,
     velocities: FloatArray,
@@ -78,7 +77,7 @@ def process(
     Parameters
     ----------
     c, s : constants of the assumed parameters and of the pass
-    gyro, accel : raw mean rates of all samples, rad/s and m/s², shape (n, 3)
+    motion : increments of all samples
     start : index of the first sample
     attitudes, velocities : reference C_bn and velocity, m/s, at the ends of the intervals, shapes (g k, 3, 3) and
         (g k, 3); empty for closed loop
@@ -92,7 +91,7 @@ def process(
     for g in range(len(out.H)):
         part = slice(g * count, (g + 1) * count) if follow else slice(0, 0)
         first = start + g * count * s.stride
-        observe(c, s, gyro, accel, first, attitudes[part], velocities[part], state.arm_velocity, work, group)
+        observe(c, s, motion, first, attitudes[part], velocities[part], state.arm_velocity, work, group)
         predict(group, state, moved)
         if follow:
             for i in range(NAVIGATION):
@@ -124,7 +123,7 @@ def predict(group: VelocityGroup, state: State, moved: FloatArray) -> None:
             mean[i] += F[i, k] * x[k]
         for j in range(size):
             moved[i, j] = 0.0
-        _add_rows(F[i], P, moved[i])
+    add_product(F[:NAVIGATION], P, moved)
     for i in range(NAVIGATION):
         for j in range(i + 1):
             t = Q[i, j]
@@ -151,13 +150,47 @@ def predict(group: VelocityGroup, state: State, moved: FloatArray) -> None:
 
 
 @nb.njit(cache=True)
-def _add_rows(factors: FloatArray, A: FloatArray, out: FloatArray) -> None:
-    """Add the rows of A, shape (n, n), times their factors to `out`, three at a time: n is a multiple of 3."""
-    for k in range(0, len(factors), 3):
-        s, t, u = factors[k], factors[k + 1], factors[k + 2]
-        if s != 0.0 or t != 0.0 or u != 0.0:
-            for j in range(len(out)):
-                out[j] += s * A[k, j] + t * A[k + 1, j] + u * A[k + 2, j]
+def _products(gain: FloatArray, H: FloatArray, M: FloatArray, S: FloatArray) -> None:
+    """Add V Hᵀ + H M to the lower triangle of S, for V in `gain`, in blocks of three rows and columns."""
+    for r in range(0, len(S), 3):
+        for q in range(0, r + 3, 3):
+            a, b, c = S[r, q], S[r, q + 1], S[r, q + 2]
+            d, e, f = S[r + 1, q], S[r + 1, q + 1], S[r + 1, q + 2]
+            g, h, i = S[r + 2, q], S[r + 2, q + 1], S[r + 2, q + 2]
+            for k in range(gain.shape[1]):
+                x, y, z = gain[r, k], gain[r + 1, k], gain[r + 2, k]
+                u, v, w = H[q, k], H[q + 1, k], H[q + 2, k]
+                a, b, c = a + x * u, b + x * v, c + x * w
+                d, e, f = d + y * u, e + y * v, f + y * w
+                g, h, i = g + z * u, h + z * v, i + z * w
+            for k in range(NAVIGATION):  # M has no other rows
+                x, y, z = H[r, k], H[r + 1, k], H[r + 2, k]
+                u, v, w = M[k, q], M[k, q + 1], M[k, q + 2]
+                a, b, c = a + x * u, b + x * v, c + x * w
+                d, e, f = d + y * u, e + y * v, f + y * w
+                g, h, i = g + z * u, h + z * v, i + z * w
+            S[r, q], S[r, q + 1], S[r, q + 2] = a, b, c
+            S[r + 1, q], S[r + 1, q + 1], S[r + 1, q + 2] = d, e, f
+            S[r + 2, q], S[r + 2, q + 1], S[r + 2, q + 2] = g, h, i
+
+
+@nb.njit(cache=True)
+def _subtract_square(gain: FloatArray, P: FloatArray) -> None:
+    """Subtract WᵀW from P, for W in `gain`, in blocks of three rows of either."""
+    for i in range(0, len(P), 3):
+        u, v, w = P[i], P[i + 1], P[i + 2]
+        for r in range(0, len(gain), 3):
+            x, y, z = gain[r], gain[r + 1], gain[r + 2]
+            a, b, c = x[i], y[i], z[i]
+            d, e, f = x[i + 1], y[i + 1], z[i + 1]
+            g, h, k = x[i + 2], y[i + 2], z[i + 2]
+            for j in range(i + 3):
+                p, q, s = x[j], y[j], z[j]
+                u[j] -= a * p + b * q + c * s
+                v[j] -= d * p + e * q + f * s
+                w[j] -= g * p + h * q + k * s
+        for j in range(i + 3):
+            P[j, i], P[j, i + 1], P[j, i + 2] = u[j], v[j], w[j]
 
 
 @nb.njit(cache=True)
@@ -173,19 +206,10 @@ def update(group: VelocityGroup, state: State, root: FloatArray, gain: FloatArra
         for k in range(size):
             residual -= H[r, k] * x[k]
         innovation[r] = residual
-        _add_rows(H[r], P, gain[r])
-    transposed = H.T.copy()
-    for r in range(rows):
         for q in range(rows):
             S[r, q] = group.R[r, q]
-        for k in range(size):
-            v = gain[r, k]
-            for q in range(r + 1):
-                S[r, q] += v * transposed[k, q]
-        for k in range(NAVIGATION):  # M has no other rows
-            h = H[r, k]
-            for q in range(r + 1):
-                S[r, q] += h * M[k, q]
+    add_product(H, P, gain)
+    _products(gain, H, M, S)
     cholesky(S, root)
     forward(root, gain)
     forward(root, innovation.reshape(rows, 1))
@@ -193,13 +217,7 @@ def update(group: VelocityGroup, state: State, root: FloatArray, gain: FloatArra
         t = innovation[r]
         for j in range(size):
             x[j] += t * gain[r, j]
-    for i in range(size):
-        for r in range(0, rows, 3):
-            s, t, u = gain[r, i], gain[r + 1, i], gain[r + 2, i]
-            for j in range(i + 1):
-                P[i, j] -= s * gain[r, j] + t * gain[r + 1, j] + u * gain[r + 2, j]
-        for j in range(i):
-            P[j, i] = P[i, j]
+    _subtract_square(gain, P)
 
 
 @nb.njit(cache=True)

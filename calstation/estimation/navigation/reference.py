@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from calstation.estimation.common import FilterNoise, StageData
-from calstation.estimation.navigation.triangular import backward, cholesky, forward
-from calstation.physics import Compensation, FloatArray, IntervalWork, interval_work, propagate, rotate
+from calstation.estimation.common import FilterNoise
+from calstation.estimation.navigation.small_matrices import backward, cholesky, forward
+from calstation.physics import Compensation, FloatArray, Increments, IntervalWork, interval_work, propagate, rotate
 
 #: Prior sigma of the start heading, rad: small, because the parameters may be too inaccurate for gyrocompassing.
 HEADING_SIGMA = 1e-4
@@ -30,15 +30,17 @@ def smoothed_reference(
     earth: FloatArray,
     gravity: float,
     noise: FilterNoise,
-    data: StageData,
+    motion: Increments,
+    dt: float,
     span: tuple[int, int, int],
     attitude: FloatArray,
     tilt_sigma: float,
 ) -> Reference:
     """Compute the smoothed trajectory of a segment with fixed parameters.
 
-    `span` is the index of the first sample, the index after the last, and the number of samples per interval.
-    `attitude` is the start C_bn, whose heading is retained, and `tilt_sigma` the prior sigma of its tilt, rad.
+    `motion` are the increments of all samples with these parameters, `dt` s apart. `span` is the index of the first
+    sample, the index after the last, and the number of samples per interval. `attitude` is the start C_bn, whose
+    heading is retained, and `tilt_sigma` the prior sigma of its tilt, rad.
     """
     begin, end, stride = span
     count = (end - begin) // stride
@@ -46,7 +48,7 @@ def smoothed_reference(
     work = interval_work()
     work.attitude[:] = attitude
     return _smoothed(
-        c, earth, gravity, data.dt, data.gyro, data.accel, begin, count, stride,
+        c, earth, gravity, dt, motion, begin, count, stride,
         np.diag(variances), noise.rate, noise.force, noise.velocity, work,
     )  # fmt: skip
 
@@ -57,8 +59,7 @@ def _smoothed(
     earth: FloatArray,
     gravity: float,
     dt: float,
-    gyro: FloatArray,
-    accel: FloatArray,
+    motion: Increments,
     begin: int,
     count: int,
     stride: int,
@@ -76,12 +77,12 @@ def _smoothed(
     predicted, L, S, root = np.empty((6, 6)), np.empty((6, 6)), np.empty((3, 3)), np.empty((3, 3))
     H, K, z, d = np.zeros((3, 6)), np.empty((3, 6)), np.empty((3, 1)), np.empty(6)
     H[0, 3] = H[1, 4] = H[2, 5] = 1.0
-    propagate(c, earth, gravity, dt, gyro, accel, begin, begin, work, False)
+    propagate(c, earth, gravity, dt, motion, begin, begin, work, False)
     work.velocity[:] = _arm_velocity(c, earth, work)
     attitude[0], velocity[0] = work.attitude, work.velocity
     for k in range(count):
         first = begin + k * stride
-        propagate(c, earth, gravity, dt, gyro, accel, first, first + stride, work, False)
+        propagate(c, earth, gravity, dt, motion, first, first + stride, work, False)
         F, gain = work.transition, gains[k]
         for i in range(6):
             for j in range(6):

@@ -11,8 +11,8 @@ from calstation.estimation.common import SolveContext, StageData, Start
 from calstation.estimation.effects import Motion, Sensitivity, all_errors, changing
 from calstation.estimation.navigation.filter import History
 from calstation.estimation.navigation.group_update import Updates
-from calstation.estimation.navigation.triangular import forward
-from calstation.estimation.navigation.velocity_group import BIAS
+from calstation.estimation.navigation.small_matrices import add_product, forward, subtract_transposed_product
+from calstation.estimation.navigation.velocity_group import BIAS, OBSERVED
 from calstation.physics import (
     COUNT,
     PARAMETER_START,
@@ -43,7 +43,8 @@ def filter_sensitivity(
 ) -> Sensitivity:
     """Follow errors of the prior and effects through the updates of a pass.
 
-    An effect is an additional sensor error, averaged over each group of observations.
+    An effect is an additional sensor error, averaged over each group of observations. Jumps are followed from the
+    updates in which they begin.
     """
     duration = len(data) * data.dt
     candidates = tuple(changing(duration))
@@ -51,7 +52,9 @@ def filter_sensitivity(
     counts = np.repeat([u.innovation.shape[1] // 3 for u in updates], [len(u.innovation) for u in updates])
     errors = all_errors(motion, candidates, counts[counts > 0])
     columns = COUNT + errors.shape[2]
-    error = np.zeros((updates[0].H.shape[2], columns))
+    begin = np.repeat([c.begin for c in candidates], [len(c.components) for c in candidates])
+    ends = motion.time[np.cumsum(counts) - 1]
+    error = np.zeros((updates[0].H.shape[2], columns - len(begin)))
     error[PARAMETER_START:STATES, :COUNT] = np.eye(COUNT)
     score, information = np.zeros(columns), np.zeros((columns, columns))
     done = 0
@@ -60,12 +63,14 @@ def filter_sensitivity(
             error[:PARAMETER_START] = 0.0
             error -= update.gain[0].T @ solve_triangular(update.root[0], update.H[0] @ error, lower=True)
             continue
-        groups = len(update.H)
-        white = np.empty((update.innovation.size, columns))
-        _follow(update, errors[done : done + groups], error, white)
-        done += groups
-        information += white.T @ white
-        score += white.T @ update.innovation.ravel()
+        first, done = done, done + len(update.H)
+        begun = columns - len(begin) + int(np.searchsorted(begin, ends[done - 1], side="right"))
+        error = np.hstack([error, np.zeros((len(error), begun - error.shape[1]))])
+        white = np.empty((update.innovation.size, begun))
+        _follow(update, errors[first:done], error, white)
+        information[:begun, :begun] += white.T @ white
+        score[:begun] += white.T @ update.innovation.ravel()
+    error = np.hstack([error, np.zeros((len(error), columns - error.shape[1]))])
     left = np.where(estimated[:, None], error[PARAMETER_START:STATES], np.eye(COUNT, columns))
     return Sensitivity(score, information, left, candidates, float(data.time[0]), duration)
 
@@ -74,25 +79,26 @@ def filter_sensitivity(
 def _follow(update: Updates, added: FloatArray, error: FloatArray, white: FloatArray) -> None:
     """Write the effect of the errors on the normalised innovations of g groups, shape (g r, columns).
 
-    `added` is the error of the biases during each group, shape (g, 6, columns − 30), and `error` that of the states,
-    shape (n, columns), updated in place.
+    `added` is the error of the biases during each group, shape (g, 6, at least columns − 30). `error`, that of the
+    states, shape (n, columns), is updated in place, but for δp, on which nothing depends.
     """
     groups, rows, _ = update.H.shape
     size, columns = error.shape
-    moved, removed = np.empty((PARAMETER_START, columns)), np.empty((size, columns))
+    moved = np.empty((OBSERVED, columns))
     for g in range(groups):
         F, H, response = update.transition[g], update.H[g], white[g * rows : (g + 1) * rows]
-        np.dot(F, error, moved)
-        error[:PARAMETER_START] = moved
+        moved[:] = 0.0
+        add_product(F[:OBSERVED], error, moved)
+        error[:OBSERVED] = moved
         for i in range(STATES, size):
             for j in range(columns):
                 error[i, j] *= update.decay[i - STATES]
-        _add_bias(F, added[g], error)
-        np.dot(H, error, response)
+        _add_bias(F[:OBSERVED], added[g], error)
+        response[:] = 0.0
+        add_product(H, error, response)
         _add_bias(H, added[g], response)
         forward(update.root[g], response)
-        np.dot(update.gain[g].T, response, removed)
-        error -= removed
+        subtract_transposed_product(update.gain[g], response, error)
 
 
 @nb.njit(cache=True)
@@ -102,7 +108,7 @@ def _add_bias(A: FloatArray, added: FloatArray, out: FloatArray) -> None:
         for k in range(len(BIAS)):
             t = A[i, BIAS[k]]
             if t != 0.0:
-                for j in range(added.shape[1]):
+                for j in range(out.shape[1] - COUNT):
                     out[i, COUNT + j] += t * added[k, j]
 
 

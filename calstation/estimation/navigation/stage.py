@@ -98,12 +98,12 @@ class NavigationStage:
         self.stage, self.context, self.prior, self.estimated = stage, context, prior, estimated
         self._targets = targets
         self._measured: tuple[int, float] | None = None  # number of samples, and the excess of their noise at rest
-        self._spool = Spool()
+        self.spool = Spool()
         self._live = LiveFilter(context, prior)
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""
-        self._spool.append(block)
+        self.spool.append(block)
         self._live.feed(block)
 
     def sigma(self) -> FloatArray:
@@ -155,7 +155,7 @@ class NavigationStage:
         return with_misfit(solution, data, self.context)
 
     def _data(self) -> StageData:
-        return stage_data(list(self._spool.blocks()), self.context.imu)
+        return stage_data([self.spool.block()], self.context.imu)
 
     def _rest_noise(self, data: StageData) -> RestNoise:
         bias = group_indices("gyro_bias")

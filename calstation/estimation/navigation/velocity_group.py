@@ -22,6 +22,7 @@ from calstation.physics import (
     STATES,
     Compensation,
     FloatArray,
+    Increments,
     IntervalWork,
     group_indices,
     propagate,
@@ -181,8 +182,7 @@ def _inverse_transition(N: FloatArray) -> FloatArray:
 def observe(
     c: Compensation,
     s: Setting,
-    gyro: FloatArray,
-    accel: FloatArray,
+    motion: Increments,
     start: int,
     follow_attitude: FloatArray,
     follow_velocity: FloatArray,
@@ -199,7 +199,7 @@ def observe(
     Parameters
     ----------
     c, s : constants of the assumed parameters and of the pass
-    gyro, accel : raw mean rates of all samples, rad/s and m/s², shape (n, 3)
+    motion : increments of all samples
     start : index of the first sample
     follow_attitude, follow_velocity : reference C_bn and velocity, m/s, at the ends of the intervals, shapes (k, 3, 3)
         and (k, 3); empty for closed loop
@@ -215,7 +215,7 @@ def observe(
     group.H[:] = 0.0
     for k in range(count):
         first = start + k * s.stride
-        propagate(c, s.earth, s.gravity, s.dt, gyro, accel, first, first + s.stride, work)
+        propagate(c, s.earth, s.gravity, s.dt, motion, first, first + s.stride, work)
         forces[k] = work.force
         if len(follow_attitude):
             for i in range(3):

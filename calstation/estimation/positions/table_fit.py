@@ -85,7 +85,7 @@ def table_rests(data: StageData, context: SolveContext, found: Belief) -> TableR
     for start, stop in data.segments:
         if stop - start < width:
             continue
-        mean = window_mean(data.gyro[start:stop] - found.mean[bias], width)
+        mean = window_mean(data.gyro[start:stop], found.mean[bias], width)
         for first, last in runs(largest(mean) < slowest):
             a, b = start + first + margin, start + last + width - 1 - margin
             duration = (b - a) * data.dt
