@@ -355,6 +355,8 @@ def test_a_fault_of_the_table_ends_the_run_of_all_units(operator: Operator) -> N
     assert not operator.widget("start_button").isEnabled()
     operator.press("acknowledge_button")
     assert tile(operator, "slot_1_tile").isVisible()
+    operator.press("same_units_choice")
+    assert serials(operator) == ("SN-000001", "SN-000002")
     assert operator.widget("start_button").isEnabled()
 
 
@@ -388,6 +390,13 @@ def test_stop_ends_all_units(operator: Operator) -> None:
     link._end()
     operator.until(lambda: "2 stopped" in operator.says())
     assert operator.run.state == "stopped"
+    assert "Are they still in their slots, untouched? SN-000001, SN-000002" in operator.says()
+    assert serials(operator) == ("SN-000003", "SN-000004")
+    operator.press("same_units_choice")
+    assert serials(operator) == ("SN-000001", "SN-000002")
+    assert operator.run.state == "idle"
+    assert operator.window.focusWidget() is operator.widget("start_button")
+    assert "accepted" in tile(operator, "slot_1_tile").accessibleName()
     assert (
         not operator.widget("resume_choice").isVisible()
         if operator.window.findChild(QPushButton, "resume_choice")

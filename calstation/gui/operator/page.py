@@ -257,7 +257,9 @@ class OperatorPage(Page):
             self._starting.ask_transfer(request, interrupted.serial)
         elif fault is not None and fault.code in _OVERRIDABLE and request is not None:
             self._starting.ask_override(request, CalstationError(fault.code, **fault.values).as_text)
-        elif not run.in_slots:
+        elif run.in_slots:
+            self._starting.offer_same_units()
+        else:
             self._starting.offer(run.unit.serial)
 
     def _pause(self) -> None:
@@ -300,8 +302,8 @@ class OperatorPage(Page):
             self._verdict.acknowledge_button.setFocus()
             return
         self.header.focus_scan()
-        if run.state in ("stopped", "incomplete") and not run.in_slots:
-            self._starting.offer(run.unit.serial)
+        if run.state in ("stopped", "incomplete"):
+            self._starting.offer_same_units() if run.in_slots else self._starting.offer(run.unit.serial)
 
     def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
         """Ask before closing during a run; offer to close immediately only after a safe stop has been requested."""

@@ -98,6 +98,21 @@ class RunStarter(QObject):
         self.slots.remove_units()
         self.suggest()
 
+    def offer_same_units(self) -> None:
+        """After a run of several units that did not reach its end, offer to calibrate the same ones."""
+        serials = {unit.slot: unit.serial for unit in self._app.run.units}
+
+        def fill() -> None:
+            for slot in [each for each in self.slots if each.name in serials]:
+                serial = serials[slot.name]
+                self.slots.fill(slot, serial, self._attempts(serial))
+            if self._app.run.ended:
+                self._app.run.acknowledge()
+            self._await_start()
+
+        question = Text.of("question.same_units", serials=list(serials.values()))
+        ask(self._notice, "paused", question, {"same_units": fill, "cancel": self._header.focus_scan})
+
     def scan(self) -> None:
         """Check the serial number that has been entered; if its run was interrupted, offer to resume it.
 
@@ -166,8 +181,7 @@ class RunStarter(QObject):
             ask(self._notice, "caution", Text.of("question.no_slot_left", serial=header.serial), {})
             header.focus_scan()
             return False
-        history = self._history()
-        before = history.attempts(header.serial) if history is not None else 0
+        before = self._attempts(header.serial)
         if self._app.run.ended:
             self._app.run.acknowledge()
         if slots.next is not None:
@@ -387,6 +401,11 @@ class RunStarter(QObject):
         """Return the history of earlier runs, or None if there is no runs folder."""
         folder = self._app.runs_folder
         return History(folder) if folder.is_dir() else None
+
+    def _attempts(self, serial: str) -> int:
+        """Return the number of earlier runs of a unit."""
+        history = self._history()
+        return 0 if history is None else history.attempts(serial)
 
     def _note_next(self, *, accepted: bool | None = None) -> None:
         """State the slot that the field is for and, while a verdict is shown, that it is for the next unit."""
