@@ -143,12 +143,12 @@ def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:
         run, imu = evaluation.run, evaluation.imu
         try:
             after = _resume(run)
+            solved = tuple(run.chain.solutions)
+            if solved:
+                imu.read()  # discards samples received while they were solved
         except (StopRequested, CalstationError) as error:  # of a single unit
             evaluation.ended(_ended(run, error))
             return
-        solved = tuple(run.chain.solutions)
-        if solved:
-            imu.read()  # discards samples received while they were solved
         unit = run.setup.unit_task(run.meta)
         slots.append(Slot(imu, unit, run.log, run.chain, after, run.prepared.slot, evaluation, solved))
     prepared = evaluations[0].run.prepared
