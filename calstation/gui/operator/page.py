@@ -107,7 +107,7 @@ class OperatorPage(Page):
         self._update_products()
         if not self._opened:
             self._opened = True
-            self._starting.recover()
+            self._starting.interrupted.recover()
         self._shift.count()
         self.await_scan()
 
@@ -260,7 +260,7 @@ class OperatorPage(Page):
         elif run.in_slots:
             self._starting.offer_same_units()
         else:
-            self._starting.offer(run.unit.serial)
+            self._starting.interrupted.offer(run.unit.serial)
 
     def _pause(self) -> None:
         paused = self.app.run.state in ("pausing", "paused")
@@ -303,7 +303,7 @@ class OperatorPage(Page):
             return
         self.header.focus_scan()
         if run.state in ("stopped", "incomplete"):
-            self._starting.offer_same_units() if run.in_slots else self._starting.offer(run.unit.serial)
+            self._starting.offer_same_units() if run.in_slots else self._starting.interrupted.offer(run.unit.serial)
 
     def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
         """Ask before closing during a run; offer to close immediately only after a safe stop has been requested."""
