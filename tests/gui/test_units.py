@@ -409,6 +409,10 @@ def test_sixteen_units_fit_on_a_small_screen(operator: Operator) -> None:
     for language in (0, 1):
         operator.widget("language_combo", QComboBox).setCurrentIndex(language)
         assert whole(operator, [f"slot_{number}_tile" for number in range(1, 17)])
+    for language in (0, 1):
+        operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        operator.scan("TX-1")
+        assert whole(operator, [f"slot_{number}_tile" for number in range(1, 17)])
     begin(operator)
     for language in (0, 1):
         operator.widget("language_combo", QComboBox).setCurrentIndex(language)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QWidget
+from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.config import (
     DEFAULT_PRODUCT,
@@ -362,7 +362,10 @@ class OperatorPage(Page):
         else:
             self._verdict.show_end()
             self._views.setCurrentWidget(self._verdict)
-        self._stages.setVisible(self._views.currentWidget() is not self._verdicts)
+        shown, size = self._views.currentWidget(), QSizePolicy.Policy
+        self._stages.setVisible(shown is not self._verdicts)
+        # the slots, with a notice above them, need less height than the live view
+        self._live.setSizePolicy(size.Preferred, size.Ignored if shown is self._slots else size.Preferred)
 
     def _open_unit(self, *, opened: bool) -> None:
         """Show the verdict of the chosen unit, or those of all units."""
