@@ -144,6 +144,7 @@ def test_each_scan_goes_into_the_next_slot_and_all_full_moves_on_to_start(
     assert serials(hardware) == ("SN-000001", "SN-000003", "SN-000002")
     assert window.focusWidget() is start
     assert "all slots have a unit" in hardware.says()
+    assert list(window.app.claimed) == ["SN-000001", "SN-000003", "SN-000002"]
     hardware.scan("SN-000004")
     assert "There is no slot left for SN-000004" in hardware.says()
     hardware.press("slot_B_button")
