@@ -221,19 +221,19 @@ def test_start_waits_while_another_page_uses_a_device(operator: Operator, monkey
 
 
 def test_failures_with_earlier_runs_are_reported(operator: Operator) -> None:
-    starting = operator.window.operator_page._starting
+    interrupted = operator.window.operator_page._starting.interrupted
     error = InputError("run.not_resumable", path="log.h5")
     for watch, title in (
-        (starting._recovery, "Earlier runs were not closed or handed over"),
-        (starting._closing, "The run was not closed"),
+        (interrupted._recovery, "Earlier runs were not closed or handed over"),
+        (interrupted._closing, "The run was not closed"),
     ):
         watch.failed.emit(error)
         assert title in operator.says()
         operator.press("operator_notice_close")
-    starting._search.failed.emit(error)
+    interrupted._search.failed.emit(error)
     assert "The run cannot be resumed" in operator.says()
     reason = Text.of("handover.no_answer", seconds=5.0)
-    starting._recovery.done.emit(StartupRecovery((), Delivery(Path("share"), 0, 2, reason)))
+    interrupted._recovery.done.emit(StartupRecovery((), Delivery(Path("share"), 0, 2, reason)))
     assert "Hand-over: 2 waiting, share cannot be reached (no answer within 5 s)." in operator.says()
 
 

@@ -144,6 +144,7 @@ def test_each_scan_goes_into_the_next_slot_and_all_full_moves_on_to_start(
     assert serials(hardware) == ("SN-000001", "SN-000003", "SN-000002")
     assert window.focusWidget() is start
     assert "all slots have a unit" in hardware.says()
+    assert list(window.app.claimed) == ["SN-000001", "SN-000003", "SN-000002"]
     hardware.scan("SN-000004")
     assert "There is no slot left for SN-000004" in hardware.says()
     hardware.press("slot_B_button")
@@ -355,6 +356,8 @@ def test_a_fault_of_the_table_ends_the_run_of_all_units(operator: Operator) -> N
     assert not operator.widget("start_button").isEnabled()
     operator.press("acknowledge_button")
     assert tile(operator, "slot_1_tile").isVisible()
+    operator.press("same_units_choice")
+    assert serials(operator) == ("SN-000001", "SN-000002")
     assert operator.widget("start_button").isEnabled()
 
 
@@ -388,6 +391,13 @@ def test_stop_ends_all_units(operator: Operator) -> None:
     link._end()
     operator.until(lambda: "2 stopped" in operator.says())
     assert operator.run.state == "stopped"
+    assert "Are they still in their slots, untouched? SN-000001, SN-000002" in operator.says()
+    assert serials(operator) == ("SN-000003", "SN-000004")
+    operator.press("same_units_choice")
+    assert serials(operator) == ("SN-000001", "SN-000002")
+    assert operator.run.state == "idle"
+    assert operator.window.focusWidget() is operator.widget("start_button")
+    assert "accepted" in tile(operator, "slot_1_tile").accessibleName()
     assert (
         not operator.widget("resume_choice").isVisible()
         if operator.window.findChild(QPushButton, "resume_choice")
@@ -399,6 +409,10 @@ def test_sixteen_units_fit_on_a_small_screen(operator: Operator) -> None:
     use_slots(operator, 16)
     for language in (0, 1):
         operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        assert whole(operator, [f"slot_{number}_tile" for number in range(1, 17)])
+    for language in (0, 1):
+        operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        operator.scan("TX-1")
         assert whole(operator, [f"slot_{number}_tile" for number in range(1, 17)])
     begin(operator)
     for language in (0, 1):

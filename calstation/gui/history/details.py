@@ -162,7 +162,9 @@ class RunDetails(QFrame):
         self.folder_button = button("history_folder_button", lambda: self.tr("Folder"))
         self.resume_button = button("history_resume_button", lambda: self.tr("Resume"))
         self.close_button = button("history_close_button")
-        self.batch_button = button("history_batch_button", lambda: self.tr("All units of the batch"))
+        self.batch_button = button(
+            "history_batch_button", lambda: self.tr("Batch"), tip=lambda: self.tr("All units of the batch")
+        )
         self._documents, self._release = (label_button, certificate_button), release
         self._people = certificate_button.panel
         for asking in (release.asking, self._people.asking):
@@ -200,9 +202,9 @@ class RunDetails(QFrame):
             row((self._serial, 1), self.badge),
             (self.content_area, 5),
             (self.trend, 3),
-            *(self._release, self.batch_button),
+            self._release,
             row((self.resume_button, 1), (self.close_button, 1)),
-            row(*((each, 1) for each in (self.result_button, self.log_button, self.folder_button))),
+            row(*((each, 1) for each in (self.result_button, self.log_button, self.folder_button, self.batch_button))),
             row(*((each, 1) for each in self._documents)),
             self._people,
             on=self,

@@ -1,4 +1,4 @@
-"""The table of runs: outcome, unit, time, operator, duration, station, batch, slot and stages."""
+"""The table of runs: outcome, unit, time, operator, duration, station, slot, batch and stages."""
 
 from collections.abc import Sequence
 
@@ -11,9 +11,9 @@ from calstation.gui.widgets import state_colour, state_icon, theme
 from calstation.messages import local_time
 from calstation.records import RunRecord
 
-#: Columns hidden first if there is too little space: attempt, operator, product; the details also show them.
-_HIDDEN_FIRST = (4, 5, 3)
-_OUTCOME, _STARTED, _STATION, _BATCH, _SLOT, _STAGES = 0, 2, 7, 8, 9, 10
+_OUTCOME, _STARTED, _STATION, _SLOT, _BATCH, _STAGES = 0, 2, 7, 8, 9, 10
+#: Columns hidden first if there is too little space: attempt, operator, product, batch; the details also show them.
+_HIDDEN_FIRST = (4, 5, 3, _BATCH)
 #: Right-aligned columns of numbers: attempt, duration.
 _NUMBERS = (4, 6)
 
@@ -96,8 +96,8 @@ class RunTable(QTableWidget):
             self.tr("Operator"),
             self.tr("Duration"),
             self.tr("Station"),
-            self.tr("Batch"),
             self.tr("Slot"),
+            self.tr("Batch"),
             self.tr("Stages"),
         )
         for column, text in enumerate(headings):
@@ -115,8 +115,8 @@ class RunTable(QTableWidget):
             run.operator or "",
             duration_text(run.duration),
             run.station or "",
-            run.batch or "",
             run.slot or "",
+            run.batch or "",
             stages_text(run),
         )
         cells = [_cell(text, column) for column, text in enumerate(texts)]

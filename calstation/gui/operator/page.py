@@ -6,7 +6,7 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QWidget
+from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.config import (
     DEFAULT_PRODUCT,
@@ -107,7 +107,7 @@ class OperatorPage(Page):
         self._update_products()
         if not self._opened:
             self._opened = True
-            self._starting.recover()
+            self._starting.interrupted.recover()
         self._shift.count()
         self.await_scan()
 
@@ -257,8 +257,10 @@ class OperatorPage(Page):
             self._starting.ask_transfer(request, interrupted.serial)
         elif fault is not None and fault.code in _OVERRIDABLE and request is not None:
             self._starting.ask_override(request, CalstationError(fault.code, **fault.values).as_text)
-        elif not run.in_slots:
-            self._starting.offer(run.unit.serial)
+        elif run.in_slots:
+            self._starting.offer_same_units()
+        else:
+            self._starting.interrupted.offer(run.unit.serial)
 
     def _pause(self) -> None:
         paused = self.app.run.state in ("pausing", "paused")
@@ -300,8 +302,8 @@ class OperatorPage(Page):
             self._verdict.acknowledge_button.setFocus()
             return
         self.header.focus_scan()
-        if run.state in ("stopped", "incomplete") and not run.in_slots:
-            self._starting.offer(run.unit.serial)
+        if run.state in ("stopped", "incomplete"):
+            self._starting.offer_same_units() if run.in_slots else self._starting.interrupted.offer(run.unit.serial)
 
     def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
         """Ask before closing during a run; offer to close immediately only after a safe stop has been requested."""
@@ -360,7 +362,10 @@ class OperatorPage(Page):
         else:
             self._verdict.show_end()
             self._views.setCurrentWidget(self._verdict)
-        self._stages.setVisible(self._views.currentWidget() is not self._verdicts)
+        shown, size = self._views.currentWidget(), QSizePolicy.Policy
+        self._stages.setVisible(shown is not self._verdicts)
+        # the slots, with a notice above them, need less height than the live view
+        self._live.setSizePolicy(size.Preferred, size.Ignored if shown is self._slots else size.Preferred)
 
     def _open_unit(self, *, opened: bool) -> None:
         """Show the verdict of the chosen unit, or those of all units."""

@@ -1,4 +1,4 @@
-"""Starts and resumes runs: checks the serial number, asks the necessary questions, starts the engine."""
+"""Starts runs: checks the serial numbers, asks the necessary questions, starts the engine."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -15,21 +15,21 @@ from calstation.config import (
     computer_user,
     confirm,
     confirmation_required,
-    library,
     load_product,
     load_station,
     new_batch_id,
 )
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
+from calstation.gui.operator.interrupted import InterruptedRuns, product_file
 from calstation.gui.operator.questions import ask
 from calstation.gui.operator.units import Slots
 from calstation.gui.shell import AppContext, PeoplePanel
-from calstation.gui.text import event_sentence, on_language_change
-from calstation.gui.widgets import JobWatch, NoticeBar
+from calstation.gui.text import on_language_change
+from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
-from calstation.results import Delivery, History
-from calstation.runs import Resumable, close_incomplete_job, find_resumable, recover_startup, resumable_run
+from calstation.results import History
+from calstation.runs import Resumable
 from calstation.sound import play
 
 
@@ -47,12 +47,7 @@ class RunStarter(QObject):
         self.slots = Slots(self)
         #: Serial number that the virtual bench has suggested last.
         self._suggested = ""
-        self._wanted: Path | None = None
-        self._serial: str | None = None
-        self._search, self._closing = JobWatch(self, self._found, self._not_found), JobWatch(self)
-        self._recovery = JobWatch(self, lambda done: self._show_delivery(done.delivery), self._not_recovered)
-        notice.report_failures(self._closing, lambda: self.tr("The run was not closed"), header.focus_scan)
-        app.resume_run.connect(lambda log: self.offer(log=log))
+        self.interrupted = InterruptedRuns(app, header, notice, self._resume)
         header.serial_entered.connect(self.scan)
         header.serial_edited.connect(self._edited)
         header.start_pressed.connect(self.start)
@@ -62,7 +57,7 @@ class RunStarter(QObject):
 
     def plan(self, run_summary: RunSummary | None) -> None:
         """Set the next run."""
-        self.run_summary = run_summary
+        self.run_summary = self.interrupted.run_summary = run_summary
         if run_summary is not None:
             self.slots.plan(run_summary.slots)
         self.suggest()
@@ -98,6 +93,21 @@ class RunStarter(QObject):
         self.slots.remove_units()
         self.suggest()
 
+    def offer_same_units(self) -> None:
+        """After a run of several units that did not reach its end, offer to calibrate the same ones."""
+        serials = {unit.slot: unit.serial for unit in self._app.run.units}
+
+        def fill() -> None:
+            for slot in [each for each in self.slots if each.name in serials]:
+                serial = serials[slot.name]
+                self.slots.fill(slot, serial, self._attempts(serial))
+            if self._app.run.ended:
+                self._app.run.acknowledge()
+            self._await_start()
+
+        question = Text.of("question.same_units", serials=list(serials.values()))
+        ask(self._notice, "paused", question, {"same_units": fill, "cancel": self._header.focus_scan})
+
     def scan(self) -> None:
         """Check the serial number that has been entered; if its run was interrupted, offer to resume it.
 
@@ -113,8 +123,8 @@ class RunStarter(QObject):
             return
         accepted = self.check()
         self._signal(accepted=accepted)
-        if accepted and not self.slots and (interrupted := self._interrupted()) is not None:
-            self._ask_resume(interrupted)
+        if accepted and not self.slots and (interrupted := self.interrupted.of(header.serial)) is not None:
+            self.interrupted.ask(interrupted, self._start_anew)
 
     def _signed_in(self) -> None:
         """Go on with the serial number, or with runs that can be resumed."""
@@ -122,7 +132,7 @@ class RunStarter(QObject):
         if not self._notice.asking:
             self._notice.dismiss()
         self._header.focus_scan()
-        self.offer()
+        self.interrupted.offer()
 
     def _badge_refused(self, error: CalstationError) -> None:
         self._signal(accepted=False)
@@ -166,8 +176,7 @@ class RunStarter(QObject):
             ask(self._notice, "caution", Text.of("question.no_slot_left", serial=header.serial), {})
             header.focus_scan()
             return False
-        history = self._history()
-        before = history.attempts(header.serial) if history is not None else 0
+        before = self._attempts(header.serial)
         if self._app.run.ended:
             self._app.run.acknowledge()
         if slots.next is not None:
@@ -200,11 +209,11 @@ class RunStarter(QObject):
         """Check the serial number, ask the necessary questions, then start the run."""
         if self._app.engine_link.running or not self.check():
             return
-        interrupted = None if self.slots else self._interrupted()
+        interrupted = None if self.slots else self.interrupted.of(self._header.serial)
         if interrupted is None:
             self._start_anew()
         else:
-            self._ask_resume(interrupted)
+            self.interrupted.ask(interrupted, self._start_anew)
 
     def _start_anew(self) -> None:
         """Start a run from its first stage, after a question if a unit has passed or failed too often."""
@@ -296,88 +305,10 @@ class RunStarter(QObject):
             lambda: self.tr("Calibrate {0} nevertheless?").format(request.serial), required, confirmed, by=by
         )
 
-    # ---- interrupted runs
-
-    def recover(self) -> None:
-        """When the window opens, close aborted runs, hand over pending results, then offer runs that can be resumed."""
-        if self._app.runs_folder.is_dir():
-            recovery = self._app.job_queue.submit(recover_startup, self._app.runs_folder, self._app.station_path)
-            self._recovery.watch(recovery)
-        self.offer()
-
-    def _not_recovered(self, error: CalstationError) -> None:
-        if self.run_summary is not None:  # otherwise the page shows what is wrong with station and product
-            self._notice.report(lambda: self.tr("Earlier runs were not closed or handed over"), error, self.offer)
-
-    def _show_delivery(self, delivery: Delivery) -> None:
-        """Show why results could not be handed over."""
-        if delivery.waiting and not self._notice.asking:
-            values = {"count": delivery.waiting, "folder": str(delivery.folder), "reason": delivery.reason}
-            self._notice.ask("caution", lambda: event_sentence("handover_waiting", values), str)
-
-    def offer(self, serial: str | None = None, log: Path | None = None) -> None:
-        """Offer runs that can be resumed, limited to those of the unit `serial` or to the run of `log` if given."""
-        self._serial, self._wanted = serial, log
-        if self._app.runs_folder.is_dir():
-            self._search.watch(self._app.job_queue.submit(find_resumable, self._app.runs_folder))
-
-    def _found(self, found: list[Resumable]) -> None:
-        if self._app.engine_link.running or self.run_summary is None:
-            return
-        if self.slots:
-            if self._wanted is not None:
-                ask(self._notice, "caution", Text.of("question.not_resumed_in_slots"), {})
-            return
-        if self._wanted is None:
-            self._offer([run for run in found if self._serial in (None, run.serial)])
-            return
-        chosen = [run for run in found if run.log.name == self._wanted.name]
-        if chosen:
-            self._notice.dismiss()
-            self._offer(chosen)  # it was chosen on another page, so someone may be at the fixture
-        else:
-            ask(self._notice, "caution", Text.of("question.nothing_to_resume"), {})
-
-    def _not_found(self, error: CalstationError) -> None:
-        ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
-
-    def _interrupted(self) -> Resumable | None:
-        """Return the run of the unit entered that can be resumed, or None."""
-        folder = self._app.runs_folder
-        return resumable_run(folder, self._header.serial) if folder.is_dir() else None
-
-    def _ask_resume(self, run: Resumable) -> None:
-        """Ask whether to resume the run of the unit entered, or to calibrate it from the first stage."""
-        answers = {
-            "resume": lambda: self._resume(run),
-            "anew": self._start_anew,
-            "cancel": self._header.focus_scan,
-        }
-        ask(self._notice, "paused", _resume_question(run), answers, primary="resume")
-
-    def _offer(self, runs: list[Resumable]) -> None:
-        if not runs or self._notice.asking:
-            return
-        run, others = runs[0], runs[1:]
-        answers = {
-            "resume": lambda: self._resume(run),
-            "close_incomplete_job": lambda: self._close(run, others),
-            "later": lambda: self._offer(others),
-        }
-        ask(self._notice, "paused", _resume_question(run), answers, primary="resume")
-
     def _resume(self, run: Resumable) -> None:
-        product = _product_file(run.product) or self._app.product_path
+        product = product_file(run.product) or self._app.product_path
         self._header.set_serial(run.serial)
         self.run(self._request(run.serial, product, run.stages, resume=run.log))
-
-    def _close(self, run: Resumable, others: list[Resumable]) -> None:
-        if self._app.badge_required:
-            ask(self._notice, "caution", Text("station.badge_missing"), {})
-            return
-        operator = self._app.operator or computer_user()
-        self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, operator))
-        self._offer(others)
 
     def _request(self, serial: str, product: Path | None, stages: tuple[str, ...] | None, **more: Any) -> RunRequest:
         app = self._app
@@ -387,6 +318,11 @@ class RunStarter(QObject):
         """Return the history of earlier runs, or None if there is no runs folder."""
         folder = self._app.runs_folder
         return History(folder) if folder.is_dir() else None
+
+    def _attempts(self, serial: str) -> int:
+        """Return the number of earlier runs of a unit."""
+        history = self._history()
+        return 0 if history is None else history.attempts(serial)
 
     def _note_next(self, *, accepted: bool | None = None) -> None:
         """State the slot that the field is for and, while a verdict is shown, that it is for the next unit."""
@@ -432,21 +368,3 @@ def suggested_serial(run_summary: RunSummary, unsuitable: Callable[[str], bool])
         if not unsuitable(serial):
             return serial
     return ""
-
-
-def _resume_question(run: Resumable) -> Text:
-    """Return the question whether to resume a run after its finished stages."""
-    finished = len(run.finished)
-    stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
-    return Text.of("question.resume", serial=run.serial, number=finished + 1, stage=stage, when=run.started_utc)
-
-
-def _product_file(name: str | None) -> Path | None:
-    for stem in library.names("products"):
-        path = library.find("products", stem)
-        try:
-            if load_product(path)[1].name == name:
-                return path
-        except CalstationError:
-            continue
-    return None

@@ -105,6 +105,17 @@
     </message>
 </context>
 <context>
+    <name>InterruptedRuns</name>
+    <message>
+        <source>The run was not closed</source>
+        <translation>这次标定未能结束</translation>
+    </message>
+    <message>
+        <source>Earlier runs were not closed or handed over</source>
+        <translation>以前的标定未能结束或上交</translation>
+    </message>
+</context>
+<context>
     <name>LabelButton</name>
     <message>
         <source>The label was not printed</source>
@@ -196,10 +207,6 @@
 <context>
     <name>RunStarter</name>
     <message>
-        <source>The run was not closed</source>
-        <translation>这次标定未能结束</translation>
-    </message>
-    <message>
         <source>twice</source>
         <translation>重复</translation>
     </message>
@@ -218,10 +225,6 @@
     <message>
         <source>Calibrate {0} nevertheless?</source>
         <translation>仍然标定 {0}？</translation>
-    </message>
-    <message>
-        <source>Earlier runs were not closed or handed over</source>
-        <translation>以前的标定未能结束或上交</translation>
     </message>
     <message>
         <source>next unit</source>

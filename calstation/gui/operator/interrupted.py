@@ -1,0 +1,126 @@
+"""Offers to resume or to close interrupted runs."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from PySide6.QtCore import QObject
+
+from calstation.config import RunSummary, computer_user, library, load_product
+from calstation.errors import CalstationError
+from calstation.gui.operator.header import RunHeader
+from calstation.gui.operator.questions import ask
+from calstation.gui.shell import AppContext
+from calstation.gui.text import event_sentence
+from calstation.gui.widgets import JobWatch, NoticeBar
+from calstation.messages import Text
+from calstation.results import Delivery
+from calstation.runs import Resumable, close_incomplete_job, find_resumable, recover_startup, resumable_run
+
+
+class InterruptedRuns(QObject):
+    """Finds interrupted runs and asks what to do with them; `resume` starts the continuation of one."""
+
+    def __init__(
+        self, app: AppContext, header: RunHeader, notice: NoticeBar, resume: Callable[[Resumable], None]
+    ) -> None:
+        super().__init__(header)
+        self._app, self._header, self._notice, self._resume = app, header, notice, resume
+        #: Summary of the next run; None while station and product cannot be used.
+        self.run_summary: RunSummary | None = None
+        self._wanted: Path | None = None
+        self._serial: str | None = None
+        self._search, self._closing = JobWatch(self, self._found, self._not_found), JobWatch(self)
+        self._recovery = JobWatch(self, lambda done: self._show_delivery(done.delivery), self._not_recovered)
+        notice.report_failures(self._closing, lambda: self.tr("The run was not closed"), header.focus_scan)
+        app.resume_run.connect(lambda log: self.offer(log=log))
+
+    def recover(self) -> None:
+        """When the window opens, close aborted runs, hand over pending results, then offer runs that can be resumed."""
+        if self._app.runs_folder.is_dir():
+            recovery = self._app.job_queue.submit(recover_startup, self._app.runs_folder, self._app.station_path)
+            self._recovery.watch(recovery)
+        self.offer()
+
+    def _not_recovered(self, error: CalstationError) -> None:
+        if self.run_summary is not None:  # otherwise the page shows what is wrong with station and product
+            self._notice.report(lambda: self.tr("Earlier runs were not closed or handed over"), error, self.offer)
+
+    def _show_delivery(self, delivery: Delivery) -> None:
+        """Show why results could not be handed over."""
+        if delivery.waiting and not self._notice.asking:
+            values = {"count": delivery.waiting, "folder": str(delivery.folder), "reason": delivery.reason}
+            self._notice.ask("caution", lambda: event_sentence("handover_waiting", values), str)
+
+    def offer(self, serial: str | None = None, log: Path | None = None) -> None:
+        """Offer runs that can be resumed, limited to those of the unit `serial` or to the run of `log` if given."""
+        self._serial, self._wanted = serial, log
+        if self._app.runs_folder.is_dir():
+            self._search.watch(self._app.job_queue.submit(find_resumable, self._app.runs_folder))
+
+    def _found(self, found: list[Resumable]) -> None:
+        if self._app.engine_link.running or self.run_summary is None:
+            return
+        if self.run_summary.slots:
+            if self._wanted is not None:
+                ask(self._notice, "caution", Text.of("question.not_resumed_in_slots"), {})
+            return
+        if self._wanted is None:
+            self._offer([run for run in found if self._serial in (None, run.serial)])
+            return
+        chosen = [run for run in found if run.log.name == self._wanted.name]
+        if chosen:
+            self._notice.dismiss()
+            self._offer(chosen)  # it was chosen on another page, so someone may be at the fixture
+        else:
+            ask(self._notice, "caution", Text.of("question.nothing_to_resume"), {})
+
+    def _not_found(self, error: CalstationError) -> None:
+        ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
+
+    def of(self, serial: str) -> Resumable | None:
+        """Return the run of a unit that can be resumed, or None."""
+        folder = self._app.runs_folder
+        return resumable_run(folder, serial) if folder.is_dir() else None
+
+    def ask(self, run: Resumable, anew: Callable[[], None]) -> None:
+        """Ask whether to resume the run of the unit entered, or to calibrate it `anew` from the first stage."""
+        answers = {"resume": lambda: self._resume(run), "anew": anew, "cancel": self._header.focus_scan}
+        ask(self._notice, "paused", _resume_question(run), answers, primary="resume")
+
+    def _offer(self, runs: list[Resumable]) -> None:
+        if not runs or self._notice.asking:
+            return
+        run, others = runs[0], runs[1:]
+        answers = {
+            "resume": lambda: self._resume(run),
+            "close_incomplete_job": lambda: self._close(run, others),
+            "later": lambda: self._offer(others),
+        }
+        ask(self._notice, "paused", _resume_question(run), answers, primary="resume")
+
+    def _close(self, run: Resumable, others: list[Resumable]) -> None:
+        if self._app.badge_required:
+            ask(self._notice, "caution", Text("station.badge_missing"), {})
+            return
+        operator = self._app.operator or computer_user()
+        self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, operator))
+        self._offer(others)
+
+
+def _resume_question(run: Resumable) -> Text:
+    """Return the question whether to resume a run after its finished stages."""
+    finished = len(run.finished)
+    stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
+    return Text.of("question.resume", serial=run.serial, number=finished + 1, stage=stage, when=run.started_utc)
+
+
+def product_file(name: str | None) -> Path | None:
+    """Return the file of a product, or None if there is none of this name."""
+    for stem in library.names("products"):
+        path = library.find("products", stem)
+        try:
+            if load_product(path)[1].name == name:
+                return path
+        except CalstationError:
+            continue
+    return None
