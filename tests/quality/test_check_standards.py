@@ -192,7 +192,7 @@ def refused(site: SiteFolder, code: str, **changes: Any) -> ConfigurationError:
 
 def allowed(site: SiteFolder, **changes: Any) -> str | None:
     """Prepare a run; the override in its log's configuration."""
-    meta, _ = prepare(replace(site.request(), **changes), site.events.append, Control(), BenchHooks()).meta(None)
+    meta, _ = prepare(replace(site.request(), **changes), site.events.append, Control(), BenchHooks())[0].meta(None)
     assert meta.run is not None
     return meta.run.standard_override
 
