@@ -268,7 +268,10 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
     mask = np.array([name in ESTIMATED for name in NAMES])
     zero, encoders = np.zeros(len(sigma)), slice(len(sigma) - 2 * len(places), None)
     result = gauss_newton("rate", model, observed, variance, prior, zero, sigma, mask, encoders, GROUPS)
-    added = np.concatenate([_effects(data, t) for t in turns])
+    sensitivity = None
+    if context.diagnostics:
+        added = np.concatenate([_effects(data, t) for t in turns])
+        sensitivity = batch_sensitivity(*result.gain, added, mask, float(data.time[0]), len(data) * data.dt)
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="rate",
@@ -288,7 +291,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
                 for t, r in zip(turns, residual, strict=True)
             ]
         },
-        sensitivity=batch_sensitivity(*result.gain, added, mask, float(data.time[0]), len(data) * data.dt),
+        sensitivity=sensitivity,
         messages=result.messages + ((("turns_assumed_whole", {"stage": "rate"}),) if assumed else ()),
     )
 

@@ -182,12 +182,11 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
         mask,
         groups=GROUPS,
     )
-    force = np.array([p.force for p in positions])
-    still = np.zeros_like(force)
-    time = np.array([data.seq[(p.start + p.stop) // 2] - data.seq[0] for p in positions]) * data.dt
-    motion, duration = Motion(still, force, still, still, time), len(data) * data.dt
-    errors = all_errors(motion, tuple(changing(duration)), np.ones(len(force), dtype=np.int64))
-    added = errors[:, 3:].reshape(len(observed), -1)
+    sensitivity = None
+    if context.diagnostics:
+        duration = len(data) * data.dt
+        added = _effects(data, positions, duration).reshape(len(observed), -1)
+        sensitivity = batch_sensitivity(*result.gain, added, mask, float(data.time[0]), duration)
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="six_position",
@@ -202,9 +201,18 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
                 for p, r in zip(positions, residual, strict=True)
             ]
         },
-        sensitivity=batch_sensitivity(*result.gain, added, mask, float(data.time[0]), duration),
+        sensitivity=sensitivity,
         messages=result.messages,
     )
+
+
+def _effects(data: StageData, positions: list[Position], duration: float) -> FloatArray:
+    """Return what every effect adds to the mean force of each of n rests, m/s², shape (n, 3, k)."""
+    force = np.array([p.force for p in positions])
+    still = np.zeros_like(force)
+    time = np.array([data.seq[(p.start + p.stop) // 2] - data.seq[0] for p in positions]) * data.dt
+    motion = Motion(still, force, still, still, time)
+    return all_errors(motion, tuple(changing(duration)), np.ones(len(force), dtype=np.int64))[:, 3:]
 
 
 def _tangents(direction: FloatArray) -> FloatArray:

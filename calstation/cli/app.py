@@ -17,6 +17,7 @@ from calstation.cli.options import (
     ByOption,
     ConfirmedByOption,
     JsonOption,
+    ParametersOnlyOption,
     ProductOption,
     StagesOption,
     StationOption,
@@ -140,12 +141,15 @@ def resolve(
         list[str] | None,
         typer.Option("--state", help="Add an effect to the error model, for a trial; repeatable.", metavar="NAME"),
     ] = None,
+    parameters_only: ParametersOnlyOption = False,
 ) -> None:
     """Solve a stored log again."""
     from calstation.cli.logs import resolve_command
 
+    chosen, added = parsed_stages(stages), states or ()
+    diagnostics = not parameters_only
     raise typer.Exit(
-        resolve_command(log, parsed_stages(stages), first, last, json, residuals=residuals, states=states or ())
+        resolve_command(log, chosen, first, last, json, residuals=residuals, states=added, diagnostics=diagnostics)
     )
 
 

@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, Annotated
 
 import typer
 
-from calstation.cli.options import JsonOption, StagesOption, parsed_stages
+from calstation.cli.options import JsonOption, ParametersOnlyOption, StagesOption, parsed_stages
 
 if TYPE_CHECKING:
     from calstation.fleet import Comparison, FleetRequest, FleetSummary
@@ -44,6 +44,7 @@ def resolve(
     first: Annotated[int | None, typer.Option("--from", help="First sequence number.", metavar="SEQ")] = None,
     last: Annotated[int | None, typer.Option("--to", help="Last sequence number.", metavar="SEQ")] = None,
     stages: StagesOption = None,
+    parameters_only: ParametersOnlyOption = False,
     json: JsonOption = None,
 ) -> None:
     """Solve many logs again; what the database already has is not solved again. Ctrl-C stops, what is done stays."""
@@ -61,7 +62,8 @@ def resolve(
     from calstation.fleet import FleetRequest, resolve_fleet
 
     check_json(json)
-    request = FleetRequest(tuple(sources), database, scheduler, patch, label, parsed_stages(stages), first, last)
+    chosen, diagnostics = parsed_stages(stages), not parameters_only
+    request = FleetRequest(tuple(sources), database, scheduler, patch, label, chosen, first, last, diagnostics)
     stop = threading.Event()
 
     def interrupt() -> None:
@@ -95,6 +97,8 @@ def resolve(
     code = "cli.fleet_stopped" if summary.stopped else "cli.fleet_done"
     numbers = {name: getattr(summary, name) for name in ("version", "total", "solved_now", "already_there", "failed")}
     show_line(console, say(code, **numbers, left=summary.total - summary.done, seconds=summary.duration_s))
+    if parameters_only:
+        show_line(console, say("cli.resolved_parameters"))
     raise typer.Exit(4 if summary.stopped else 1 if summary.failed else 0)
 
 

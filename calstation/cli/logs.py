@@ -28,14 +28,18 @@ def resolve_command(
     *,
     residuals: bool,
     states: Sequence[str] = (),
+    diagnostics: bool = True,
 ) -> int:
     """Solve a log again, or selected stages between two sequence numbers, and show the result.
 
     With `residuals`, also show those of every rest and move, or add them to the JSON. `states` are added to the model.
+    Without `diagnostics`, only the parameters are solved, and nothing is judged.
 
     Returns 1 if it is outside the limits. Raises InsufficientDataError after showing the result if a stage lacks data.
     """
     check_json(json)
+    if residuals and not diagnostics:
+        raise ConfigurationError("cli.residuals_without_tests")
     for state in states:
         _check_choice("--state", state, get_args(EffectName))
     added = cast(tuple[EffectName, ...], tuple(states))
@@ -48,7 +52,7 @@ def resolve_command(
             share = f", {done:.0%}" if done else ""
             bar.update(task, description=f"solving {stage}, sample {seq}{share}")
 
-        resolved = resolve(log, stages, first, last, show, residuals=residuals, states=added)
+        resolved = resolve(log, stages, first, last, show, residuals=residuals, states=added, diagnostics=diagnostics)
     for event_id, values in resolved.messages:
         console.print(sentence(event_text(event_id, values)), highlight=False, markup=False)
     by_stage = {stage: [row.to_json() for row in rows] for stage, rows in resolved.residuals.items()}
@@ -59,7 +63,8 @@ def resolve_command(
         for stage, rows in resolved.residuals.items():
             residual_table(stage, rows)
         result_table(out, resolved.result)
-        unjudged = "in_part" if resolved.missing_data else "without_limits"
+        without = "without_limits" if diagnostics else "parameters"
+        unjudged = "in_part" if resolved.missing_data else without
         inside = "partial" if resolved.result.partial else "passed"
         ending = unjudged if passed is None else inside if passed else "failed"
         out.print(say(f"cli.resolved_{ending}", stages=resolved.result.stages), highlight=False)

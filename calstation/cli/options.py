@@ -31,6 +31,9 @@ StationOption = Annotated[
     Path | None,
     typer.Option(help="Station file or its name; default: the virtual bench.", callback=by_name("stations")),
 ]
+ParametersOnlyOption = Annotated[
+    bool, typer.Option("--parameters-only", help="Leave out the tests of data and model; nothing is judged.")
+]
 ProductOption = Annotated[
     Path | None, typer.Option(help="Product file or its name; default: nav_a.", callback=by_name("products"))
 ]

@@ -100,7 +100,7 @@ def stage_residuals(solution: Solution, data: StageData, rests: RestResiduals) -
 
 def with_misfit(solution: Solution, data: StageData, context: SolveContext) -> Solution:
     """Add to a solution where the innovations are too large, if they fail their test."""
-    if solution.innovations is None or solution.consistency.verdict is not False:
+    if not context.diagnostics or solution.innovations is None or solution.consistency.verdict is not False:
         return solution
     residuals = stage_residuals(solution, data, rest_residuals(data, context, solution.belief))
     if not residuals.rows:

@@ -39,6 +39,8 @@ try:
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
 
+#: Label of solutions without diagnostics, or what ends it, unless another one is given.
+PARAMETERS = "parameters"
 #: Largest number of logs given to the scheduler at a time.
 WINDOW = 1000
 #: Number of times that each local worker is replaced, and time, s, without any answer before the workers are given up.
@@ -68,6 +70,7 @@ class FleetRequest:
     stages: tuple[str, ...] | None = None
     first_seq: int | None = None
     last_seq: int | None = None
+    diagnostics: bool = True  #: False for the parameters only, which are a version of their own.
 
 
 @dataclass
@@ -122,11 +125,14 @@ def resolve_fleet(
     begin = time.monotonic()
     stop = stop or threading.Event()
     changes = load_changes(request.patch, request.label)
-    wanted = Wanted(changes, request.stages, request.first_seq, request.last_seq)
+    wanted = Wanted(changes, request.stages, request.first_seq, request.last_seq, request.diagnostics)
     if request.first_seq is not None and request.last_seq is not None and request.first_seq > request.last_seq:
         raise ConfigurationError("solution.range_reversed", first=request.first_seq, last=request.last_seq)
     if changes.label is None and (wanted.stages, wanted.first_seq, wanted.last_seq) != (None, None, None):
         raise ConfigurationError("fleet.label_needed")
+    if not request.diagnostics and request.label is None:
+        changes = replace(changes, label=PARAMETERS if changes.label is None else f"{changes.label}-{PARAMETERS}")
+        wanted = replace(wanted, changes=changes)
     workers = _workers(request.scheduler)
     engine = connect(request.database)
     try:

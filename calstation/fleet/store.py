@@ -1,5 +1,6 @@
 """Solutions in the shared database: written once each, found again by log or file, and read."""
 
+import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -35,13 +36,17 @@ class Wanted:
     stages: tuple[str, ...] | None = None  #: None for those of the log.
     first_seq: int | None = None  #: None for the start of the log.
     last_seq: int | None = None  #: None for the end of the log.
+    diagnostics: bool = True  #: Whether data and model are tested, or only the parameters solved.
 
     @property
     def columns(self) -> dict[str, Any]:
-        """The columns of the solutions that say what was solved."""
+        """The columns of the solutions that say what was solved; one without diagnostics counts as changed."""
+        changes = self.changes.sha256
         return {
             "version": self.changes.version,
-            "changes_sha256": self.changes.sha256,
+            "changes_sha256": changes
+            if self.diagnostics
+            else hashlib.sha256(f"parameters {changes}".encode()).hexdigest(),
             "first_seq": 0 if self.first_seq is None else self.first_seq,
             "last_seq": -1 if self.last_seq is None else self.last_seq,
             "stages": ",".join(self.stages or ()),

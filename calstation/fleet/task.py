@@ -134,7 +134,8 @@ def _solve(engine: Engine, wanted: Wanted, stored: StoredLog, local: Path, secon
                 number, stamp = there.number, stored.fingerprint or ""
                 _persistently(lambda: set_location(engine, number, stored.location, stamp))
                 return Status(stored.location, "failed" if there.error else "there", there.number, there.error)
-        result = resolve_log(log, meta, wanted.stages, wanted.first_seq, wanted.last_seq).result
+        span = wanted.first_seq, wanted.last_seq
+        result = resolve_log(log, meta, wanted.stages, *span, diagnostics=wanted.diagnostics).result
     except (SQLAlchemyError, OSError, MemoryError):
         raise
     except Exception as exc:  # a mistake of the program must not stop the rest

@@ -37,8 +37,9 @@ class ResolveRecord:
     states_added: tuple[str, ...]  #: States added to the error model of the log.
     software: str  #: Version of the program.
     configuration_sha256: str | None
-    passed: bool | None  #: None if there are no limits.
+    passed: bool | None  #: None if there are no limits, or data and model were not tested.
     difference: OnlineDifference | None  #: None if the log has no result of a run.
+    tested: bool = True  #: Whether data and model were tested; the line has it only if they were not.
 
 
 _RECORD = TypeAdapter(ResolveRecord)
@@ -52,7 +53,10 @@ def resolves_path(folder: Path) -> Path:
 def append_resolve(folder: Path, record: ResolveRecord) -> None:
     """Append a record to the file of a folder. Raises OSError, also if another program keeps the file locked."""
     with locked(folder / ".resolves.lock", _LOCKED_WITHIN):
-        append_line(resolves_path(folder), asdict(record))
+        content = asdict(record)
+        if record.tested:
+            del content["tested"]
+        append_line(resolves_path(folder), content)
 
 
 def read_resolves(folder: Path) -> list[ResolveRecord]:

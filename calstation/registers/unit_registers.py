@@ -85,8 +85,10 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
     corrected by registers is combined with the registers in its log.
 
     Raises InputError if the log is needed but missing, the result has another IMU profile or product, or it was solved
-    with states added for a trial.
+    for its parameters only or with states added for a trial.
     """
+    if not result.tested:
+        raise InputError("transfer.result_untested")
     if result.states_added:
         raise InputError("transfer.result_of_trial", states=", ".join(result.states_added))
     setup = resolve_configuration(request)

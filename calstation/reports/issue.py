@@ -174,6 +174,8 @@ def load_source(path: Path) -> tuple[Result, Log]:
     """Read a result file and open its log, or open a log, which is solved if it has no result. Raises InputError."""
     if path.suffix == ".json":
         result = load_result(path)
+        if not result.tested:
+            raise InputError("report.untested", file=path)
         found = find_log(result, path)
         if found is None:
             raise InputError("report.no_log", file=path, log=result.log.file)

@@ -18,6 +18,7 @@ from calstation.records import (
     NEAR,
     Check,
     CheckKind,
+    Limit,
     LogFacts,
     LogMeta,
     acceptance,
@@ -49,6 +50,7 @@ class Judgement:
     checks: tuple[Check, ...]
     passed: bool | None  #: None if there are no limits.
     not_compared: tuple[str, ...] = ()  #: Parameters with a limit that no stage estimated or determined.
+    tested: bool = True  #: Whether data and model were tested; without that there is no verdict.
 
     def with_more(self, checks: list[Check]) -> "Judgement":
         """Return the judgement with more checks; it fails if one of them does not pass."""
@@ -60,9 +62,8 @@ class Judgement:
 
 def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judgement:
     """Compare the solutions with the limits in the log's configuration; without a solution the unit fails."""
-    limits = meta.product.limits if meta.product is not None else {}
+    limits, near = _limits(meta)
     section = meta.product.checks if meta.product is not None else None
-    near = section.near_miss_beyond if section is not None else NEAR
     compared = check_limits(limits, prior, solutions, near, meta.calibrated, decision_rule(meta))
     found = [_explained(meta, check) for check in compared]
     if section is not None:
@@ -74,6 +75,22 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
         return Judgement(checks, None)
     passed = bool(found) and all(check.passed for check in checks)
     return Judgement(checks, passed, tuple(not_compared(limits, prior, solutions)))
+
+
+def compare_only(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judgement:
+    """Compare values and sigmas of untested solutions with the limits; the unit neither passes nor fails."""
+    limits, near = _limits(meta)
+    checks = check_limits(limits, prior, solutions, near, meta.calibrated, decision_rule(meta))
+    found = tuple(_explained(meta, check) for check in checks if check.kind in ("within", "sigma_below"))
+    return Judgement(found, None, tuple(not_compared(limits, prior, solutions)), tested=False)
+
+
+def _limits(meta: LogMeta) -> tuple[Mapping[str, Limit], float]:
+    """Return the limits of the product, and the fraction of a limit beyond which a value is a near miss."""
+    if meta.product is None:
+        return {}, NEAR
+    checks = meta.product.checks
+    return meta.product.limits, NEAR if checks is None else checks.near_miss_beyond
 
 
 def _with_explanation(checks: list[Check], solutions: Sequence[Solution]) -> list[Check]:
@@ -142,7 +159,7 @@ def build_result(
         "finished_stages": ending.finished_stages,
         "cycle": ending.cycle,
         "table": {name: asdict(found) for name, found in ending.table.items()} if ending.table else None,
-        "latitude_untold": unconfirmed_latitude(meta, solutions),
+        "latitude_untold": unconfirmed_latitude(meta, solutions) if judgement.tested else None,
         "resumed_from": run.resumed_from if run else None,
         "standard_override": run.standard_override if run else None,
         "batch": run.batch if run else None,
@@ -160,9 +177,7 @@ def build_result(
             "unobservable": unobservable(prior, solutions),
             "checks": judgement.checks,
             "not_compared": judgement.not_compared,
-            "conformity": conformity(meta, prior, solutions, judgement.checks),
-            "consistency": {s.stage: StageConsistency.of(s.consistency) for s in solutions},
-            "observability": {s.stage: plain(s.observability) for s in solutions if s.observability},
+            **(_tests(meta, prior, solutions, judgement) if judgement.tested else {"tested": False}),
             "details": {s.stage: plain(s.details) for s in solutions if s.details},
             "outcome": ending.outcome,
             "advice": ending.advice,
@@ -187,6 +202,15 @@ def build_result(
             **{key: value for key, value in optional.items() if value is not None},
         }
     )
+
+
+def _tests(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...], judgement: Judgement) -> dict[str, Any]:
+    """Return the sections of a result that judge its values, or test data and model."""
+    return {
+        "conformity": conformity(meta, prior, solutions, judgement.checks),
+        "consistency": {s.stage: StageConsistency.of(s.consistency) for s in solutions},
+        "observability": {s.stage: plain(s.observability) for s in solutions if s.observability},
+    }
 
 
 def _calibration(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> CalibrationUsed | None:

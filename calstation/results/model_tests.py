@@ -18,12 +18,18 @@ class ModelTests:
         self._effects = EffectTests(prior.sigma, states)
         self._states = bool(states)
 
+    def with_states(self, solution: Solution) -> Solution:
+        """Return the solution of a stage with the effects in the model of the unit, without tests."""
+        if solution.sensitivity is None:
+            return solution
+        self._effects.add(solution.stage, solution.sensitivity, solution.estimated)
+        return self._with_effects(replace(solution, sensitivity=None))
+
     def tested(self, solution: Solution, before: Sequence[Solution], posterior: Belief) -> Solution:
         """Return a solution with its tests; `before` are the stages before, and `posterior` is that of the last one."""
         tests = [*solution.tests, *_convergence(solution)]
         if solution.sensitivity is not None:
-            self._effects.add(solution.stage, solution.sensitivity, solution.estimated)
-            solution = self._with_effects(replace(solution, sensitivity=None))
+            solution = self.with_states(solution)
             harmful, harmless = effect_tests(self._effects.found(solution.belief))
             solution = replace(solution, explanation=harmless)
             tests += [harmful] if harmful else []

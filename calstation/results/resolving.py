@@ -30,9 +30,9 @@ from calstation.records import (
 )
 from calstation.results.diagnostics import stage_diagnostics
 from calstation.results.history import History
-from calstation.results.judgement import Ending, build_result, judge, solved_parameters
+from calstation.results.judgement import Ending, build_result, compare_only, judge, solved_parameters
 from calstation.results.result import SCHEMA, DamagedRange, Result, load_result, online_difference
-from calstation.results.solver_chain import SolveProgress, one_blas_thread, solve
+from calstation.results.solver_chain import SolveProgress, StageChain, one_blas_thread, solve
 
 
 def warm_up() -> None:
@@ -60,13 +60,15 @@ def resolve(
     *,
     residuals: bool = False,
     states: tuple[EffectName, ...] = (),
+    diagnostics: bool = True,
 ) -> Resolved:
     """Solve a log, or a CSV with its TOML, between two sequence numbers (both included, unwrapped).
 
     Without `stages`, stages of the log that lack data are skipped; the result can then fail but not pass. Damaged rows
     are treated as gaps and reported by the message ``log_damaged``. `progress` is called periodically. With
     `residuals`, the log is read a second time for the residuals per rest and move. `states` are estimated beside those
-    of the log's model; the result then says so and is not checked against the stored one.
+    of the log's model; the result then says so and is not checked against the stored one. Without `diagnostics`, only
+    the parameters are solved, bit for bit the same; the result then has no verdict.
 
     The solution is recorded beside the log; if that fails, the message ``resolve_unrecorded`` says so.
 
@@ -74,7 +76,9 @@ def resolve(
     """
     log = open_log(path)
     meta, added = _with_states(log.meta, states)
-    resolved = resolve_log(log, meta, stages, first_seq, last_seq, progress, residuals=residuals, added=added)
+    resolved = resolve_log(
+        log, meta, stages, first_seq, last_seq, progress, residuals=residuals, added=added, diagnostics=diagnostics
+    )
     try:
         append_resolve(path.absolute().parent, _record_of(path, resolved.result, stored_result(log)))
     except OSError as exc:
@@ -94,6 +98,7 @@ def resolve_log(
     *,
     residuals: bool = False,
     added: Sequence[EffectName] = (),
+    diagnostics: bool = True,
 ) -> Resolved:
     """Solve an open log like `resolve`, but record nothing, with a configuration that may differ from the log's.
 
@@ -105,13 +110,14 @@ def resolve_log(
     if first_seq is not None and last_seq is not None and first_seq > last_seq:
         raise ConfigurationError("solution.range_reversed", first=first_seq, last=last_seq)
     _check_range(log, first_seq, last_seq)
-    chain = solve(lambda: log.blocks(first_seq, last_seq), meta, stages, source=log.path, progress=progress)
+    chain = StageChain(meta, diagnostics=diagnostics)
+    solve(lambda: log.blocks(first_seq, last_seq), meta, stages, source=log.path, progress=progress, chain=chain)
     facts = log.facts()
     if log.damaged_rows and stages is None and first_seq is None and last_seq is None:
         _check_complete(log, [*(solution.stage for solution in chain.solutions), *chain.missing_data])
     solutions, missing = tuple(chain.solutions), chain.missing_data
-    judgement = judge(meta, chain.prior, solutions)
-    section = meta.product.checks if meta.product is not None else None
+    judgement = (judge if diagnostics else compare_only)(meta, chain.prior, solutions)
+    section = meta.product.checks if meta.product is not None and diagnostics else None
     stored = stored_result(log)
     if section is not None and stored is not None and meta == log.meta:
         both = (solved_parameters(solutions), stored.parameters)
@@ -125,7 +131,7 @@ def resolve_log(
     ending = Ending("resolved", str(log.path), facts, first_seq=first_seq, last_seq=last_seq, table=table)
     result = build_result(meta, chain.prior, solutions, judgement, ending)
     messages = [(key, dict(values)) for solution in solutions for key, values in solution.messages]
-    unconfirmed = unconfirmed_latitude(meta, solutions)
+    unconfirmed = unconfirmed_latitude(meta, solutions) if diagnostics else None
     if unconfirmed is not None:
         messages.append(("latitude_untold", unconfirmed))
     if contradiction is not None:
@@ -162,6 +168,7 @@ def _record_of(path: Path, result: Result, stored: Result | None) -> ResolveReco
         software=__version__,
         configuration_sha256=result.configuration_sha256,
         passed=result.passed,
+        tested=result.tested,
         difference=None if stored is None else online_difference(result, stored),
     )
 

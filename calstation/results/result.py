@@ -217,7 +217,9 @@ class Result(_Section):
     stages: list[str]  #: Solved stages.
     #: Whether the run, or the solution of its log, omitted stages of the product.
     partial: bool = Field(default=False, validation_alias=AliasChoices("partial", "part"))
-    passed: bool | None = None  #: None if there are no limits.
+    passed: bool | None = None  #: None if there are no limits, or data and model were not tested.
+    #: Whether data and model were tested; False for a log solved again for its parameters only, which has no verdict.
+    tested: bool = True
     parameters: dict[str, Parameter]
     #: Correlation coefficients of the 30 parameters that were solved, by name; 0 for pairs that are not listed.
     correlation: dict[str, dict[str, float]] = Field(default_factory=dict)

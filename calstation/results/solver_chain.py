@@ -44,11 +44,16 @@ def one_blas_thread() -> Iterator[None]:
 
 
 class StageChain:
-    """Solves stages in order, each with the joint posterior of the previous one as its prior."""
+    """Solves stages in order, each with the joint posterior of the previous one as its prior.
 
-    def __init__(self, meta: LogMeta) -> None:
-        self._meta = meta
-        self._context = context_from_meta(meta)
+    Without `diagnostics`, the solutions have the same parameters, but nothing that only tests data and model.
+    """
+
+    def __init__(self, meta: LogMeta, *, diagnostics: bool = True) -> None:
+        self._meta, self._diagnostics = meta, diagnostics
+        states = meta.model.states if meta.model is not None else ()
+        # states of the model are estimated from the response to them
+        self._context = replace(context_from_meta(meta), diagnostics=diagnostics or bool(states))
         self.prior = prior_from_meta(meta)
         #: Posterior of the last completed stage without the error of gravity, which no stage can reduce.
         self.belief = self.prior
@@ -62,14 +67,14 @@ class StageChain:
         self._lacks_gyros = False
         self._stage = ""
         checks = meta.product.checks if meta.product is not None else None
-        self._gather = checks is not None and checks.need_samples
+        self._gather = diagnostics and checks is not None and checks.need_samples
         self._data_checks = DataChecks(meta, self._context)
         offset, matrix = composition(meta.registers)
         #: Parameters that compensate the effect of the registers, which leaves the uncalibrated output.
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
         imu = self._context.imu
-        self._model = ModelTests(self.prior, meta.model.states if meta.model is not None else ())
-        self._resting = RestOutput(imu) if resolves_earth_rate(imu) else None
+        self._model = ModelTests(self.prior, states)
+        self._resting = RestOutput(imu) if diagnostics and resolves_earth_rate(imu) else None
         self._table_rests: list[TableRests] = []
 
     def warm(self) -> None:
@@ -112,24 +117,32 @@ class StageChain:
         except np.linalg.LinAlgError as exc:
             what = Text.of("solution.diverged", detail=str(exc))
             raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
-        samples = self._solver.spool.block()
+        samples = self._solver.spool.block() if self._diagnostics else None
         self._solver = None
+        solved = solution.belief
+        if samples is not None:
+            solution = self._tested(solution, samples)
+        else:
+            solution = replace(self._model.with_states(solution), observability={}, tests=())
+        self._gravity = gravity_sensitivity(self._solved, solved, solution.estimated, self._gravity)
+        self._solved, self.belief = solved, solution.belief
+        gravity = self._context.site.relative_gravity_sigma
+        solution = replace(solution, belief=with_gravity(self.belief, self._gravity, gravity))
+        self.solutions.append(solution)
+        return solution
+
+    def _tested(self, solution: Solution, samples: SampleBlock) -> Solution:
+        """Return a solution with what its samples show beside the parameters."""
         data = stage_data([samples], self._context.imu)
         if self._gather:
             found = gather(self._stage, data, self._context, self._uncalibrated, solution.belief.mean)
             solution = replace(solution, evidence=found)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))
-        self._gravity = gravity_sensitivity(self._solved, solution.belief, solution.estimated, self._gravity)
-        self._solved = solution.belief
         solution = self._model.tested(solution, self.solutions, self.belief)
         solution = self._data_checks.checked(solution, samples, data)
-        self.belief = solution.belief
         if not data.joints.size:  # a gimbal has three joints, and no base that stays in its place
-            self._table_rests.append(table_rests(data, self._context, self.belief))
-        gravity = self._context.site.relative_gravity_sigma
-        solution = replace(solution, belief=with_gravity(self.belief, self._gravity, gravity))
-        self.solutions.append(solution)
+            self._table_rests.append(table_rests(data, self._context, solution.belief))
         return solution
 
     def table(self) -> dict[str, TableQuantity]:

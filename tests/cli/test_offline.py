@@ -29,6 +29,21 @@ def test_json_on_standard_output_is_nothing_but_json(calstation: Callable[..., D
     assert abs(done.json["parameters"]["accel_scale_x"]["value"]) < 1e-3
 
 
+def test_parameters_alone_are_not_judged(calstation: Callable[..., Done], tmp_path: Path) -> None:
+    log = write_log(tmp_path, six_position_rows())
+    done = calstation("resolve", log, "--parameters-only")
+    assert done.code == 0, done.err
+    assert "accel_scale_x" in done.out
+    assert "Parameters only: not judged, since data and model were not tested." in done.out
+    alone = calstation("resolve", log, "--parameters-only", "--json", "-").json
+    full = calstation("resolve", log, "--json", "-").json
+    assert (alone["tested"], alone["passed"], alone["checks"]) == (False, None, [])
+    assert alone["parameters"] == full["parameters"]
+    done = calstation("resolve", log, "--parameters-only", "--residuals")
+    assert done.code == 2
+    assert "--residuals needs the full solution" in done.err
+
+
 def test_a_solution_is_recorded_or_a_message_says_why_not(calstation: Callable[..., Done], tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     assert calstation("resolve", log, "--from", 10).code == 0

@@ -7,10 +7,10 @@ from calstation.fleet import task
 from calstation.results import resolve_log
 
 
-def _resolve_log(log, *arguments):
+def _resolve_log(log, *arguments, **more):
     if log.meta.imu.serial == "SN-00002":
         os.kill(os.getpid(), signal.SIGKILL)
-    return resolve_log(log, *arguments)
+    return resolve_log(log, *arguments, **more)
 
 
 task.resolve_log = _resolve_log

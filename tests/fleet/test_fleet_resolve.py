@@ -15,6 +15,7 @@ import pytest
 from distributed.core import Status
 from sqlalchemy import create_engine, func, select
 
+from calstation import __version__
 from calstation.database import solutions
 from calstation.errors import ConfigurationError, InputError
 from calstation.fleet import FleetRequest, FleetSummary, resolve_fleet, resolving, solved_results
@@ -72,6 +73,24 @@ def test_solutions_are_those_of_resolve_and_made_once(logs: list[Path], url: str
     assert rows(url) == 6
     assert counts(resolve_fleet(request_of(logs[:1], url, label="part", stages=("designed",)))) == (1, 0, 0)
     assert rows(url) == 7
+
+
+def test_parameters_alone_are_a_version_of_their_own(logs: list[Path], tmp_path: Path, calstation: Run) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    command = ("fleet", "resolve", logs[0], "--database", url, "--scheduler", "local:1")
+    done = calstation(*command, "--parameters-only", "--json", "-")
+    assert done.code == 0
+    assert done.json["version"] == f"{__version__}+parameters"
+    assert done.json["results"] == [resolve(logs[0], diagnostics=False).result.to_json()]
+    assert "Parameters only: not judged, since data and model were not tested." in " ".join(done.err.split())
+    (tmp_path / "gravity.toml").write_text("[site]\ngravity_sigma_mps2 = 1e-4\n")
+    patch = ("--patch", tmp_path / "gravity.toml")
+    done = calstation(*command, "--parameters-only", *patch, "--json", "-")
+    assert done.json["version"] == f"{__version__}+gravity-parameters"
+    with raises_code(ConfigurationError, "fleet.label_used"):
+        resolve_fleet(request_of(logs[0], url, label="parameters"))
+    with raises_code(ConfigurationError, "fleet.label_needed"):
+        resolve_fleet(request_of(logs[0], url, diagnostics=False, stages=("designed",)))
 
 
 def test_damaged_logs_are_recorded_as_failed_and_the_rest_is_solved(logs: list[Path], tmp_path: Path) -> None:

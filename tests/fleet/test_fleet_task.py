@@ -1,5 +1,6 @@
 """The solutions of single logs, without workers: failures count for their log, and only lasting ones are stored."""
 
+import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from calstation.errors import InputError
 from calstation.fleet import compare, task
 from calstation.fleet.changes import Changes
 from calstation.fleet.sources import StoredLog
-from calstation.fleet.store import Wanted, label_used
+from calstation.fleet.store import Wanted, find_solution, label_used
 from calstation.records import open_log, write_log
 from tests.helpers import ignore_progress
 
@@ -41,7 +42,7 @@ def column(url: str, name: str) -> list[Any]:
 def fails(error: Exception) -> Any:
     """A solver that fails."""
 
-    def resolve_log(*arguments: object) -> None:
+    def resolve_log(*arguments: object, **more: object) -> None:
         raise error
 
     return resolve_log
@@ -96,6 +97,35 @@ def test_lack_of_memory_is_not_stored(logs: list[Path], tmp_path: Path, monkeypa
     status = task.solve_stored_log(task.Assignment(url, BEFORE), StoredLog(str(logs[0]), "stamp"))
     assert (status.outcome, status.error["error_code"]) == ("unreachable", "fleet.no_memory")
     assert column(url, "outcome") == []
+
+
+def test_parameters_alone_are_never_taken_for_a_full_solution(
+    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    assert solve(url, BEFORE, logs[0]).outcome == "solved"
+    alone = replace(AFTER, diagnostics=False)
+    assert [solve(url, alone, logs[0]).outcome for _ in range(2)] == ["solved", "there"]
+    engine = connect(url)
+    assert label_used(engine, AFTER)
+    assert label_used(engine, replace(BEFORE, diagnostics=False))
+    key = column(url, "log_sha256")[0], column(url, "configuration_sha256")[0]
+    assert find_solution(engine, BEFORE, *key) is not None
+    assert find_solution(engine, replace(BEFORE, diagnostics=False), *key) is None
+    assert find_solution(engine, AFTER, *key) is None
+    engine.dispose()
+    results = [json.loads(text) for text in column(url, "result")]
+    assert [result.get("tested") for result in results] == [None, False]
+    full, alone_passed = column(url, "passed")
+    assert full is not None
+    assert alone_passed is None
+    found = compare(ignore_progress, url, BEFORE.changes.version, AFTER.changes.version)
+    assert [set(row) for row in found.verdicts.values()] == [{"unjudged"}]
+    assert not found.pass_to_fail
+    assert not found.fail_to_pass
+    assert {move.largest for move in found.moves.values()} == {0.0}
+    assert len(found.moves) == 30
 
 
 def test_a_label_stands_for_one_range_and_one_set_of_stages(logs: list[Path], tmp_path: Path) -> None:

@@ -150,6 +150,20 @@ def test_a_result_of_another_profile_is_not_offered_to_the_unit(known: Known) ->
         wanted_registers(ignore_progress, known.site_folder.request(), Result.from_json(result))
 
 
+def test_registers_are_not_written_from_parameters_that_were_not_judged(known: Known) -> None:
+    result = {
+        "unit": {"serial": SERIAL},
+        "parameters": {"gyro_bias_x": {"value": 1e-6, "sigma": 0.0}},
+        "tested": False,
+        "schema": "calstation.result/1",
+        "stages": [],
+        "outcome": "resolved",
+        "log": {"file": ""},
+    }
+    with raises_code(InputError, "transfer.result_untested"):
+        wanted_registers(ignore_progress, known.site_folder.request(), Result.from_json(result))
+
+
 def test_the_largest_change_is_the_largest_part_of_what_is_expected(known: Known) -> None:
     old = {"gyro_bias_x": 0.0, "gyro_scale_x": 0.0, "accel_bias_x": 1e-3}
     new = {"gyro_bias_x": 2e-5, "gyro_scale_x": 2e-3, "accel_bias_x": 1.1e-3}

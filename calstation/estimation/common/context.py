@@ -124,6 +124,8 @@ class SolveContext:
     imu: ImuModel
     table: TableModel
     secondaries: tuple[Secondary, ...] = ()
+    #: Whether to compute, beside the estimate, what tests data and model: observability, response to effects, misfits.
+    diagnostics: bool = True
 
 
 @dataclass(frozen=True)

@@ -144,9 +144,14 @@ class NavigationStage:
             estimated=self.estimated,
             consistency=nis_consistency(float(np.sum(nis)), len(nis), 3),
             gaps=data.gaps,
-            observability=observability_analysis(data, result.history, context, self.prior, result.point),
             details={"passes": result.passes, "segments": len(result.starts)},
             messages=tuple(messages),
+        )
+        if not context.diagnostics:
+            return solution
+        solution = replace(
+            solution,
+            observability=observability_analysis(data, result.history, context, self.prior, result.point),
             innovations=Innovations(data.seq[result.history.index - 1], result.history.innovation),
             tests=noise_tests(self.context, context, measured),
             sensitivity=self._sensitivity(data, context, mask, result),

@@ -45,7 +45,7 @@ class PositionFit:
     force_residual: FloatArray  #: Force residuals of the rests, m/s², shape (n, 3).
     turn_residual: FloatArray  #: Rotation residuals of the motions, rad, shape (m, 3).
     converged: bool  #: Whether the last iteration made no significant change.
-    sensitivity: Sensitivity  #: Response to effects outside the model.
+    sensitivity: Sensitivity | None  #: Response to effects outside the model; None without diagnostics.
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,9 @@ def fit_positions(
         force_residual=force,
         turn_residual=turn,
         converged=best.converged,
-        sensitivity=position_sensitivity(problem, first, best.point, best.attitudes, best.north, estimated),
+        sensitivity=position_sensitivity(problem, first, best.point, best.attitudes, best.north, estimated)
+        if context.diagnostics
+        else None,
     )
 
 
