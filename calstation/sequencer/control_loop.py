@@ -81,8 +81,12 @@ class ControlLoop:
             raise PauseRequested
 
     def feed_watchdog(self) -> None:
-        """Feed the table's watchdog every quarter of its timeout (host time) and service the logs."""
+        """Service the logs and feed the table's watchdog."""
         self.units.each(Unit.service)
+        self.feed_table()
+
+    def feed_table(self) -> None:
+        """Feed the table's watchdog every quarter of its timeout (host time)."""
         now = time.monotonic()
         if self.status.watchdog > 0.0 and now - self._fed > 0.25 * self.status.watchdog:
             with self.units.of_table():

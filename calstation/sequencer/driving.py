@@ -214,19 +214,30 @@ class Driving:
         return {}
 
     def run_in_background(self, work: Callable[[], Any]) -> Any:
-        """Run uninterruptible `work` in a thread while feeding the table's watchdog; return its result."""
+        """Run uninterruptible `work` in a thread while feeding the table's watchdog; return its result.
+
+        The watchdog is fed until the work is done even if there is an error meanwhile, which is raised then.
+        """
+        errors: list[CalstationError] = []
         self._abandoned.clear()
         with ThreadPoolExecutor(1, "background") as worker:
             job = worker.submit(work)
             try:
                 while not job.done():
                     self._context.clock.idle(POLL)
-                    self.control_loop.feed_watchdog()
+                    try:
+                        self.control_loop.feed_table()
+                        self.units.each(Unit.service)
+                    except CalstationError as error:
+                        errors.append(error)
+                        self._abandoned.set()
                     self._context.control.take()
             except BaseException:
                 self._abandoned.set()
                 raise
-            return job.result()
+        if errors:
+            raise errors[0]
+        return job.result()
 
     def _check_abandoned(self) -> None:
         """Raise StopRequested in the background thread if its result is no longer wanted."""

@@ -119,7 +119,7 @@ class Units:
         self.stamps = Stamps(max(steps, default=0))
         self._active = [Unit(context, slot, self.stamps) for slot in context.slots]
         self._served: Unit | None = None
-        self._table_error: CalstationError | None = None
+        self._table_errors: list[CalstationError] = []
         # The result of a unit that leaves is written beside the control loop, which feeds the table's watchdog.
         self._worker = ThreadPoolExecutor(1, "leaving")
         self._ends: list[Future[None]] = []
@@ -159,7 +159,7 @@ class Units:
         try:
             yield
         except CalstationError as error:
-            if error is self._table_error:
+            if error in self._table_errors:
                 raise
             self._served = before
             self.leave(unit, error)
@@ -172,7 +172,7 @@ class Units:
         try:
             yield
         except CalstationError as error:
-            self._table_error = error
+            self._table_errors.append(error)
             raise
 
     def leave(self, unit: Unit, error: CalstationError) -> None:

@@ -1,6 +1,7 @@
 """Several units on one table: a unit that fails leaves, the others go on; a fault of the table ends all."""
 
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -690,3 +691,57 @@ def test_a_result_that_cannot_be_written_does_not_keep_the_others_from_theirs() 
 def test_a_single_run_tells_its_end_once() -> None:
     scene = Scene()
     assert scene.run(after=LastSample(10, 1.0, 2)).state is State.PASSED
+
+
+def test_the_table_is_fed_until_a_transfer_is_done_whose_log_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    batch = Batch(2)
+    bad, good = batch.units
+    batch.table.watchdog = 1e-3
+    beats: list[int] = []
+
+    def fail() -> None:
+        raise ConfigurationError("log.not_written", file="a.h5", reason="")
+
+    def write() -> None:
+        """Take until the table was fed twice after the log has failed."""
+        monkeypatch.setattr(bad.journal, "service", fail)
+        for _ in range(2):
+            before = batch.table.beats
+            deadline = time.monotonic() + 30.0
+            while batch.table.beats == before and time.monotonic() < deadline:
+                time.sleep(2e-3)
+            beats.append(batch.table.beats - before)
+        bad.done.append("transfer")
+
+    bad.transfer = lambda run_in_background: run_in_background(write)  # type: ignore[method-assign]
+    assert batch.run() is State.FAILED
+    assert all(beats)
+    assert bad.done == ["judge", "read", "transfer"]
+    assert (bad.end.state, bad.code) == (State.FAULT, "log.not_written")
+    assert good.end.state is State.PASSED
+
+
+def test_a_table_that_is_lost_during_a_transfer_is_no_fault_of_the_unit() -> None:
+    batch = Batch(2)
+    first = batch.units[0]
+    batch.table.watchdog = 1e-3
+    asked: list[int] = []
+    heartbeat = batch.table.heartbeat
+
+    def count() -> None:
+        asked.append(1)
+        heartbeat()
+
+    def write() -> None:
+        batch.table.dead = True
+        before = len(asked)
+        deadline = time.monotonic() + 30.0
+        while len(asked) < before + 3 and time.monotonic() < deadline:
+            time.sleep(2e-3)
+
+    batch.table.heartbeat = count  # type: ignore[method-assign]
+    first.transfer = lambda run_in_background: run_in_background(write)  # type: ignore[method-assign]
+    assert batch.run() is State.FAULT
+    assert [(fault.slot, fault.code) for fault in batch.of(Fault)] == [("", "link.lost")]
+    assert [unit.end.state for unit in batch.units] == [State.FAULT] * 2
+    assert batch.ids("unit_left") == []
