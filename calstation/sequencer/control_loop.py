@@ -74,6 +74,12 @@ class ControlLoop:
         if self.watchful:
             self._check_data()
 
+    def check_table(self) -> None:
+        """Poll the table without draining samples. Raises DeviceFaultError for a fault of the table."""
+        with self.units.of_table():
+            self.status = self.context.table.status()
+            self._check_table()
+
     def check_cancelled(self) -> None:
         """Process the operator's commands. Raises StopRequested or PauseRequested."""
         self.context.control.check_cancelled()

@@ -87,6 +87,8 @@ class Sequencer:
                 writing.append(unit)
 
         def transfer(unit: Unit) -> None:
+            if units.in_batch:  # the table was not polled while the units before were read or written
+                drive.control_loop.check_table()
             _evaluation(unit).transfer(background)
             unit.unproved = True
 

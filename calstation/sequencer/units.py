@@ -134,6 +134,11 @@ class Units:
         return unit in self._active
 
     @property
+    def in_batch(self) -> bool:
+        """Whether the run began with several units."""
+        return len(self._context.slots) > 1
+
+    @property
     def first(self) -> Unit:
         """The first unit, which is the only one on a manual rig, on a gimbal and of a register operation."""
         return self._active[0]

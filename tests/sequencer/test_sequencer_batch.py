@@ -745,3 +745,21 @@ def test_a_table_that_is_lost_during_a_transfer_is_no_fault_of_the_unit() -> Non
     assert [(fault.slot, fault.code) for fault in batch.of(Fault)] == [("", "link.lost")]
     assert [unit.end.state for unit in batch.units] == [State.FAULT] * 2
     assert batch.ids("unit_left") == []
+
+
+def test_nothing_more_is_written_after_a_fault_of_the_table() -> None:
+    batch = Batch(4)
+    first = batch.units[0]
+    write = first.transfer
+
+    def transfer(run_in_background: Any) -> None:
+        write(run_in_background)
+        batch.table.fault = "interlock"
+
+    first.transfer = transfer  # type: ignore[method-assign]
+    assert batch.run() is State.FAULT
+    assert batch.order == ["S1"]
+    assert [unit.end.state for unit in batch.units] == [State.FAULT] * 4
+    assert {unit.code for unit in batch.units} == {"table.latched_interlock"}
+    assert batch.ids("transfer_unproved") == ["S1"]
+    assert [(fault.slot, fault.code) for fault in batch.of(Fault)] == [("", "table.latched_interlock")]
