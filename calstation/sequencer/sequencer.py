@@ -1,7 +1,7 @@
 """Runs a calibration from preparation to verdict; every exit path leaves the table at rest with its axes off."""
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import TypeVar
@@ -59,8 +59,7 @@ class Sequencer:
         self._finalize()
         if not self._context.task.by_hand:
             drive.finish()
-        everyone = len(self._units) == len(self._context.slots) and all(unit.passed for unit in self._units)
-        return State.PASSED if everyone else State.FAILED
+        return State.PASSED if self._units.all_passed else State.FAILED
 
     def _verify_earlier(self) -> None:
         """Verify registers that were written before the run."""
@@ -97,6 +96,8 @@ class Sequencer:
             _evaluation(unit).verify(data[unit], background)
 
         self._compute_for_each(judge)
+        if units.in_batch:
+            self._dismiss(unit for unit in units if unit not in writing)
         if not units.of(writing):
             return
         self._context.emit(Message("reference"))
@@ -108,11 +109,18 @@ class Sequencer:
                 self._context.emit(Message("verifying"))
                 data = drive.verification_data(written)
                 units.each(verify, data)
+                if units.in_batch:
+                    self._dismiss(units.of(data))
         except (StopRequested, CalstationError):
             for unit in units:
                 if unit.unproved:
                     unit.emit(Message("transfer_unproved"))
             raise
+
+    def _dismiss(self, units: Iterable[Unit]) -> None:
+        """Dismiss units with which nothing more is done, so that no later fault changes their result."""
+        for unit in units:
+            self._units.dismiss(unit, State.PASSED if unit.passed else State.FAILED)
 
     def _check_plans(self) -> None:
         """Check every move of every plan against the limits before anything moves."""

@@ -118,6 +118,7 @@ class Units:
         steps = [slot.after.step + 1 for slot in context.slots if slot.after is not None]
         self.stamps = Stamps(max(steps, default=0))
         self._active = [Unit(context, slot, self.stamps) for slot in context.slots]
+        self._all = tuple(self._active)
         self._served: Unit | None = None
         self._table_errors: list[CalstationError] = []
         # The result of a unit that leaves is written beside the control loop, which feeds the table's watchdog.
@@ -137,6 +138,11 @@ class Units:
     def in_batch(self) -> bool:
         """Whether the run began with several units."""
         return len(self._context.slots) > 1
+
+    @property
+    def all_passed(self) -> bool:
+        """Whether every unit with which the run began has passed."""
+        return all(unit.passed for unit in self._all)
 
     @property
     def first(self) -> Unit:
@@ -198,6 +204,7 @@ class Units:
     def dismiss(self, unit: Unit, state: State, error: CalstationError | None = None) -> None:
         """Remove a unit from the run and write its result."""
         self._active.remove(unit)
+        unit.passed = state is State.PASSED
         self._context.left.add(unit.slot.name)
         evaluation = unit.slot.evaluation
         if evaluation is not None:

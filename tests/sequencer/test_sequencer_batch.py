@@ -763,3 +763,45 @@ def test_nothing_more_is_written_after_a_fault_of_the_table() -> None:
     assert {unit.code for unit in batch.units} == {"table.latched_interlock"}
     assert batch.ids("transfer_unproved") == ["S1"]
     assert [(fault.slot, fault.code) for fault in batch.of(Fault)] == [("", "table.latched_interlock")]
+
+
+def test_a_unit_that_failed_its_limits_stays_failed_if_its_port_is_lost_while_others_are_verified() -> None:
+    batch = Batch(3)
+    failed = batch.units[1]
+    failed.passes = False
+    batch.on(Message, 0.5, loses_its_port(failed), "verifying")
+    assert batch.run() is State.FAILED
+    assert [unit.end.state for unit in batch.units] == [State.PASSED, State.FAILED, State.PASSED]
+    assert [len(unit.proved) for unit in batch.units] == [1, 0, 1]
+    assert batch.of(Fault) == []
+
+
+@pytest.mark.parametrize("writes", [True, False])
+def test_a_unit_that_passed_stays_passed_if_its_port_is_lost_on_the_way_to_the_load_position(writes: bool) -> None:
+    batch = Batch(2)
+    batch.task = replace(batch.task, load_angle=(1.0, 0.0))
+    for unit in batch.units:
+        unit.writes = writes
+    batch.on(Message, 0.01, loses_its_port(batch.units[0]), "finishing")
+    assert batch.run() is State.PASSED
+    assert [unit.end.state for unit in batch.units] == [State.PASSED] * 2
+    assert batch.table.commands[-1] == "disable"
+    assert batch.of(Fault) == []
+
+
+def test_a_fault_of_the_table_after_the_verification_takes_no_verdict_back() -> None:
+    batch = Batch(2)
+    batch.task = replace(batch.task, load_angle=(1.0, 0.0))
+    batch.on(Message, 0.0, lambda: setattr(batch.table, "fault", "drive"), "finishing")
+    for unit in batch.units:
+        unit.writes = False
+    assert batch.run() is State.FAULT
+    assert [unit.end.state for unit in batch.units] == [State.PASSED] * 2
+    assert [(fault.slot, fault.code) for fault in batch.of(Fault)] == [("", "table.latched_drive")]
+
+
+def test_a_unit_that_passed_and_left_afterwards_is_not_counted_as_passed() -> None:
+    batch = Batch(2)
+    batch.on(Message, 9.0, loses_its_port(batch.units[0]), "verifying")
+    assert batch.run() is State.FAILED
+    assert [unit.end.state for unit in batch.units] == [State.FAULT, State.PASSED]
