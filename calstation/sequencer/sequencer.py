@@ -1,9 +1,8 @@
 """Runs a calibration from preparation to verdict; every exit path leaves the table at rest with its axes off."""
 
 import logging
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future
 from typing import TypeVar
 
 from calstation.errors import CalstationError
@@ -36,20 +35,21 @@ class Sequencer:
 
     def run(self) -> None:
         """Prepare, run every stage, judge and write the registers; see `Driving.run` for errors."""
-        error = self._drive.run(self._calibrate)
+        try:
+            error = self._drive.run(self._calibrate)
+        finally:
+            self._units.wait_for_results()
         self._units.close(self._drive.state, error)
 
     def _calibrate(self) -> State:
         """Do everything from preparation to the load position with the axes off; return PASSED or FAILED."""
         drive = self._drive
         drive.go(State.PREPARING)
-        with _worker("warm-up") as worker:
-            warm = [worker.submit(_solving(unit).warm) for unit in self._units]
+        with self._units.jobs(lambda unit: _solving(unit).warm()) as warm:
             drive.begin()
             self._check_plans()
             drive.preflight()
-            for job in warm:
-                self._wait_for(job)
+            self._units.each(lambda unit: self._wait_for(warm[unit]))
         drive.go(State.RUNNING)
         self._verify_earlier()
         for index, stage in enumerate(self._context.task.stages, start=self._solved_before):
@@ -150,8 +150,7 @@ class Sequencer:
         drive.runner.gimbal.restore()
         self._track = None
         emit(StageEnded(stage.name, reason, rounds))
-        with _worker("solver") as worker:
-            jobs = {unit: worker.submit(_solving(unit).finish) for unit in self._units}
+        with self._units.jobs(lambda unit: _solving(unit).finish()) as jobs:
             self._units.each(lambda unit: self._solved(unit, jobs[unit]))
         passed = {}
 
@@ -250,16 +249,6 @@ class Sequencer:
                 control_loop.feed_watchdog()
                 control_loop.check_cancelled()
         return job.result()
-
-
-@contextmanager
-def _worker(name: str) -> Iterator[ThreadPoolExecutor]:
-    """Provide a worker that does one job after the other; leaving the context does not wait for the current one."""
-    worker = ThreadPoolExecutor(1, name)
-    try:
-        yield worker
-    finally:
-        worker.shutdown(wait=False, cancel_futures=True)
 
 
 def _solving(unit: Unit) -> Solving:

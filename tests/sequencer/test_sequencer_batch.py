@@ -805,3 +805,82 @@ def test_a_unit_that_passed_and_left_afterwards_is_not_counted_as_passed() -> No
     batch.on(Message, 9.0, loses_its_port(batch.units[0]), "verifying")
     assert batch.run() is State.FAILED
     assert [unit.end.state for unit in batch.units] == [State.FAULT, State.PASSED]
+
+
+def test_the_result_of_a_unit_that_leaves_is_written_after_its_solver_is_done() -> None:
+    batch = Batch(2)
+    lost, good = batch.units
+    begun, left, done = threading.Event(), threading.Event(), threading.Event()
+    seen: list[bool] = []
+    finish, ended = lost.solving.finish, lost.ended
+
+    def solve(progress: Any = None) -> Solution:
+        begun.set()
+        assert left.wait(30.0)
+        time.sleep(0.05)
+        done.set()
+        return finish()
+
+    def let_time_pass(seconds: float) -> None:
+        """As on hardware: samples are drained while the unit is solved."""
+        if begun.is_set() and not done.is_set():
+            loses_its_port(lost)()
+            batch.clock.time += 0.05
+
+    def end(told: Ended) -> None:
+        seen.append(done.is_set())
+        ended(told)
+
+    emit = batch._take
+
+    def take(event: Event) -> None:
+        emit(event)
+        if isinstance(event, Message) and event.id == "unit_left":
+            left.set()
+
+    batch._take = take  # type: ignore[method-assign]
+    lost.solving.finish, lost.ended, batch.clock.idle = solve, end, let_time_pass  # type: ignore[method-assign]
+    assert batch.run() is State.FAILED
+    assert seen == [True]
+    assert (lost.code, good.end.state) == ("link.lost", State.PASSED)
+
+
+def test_a_mistake_of_the_program_leaves_the_result_of_a_unit_that_has_left() -> None:
+    batch = Batch(2)
+    lost, other = batch.units
+    mistaken = threading.Event()
+    ended = lost.ended
+
+    def end(told: Ended) -> None:
+        assert mistaken.wait(30.0)
+        time.sleep(0.05)
+        ended(told)
+
+    def ranking() -> None:
+        if batch.ids("unit_left"):
+            mistaken.set()
+            raise RuntimeError("mistake")
+
+    lost.ended, other.solving.ranking = end, ranking  # type: ignore[method-assign]
+    batch.on(StageStarted, 1.0, loses_its_port(lost))
+    with pytest.raises(RuntimeError, match="mistake"):
+        batch.run()
+    assert (lost.end.state, lost.code) == (State.FAULT, "link.lost")
+    assert other.ends == []
+
+
+def test_a_unit_that_leaves_before_its_solver_is_warm_does_not_end_the_run() -> None:
+    batch = Batch(3)
+    first, bad, _ = batch.units
+    ended, over = bad.ended, threading.Event()
+
+    def end(told: Ended) -> None:
+        ended(told)
+        over.set()
+
+    bad.imu.upside_down = True
+    first.solving.warm = lambda: over.wait(30.0)  # type: ignore[assignment, method-assign, return-value]
+    bad.ended = end  # type: ignore[method-assign]
+    assert batch.run() is State.FAILED
+    assert over.is_set()
+    assert [unit.end.state for unit in batch.units] == [State.PASSED, State.FAULT, State.PASSED]
