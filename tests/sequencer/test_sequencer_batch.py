@@ -4,11 +4,13 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import count
 from typing import Any
 
 import numpy as np
 import pytest
 
+from calstation.devices import SampleBatch
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.messages.rendering import Text
@@ -728,7 +730,7 @@ def test_a_table_that_is_lost_during_a_transfer_is_no_fault_of_the_unit() -> Non
     asked: list[int] = []
     heartbeat = batch.table.heartbeat
 
-    def count() -> None:
+    def beat() -> None:
         asked.append(1)
         heartbeat()
 
@@ -739,7 +741,7 @@ def test_a_table_that_is_lost_during_a_transfer_is_no_fault_of_the_unit() -> Non
         while len(asked) < before + 3 and time.monotonic() < deadline:
             time.sleep(2e-3)
 
-    batch.table.heartbeat = count  # type: ignore[method-assign]
+    batch.table.heartbeat = beat  # type: ignore[method-assign]
     first.transfer = lambda run_in_background: run_in_background(write)  # type: ignore[method-assign]
     assert batch.run() is State.FAULT
     assert [(fault.slot, fault.code) for fault in batch.of(Fault)] == [("", "link.lost")]
@@ -884,3 +886,47 @@ def test_a_unit_that_leaves_before_its_solver_is_warm_does_not_end_the_run() -> 
     assert batch.run() is State.FAILED
     assert over.is_set()
     assert [unit.end.state for unit in batch.units] == [State.PASSED, State.FAULT, State.PASSED]
+
+
+def in_turns(batch: Batch, until: float) -> None:
+    """Let the units of a batch send their frames in turns, one per tick, until a station time."""
+
+    def alternate(unit: Member, index: int) -> Callable[[], SampleBatch]:
+        read, calls = unit.imu.read, count(index)
+
+        def turn() -> SampleBatch:
+            if next(calls) % len(batch.units) or batch.clock.time > until:
+                return read()
+            return SampleBatch(
+                np.empty(0, np.int64), np.empty(0), np.empty((0, 6)), np.empty(0), np.empty(0, np.int64), np.empty(0)
+            )
+
+        return turn
+
+    for index, unit in enumerate(batch.units):
+        unit.imu.read = alternate(unit, index)  # type: ignore[method-assign]
+
+
+def test_units_whose_frames_arrive_in_turns_are_all_ready() -> None:
+    batch = Batch(2)
+    for unit in batch.units:
+        unit.unit = replace(unit.unit, preflight=replace(unit.unit.preflight, ready_timeout=1.5))
+    in_turns(batch, until=2.0)
+    assert batch.run() is State.PASSED
+    assert [unit.end.state for unit in batch.units] == [State.PASSED] * 2
+
+
+def test_a_failed_self_test_is_noted_also_if_other_units_are_ready_later() -> None:
+    batch = Batch(2)
+    bad, late = batch.units
+    late.imu.ready_at = 5.0
+    read = bad.imu.read
+
+    def fail_first() -> SampleBatch:
+        data = read()
+        return replace(data, status=data.status | (4 if batch.clock.time < 1.0 else 0))
+
+    bad.imu.read = fail_first  # type: ignore[method-assign]
+    assert batch.run() is State.FAILED
+    assert (bad.end.state, bad.code) == (State.FAULT, "preflight.self_test_failed")
+    assert late.end.state is State.PASSED
