@@ -223,9 +223,13 @@ class Sequencer:
         return sigmas
 
     def _compute_for_each(self, work: Callable[[Unit], object]) -> None:
-        """Do for every unit what may take a while, and feed the table's watchdog after each."""
+        """Do for every unit what may take a while, and feed the table's watchdog after each.
+
+        Raises StopRequested before a unit.
+        """
 
         def compute(unit: Unit) -> None:
+            self._context.control.check_cancelled()
             work(unit)
             self._drive.control_loop.feed_watchdog()
 

@@ -930,3 +930,27 @@ def test_a_failed_self_test_is_noted_also_if_other_units_are_ready_later() -> No
     assert batch.run() is State.FAILED
     assert (bad.end.state, bad.code) == (State.FAULT, "preflight.self_test_failed")
     assert late.end.state is State.PASSED
+
+
+@pytest.mark.parametrize("name", ["sigma", "judge"])
+def test_a_stop_is_obeyed_between_the_units_that_are_evaluated(name: str) -> None:
+    batch = Batch(3)
+    first = batch.units[0]
+    begun: list[str] = []
+
+    for unit in batch.units:
+        owner = unit.solving if name == "sigma" else unit
+        work = getattr(owner, name)
+
+        def noted(*arguments: Any, unit: Member = unit, work: Any = work) -> Any:
+            if unit is first:
+                batch.control.send(Command.STOP)
+            begun.append(unit.name)
+            return work(*arguments)
+
+        setattr(owner, name, noted)
+    assert batch.run() is State.STOPPED
+    assert begun == ["S1"]
+    assert [unit.end.state for unit in batch.units] == [State.STOPPED] * 3
+    assert batch.order == []
+    assert batch.table.commands[-2:] == ["stop", "disable"]
