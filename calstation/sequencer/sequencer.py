@@ -69,7 +69,7 @@ class Sequencer:
             return
         for unit in earlier:
             unit.emit(Message("verifying"))
-        drive.reference(unit for unit in earlier if unit.slot.unit.corrected is Output.ASKED)
+        drive.reference([unit for unit in earlier if unit.slot.unit.corrected is Output.ASKED], earlier)
         data = drive.verification_data(earlier, restarted=False)
         self._units.each(lambda unit: earlier[unit](data[unit], background), data)
 
@@ -101,7 +101,7 @@ class Sequencer:
         if not units.of(writing):
             return
         self._context.emit(Message("reference"))
-        drive.reference(units.of(writing))
+        drive.reference(units.of(writing), units.of(writing))
         try:
             units.each(transfer, writing)
             written = units.of(writing)

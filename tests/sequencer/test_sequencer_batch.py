@@ -954,3 +954,35 @@ def test_a_stop_is_obeyed_between_the_units_that_are_evaluated(name: str) -> Non
     assert [unit.end.state for unit in batch.units] == [State.STOPPED] * 3
     assert batch.order == []
     assert batch.table.commands[-2:] == ["stop", "disable"]
+
+
+def moves_of(batch: Batch) -> list[str]:
+    return [command for command in batch.table.commands if command.startswith("move")]
+
+
+def verified_earlier(*outputs: Output | None) -> Batch:
+    """A run of units that were written before it, by kind of their output; None for one that was not."""
+    batch = Batch(len(outputs))
+    for unit, output in zip(batch.units, outputs, strict=True):
+        unit.writes = False
+        if output is not None:
+            unit.unit = replace(unit.unit, corrected=output)
+            unit.verify_earlier = lambda unit=unit: lambda data, _: unit.proved.append(data)  # type: ignore[method-assign]
+    assert batch.run() is State.PASSED
+    return batch
+
+
+def test_only_the_units_that_are_verified_determine_the_turns_of_the_verification() -> None:
+    """Half turns are enough where all of them are compared; full ones are needed without a comparison."""
+    batch = verified_earlier(Output.ASKED, None)
+    assert moves_of(batch) == moves_of(verified_earlier(Output.ASKED))
+    (data,) = batch.units[0].proved
+    assert not any(turned.turn.whole for turned in data.turns)
+
+
+def test_the_turns_are_full_ones_if_a_unit_is_verified_without_a_comparison() -> None:
+    batch = verified_earlier(Output.ASKED, Output.ALWAYS)
+    for unit, compared in zip(batch.units, (True, False), strict=True):
+        (data,) = unit.proved
+        assert (data.reference is not None) == compared
+        assert any(turned.turn.whole for turned in data.turns)
