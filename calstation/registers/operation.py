@@ -263,7 +263,7 @@ def _with_turns(work: _ActiveOperation, control: Control, check_cancelled: Check
             if work.entry is None or work.setup.corrected is Output.ASKED:
                 work.emit(Message("reference"))
                 with _offering_at_rest():
-                    drive.reference(drive.units)
+                    drive.reference(drive.units, tuple(drive.units))
             drive.control_loop.check_cancelled()
             work.emit(Message("registers_writing"))
             done = drive.run_in_background(lambda: work.write(imu))

@@ -74,6 +74,12 @@ class ControlLoop:
         if self.watchful:
             self._check_data()
 
+    def check_table(self) -> None:
+        """Poll the table without draining samples. Raises DeviceFaultError for a fault of the table."""
+        with self.units.of_table():
+            self.status = self.context.table.status()
+            self._check_table()
+
     def check_cancelled(self) -> None:
         """Process the operator's commands. Raises StopRequested or PauseRequested."""
         self.context.control.check_cancelled()
@@ -81,8 +87,12 @@ class ControlLoop:
             raise PauseRequested
 
     def feed_watchdog(self) -> None:
-        """Feed the table's watchdog every quarter of its timeout (host time) and service the logs."""
+        """Service the logs and feed the table's watchdog."""
         self.units.each(Unit.service)
+        self.feed_table()
+
+    def feed_table(self) -> None:
+        """Feed the table's watchdog every quarter of its timeout (host time)."""
         now = time.monotonic()
         if self.status.watchdog > 0.0 and now - self._fed > 0.25 * self.status.watchdog:
             with self.units.of_table():

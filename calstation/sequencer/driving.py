@@ -3,7 +3,7 @@
 import logging
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
@@ -127,16 +127,17 @@ class Driving:
             check_limits(self._context.task.geometry.limits, leg.move)
             check_travel(own, leg.move)
 
-    def reference(self, units: Iterable[Unit]) -> None:
+    def reference(self, units: Iterable[Unit], verified: Collection[Unit]) -> None:
         """Capture the current output of some units as the reference for `verification_data`; only on a table.
 
+        Half turns are enough in both captures if all units that will be `verified` are compared with the reference.
         Raises DeviceFaultError, ConfigurationError, StopRequested.
         """
         task = self._context.task
         compared = [unit for unit in units if unit.slot.unit.corrected is not Output.NEVER]
         if task.by_hand or task.gimbal or not compared:
             return
-        self._path = None
+        self._path = self._verification_path(verified, compared=set(verified) <= set(compared))
         with self.stamps.unlogged_samples():
             self.units.each(lambda unit: unit.stream.restore(), compared)
             self._references = self._capture(compared, "stream.restarts_before_write", is_reference=True)
@@ -189,13 +190,12 @@ class Driving:
         """Capture the output of some units; if one restarts during the capture, begin again.
 
         `code` is the code of the error of a unit that restarts during every attempt. The path is that of the reference,
-        or a new one; its turns are half ones if every unit is compared with a reference.
+        or a new one.
         """
         restarts: Counter[Unit] = Counter()
         known = self.runner.target is not None
         while units := self.units.of(units):
-            compared = is_reference and all(unit.slot.unit.corrected is not Output.NEVER for unit in self.units)
-            self._path = path = self._path or self._verification_path(self.units, compared=compared)
+            self._path = path = self._path or self._verification_path(units, compared=False)
             if not (known and self.runner.arrived(path.start)):
                 first = path.legs[0].move
                 self.runner.drive(replace(first, outer=path.start[0], inner=path.start[1]))
@@ -214,19 +214,30 @@ class Driving:
         return {}
 
     def run_in_background(self, work: Callable[[], Any]) -> Any:
-        """Run uninterruptible `work` in a thread while feeding the table's watchdog; return its result."""
+        """Run uninterruptible `work` in a thread while feeding the table's watchdog; return its result.
+
+        The watchdog is fed until the work is done even if there is an error meanwhile, which is raised then.
+        """
+        errors: list[CalstationError] = []
         self._abandoned.clear()
         with ThreadPoolExecutor(1, "background") as worker:
             job = worker.submit(work)
             try:
                 while not job.done():
                     self._context.clock.idle(POLL)
-                    self.control_loop.feed_watchdog()
+                    try:
+                        self.control_loop.feed_table()
+                        self.units.each(Unit.service)
+                    except CalstationError as error:
+                        errors.append(error)
+                        self._abandoned.set()
                     self._context.control.take()
             except BaseException:
                 self._abandoned.set()
                 raise
-            return job.result()
+        if errors:
+            raise errors[0]
+        return job.result()
 
     def _check_abandoned(self) -> None:
         """Raise StopRequested in the background thread if its result is no longer wanted."""

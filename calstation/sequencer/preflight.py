@@ -84,11 +84,17 @@ class Preflight:
     def _wait_until_ready(self) -> None:
         self._context.emit(Message("waiting_ready"))
         timeout = self._limits.ready_timeout
-        self._control_loop.wait_for_units(
-            lambda unit: unit.flow.ready, timeout, DeviceFaultError("preflight.not_ready", seconds=timeout)
-        )
+        # Whether the self-test of each unit failed that has been ready once; not all need be so in the same tick.
+        failed: dict[Unit, bool] = {}
+
+        def was_ready(unit: Unit) -> bool:
+            if unit.flow.ready:
+                failed[unit] = failed.get(unit, False) or unit.flow.failed
+            return unit in failed
+
+        self._control_loop.wait_for_units(was_ready, timeout, DeviceFaultError("preflight.not_ready", seconds=timeout))
         for unit in self._units:
-            if unit.flow.failed:
+            if failed[unit]:
                 self._units.leave(unit, DeviceFaultError("preflight.self_test_failed"))
 
     def _home(self) -> None:

@@ -1,9 +1,8 @@
 """Runs a calibration from preparation to verdict; every exit path leaves the table at rest with its axes off."""
 
 import logging
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future
 from typing import TypeVar
 
 from calstation.errors import CalstationError
@@ -36,20 +35,21 @@ class Sequencer:
 
     def run(self) -> None:
         """Prepare, run every stage, judge and write the registers; see `Driving.run` for errors."""
-        error = self._drive.run(self._calibrate)
+        try:
+            error = self._drive.run(self._calibrate)
+        finally:
+            self._units.wait_for_results()
         self._units.close(self._drive.state, error)
 
     def _calibrate(self) -> State:
         """Do everything from preparation to the load position with the axes off; return PASSED or FAILED."""
         drive = self._drive
         drive.go(State.PREPARING)
-        with _worker("warm-up") as worker:
-            warm = [worker.submit(_solving(unit).warm) for unit in self._units]
+        with self._units.jobs(lambda unit: _solving(unit).warm()) as warm:
             drive.begin()
             self._check_plans()
             drive.preflight()
-            for job in warm:
-                self._wait_for(job)
+            self._units.each(lambda unit: self._wait_for(warm[unit]))
         drive.go(State.RUNNING)
         self._verify_earlier()
         for index, stage in enumerate(self._context.task.stages, start=self._solved_before):
@@ -59,8 +59,7 @@ class Sequencer:
         self._finalize()
         if not self._context.task.by_hand:
             drive.finish()
-        everyone = len(self._units) == len(self._context.slots) and all(unit.passed for unit in self._units)
-        return State.PASSED if everyone else State.FAILED
+        return State.PASSED if self._units.all_passed else State.FAILED
 
     def _verify_earlier(self) -> None:
         """Verify registers that were written before the run."""
@@ -70,7 +69,7 @@ class Sequencer:
             return
         for unit in earlier:
             unit.emit(Message("verifying"))
-        drive.reference(unit for unit in earlier if unit.slot.unit.corrected is Output.ASKED)
+        drive.reference([unit for unit in earlier if unit.slot.unit.corrected is Output.ASKED], earlier)
         data = drive.verification_data(earlier, restarted=False)
         self._units.each(lambda unit: earlier[unit](data[unit], background), data)
 
@@ -87,6 +86,8 @@ class Sequencer:
                 writing.append(unit)
 
         def transfer(unit: Unit) -> None:
+            if units.in_batch:  # the table was not polled while the units before were read or written
+                drive.control_loop.check_table()
             _evaluation(unit).transfer(background)
             unit.unproved = True
 
@@ -95,10 +96,12 @@ class Sequencer:
             _evaluation(unit).verify(data[unit], background)
 
         self._compute_for_each(judge)
+        if units.in_batch:
+            self._dismiss(unit for unit in units if unit not in writing)
         if not units.of(writing):
             return
         self._context.emit(Message("reference"))
-        drive.reference(units.of(writing))
+        drive.reference(units.of(writing), units.of(writing))
         try:
             units.each(transfer, writing)
             written = units.of(writing)
@@ -106,11 +109,18 @@ class Sequencer:
                 self._context.emit(Message("verifying"))
                 data = drive.verification_data(written)
                 units.each(verify, data)
+                if units.in_batch:
+                    self._dismiss(units.of(data))
         except (StopRequested, CalstationError):
             for unit in units:
                 if unit.unproved:
                     unit.emit(Message("transfer_unproved"))
             raise
+
+    def _dismiss(self, units: Iterable[Unit]) -> None:
+        """Dismiss units with which nothing more is done, so that no later fault changes their result."""
+        for unit in units:
+            self._units.dismiss(unit, State.PASSED if unit.passed else State.FAILED)
 
     def _check_plans(self) -> None:
         """Check every move of every plan against the limits before anything moves."""
@@ -140,8 +150,7 @@ class Sequencer:
         drive.runner.gimbal.restore()
         self._track = None
         emit(StageEnded(stage.name, reason, rounds))
-        with _worker("solver") as worker:
-            jobs = {unit: worker.submit(_solving(unit).finish) for unit in self._units}
+        with self._units.jobs(lambda unit: _solving(unit).finish()) as jobs:
             self._units.each(lambda unit: self._solved(unit, jobs[unit]))
         passed = {}
 
@@ -214,9 +223,13 @@ class Sequencer:
         return sigmas
 
     def _compute_for_each(self, work: Callable[[Unit], object]) -> None:
-        """Do for every unit what may take a while, and feed the table's watchdog after each."""
+        """Do for every unit what may take a while, and feed the table's watchdog after each.
+
+        Raises StopRequested before a unit.
+        """
 
         def compute(unit: Unit) -> None:
+            self._context.control.check_cancelled()
             work(unit)
             self._drive.control_loop.feed_watchdog()
 
@@ -240,16 +253,6 @@ class Sequencer:
                 control_loop.feed_watchdog()
                 control_loop.check_cancelled()
         return job.result()
-
-
-@contextmanager
-def _worker(name: str) -> Iterator[ThreadPoolExecutor]:
-    """Provide a worker that does one job after the other; leaving the context does not wait for the current one."""
-    worker = ThreadPoolExecutor(1, name)
-    try:
-        yield worker
-    finally:
-        worker.shutdown(wait=False, cancel_futures=True)
 
 
 def _solving(unit: Unit) -> Solving:

@@ -2,10 +2,10 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from calstation.sequencer.guard import reason_of
 
 if TYPE_CHECKING:
     from calstation.sequencer.unit_stream import UnitStream
+
+_Result = TypeVar("_Result")
 
 #: Station time without a sample after which the unit counts as silent, s.
 NO_DATA = 1.0
@@ -56,6 +58,8 @@ class Unit:
         self.solutions: list[Solution] = list(slot.solved)
         self.passed = False
         self.unproved = False
+        #: What its solver does, or has done last, in another thread.
+        self.job: Future[Any] | None = None
         self._traced: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=_MAX_TRACED)
 
     def emit(self, event: Event) -> None:
@@ -118,10 +122,12 @@ class Units:
         steps = [slot.after.step + 1 for slot in context.slots if slot.after is not None]
         self.stamps = Stamps(max(steps, default=0))
         self._active = [Unit(context, slot, self.stamps) for slot in context.slots]
+        self._all = tuple(self._active)
         self._served: Unit | None = None
-        self._table_error: CalstationError | None = None
-        # The result of a unit that leaves is written beside the control loop, which feeds the table's watchdog.
-        self._worker = ThreadPoolExecutor(1, "leaving")
+        self._table_errors: list[CalstationError] = []
+        # The units are solved, and the result of one that leaves is written, beside the control loop, which feeds the
+        # table's watchdog.
+        self._solver, self._leaving = ThreadPoolExecutor(1, "solver"), ThreadPoolExecutor(1, "leaving")
         self._ends: list[Future[None]] = []
 
     def __iter__(self) -> Iterator[Unit]:
@@ -132,6 +138,16 @@ class Units:
 
     def __contains__(self, unit: Unit) -> bool:
         return unit in self._active
+
+    @property
+    def in_batch(self) -> bool:
+        """Whether the run began with several units."""
+        return len(self._context.slots) > 1
+
+    @property
+    def all_passed(self) -> bool:
+        """Whether every unit with which the run began has passed."""
+        return all(unit.passed for unit in self._all)
 
     @property
     def first(self) -> Unit:
@@ -159,7 +175,7 @@ class Units:
         try:
             yield
         except CalstationError as error:
-            if error is self._table_error:
+            if error in self._table_errors:
                 raise
             self._served = before
             self.leave(unit, error)
@@ -167,12 +183,24 @@ class Units:
             self._served = before
 
     @contextmanager
+    def jobs(self, work: Callable[[Unit], _Result]) -> Iterator[Mapping[Unit, Future[_Result]]]:
+        """Do some work for every unit in another thread; leaving the context cancels what has not begun."""
+        jobs = {unit: self._solver.submit(work, unit) for unit in self}
+        for unit, job in jobs.items():
+            unit.job = job
+        try:
+            yield jobs
+        finally:
+            for job in jobs.values():
+                job.cancel()
+
+    @contextmanager
     def of_table(self) -> Iterator[None]:
         """Note an error that occurs while the context is open as one of the table, whichever unit is being served."""
         try:
             yield
         except CalstationError as error:
-            self._table_error = error
+            self._table_errors.append(error)
             raise
 
     def leave(self, unit: Unit, error: CalstationError) -> None:
@@ -193,15 +221,25 @@ class Units:
     def dismiss(self, unit: Unit, state: State, error: CalstationError | None = None) -> None:
         """Remove a unit from the run and write its result."""
         self._active.remove(unit)
+        unit.passed = state is State.PASSED
         self._context.left.add(unit.slot.name)
-        evaluation = unit.slot.evaluation
-        if evaluation is not None:
-            ended = Ended(state, tuple(unit.solutions), error)
-            self._ends.append(self._worker.submit(evaluation.ended, ended))
+        evaluation, ended = unit.slot.evaluation, Ended(state, tuple(unit.solutions), error)
+
+        def end() -> None:
+            if unit.job is not None and not unit.job.cancel():
+                wait([unit.job])  # the solver must not change what is written
+            if evaluation is not None:
+                evaluation.ended(ended)
+
+        self._ends.append(self._leaving.submit(end))
+
+    def wait_for_results(self) -> None:
+        """Wait until the results of all units that have left are written."""
+        self._solver.shutdown(wait=False)
+        self._leaving.shutdown()
 
     def close(self, state: State, error: CalstationError | None) -> None:
         """Write the results of all other units at the end of the run in `state`. Raises like `Evaluation.ended`."""
-        self._worker.shutdown()
         with ExitStack() as ends:  # calls all of them, in reverse order, even if one raises
             for unit in reversed(self._active):
                 failure = error or self._context.log_errors.get(unit.slot.name)

@@ -1,13 +1,16 @@
 """Several units on one table: a unit that fails leaves, the others go on; a fault of the table ends all."""
 
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import count
 from typing import Any
 
 import numpy as np
 import pytest
 
+from calstation.devices import SampleBatch
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.messages.rendering import Text
@@ -690,3 +693,296 @@ def test_a_result_that_cannot_be_written_does_not_keep_the_others_from_theirs() 
 def test_a_single_run_tells_its_end_once() -> None:
     scene = Scene()
     assert scene.run(after=LastSample(10, 1.0, 2)).state is State.PASSED
+
+
+def test_the_table_is_fed_until_a_transfer_is_done_whose_log_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    batch = Batch(2)
+    bad, good = batch.units
+    batch.table.watchdog = 1e-3
+    beats: list[int] = []
+
+    def fail() -> None:
+        raise ConfigurationError("log.not_written", file="a.h5", reason="")
+
+    def write() -> None:
+        """Take until the table was fed twice after the log has failed."""
+        monkeypatch.setattr(bad.journal, "service", fail)
+        for _ in range(2):
+            before = batch.table.beats
+            deadline = time.monotonic() + 30.0
+            while batch.table.beats == before and time.monotonic() < deadline:
+                time.sleep(2e-3)
+            beats.append(batch.table.beats - before)
+        bad.done.append("transfer")
+
+    bad.transfer = lambda run_in_background: run_in_background(write)  # type: ignore[method-assign]
+    assert batch.run() is State.FAILED
+    assert all(beats)
+    assert bad.done == ["judge", "read", "transfer"]
+    assert (bad.end.state, bad.code) == (State.FAULT, "log.not_written")
+    assert good.end.state is State.PASSED
+
+
+def test_a_table_that_is_lost_during_a_transfer_is_no_fault_of_the_unit() -> None:
+    batch = Batch(2)
+    first = batch.units[0]
+    batch.table.watchdog = 1e-3
+    asked: list[int] = []
+    heartbeat = batch.table.heartbeat
+
+    def beat() -> None:
+        asked.append(1)
+        heartbeat()
+
+    def write() -> None:
+        batch.table.dead = True
+        before = len(asked)
+        deadline = time.monotonic() + 30.0
+        while len(asked) < before + 3 and time.monotonic() < deadline:
+            time.sleep(2e-3)
+
+    batch.table.heartbeat = beat  # type: ignore[method-assign]
+    first.transfer = lambda run_in_background: run_in_background(write)  # type: ignore[method-assign]
+    assert batch.run() is State.FAULT
+    assert [(fault.slot, fault.code) for fault in batch.of(Fault)] == [("", "link.lost")]
+    assert [unit.end.state for unit in batch.units] == [State.FAULT] * 2
+    assert batch.ids("unit_left") == []
+
+
+def test_nothing_more_is_written_after_a_fault_of_the_table() -> None:
+    batch = Batch(4)
+    first = batch.units[0]
+    write = first.transfer
+
+    def transfer(run_in_background: Any) -> None:
+        write(run_in_background)
+        batch.table.fault = "interlock"
+
+    first.transfer = transfer  # type: ignore[method-assign]
+    assert batch.run() is State.FAULT
+    assert batch.order == ["S1"]
+    assert [unit.end.state for unit in batch.units] == [State.FAULT] * 4
+    assert {unit.code for unit in batch.units} == {"table.latched_interlock"}
+    assert batch.ids("transfer_unproved") == ["S1"]
+    assert [(fault.slot, fault.code) for fault in batch.of(Fault)] == [("", "table.latched_interlock")]
+
+
+def test_a_unit_that_failed_its_limits_stays_failed_if_its_port_is_lost_while_others_are_verified() -> None:
+    batch = Batch(3)
+    failed = batch.units[1]
+    failed.passes = False
+    batch.on(Message, 0.5, loses_its_port(failed), "verifying")
+    assert batch.run() is State.FAILED
+    assert [unit.end.state for unit in batch.units] == [State.PASSED, State.FAILED, State.PASSED]
+    assert [len(unit.proved) for unit in batch.units] == [1, 0, 1]
+    assert batch.of(Fault) == []
+
+
+@pytest.mark.parametrize("writes", [True, False])
+def test_a_unit_that_passed_stays_passed_if_its_port_is_lost_on_the_way_to_the_load_position(writes: bool) -> None:
+    batch = Batch(2)
+    batch.task = replace(batch.task, load_angle=(1.0, 0.0))
+    for unit in batch.units:
+        unit.writes = writes
+    batch.on(Message, 0.01, loses_its_port(batch.units[0]), "finishing")
+    assert batch.run() is State.PASSED
+    assert [unit.end.state for unit in batch.units] == [State.PASSED] * 2
+    assert batch.table.commands[-1] == "disable"
+    assert batch.of(Fault) == []
+
+
+def test_a_fault_of_the_table_after_the_verification_takes_no_verdict_back() -> None:
+    batch = Batch(2)
+    batch.task = replace(batch.task, load_angle=(1.0, 0.0))
+    batch.on(Message, 0.0, lambda: setattr(batch.table, "fault", "drive"), "finishing")
+    for unit in batch.units:
+        unit.writes = False
+    assert batch.run() is State.FAULT
+    assert [unit.end.state for unit in batch.units] == [State.PASSED] * 2
+    assert [(fault.slot, fault.code) for fault in batch.of(Fault)] == [("", "table.latched_drive")]
+
+
+def test_a_unit_that_passed_and_left_afterwards_is_not_counted_as_passed() -> None:
+    batch = Batch(2)
+    batch.on(Message, 9.0, loses_its_port(batch.units[0]), "verifying")
+    assert batch.run() is State.FAILED
+    assert [unit.end.state for unit in batch.units] == [State.FAULT, State.PASSED]
+
+
+def test_the_result_of_a_unit_that_leaves_is_written_after_its_solver_is_done() -> None:
+    batch = Batch(2)
+    lost, good = batch.units
+    begun, left, done = threading.Event(), threading.Event(), threading.Event()
+    seen: list[bool] = []
+    finish, ended = lost.solving.finish, lost.ended
+
+    def solve(progress: Any = None) -> Solution:
+        begun.set()
+        assert left.wait(30.0)
+        time.sleep(0.05)
+        done.set()
+        return finish()
+
+    def let_time_pass(seconds: float) -> None:
+        """As on hardware: samples are drained while the unit is solved."""
+        if begun.is_set() and not done.is_set():
+            loses_its_port(lost)()
+            batch.clock.time += 0.05
+
+    def end(told: Ended) -> None:
+        seen.append(done.is_set())
+        ended(told)
+
+    emit = batch._take
+
+    def take(event: Event) -> None:
+        emit(event)
+        if isinstance(event, Message) and event.id == "unit_left":
+            left.set()
+
+    batch._take = take  # type: ignore[method-assign]
+    lost.solving.finish, lost.ended, batch.clock.idle = solve, end, let_time_pass  # type: ignore[method-assign]
+    assert batch.run() is State.FAILED
+    assert seen == [True]
+    assert (lost.code, good.end.state) == ("link.lost", State.PASSED)
+
+
+def test_a_mistake_of_the_program_leaves_the_result_of_a_unit_that_has_left() -> None:
+    batch = Batch(2)
+    lost, other = batch.units
+    mistaken = threading.Event()
+    ended = lost.ended
+
+    def end(told: Ended) -> None:
+        assert mistaken.wait(30.0)
+        time.sleep(0.05)
+        ended(told)
+
+    def ranking() -> None:
+        if batch.ids("unit_left"):
+            mistaken.set()
+            raise RuntimeError("mistake")
+
+    lost.ended, other.solving.ranking = end, ranking  # type: ignore[method-assign]
+    batch.on(StageStarted, 1.0, loses_its_port(lost))
+    with pytest.raises(RuntimeError, match="mistake"):
+        batch.run()
+    assert (lost.end.state, lost.code) == (State.FAULT, "link.lost")
+    assert other.ends == []
+
+
+def test_a_unit_that_leaves_before_its_solver_is_warm_does_not_end_the_run() -> None:
+    batch = Batch(3)
+    first, bad, _ = batch.units
+    ended, over = bad.ended, threading.Event()
+
+    def end(told: Ended) -> None:
+        ended(told)
+        over.set()
+
+    bad.imu.upside_down = True
+    first.solving.warm = lambda: over.wait(30.0)  # type: ignore[assignment, method-assign, return-value]
+    bad.ended = end  # type: ignore[method-assign]
+    assert batch.run() is State.FAILED
+    assert over.is_set()
+    assert [unit.end.state for unit in batch.units] == [State.PASSED, State.FAULT, State.PASSED]
+
+
+def in_turns(batch: Batch, until: float) -> None:
+    """Let the units of a batch send their frames in turns, one per tick, until a station time."""
+
+    def alternate(unit: Member, index: int) -> Callable[[], SampleBatch]:
+        read, calls = unit.imu.read, count(index)
+
+        def turn() -> SampleBatch:
+            if next(calls) % len(batch.units) or batch.clock.time > until:
+                return read()
+            return SampleBatch(
+                np.empty(0, np.int64), np.empty(0), np.empty((0, 6)), np.empty(0), np.empty(0, np.int64), np.empty(0)
+            )
+
+        return turn
+
+    for index, unit in enumerate(batch.units):
+        unit.imu.read = alternate(unit, index)  # type: ignore[method-assign]
+
+
+def test_units_whose_frames_arrive_in_turns_are_all_ready() -> None:
+    batch = Batch(2)
+    for unit in batch.units:
+        unit.unit = replace(unit.unit, preflight=replace(unit.unit.preflight, ready_timeout=1.5))
+    in_turns(batch, until=2.0)
+    assert batch.run() is State.PASSED
+    assert [unit.end.state for unit in batch.units] == [State.PASSED] * 2
+
+
+def test_a_failed_self_test_is_noted_also_if_other_units_are_ready_later() -> None:
+    batch = Batch(2)
+    bad, late = batch.units
+    late.imu.ready_at = 5.0
+    read = bad.imu.read
+
+    def fail_first() -> SampleBatch:
+        data = read()
+        return replace(data, status=data.status | (4 if batch.clock.time < 1.0 else 0))
+
+    bad.imu.read = fail_first  # type: ignore[method-assign]
+    assert batch.run() is State.FAILED
+    assert (bad.end.state, bad.code) == (State.FAULT, "preflight.self_test_failed")
+    assert late.end.state is State.PASSED
+
+
+@pytest.mark.parametrize("name", ["sigma", "judge"])
+def test_a_stop_is_obeyed_between_the_units_that_are_evaluated(name: str) -> None:
+    batch = Batch(3)
+    first = batch.units[0]
+    begun: list[str] = []
+
+    for unit in batch.units:
+        owner = unit.solving if name == "sigma" else unit
+        work = getattr(owner, name)
+
+        def noted(*arguments: Any, unit: Member = unit, work: Any = work) -> Any:
+            if unit is first:
+                batch.control.send(Command.STOP)
+            begun.append(unit.name)
+            return work(*arguments)
+
+        setattr(owner, name, noted)
+    assert batch.run() is State.STOPPED
+    assert begun == ["S1"]
+    assert [unit.end.state for unit in batch.units] == [State.STOPPED] * 3
+    assert batch.order == []
+    assert batch.table.commands[-2:] == ["stop", "disable"]
+
+
+def moves_of(batch: Batch) -> list[str]:
+    return [command for command in batch.table.commands if command.startswith("move")]
+
+
+def verified_earlier(*outputs: Output | None) -> Batch:
+    """A run of units that were written before it, by kind of their output; None for one that was not."""
+    batch = Batch(len(outputs))
+    for unit, output in zip(batch.units, outputs, strict=True):
+        unit.writes = False
+        if output is not None:
+            unit.unit = replace(unit.unit, corrected=output)
+            unit.verify_earlier = lambda unit=unit: lambda data, _: unit.proved.append(data)  # type: ignore[method-assign]
+    assert batch.run() is State.PASSED
+    return batch
+
+
+def test_only_the_units_that_are_verified_determine_the_turns_of_the_verification() -> None:
+    """Half turns are enough where all of them are compared; full ones are needed without a comparison."""
+    batch = verified_earlier(Output.ASKED, None)
+    assert moves_of(batch) == moves_of(verified_earlier(Output.ASKED))
+    (data,) = batch.units[0].proved
+    assert not any(turned.turn.whole for turned in data.turns)
+
+
+def test_the_turns_are_full_ones_if_a_unit_is_verified_without_a_comparison() -> None:
+    batch = verified_earlier(Output.ASKED, Output.ALWAYS)
+    for unit, compared in zip(batch.units, (True, False), strict=True):
+        (data,) = unit.proved
+        assert (data.reference is not None) == compared
+        assert any(turned.turn.whole for turned in data.turns)
