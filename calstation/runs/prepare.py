@@ -100,6 +100,8 @@ class PreparedRun:
         """
         meta, message = self.meta(registers)
         stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
+        if self.setup.request.batch:  # the names of its units must differ
+            stem = f"{stem}_{self.slot}"
         log = RawLogWriter(
             self.folder / f"{stem}_{self.started:%Y%m%dT%H%M%S%f}.h5",
             meta,

@@ -9,13 +9,19 @@ from typing import Any
 import pytest
 
 from calstation.config.request import RunRequest
-from calstation.errors import ConfigurationError
+from calstation.config.resolved import ResolvedConfiguration
+from calstation.connection import devices
+from calstation.devices import Imu
+from calstation.devices.imu import StreamedImu
+from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.records.log import open_log
 from calstation.results.history import History
 from calstation.results.resolving import resolve
+from calstation.runs import run as run_module
+from calstation.runs.prepare import PreparedRun
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Fault, Message, StageStarted, StepStarted, Verdict
+from calstation.sequencer.events import Event, Fault, Message, StageStarted, StateChanged, StepStarted, Verdict
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
@@ -95,11 +101,99 @@ def test_a_unit_that_falls_silent_leaves_the_others_alone(site_folder: SiteFolde
     assert order[0] == "2"
 
 
-def test_a_unit_that_does_not_answer_leaves_at_once(site_folder: SiteFolder) -> None:
-    orders = [{"order": "hang_up_imu", "value": 1e6, "at": 0.0, "unit": 3}]
-    site_folder.write(units=3, orders=orders)
+def refuse(monkeypatch: pytest.MonkeyPatch, *refused: str) -> None:
+    """Let units with these serial numbers not answer; the fault names the serial number as the port."""
+    opened = devices.open_imu
+
+    def open_imu(setup: ResolvedConfiguration, port: str) -> StreamedImu:
+        if setup.request.serial in refused:
+            raise DeviceFaultError("connection.refused", port=setup.request.serial, unit=1, exception=2)
+        return opened(setup, port)
+
+    monkeypatch.setattr(devices, "open_imu", open_imu)
+
+
+def test_a_unit_that_does_not_answer_leaves_at_once(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    site_folder.write(units=3)
+    refuse(monkeypatch, SERIALS[2])
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position"))
     assert {slot: verdict.outcome for slot, verdict in verdicts.items()} == {"1": "passed", "2": "passed", "3": "fault"}
+    kinds = [type(event) for event in site_folder.events]
+    assert kinds.index(Verdict) < kinds.index(StateChanged)  # before anything is driven
+    (fault,) = site_folder.events_of(Fault)
+    assert (fault.slot, fault.code) == ("3", "connection.refused")
+    assert [message.slot for message in site_folder.events_of(Message) if message.id == "unit_left"] == ["3"]
+
+
+def test_each_unit_has_its_own_fault_if_none_answers(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    site_folder.write(units=2)
+    refuse(monkeypatch, *SERIALS)
+    verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]))
+    assert [verdict.outcome for verdict in verdicts.values()] == ["fault", "fault"]
+    faults = [(fault.slot, fault.values["port"]) for fault in site_folder.events_of(Fault)]
+    assert faults == [("1", SERIALS[0]), ("2", SERIALS[1])]
+    for verdict, serial in zip(verdicts.values(), SERIALS, strict=False):
+        assert serial in verdict.result["error"]
+
+
+def test_stop_ends_a_batch_while_its_units_are_opened(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    site_folder.write(units=3)
+    opened, read = [], run_module._registers
+
+    def registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
+        opened.append(setup.request.serial)
+        site_folder.control.send(Command.STOP)
+        return read(imu, setup)
+
+    monkeypatch.setattr(run_module, "_registers", registers)
+    verdicts = run_batch(site_folder, batch_of(site_folder, "six_position"))
+    assert opened == [SERIALS[0]]
+    assert {slot: verdict.outcome for slot, verdict in verdicts.items()} == dict.fromkeys("123", "stopped")
+    assert all(open_log(Path(verdict.log)).outcome == "stopped" for verdict in verdicts.values())
+    assert site_folder.events_of(Fault) == []
+
+
+def test_a_configuration_error_of_one_unit_is_its_own(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    site_folder.write(units=2)
+    read = run_module._registers
+
+    def registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
+        if setup.request.serial == SERIALS[1]:
+            raise ConfigurationError("log.not_created", file="x.h5", reason="no space")
+        return read(imu, setup)
+
+    monkeypatch.setattr(run_module, "_registers", registers)
+    verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]))
+    assert {slot: verdict.outcome for slot, verdict in verdicts.items()} == {"1": "passed", "2": "fault"}
+    assert verdicts["2"].result["error_code"] == "log.not_created"
+
+
+@pytest.mark.parametrize("error", [ConfigurationError("log.not_created", file="x.h5", reason="no space"), ValueError()])
+def test_logs_already_open_are_closed_if_another_one_cannot_be_created(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    site_folder.write(units=3)
+    open_run = PreparedRun.open
+
+    def open_one(unit: PreparedRun, *args: Any) -> Any:
+        if unit.slot == "2":
+            raise error
+        return open_run(unit, *args)
+
+    monkeypatch.setattr(PreparedRun, "open", open_one)
+    with pytest.raises(type(error)):
+        run_batch(site_folder, batch_of(site_folder, "six_position"))
+    (verdict,) = site_folder.events_of(Verdict)
+    assert (verdict.slot, verdict.outcome) == ("1", "fault")
+    assert verdict.result["error_code"] == getattr(error, "code", "program.internal")
+    assert open_log(Path(verdict.log)).outcome == "fault"
+
+
+def test_serial_numbers_that_differ_in_one_character_have_logs_of_their_own(site_folder: SiteFolder) -> None:
+    site_folder.write({"serial_pattern": "SN[-_]1"}, units=2)
+    verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=("SN-1", "SN_1")))
+    assert [verdict.outcome for verdict in verdicts.values()] == ["passed", "passed"]
+    assert {Path(verdict.log).stem.rpartition("_")[0] for verdict in verdicts.values()} == {"SN-1_1", "SN-1_2"}
 
 
 def test_stop_ends_all_units(site_folder: SiteFolder) -> None:
