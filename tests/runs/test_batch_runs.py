@@ -1,12 +1,14 @@
 """Several units on one table: each has its own log, result and verdict, and none is held up by another."""
 
 import json
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import tomli_w
 
 from calstation.config.request import RunRequest
 from calstation.config.resolved import ResolvedConfiguration
@@ -217,6 +219,23 @@ def test_a_unit_of_a_stopped_batch_is_resumed_alone_in_its_slot(site_folder: Sit
     assert verdict.outcome == "passed", [check for check in verdict.result["checks"] if check["passed"] is False]
     assert (verdict.result["slot"], verdict.result["batch"]) == ("B", "B-1")
     assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
+
+
+def test_a_unit_is_not_compared_with_its_lever_arm_in_another_slot(site_folder: SiteFolder) -> None:
+    slots = [{"name": name, "lever_m": [lever, 0.0, 0.0]} for name, lever in (("A", 0.15), ("B", -0.15))]
+    site_folder.write_station(slots=slots, bench={"units": 2})
+    product = tomllib.loads(site_folder.product.read_text(encoding="utf-8"))
+    product["checks"] = {"previous": {"change_within": {"outer_lever": 0.01, "gyro_scale": 1e-3}}}
+    site_folder.product.write_text(tomli_w.dumps(product), encoding="utf-8")
+    compared, levers = [], []
+    for serials in ((SERIALS[0], ""), ("", SERIALS[0])):
+        site_folder.events.clear()
+        (verdict,) = run_batch(site_folder, batch_of(site_folder, "excitation", serials=serials)).values()
+        checks = {check["name"]: check["passed"] for check in verdict.result["checks"]}
+        compared.append({name: passed for name, passed in checks.items() if name.startswith("previous")})
+        levers.append(verdict.result["parameters"]["outer_lever_x"]["value"])
+    assert levers[0] - levers[1] == pytest.approx(0.3, abs=0.01)
+    assert compared == [{}, {"previous gyro_scale": True}]
 
 
 def test_a_fault_of_the_table_ends_all_units(site_folder: SiteFolder) -> None:
