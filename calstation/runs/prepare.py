@@ -131,6 +131,7 @@ class OpenRun:
     registers: dict[str, Any] = field(default_factory=dict)
     standard: StandardVerdict | None = None  #: Set at the end of a whole run of a check standard.
     closed: bool = False  #: Whether its result is written.
+    report: list[str] = field(default_factory=list)  #: Command that makes the report of its result, if there is one.
 
     @property
     def setup(self) -> ResolvedConfiguration:

@@ -14,6 +14,7 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.estimation import Solution
 from calstation.registers import recover_interrupted
 from calstation.results import HandOver, one_blas_thread
+from calstation.runs.automatic_report import start_reports
 from calstation.runs.finalize import Finalization
 from calstation.runs.hooks import RunHooks
 from calstation.runs.prepare import OpenRun, PreparedRun, prepare
@@ -77,6 +78,8 @@ def _run(units: tuple[PreparedRun, ...]) -> None:
                 for run in runs:
                     if not run.closed:
                         close_run(run, _ended(run, error))
+    finally:
+        start_reports(run.report for run in runs if run.setup.request.batch)
 
 
 def _name(runs: Sequence[OpenRun]) -> str:

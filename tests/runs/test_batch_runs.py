@@ -1,8 +1,9 @@
 """Several units on one table: each has its own log, result and verdict, and none is held up by another."""
 
 import json
+import sys
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,9 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.records.log import open_log
 from calstation.results.history import History
 from calstation.results.resolving import resolve
+from calstation.runs import automatic_report
 from calstation.runs import run as run_module
+from calstation.runs.automatic_report import start_reports
 from calstation.runs.prepare import PreparedRun
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
@@ -196,6 +199,34 @@ def test_serial_numbers_that_differ_in_one_character_have_logs_of_their_own(site
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=("SN-1", "SN_1")))
     assert [verdict.outcome for verdict in verdicts.values()] == ["passed", "passed"]
     assert {Path(verdict.log).stem.rpartition("_")[0] for verdict in verdicts.values()} == {"SN-1_1", "SN-1_2"}
+
+
+def test_the_reports_of_a_batch_are_made_after_the_run_one_after_the_other(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site_folder.write(units=2)
+    station = tomllib.loads(site_folder.station.read_text(encoding="utf-8"))
+    station["report"] = {"folder": "reports"}
+    site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+    started: list[tuple[list[list[str]], int]] = []
+
+    def start(commands: Iterable[list[str]]) -> None:
+        started.append((list(commands), len(site_folder.events_of(Verdict))))
+
+    monkeypatch.setattr(run_module, "start_reports", start)
+    verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]))
+    ((commands, verdicts_before),) = started
+    assert verdicts_before == 2
+    assert [command[4] for command in commands] == [verdict.result_file for verdict in verdicts.values()]
+
+
+def test_a_report_that_fails_does_not_prevent_the_next_one(tmp_path: Path) -> None:
+    written = tmp_path / "written"
+    second = [sys.executable, "-c", f"import pathlib; pathlib.Path({str(written)!r}).write_text('x')"]
+    start_reports([[sys.executable, "-c", "raise SystemExit(2)"], [], second])
+    process = automatic_report._started.pop()
+    assert process.wait(60) == 0
+    assert written.exists()
 
 
 def test_stop_ends_all_units(site_folder: SiteFolder) -> None:
