@@ -74,8 +74,9 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
             elif isinstance(event, Fault) and not event.slot:
                 fault = event
         # before the last exchange, which may take seconds
-        if request.serials:
-            _show_batch(verdicts, json)
+        if verdicts and request.serials:
+            names = station.slot_names
+            _show_batch(sorted(verdicts, key=lambda verdict: names.index(verdict.slot)), json)
         elif verdicts:
             _show_verdict(verdicts[0], json, request)
         if fault is not None:
@@ -181,11 +182,11 @@ def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> No
 
 
 def _show_batch(verdicts: Sequence[Verdict], json: str | None) -> None:
-    """Show one line per unit of a batch, in the order of the slots, and write the list of results."""
+    """Show one line per unit of a batch and write the list of results."""
     results = [Result.from_json(verdict.result) for verdict in verdicts]
     emit_json([verdict.result for verdict in verdicts], json)
     console = Console(stderr=json == "-")
-    table = Table(title=results[0].batch if results else None, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
+    table = Table(title=results[0].batch, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     for heading in ("slot", "unit", "verdict", "why", "result"):
         table.add_column(heading, overflow="fold")
     for verdict, result in zip(verdicts, results, strict=True):
@@ -193,9 +194,8 @@ def _show_batch(verdicts: Sequence[Verdict], json: str | None) -> None:
         why = result.error or ", ".join(outside[:_NAMED]) + (" ..." if len(outside) > _NAMED else "")
         table.add_row(verdict.slot, result.serial, verdict.outcome.upper(), why, Path(verdict.result_file).name)
     console.print(table)
-    for result in results[:1]:
-        if result.cycle:
-            show_line(console, _cycle_line(result.cycle_seconds))
+    if results[0].cycle:
+        show_line(console, _cycle_line(results[0].cycle_seconds))
     for folder in {str(Path(verdict.result_file).parent) for verdict in verdicts}:
         show_line(console, f"logs and results: {folder}")
 

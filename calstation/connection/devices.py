@@ -27,7 +27,7 @@ class Devices:
     """Open devices and the clock that their data refer to.
 
     `imus` are the units of the run in order; None for a unit that does not answer, whose fault is in `failed` by its
-    place in `imus`.
+    index in `imus`.
     """
 
     table: RegisterTable | TextTable | ManualTable
@@ -61,8 +61,8 @@ def connected(
 ) -> Iterator[Devices]:
     """Open the clock, table and IMUs, identify all devices, and close all on exit; `check_cancelled` may raise.
 
-    Of several units, those that do not answer are left out. Raises ConfigurationError, or DeviceFaultError if a port
-    cannot be used or a device is not the expected one: the table, the only unit, or all units.
+    Of several units, those that do not answer are left out, possibly all. Raises ConfigurationError, or
+    DeviceFaultError if a port cannot be used or a device is not the expected one: the table or the only unit.
     """
     setup = setups[0]
     with ExitStack() as stack:
@@ -87,8 +87,8 @@ def connected(
                 identify(table, imu, link_settings(setup, at.table, at.imu), check_cancelled)
             imu.start()
         if isinstance(at.clock, BenchClock):
-            at.clock.attach(lambda: {place: imu.received for place, imu in imus.items()})
-        yield Devices(table, tuple(imus.get(place) for place in range(len(setups))), at.clock, failed)
+            at.clock.attach(lambda: {index: imu.received for index, imu in imus.items()})
+        yield Devices(table, tuple(imus.get(index) for index in range(len(setups))), at.clock, failed)
 
 
 def _answering(
@@ -97,13 +97,10 @@ def _answering(
     stack: ExitStack,
     check_cancelled: Callable[[], None],
 ) -> tuple[dict[int, StreamedImu], dict[int, DeviceFaultError]]:
-    """Open, identify and start the units of a batch; return them and the faults of the others, by place.
-
-    Raises DeviceFaultError if no unit answers.
-    """
+    """Open, identify and start the units of a batch; return them and the faults of the others, by index."""
     imus: dict[int, StreamedImu] = {}
     failed: dict[int, DeviceFaultError] = {}
-    for place, (setup, port) in enumerate(zip(setups, ports, strict=True)):
+    for index, (setup, port) in enumerate(zip(setups, ports, strict=True)):
         check_cancelled()
         with ExitStack() as opened:
             try:
@@ -112,12 +109,10 @@ def _answering(
                 imu.identify()
                 imu.start()
             except DeviceFaultError as fault:
-                failed[place] = fault
+                failed[index] = fault
                 continue
-            imus[place] = imu
+            imus[index] = imu
             stack.enter_context(opened.pop_all())
-    if not imus:
-        raise failed[0]
     return imus, failed
 
 

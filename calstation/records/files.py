@@ -15,8 +15,8 @@ _HELD = (errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK)
 #: Time between two attempts, s.
 _RETRY_INTERVAL = 0.02
 
-#: Time for which `held` retries, s, because another process that tests the lock holds it briefly.
-_TEST_TIMEOUT = 0.2
+#: Time for which `held` retries by default, s, because another process that tests the lock holds it briefly.
+TEST_TIMEOUT = 0.2
 
 if sys.platform == "win32":
     import msvcrt
@@ -69,18 +69,21 @@ def take(handle: int, within: float, *, shared: bool = False) -> bool:
         except OSError as exc:
             if exc.errno not in _HELD:
                 raise
-            if time.monotonic() > deadline:
+            if time.monotonic() >= deadline:
                 return False
         else:
             return True
         time.sleep(_RETRY_INTERVAL)
 
 
-def held(path: Path) -> bool:
-    """Whether a process holds the lock on a file. Raises OSError if the file cannot be opened or locked."""
+def held(path: Path, within: float = TEST_TIMEOUT) -> bool:
+    """Whether a process holds the lock on a file for `within` s or longer.
+
+    Raises OSError if the file cannot be opened or locked.
+    """
     handle = os.open(path, os.O_RDONLY)
     try:
-        return not take(handle, _TEST_TIMEOUT)
+        return not take(handle, within)
     finally:
         os.close(handle)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, runs
 from calstation.messages import os_reason
-from calstation.records.files import held
+from calstation.records.files import TEST_TIMEOUT, held
 from calstation.records.meta import LogMeta, meta_from_json
 from calstation.records.raw_log import CHECK, CHUNK_ROWS, FORMAT, row_checks
 from calstation.records.superblock import SUPERBLOCK, AsClosed, left_open, sound, superblock_end
@@ -88,10 +88,13 @@ def read_contents(path: Path) -> RawLogContents:
         )
 
 
-def being_written(path: Path) -> bool:
-    """Whether a run is still writing the log, shown by a lock. Raises InputError for an unreadable file."""
+def being_written(path: Path, within: float = TEST_TIMEOUT) -> bool:
+    """Whether a run is still writing the log, shown by a lock that is tested for `within` s.
+
+    Raises InputError for an unreadable file.
+    """
     try:
-        return held(path)
+        return held(path, within)
     except OSError as exc:
         raise InputError("log.unreadable", file=path, reason=os_reason(exc)) from exc
 

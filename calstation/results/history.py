@@ -58,7 +58,7 @@ class History:
     def refresh(self, report: Callable[[float], None] | None = None) -> int:
         """Update the index from the folder; return the number of changed runs."""
         known = self._index.stamps()
-        files = _files(self._folder)
+        files = _files(self._folder, known)
         gone = [name for name in known if name not in files]
         changed = [name for name, stamp in files.items() if known.get(name) != stamp]
         self._index.put([], gone)
@@ -176,8 +176,11 @@ def load_results(report: ProgressCallback, folder: Path, runs: Sequence[RunRecor
     return results
 
 
-def _files(folder: Path) -> dict[str, str]:
-    """Return a stamp of each run's files by stem, except for logs that are still being written."""
+def _files(folder: Path, known: Mapping[str, str]) -> dict[str, str]:
+    """Return a stamp of each run's files by stem, except for logs that are still being written.
+
+    A log with its `known` stamp is not being written.
+    """
     if not folder.is_dir():
         return {}
     stamps: dict[str, dict[str, str]] = {SUFFIX: {}, ".json": {}}
@@ -188,14 +191,19 @@ def _files(folder: Path) -> dict[str, str]:
                 status = entry.stat()
                 stamps[suffix][stem] = f"{status.st_mtime_ns} {status.st_size}"
     logs, results = stamps[SUFFIX], stamps[".json"]
-    alone = [stem for stem in logs if stem not in results and not _is_running(folder, stem)]
-    return {**{stem: f"log {logs[stem]}" for stem in alone}, **results}
+    alone = {stem: f"log {stamp}" for stem, stamp in logs.items() if stem not in results}
+    ended = {stem: stamp for stem, stamp in alone.items() if known.get(stem) == stamp or not _is_running(folder, stem)}
+    return {**ended, **results}
 
 
 def _is_running(folder: Path, stem: str) -> bool:
-    """Whether a run is still in progress, or its log cannot be read."""
+    """Whether a run is still in progress, or its log cannot be read.
+
+    The lock is tested once without waiting, because each of up to 16 runs in progress is tested whenever one ends. A
+    log that another program tests at the same moment enters the index with the next refresh.
+    """
     try:
-        return being_written(folder / f"{stem}{SUFFIX}")
+        return being_written(folder / f"{stem}{SUFFIX}", within=0.0)
     except InputError:
         return True
 

@@ -1,13 +1,18 @@
-"""Starts the report of a verdict in a process of its own, which neither delays nor endangers the engine."""
+"""Starts the reports of verdicts in a process of their own, which neither delays nor endangers the engine."""
 
+import json
 import logging
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 from calstation.config import ResolvedConfiguration, confirmation_required
 from calstation.reports import station_request
 from calstation.sequencer import Emit, Message
+
+#: Program that runs several commands one after the other, so that the computer has one report at a time to make.
+_IN_TURN = "import json, subprocess, sys\nfor command in json.loads(sys.argv[1]):\n    subprocess.run(command)"
 
 #: Processes that may outlive the engine; without a reference, Python would warn of them.
 _started: list[subprocess.Popen[bytes]] = []
@@ -15,29 +20,37 @@ _started: list[subprocess.Popen[bytes]] = []
 logger = logging.getLogger(__name__)
 
 
-def start_report(setup: ResolvedConfiguration, result_file: Path, emit: Emit) -> None:
-    """Start the report of a result if the station asks for one; its errors are in the application log.
+def report_command(setup: ResolvedConfiguration, result_file: Path, emit: Emit) -> list[str]:
+    """Return the command that makes the report of a result, [] if the station does not ask for one.
 
     A certificate that a second person must confirm is not made automatically; a message says that it waits.
     """
     section, source = setup.station.report, setup.sources.get("station")
     if section is None or section.folder is None or source is None:
-        return
+        return []
     if confirmation_required("certificate", setup.product, setup.station).second:
         logger.warning("no automatic report of %s: a second person must confirm its certificate", result_file)
         emit(Message("certificate_waits"))
-        return
+        return []
     request = station_request(source.path, section, result_file)
-    out = request.out
-    command = [sys.executable, "-m", "calstation", "report", str(request.source), "-o", str(out)]
+    command = [sys.executable, "-m", "calstation", "report", str(request.source), "-o", str(request.out)]
     command += ["--language", section.language]
     for option, path in (("--templates", request.templates), ("--sign", request.signing)):
         command += [] if path is None else [option, str(path)]
+    return command
+
+
+def start_reports(commands: Iterable[list[str]]) -> None:
+    """Start the commands of reports, one after the other; their errors are in the application log."""
+    wanted = [command for command in commands if command]
+    if not wanted:
+        return
+    started = wanted[0] if len(wanted) == 1 else [sys.executable, "-c", _IN_TURN, json.dumps(wanted)]
     nothing = subprocess.DEVNULL
     try:
-        process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True)
+        process = subprocess.Popen(started, stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True)
     except OSError:
-        logger.exception("the report of %s was not started", result_file)
+        logger.exception("the reports were not started: %s", wanted)
         return
     _started.append(process)
-    logger.info("report of %s started: %s", result_file, out)
+    logger.info("reports started: %s", wanted)

@@ -61,8 +61,8 @@ class Cycle:
             self._begin("stage", event.stage)
         elif isinstance(event, StageEnded):
             self._begin("solving", event.stage)
-        elif isinstance(event, StageSolved) and self._phase == "solving":
-            self._begin("files")
+        elif isinstance(event, StageSolved) and self._phase in ("solving", "files"):
+            self._solved()
         elif isinstance(event, StateChanged) and event.previous == State.PAUSED and event.state == State.RUNNING:
             self._begin(*self._paused)
         elif isinstance(event, StateChanged) and event.state in _STATES:
@@ -77,6 +77,15 @@ class Cycle:
         with self._lock:
             self._measure()
             return [*self._done, self._current()]
+
+    def _solved(self) -> None:
+        """Begin ``files``; solving a batch lasts until its last unit is solved."""
+        with self._lock:
+            if self._phase == "files":
+                solving = self._done.pop()
+                self._phase, self._stage = solving.phase, solving.stage
+                self._seconds += solving.seconds
+        self._begin("files")
 
     def _begin(self, phase: str, stage: str = "") -> None:
         with self._lock:

@@ -21,7 +21,7 @@ from calstation.config import (
 )
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
-from calstation.physics import INDEX
+from calstation.physics import INDEX, group_indices
 from calstation.quality import require_standards
 from calstation.records import RESERVE, LogMeta, RawLogWriter, append_audit, free_space
 from calstation.registers import UnverifiedTransfer, check_flash, check_interrupted
@@ -90,7 +90,9 @@ class PreparedRun:
         checks = self.setup.product.checks
         if checks is None or checks.previous is None:
             return meta, message
-        known = {name: value for name, value in self.history.previous(serial).items() if name in INDEX}
+        of_mounting = group_indices("outer_lever") if self.slot else ()  # another slot has another lever arm
+        previous = self.history.previous(serial).items()
+        known = {name: value for name, value in previous if name in INDEX and INDEX[name] not in of_mounting}
         return meta.model_copy(update={"previous": known}), message
 
     def open(self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None = None) -> "OpenRun":
@@ -100,6 +102,8 @@ class PreparedRun:
         """
         meta, message = self.meta(registers)
         stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
+        if self.setup.request.batch:  # the names of its units must differ
+            stem = f"{stem}_{self.slot}"
         log = RawLogWriter(
             self.folder / f"{stem}_{self.started:%Y%m%dT%H%M%S%f}.h5",
             meta,
@@ -127,6 +131,7 @@ class OpenRun:
     registers: dict[str, Any] = field(default_factory=dict)
     standard: StandardVerdict | None = None  #: Set at the end of a whole run of a check standard.
     closed: bool = False  #: Whether its result is written.
+    report: list[str] = field(default_factory=list)  #: Command that makes the report of its result, if there is one.
 
     @property
     def setup(self) -> ResolvedConfiguration:

@@ -1,8 +1,8 @@
 """Executes one run: prepares it, opens the devices, drives and solves the stages, finalizes it, writes its result."""
 
 import logging
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 from calstation import applog
@@ -14,6 +14,7 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.estimation import Solution
 from calstation.registers import recover_interrupted
 from calstation.results import HandOver, one_blas_thread
+from calstation.runs.automatic_report import start_reports
 from calstation.runs.finalize import Finalization
 from calstation.runs.hooks import RunHooks
 from calstation.runs.prepare import OpenRun, PreparedRun, prepare
@@ -62,16 +63,23 @@ def _run(units: tuple[PreparedRun, ...]) -> None:
             first.cycle.on(devices.clock),
         ):
             first.hooks.connected(devices)
-            evaluations = _open(units, devices, runs)
-            with applog.run(_name(runs)):
-                _sequence(runs, evaluations, devices)
+            with _closing(runs):
+                evaluations = _open(units, devices, runs)
+            with applog.run(_name(runs)), _closing(runs):
+                _drive(evaluations, devices)
     except (DeviceFaultError, StopRequested) as error:
-        if runs:
+        unopened = units[len(runs) :]
+        if not unopened:
             raise
-        runs = [unit.open(None) for unit in units]
-        with applog.run(_name(runs)):
-            for run in runs:
-                close_run(run, _ended(run, error))
+        with _closing(runs):
+            for unit in unopened:
+                runs.append(unit.open(None))
+            with applog.run(_name(runs)):
+                for run in runs:
+                    if not run.closed:
+                        close_run(run, _ended(run, error))
+    finally:
+        start_reports(run.report for run in runs if run.setup.request.batch)
 
 
 def _name(runs: Sequence[OpenRun]) -> str:
@@ -79,30 +87,55 @@ def _name(runs: Sequence[OpenRun]) -> str:
     return runs[0].setup.request.batch or runs[0].log.path.stem
 
 
+@contextmanager
+def _closing(runs: Sequence[OpenRun]) -> Iterator[None]:
+    """Close the runs still open with a fault if the context ends by an error, even by a programming error."""
+    try:
+        yield
+    except StopRequested:
+        raise
+    except Exception as mistake:
+        left = [run for run in runs if not run.closed]
+        if not left:  # a result itself could not be written
+            raise
+        if isinstance(mistake, CalstationError):
+            error = mistake
+        else:
+            logger.exception("the run ended by a mistake of the program")
+            error = CalstationError("program.internal", detail=f"{type(mistake).__name__}: {mistake}")
+        for run in left:
+            with suppress(OSError, RuntimeError, CalstationError):  # the log itself may have failed
+                close_run(run, Ended(State.FAULT, tuple(run.chain.solutions), error))
+        raise
+
+
 def _open(units: Sequence[PreparedRun], devices: Devices, runs: list[OpenRun]) -> list[Finalization]:
     """Recover interrupted transfers, read the registers of the units and append their open runs to `runs`.
 
-    Returns the evaluations of the units that can go on; those with a fault have left the batch. Raises DeviceFaultError
-    if it is the only unit or the last one, ConfigurationError, StopRequested.
+    Returns the evaluations of the units that can go on; those with an error have left the batch. Raises StopRequested,
+    ConfigurationError if a log cannot be created, and any CalstationError if it is of the only unit.
     """
     evaluations = []
-    for place, (unit, imu) in enumerate(zip(units, devices.imus, strict=True)):
+    for index, (unit, imu) in enumerate(zip(units, devices.imus, strict=True)):
         check_cancelled = unit.control.check_cancelled
         try:
+            if runs:
+                check_cancelled()
             if imu is None:
-                raise devices.failed[place]
+                raise devices.failed[index]
             own = replace(devices, imus=(imu,))
             unverified = recover_interrupted(own, unit.setup, unit.folder, unit.emit, check_cancelled)
             run = unit.open(_registers(imu, unit.setup), unverified)
-        except DeviceFaultError as error:
+        except CalstationError as error:
             if len(units) == 1:
                 raise
             run = unit.open(None)
+            runs.append(run)
             run.emit(Message("unit_left", {"serial": run.serial, "reason": error.as_text}))
             close_run(run, _ended(run, error))
         else:
+            runs.append(run)
             evaluations.append(Finalization(run, imu))
-        runs.append(run)
     return evaluations
 
 
@@ -117,22 +150,6 @@ def _registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
     if uncommitted and imu.identify().serial == setup.request.serial:
         return flash_registers(imu)
     return imu.read_registers()
-
-
-def _sequence(runs: Sequence[OpenRun], evaluations: Sequence[Finalization], devices: Devices) -> None:
-    """Drive and solve the remaining stages, and close the runs, even after a programming error."""
-    try:
-        _drive(evaluations, devices)
-    except Exception as mistake:
-        left = [run for run in runs if not run.closed]
-        if not left:  # a result itself could not be written
-            raise
-        logger.exception("the run ended by a mistake of the program")
-        error = CalstationError("program.internal", detail=f"{type(mistake).__name__}: {mistake}")
-        for run in left:
-            with suppress(OSError, RuntimeError, CalstationError):  # the log itself may have failed
-                close_run(run, Ended(State.FAULT, tuple(run.chain.solutions), error))
-        raise
 
 
 def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:

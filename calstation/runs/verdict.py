@@ -7,7 +7,7 @@ from dataclasses import replace
 from calstation.config import ProductConfig, latitude_agrees
 from calstation.errors import ConfigurationError
 from calstation.results import Ending, build_result, judge, write_json
-from calstation.runs.automatic_report import start_report
+from calstation.runs.automatic_report import report_command, start_reports
 from calstation.runs.prepare import OpenRun
 from calstation.sequencer import Ended, State, Verdict
 
@@ -17,7 +17,10 @@ logger = logging.getLogger(__name__)
 
 
 def close_run(run: OpenRun, ended: Ended) -> None:
-    """Write the result into the log and next to it; emit the verdict."""
+    """Write the result into the log and next to it; emit the verdict.
+
+    The report of a unit of a batch is to be started when the table is at rest.
+    """
     run.closed = True
     history, log, control = run.prepared.history, run.log, run.prepared.control
     outcome = _OUTCOMES[ended.state]
@@ -50,7 +53,9 @@ def close_run(run: OpenRun, ended: Ended) -> None:
         history.refresh()
     logger.info("verdict %s, result %s", outcome, beside)
     if outcome in ("passed", "failed"):
-        start_report(run.setup, beside.absolute(), run.prepared.emit)
+        run.report = report_command(run.setup, beside.absolute(), run.prepared.emit)
+        if not run.setup.request.batch:
+            start_reports([run.report])
     run.prepared.emit(Verdict(outcome, str(log.path), str(beside), written))
 
 

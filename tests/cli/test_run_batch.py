@@ -30,8 +30,19 @@ def test_the_exit_code_is_that_of_the_worst_unit(tmp_path: Path, calstation: Cal
     done = calstation(*where, "--json", results)  # the serial numbers of the bench
     assert done.code == 3, done.err
     found = [(result["unit"]["serial"], result["outcome"]) for result in json.loads(results.read_text())]
-    assert sorted(found) == [("SN-000001", "passed"), ("SN-000002", "fault")]
+    assert found == [("SN-000001", "passed"), ("SN-000002", "fault")]  # in the order of the slots
     assert "slot 2: " in done.err
     refused = calstation(*where, *(3 * ("--serial", "SN-000001")))
     assert refused.code == 2
     assert calstation(*where, "--serial", "SN-000001", "--serial", "SN-000001").code == 2
+
+
+def test_a_batch_that_does_not_start_has_no_results(tmp_path: Path, calstation: Callable[..., Any]) -> None:
+    site = SiteFolder(tmp_path)
+    site.write({"stages": ["six_position"]}, units=2)
+    (tmp_path / "runs").write_text("no folder")
+    done = calstation(
+        *("run", "--station", site.station, "--product", site.product, "--out", tmp_path / "runs", "--json", "-")
+    )
+    assert done.code == 2, done.err
+    assert done.out == ""

@@ -21,7 +21,7 @@ from calstation.reports.content import certificate_number
 from calstation.reports.pdf import typeset
 from calstation.results import Result
 from calstation.runs import automatic_report
-from calstation.runs.automatic_report import start_report
+from calstation.runs.automatic_report import report_command, start_reports
 from calstation.sequencer import Event, Message
 from tests.reports.certificates import Made, make, with_laboratory
 from tests.shared_runs import SharedRuns
@@ -295,14 +295,14 @@ def test_a_station_asks_for_reports_of_its_verdicts(
     started: list[Any] = []
     told: list[Event] = []
     monkeypatch.setattr(subprocess, "Popen", lambda command, **options: started.append(command))
-    start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
+    start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)])
     assert not started
     with_laboratory(site_folder, report={"folder": "reports", "language": "zh", "template": "mine"})
-    start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
+    start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)])
     automatic_report._started.clear()
     site_folder.write({"confirmation": {"required_for": ["certificate"]}})
     with_laboratory(site_folder, report={"folder": "reports"})
-    start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
+    start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)])
     assert "a second person must confirm its certificate" in caplog.text
     assert told == [Message("certificate_waits")]
     ((_, _, _, *command),) = started

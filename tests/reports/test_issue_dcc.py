@@ -2,7 +2,6 @@
 
 import io
 import json
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -84,14 +83,10 @@ def test_a_certificate_that_cannot_sign_writes_nothing(
     assert not pdf.exists()
 
 
-def test_reports_of_a_station_with_a_certificate_are_signed(
-    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_reports_of_a_station_with_a_certificate_are_signed(site_folder: SiteFolder) -> None:
     """A relative path is beside the station file."""
-    started: list[list[str]] = []
-    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: started.append(command))
     setup = prepare_run(site_folder.request("six_position"))
     section = ReportSection(folder="reports", signing=SigningSection(certificate="keys/seal.p12"))
     signed = replace(setup, station=setup.station.model_copy(update={"report": section}))
-    automatic_report.start_report(signed, Path("SN-000042_1.json"), lambda _: None)
-    assert started[0][-2:] == ["--sign", str(site_folder.folder / "keys" / "seal.p12")]
+    command = automatic_report.report_command(signed, Path("SN-000042_1.json"), lambda _: None)
+    assert command[-2:] == ["--sign", str(site_folder.folder / "keys" / "seal.p12")]

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from calstation.errors import InputError
+from calstation.records.files import take
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
 from calstation.records.run_index import FILE, IndexedRun, RunFilter, RunIndex
@@ -218,6 +219,23 @@ def test_a_closed_log_without_a_result_is_an_incomplete_run(tmp_path: Path) -> N
     writer.close("stopped")
     history.refresh()
     assert [run.log.stem for run in history.runs()] == ["y"]
+
+
+def test_a_refresh_waits_for_no_log_that_is_being_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    writers = [RawLogWriter(tmp_path / f"u{number}.h5", LogMeta.model_validate(META)) for number in range(3)]
+    writers[0].append(make_block("rate", 0, 100))
+    writers[0].flush()
+    shutil.copyfile(tmp_path / "u0.h5", tmp_path / "incomplete.h5")
+    monkeypatch.setattr("calstation.records.files.time.sleep", lambda seconds: pytest.fail("the refresh waits"))
+    history = refreshed(tmp_path)
+    assert {run.log.stem for run in history.runs()} == {"incomplete"}
+    with (tmp_path / "incomplete.h5").open() as tested:  # as another program does that tests the lock
+        assert take(tested.fileno(), 0.0)
+        assert history.refresh() == 0
+    assert {run.log.stem for run in history.runs()} == {"incomplete"}
+    monkeypatch.undo()
+    for writer in writers:
+        writer.close("stopped")
 
 
 def test_refreshes_as_a_job(three: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,21 +1,32 @@
 """Several units on one table: each has its own log, result and verdict, and none is held up by another."""
 
 import json
-from collections.abc import Callable
+import sys
+import tomllib
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import tomli_w
 
 from calstation.config.request import RunRequest
-from calstation.errors import ConfigurationError
+from calstation.config.resolved import ResolvedConfiguration
+from calstation.connection import devices
+from calstation.devices import Imu
+from calstation.devices.imu import StreamedImu
+from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.records.log import open_log
 from calstation.results.history import History
 from calstation.results.resolving import resolve
+from calstation.runs import automatic_report
+from calstation.runs import run as run_module
+from calstation.runs.automatic_report import start_reports
+from calstation.runs.prepare import PreparedRun
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Fault, Message, StageStarted, StepStarted, Verdict
+from calstation.sequencer.events import Event, Fault, Message, StageStarted, StateChanged, StepStarted, Verdict
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
@@ -95,11 +106,127 @@ def test_a_unit_that_falls_silent_leaves_the_others_alone(site_folder: SiteFolde
     assert order[0] == "2"
 
 
-def test_a_unit_that_does_not_answer_leaves_at_once(site_folder: SiteFolder) -> None:
-    orders = [{"order": "hang_up_imu", "value": 1e6, "at": 0.0, "unit": 3}]
-    site_folder.write(units=3, orders=orders)
+def refuse(monkeypatch: pytest.MonkeyPatch, *refused: str) -> None:
+    """Let units with these serial numbers not answer; the fault names the serial number as the port."""
+    opened = devices.open_imu
+
+    def open_imu(setup: ResolvedConfiguration, port: str) -> StreamedImu:
+        if setup.request.serial in refused:
+            raise DeviceFaultError("connection.refused", port=setup.request.serial, unit=1, exception=2)
+        return opened(setup, port)
+
+    monkeypatch.setattr(devices, "open_imu", open_imu)
+
+
+def test_a_unit_that_does_not_answer_leaves_at_once(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    site_folder.write(units=3)
+    refuse(monkeypatch, SERIALS[2])
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position"))
     assert {slot: verdict.outcome for slot, verdict in verdicts.items()} == {"1": "passed", "2": "passed", "3": "fault"}
+    kinds = [type(event) for event in site_folder.events]
+    assert kinds.index(Verdict) < kinds.index(StateChanged)  # before anything is driven
+    (fault,) = site_folder.events_of(Fault)
+    assert (fault.slot, fault.code) == ("3", "connection.refused")
+    assert [message.slot for message in site_folder.events_of(Message) if message.id == "unit_left"] == ["3"]
+
+
+def test_each_unit_has_its_own_fault_if_none_answers(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    site_folder.write(units=2)
+    refuse(monkeypatch, *SERIALS)
+    verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]))
+    assert [verdict.outcome for verdict in verdicts.values()] == ["fault", "fault"]
+    faults = [(fault.slot, fault.values["port"]) for fault in site_folder.events_of(Fault)]
+    assert faults == [("1", SERIALS[0]), ("2", SERIALS[1])]
+    for verdict, serial in zip(verdicts.values(), SERIALS, strict=False):
+        assert serial in verdict.result["error"]
+
+
+def test_stop_ends_a_batch_while_its_units_are_opened(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    site_folder.write(units=3)
+    opened, read = [], run_module._registers
+
+    def registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
+        opened.append(setup.request.serial)
+        site_folder.control.send(Command.STOP)
+        return read(imu, setup)
+
+    monkeypatch.setattr(run_module, "_registers", registers)
+    verdicts = run_batch(site_folder, batch_of(site_folder, "six_position"))
+    assert opened == [SERIALS[0]]
+    assert {slot: verdict.outcome for slot, verdict in verdicts.items()} == dict.fromkeys("123", "stopped")
+    assert all(open_log(Path(verdict.log)).outcome == "stopped" for verdict in verdicts.values())
+    assert site_folder.events_of(Fault) == []
+
+
+def test_a_configuration_error_of_one_unit_is_its_own(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    site_folder.write(units=2)
+    read = run_module._registers
+
+    def registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
+        if setup.request.serial == SERIALS[1]:
+            raise ConfigurationError("log.not_created", file="x.h5", reason="no space")
+        return read(imu, setup)
+
+    monkeypatch.setattr(run_module, "_registers", registers)
+    verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]))
+    assert {slot: verdict.outcome for slot, verdict in verdicts.items()} == {"1": "passed", "2": "fault"}
+    assert verdicts["2"].result["error_code"] == "log.not_created"
+
+
+@pytest.mark.parametrize("error", [ConfigurationError("log.not_created", file="x.h5", reason="no space"), ValueError()])
+def test_logs_already_open_are_closed_if_another_one_cannot_be_created(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    site_folder.write(units=3)
+    open_run = PreparedRun.open
+
+    def open_one(unit: PreparedRun, *args: Any) -> Any:
+        if unit.slot == "2":
+            raise error
+        return open_run(unit, *args)
+
+    monkeypatch.setattr(PreparedRun, "open", open_one)
+    with pytest.raises(type(error)):
+        run_batch(site_folder, batch_of(site_folder, "six_position"))
+    (verdict,) = site_folder.events_of(Verdict)
+    assert (verdict.slot, verdict.outcome) == ("1", "fault")
+    assert verdict.result["error_code"] == getattr(error, "code", "program.internal")
+    assert open_log(Path(verdict.log)).outcome == "fault"
+
+
+def test_serial_numbers_that_differ_in_one_character_have_logs_of_their_own(site_folder: SiteFolder) -> None:
+    site_folder.write({"serial_pattern": "SN[-_]1"}, units=2)
+    verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=("SN-1", "SN_1")))
+    assert [verdict.outcome for verdict in verdicts.values()] == ["passed", "passed"]
+    assert {Path(verdict.log).stem.rpartition("_")[0] for verdict in verdicts.values()} == {"SN-1_1", "SN-1_2"}
+
+
+def test_the_reports_of_a_batch_are_made_after_the_run_one_after_the_other(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site_folder.write(units=2)
+    station = tomllib.loads(site_folder.station.read_text(encoding="utf-8"))
+    station["report"] = {"folder": "reports"}
+    site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+    started: list[tuple[list[list[str]], int]] = []
+
+    def start(commands: Iterable[list[str]]) -> None:
+        started.append((list(commands), len(site_folder.events_of(Verdict))))
+
+    monkeypatch.setattr(run_module, "start_reports", start)
+    verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]))
+    ((commands, verdicts_before),) = started
+    assert verdicts_before == 2
+    assert [command[4] for command in commands] == [verdict.result_file for verdict in verdicts.values()]
+
+
+def test_a_report_that_fails_does_not_prevent_the_next_one(tmp_path: Path) -> None:
+    written = tmp_path / "written"
+    second = [sys.executable, "-c", f"import pathlib; pathlib.Path({str(written)!r}).write_text('x')"]
+    start_reports([[sys.executable, "-c", "raise SystemExit(2)"], [], second])
+    process = automatic_report._started.pop()
+    assert process.wait(60) == 0
+    assert written.exists()
 
 
 def test_stop_ends_all_units(site_folder: SiteFolder) -> None:
@@ -123,6 +250,23 @@ def test_a_unit_of_a_stopped_batch_is_resumed_alone_in_its_slot(site_folder: Sit
     assert verdict.outcome == "passed", [check for check in verdict.result["checks"] if check["passed"] is False]
     assert (verdict.result["slot"], verdict.result["batch"]) == ("B", "B-1")
     assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
+
+
+def test_a_unit_is_not_compared_with_its_lever_arm_in_another_slot(site_folder: SiteFolder) -> None:
+    slots = [{"name": name, "lever_m": [lever, 0.0, 0.0]} for name, lever in (("A", 0.15), ("B", -0.15))]
+    site_folder.write_station(slots=slots, bench={"units": 2})
+    product = tomllib.loads(site_folder.product.read_text(encoding="utf-8"))
+    product["checks"] = {"previous": {"change_within": {"outer_lever": 0.01, "gyro_scale": 1e-3}}}
+    site_folder.product.write_text(tomli_w.dumps(product), encoding="utf-8")
+    compared, levers = [], []
+    for serials in ((SERIALS[0], ""), ("", SERIALS[0])):
+        site_folder.events.clear()
+        (verdict,) = run_batch(site_folder, batch_of(site_folder, "excitation", serials=serials)).values()
+        checks = {check["name"]: check["passed"] for check in verdict.result["checks"]}
+        compared.append({name: passed for name, passed in checks.items() if name.startswith("previous")})
+        levers.append(verdict.result["parameters"]["outer_lever_x"]["value"])
+    assert levers[0] - levers[1] == pytest.approx(0.3, abs=0.01)
+    assert compared == [{}, {"previous gyro_scale": True}]
 
 
 def test_a_fault_of_the_table_ends_all_units(site_folder: SiteFolder) -> None:

@@ -13,7 +13,7 @@ from calstation.records.log import open_log
 from calstation.results.result import SCHEMA, Result, load_result
 from calstation.runs.cycle import Cycle
 from calstation.sequencer.control import Command, State
-from calstation.sequencer.events import Event, StateChanged, StepStarted, Verdict
+from calstation.sequencer.events import Event, StageEnded, StageSolved, StateChanged, StepStarted, Verdict
 from tests.sequencer.fakes import FakeClock, Scene
 from tests.shared_runs import SharedRuns
 
@@ -66,6 +66,21 @@ def test_the_phases_of_a_run_follow_each_other_and_add_up_to_all_of_it() -> None
     assert scene.clock.time - 1e-6 <= total <= scene.clock.time + host
     steps = [e["station_time"] for e in scene.journal.events if e["event"] in ("StageStarted", "StageEnded")]
     assert result.cycle_seconds["stage"] == pytest.approx(steps[1] - steps[0], abs=host)
+
+
+def test_solving_lasts_until_the_last_unit_of_a_batch_is_solved() -> None:
+    cycle, clock = Cycle(), FakeClock()
+    with cycle.on(clock):
+        cycle.follow(StageEnded("rate", "plan", 0))
+        for slot in ("A", "B", "C"):
+            clock.time += 10.0
+            cycle.follow(StageSolved("rate", {}, {}, slot=slot))
+        clock.time += 1.0
+        cycle.follow(StateChanged(State.PASSED, State.RUNNING))
+        phases = [(phase.phase, phase.stage) for phase in cycle.phases()]
+        seconds = [phase.seconds for phase in cycle.phases()]
+    assert phases[1:] == [("solving", "rate"), ("files", ""), ("files", "")]
+    assert seconds[1:3] == pytest.approx([30.0, 1.0], abs=0.5)
 
 
 def test_a_pause_is_a_phase_of_its_own_and_the_stage_goes_on_after_it() -> None:
