@@ -94,10 +94,12 @@ def complete_request(request: RunRequest) -> RunRequest:
         if request.stages is not None or request.seed is not None:
             raise ConfigurationError("cli.resume_options")
         serials = serials or (serial_of(request.resume),)
-    if not any(serials):
+    if not serials:
         if station.bench is None:
             raise ConfigurationError("cli.serial_missing", path=path)
         serials = station.virtual_serials
+    if not any(serials):
+        raise ConfigurationError("batch.no_unit", station=path)
     if request.resume is None and (station.slot_names or len(serials) > 1):
         return replace(request, serial=next(filter(None, serials)), serials=serials, batch=new_batch_id())
     return replace(request, serial=serials[0], serials=())

@@ -29,6 +29,8 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
         return (request,)
     path, station = load_station(request.station)
     names = station.slot_names
+    if not names:
+        raise ConfigurationError("batch.one_unit", station=path)
     if len(request.serials) > len(names):
         raise ConfigurationError("batch.more_than_slots", station=path, units=len(request.serials), slots=len(names))
     placed = [(name, serial) for name, serial in zip(names, request.serials, strict=False) if serial not in ("", "-")]

@@ -1,10 +1,15 @@
 """`calstation run` with several units: a serial number per slot, a list of results, the largest exit code."""
 
 import json
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+import tomli_w
+
+from calstation.config import library
 from tests.site_folder import SiteFolder
 
 
@@ -35,3 +40,34 @@ def test_the_exit_code_is_that_of_the_worst_unit(tmp_path: Path, calstation: Cal
     refused = calstation(*where, *(3 * ("--serial", "SN-000001")))
     assert refused.code == 2
     assert calstation(*where, "--serial", "SN-000001", "--serial", "SN-000001").code == 2
+
+
+@pytest.fixture
+def hardware(tmp_path: Path) -> Path:
+    """A station with two slots and no virtual bench."""
+    ports = ("/dev/ttyUSB1", "/dev/ttyUSB2")
+    data = tomllib.loads(library.find("stations", "virtual_bench").read_text(encoding="utf-8"))
+    data = {name: value for name, value in data.items() if name != "bench"}
+    data["table"] = {"profile": "bench", "port": "tcp://127.0.0.1:502"}
+    data["slots"] = [{"name": name, "port": port} for name, port in zip(("A1", "A2"), ports, strict=True)]
+    path = tmp_path / "line.toml"
+    path.write_text(tomli_w.dumps(data), encoding="utf-8")
+    return path
+
+
+def test_a_load_without_a_unit_is_refused(tmp_path: Path, hardware: Path, calstation: Callable[..., Any]) -> None:
+    empty = ("--serial", "-", "--serial", "-", "--out", tmp_path / "runs")
+    for station in (hardware, "virtual_batch", "virtual_bench"):
+        refused = calstation("run", "--station", station, *empty)
+        assert refused.code == 2
+        assert "No slot has a unit. Give the serial number of at least one unit." in refused.err
+    missing = calstation("run", "--station", hardware, "--out", tmp_path / "runs")
+    assert (missing.code, "--serial is missing" in missing.err) == (2, True)
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_station_without_slots_takes_one_unit(tmp_path: Path, calstation: Callable[..., Any]) -> None:
+    two = ("--serial", "SN-000001", "--serial", "SN-000002", "--out", tmp_path / "runs")
+    refused = calstation("run", "--station", "virtual_bench", *two)
+    assert refused.code == 2
+    assert "The station takes one unit; it has no slots. Give one serial number, or choose" in refused.err

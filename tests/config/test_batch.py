@@ -149,7 +149,7 @@ def test_wrong_serial_numbers_of_a_batch_are_refused(
 
 
 def test_a_station_with_one_unit_has_no_batches(site_folder: SiteFolder) -> None:
-    with raises_code(ConfigurationError, "batch.more_than_slots"):
+    with raises_code(ConfigurationError, "batch.one_unit"):
         prepare_batch(batch(site_folder, "SN-000001"))
     with pytest.raises(ConfigurationError) as caught:
         prepare_run(replace(site_folder.request(), slot="left"))
