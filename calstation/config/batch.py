@@ -43,7 +43,8 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
     if request.resume is not None and len(serials) > 1:
         raise ConfigurationError("batch.resume")
     batch = request.batch or new_batch_id()
-    common = replace(request, serials=(), batch=batch, batch_units=tuple(serials))
+    slots = tuple(name for name, _ in placed)
+    common = replace(request, serials=(), batch=batch, batch_units=tuple(serials), batch_slots=slots)
     return tuple(replace(common, serial=serial, slot=name) for name, serial in placed)
 
 

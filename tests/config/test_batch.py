@@ -271,3 +271,17 @@ def test_a_fault_plan_changes_the_unit_that_it_names(site_folder: SiteFolder, tm
     units = (config, *config["secondaries"])
     assert [unit["serial"] for unit in units] == ["SN-000001", "SN-000002-OTHER", "SN-000003"]
     assert config["orders"] == [{"order": "silence_imu", "at": 5.0, "unit": 3}]
+
+
+@pytest.mark.parametrize("kind", ["wrong_unit", "silence_imu"])
+@pytest.mark.parametrize("unit", [2, 7])
+def test_a_fault_of_a_missing_unit_is_refused(site_folder: SiteFolder, tmp_path: Path, kind: str, unit: int) -> None:
+    write(site_folder)
+    plan = tmp_path / "plan.toml"
+    when = {} if kind == "wrong_unit" else {"stage": "rate"}
+    of_table = {"kind": "interlock", "stage": "rate", "unit": unit}
+    plan.write_text(tomli_w.dumps({"fault": [of_table, {"kind": kind, "unit": unit, **when}]}), encoding="utf-8")
+    request = replace(batch(site_folder, "SN-000001", "-", "SN-000003"), faults=plan)
+    with pytest.raises(ConfigurationError) as caught:
+        prepare_batch(request, with_faults)
+    assert f"{plan}: fault[1].unit: No unit is in slot {unit}, counted from 1. Choose from: 1, 3." in str(caught.value)
