@@ -27,7 +27,7 @@ from calstation.config import (
 from calstation.database import Claim, start_exchange
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.messages import Text, event_text, render, sentence, step_text, term
-from calstation.records import open_log
+from calstation.records import RunSection, open_log
 from calstation.results import Result
 from calstation.runs import INTERNAL, Engine, filled, serial_of
 from calstation.sequencer import (
@@ -96,7 +96,9 @@ def complete_request(request: RunRequest) -> RunRequest:
         if request.stages is not None or request.seed is not None:
             raise ConfigurationError("cli.resume_options")
         serials = serials or (serial_of(request.resume),)
-        request = replace(request, product=request.product or _product_of(request.resume))
+        run = open_log(request.resume).meta.run
+        product = request.product or _product_of(request.resume, run)
+        request = replace(request, product=product, slot=None if run is None else run.slot)
     if not serials:
         if station.bench is None:
             raise ConfigurationError("cli.serial_missing", path=path)
@@ -108,9 +110,8 @@ def complete_request(request: RunRequest) -> RunRequest:
     return replace(request, serial=serials[0], serials=())
 
 
-def _product_of(log: Path) -> Path | None:
+def _product_of(log: Path, run: RunSection | None) -> Path | None:
     """Return the product file of the run of a log, None if the log does not name it. Raises ConfigurationError."""
-    run = open_log(log).meta.run
     name = run.files["product"].name if run is not None and run.files else None
     if name is not None and name not in library.names("products"):
         raise ConfigurationError("cli.resume_product", path=log, name=name)

@@ -28,6 +28,8 @@ def test_units_are_calibrated_together(tmp_path: Path, calstation: Callable[...,
     assert found == [("SN-000101", "1", "passed"), ("SN-000103", "3", "passed")]
     (batch,) = {result["batch"] for result in done.json}
     assert batch in done.err
+    last = tmp_path / "runs" / done.json[1]["log"]["file"]
+    assert complete_request(RunRequest("", site.station, site.product, resume=last)).slot == "3"
     assert "slot 3: six_position: " in done.err
 
 
