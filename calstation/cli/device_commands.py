@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calstation.cli.options import ByOption, ConfirmedByOption, JsonOption, ProductOption, StationOption
+from calstation.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from calstation.config import RunRequest
@@ -18,6 +19,7 @@ registers = typer.Typer(
 SerialArgument = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the unit.")]
 RunsOption = Annotated[Path, typer.Option("--out", help="Folder of the runs; a virtual unit's journal is there.")]
 YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask before writing.")]
+SlotOption = Annotated[str | None, typer.Option(help="Slot of the unit, at a station with several.", metavar="NAME")]
 AtRestOption = Annotated[bool, typer.Option("--at-rest", help="Leave the table alone: verify at rest, without a turn.")]
 
 
@@ -39,12 +41,13 @@ def read(
     station: StationOption = None,
     product: ProductOption = None,
     out: RunsOption = Path("runs"),
+    slot: SlotOption = None,
     json: JsonOption = None,
 ) -> None:
     """Show what a unit's registers hold now. Nothing moves, nothing is written."""
     from calstation.cli.registers import read_command
 
-    raise typer.Exit(read_command(_unit(serial, station, product, out), json))
+    raise typer.Exit(read_command(_unit(serial, station, product, out, slot), json))
 
 
 @registers.command()
@@ -54,6 +57,7 @@ def finish(
     station: StationOption = None,
     product: ProductOption = None,
     out: RunsOption = Path("runs"),
+    slot: SlotOption = None,
     json: JsonOption = None,
     yes: YesOption = False,
     at_rest: AtRestOption = False,
@@ -64,7 +68,7 @@ def finish(
     from calstation.cli.registers import operate_command
     from calstation.config import RegisterOperation
 
-    operation = RegisterOperation(_unit(serial, station, product, out), "finish", at_rest=at_rest)
+    operation = RegisterOperation(_unit(serial, station, product, out, slot), "finish", at_rest=at_rest)
     raise typer.Exit(operate_command(operation, by, confirmed_by, json, yes=yes, debug=bool(context.obj)))
 
 
@@ -78,6 +82,7 @@ def restore(
     station: StationOption = None,
     product: ProductOption = None,
     out: RunsOption = Path("runs"),
+    slot: SlotOption = None,
     json: JsonOption = None,
     yes: YesOption = False,
     at_rest: AtRestOption = False,
@@ -88,15 +93,18 @@ def restore(
     from calstation.cli.registers import operate_command
     from calstation.config import RegisterOperation
 
-    request = _unit(serial, station, product, out)
+    request = _unit(serial, station, product, out, slot)
     operation = RegisterOperation(request, "restore", transfer=transfer, at_rest=at_rest)
     raise typer.Exit(operate_command(operation, by, confirmed_by, json, yes=yes, debug=bool(context.obj)))
 
 
-def _unit(serial: str, station: Path | None, product: Path | None, out: Path) -> "RunRequest":
-    from calstation.config import RunRequest, computer_user
+def _unit(serial: str, station: Path | None, product: Path | None, out: Path, slot: str | None) -> "RunRequest":
+    from calstation.config import RunRequest, computer_user, load_station
 
-    return RunRequest(serial, station, product, out=out, operator=computer_user())
+    path, found = load_station(station)
+    if found.slot_names and slot is None:
+        raise ConfigurationError("cli.slot_missing", path=path, slots=found.slot_names)
+    return RunRequest(serial, station, product, out=out, operator=computer_user(), slot=slot)
 
 
 table = typer.Typer(

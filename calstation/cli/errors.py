@@ -51,12 +51,15 @@ def station_options(station: Path | None, product: Path | None) -> str:
     return shlex.join(word for option, path in named if path is not None for word in (option, str(path)))
 
 
-def command_options(station: Path | None, product: Path | None, out: Path | None = None) -> dict[str, str]:
-    """Return the values that complete the commands in a remedy: station file, product file and runs folder."""
+def command_options(
+    station: Path | None, product: Path | None, out: Path | None = None, slot: str | None = None
+) -> dict[str, str]:
+    """Return the values that complete the commands in a remedy: station file, product file, runs folder and slot."""
     where = station_options(station, product)
     return {
         "station_options": f" {where}" if where else "",
         "out_option": "" if out in (None, Path("runs")) else f" --out {shlex.quote(str(out))}",
+        "slot_option": f" --slot {slot}" if slot else "",
     }
 
 

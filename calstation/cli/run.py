@@ -19,6 +19,7 @@ from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, re
 from calstation.config import (
     RegisterOperation,
     RunRequest,
+    library,
     load_station,
     new_batch_id,
     prepare_batch,
@@ -26,6 +27,7 @@ from calstation.config import (
 from calstation.database import Claim, start_exchange
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.messages import Text, event_text, render, sentence, step_text, term
+from calstation.records import RunSection, open_log
 from calstation.results import Result
 from calstation.runs import INTERNAL, Engine, filled, serial_of
 from calstation.sequencer import (
@@ -76,7 +78,7 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
         # before the last exchange, which may take seconds
         if verdicts and request.serials:
             names = station.slot_names
-            _show_batch(sorted(verdicts, key=lambda verdict: names.index(verdict.slot)), json)
+            _show_batch(sorted(verdicts, key=lambda verdict: names.index(verdict.slot)), json, request)
         elif verdicts:
             _show_verdict(verdicts[0], json, request)
         if fault is not None:
@@ -95,13 +97,26 @@ def complete_request(request: RunRequest) -> RunRequest:
         if request.stages is not None or request.seed is not None:
             raise ConfigurationError("cli.resume_options")
         serials = serials or (serial_of(request.resume),)
-    if not any(serials):
+        run = open_log(request.resume).meta.run
+        product = request.product or _product_of(request.resume, run)
+        request = replace(request, product=product, slot=None if run is None else run.slot)
+    if not serials:
         if station.bench is None:
             raise ConfigurationError("cli.serial_missing", path=path)
         serials = station.virtual_serials
+    if not any(serials):
+        raise ConfigurationError("batch.no_unit", station=path)
     if request.resume is None and (station.slot_names or len(serials) > 1):
         return replace(request, serial=next(filter(None, serials)), serials=serials, batch=new_batch_id())
     return replace(request, serial=serials[0], serials=())
+
+
+def _product_of(log: Path, run: RunSection | None) -> Path | None:
+    """Return the product file of the run of a log, None if the log does not name it. Raises ConfigurationError."""
+    name = run.files["product"].name if run is not None and run.files else None
+    if name is not None and name not in library.names("products"):
+        raise ConfigurationError("cli.resume_product", path=log, name=name)
+    return None if name is None else library.find("products", name)
 
 
 @contextmanager
@@ -131,8 +146,8 @@ def engine_events(
     `work` is the job for the engine, by default the request itself. `new_claims` is asked after every event for claims
     of other stations on the unit, which are shown.
     """
-    options = command_options(request.station, request.product, request.out)
-    display = _Display(Console(stderr=True))
+    options = command_options(request.station, request.product, request.out, request.slot)
+    display = _Display(Console(stderr=True), options)
 
     def end_stage() -> None:
         engine.send(Command.END_STAGE)
@@ -156,7 +171,7 @@ def engine_events(
 def complain_fault(fault: Fault, request: RunRequest, *, debug: bool) -> int:
     """Show the fault that ended the engine's job, with its remedy, and return the exit code."""
     if fault.code:
-        options = command_options(request.station, request.product, request.out)
+        options = command_options(request.station, request.product, request.out, request.slot)
         complain(render(fault.code, {**fault.values, **options}).line)
     elif fault.kind == INTERNAL and not debug:
         complain(f"internal error: {fault.text.strip().splitlines()[-1]} (--debug shows where)")
@@ -177,11 +192,15 @@ def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> No
     show_line(console, f"log: {verdict.log}")
     show_line(console, f"result: {verdict.result_file}")
     if result.advice == "resume":
-        command = shlex.join(["calstation", "run", "--resume", verdict.log])
-        show_line(console, f"to resume: {command} {station_options(request.station, request.product)}".rstrip())
+        show_line(console, _to_resume(verdict, request))
 
 
-def _show_batch(verdicts: Sequence[Verdict], json: str | None) -> None:
+def _to_resume(verdict: Verdict, request: RunRequest) -> str:
+    command = shlex.join(["calstation", "run", "--resume", verdict.log])
+    return f"to resume: {command} {station_options(request.station, request.product)}".rstrip()
+
+
+def _show_batch(verdicts: Sequence[Verdict], json: str | None, request: RunRequest) -> None:
     """Show one line per unit of a batch and write the list of results."""
     results = [Result.from_json(verdict.result) for verdict in verdicts]
     emit_json([verdict.result for verdict in verdicts], json)
@@ -190,14 +209,28 @@ def _show_batch(verdicts: Sequence[Verdict], json: str | None) -> None:
     for heading in ("slot", "unit", "verdict", "why", "result"):
         table.add_column(heading, overflow="fold")
     for verdict, result in zip(verdicts, results, strict=True):
-        outside = [check.name for check in result.checks if check.passed is False]
-        why = result.error or ", ".join(outside[:_NAMED]) + (" ..." if len(outside) > _NAMED else "")
-        table.add_row(verdict.slot, result.serial, verdict.outcome.upper(), why, Path(verdict.result_file).name)
+        row = (verdict.slot, result.serial, verdict.outcome.upper(), _why(verdict.outcome, result))
+        table.add_row(*row, Path(verdict.result_file).name)
     console.print(table)
-    if results[0].cycle:
-        show_line(console, _cycle_line(results[0].cycle_seconds))
+    longest = max((result.cycle_seconds for result in results), key=lambda cycle: sum(cycle.values()))
+    if longest:
+        show_line(console, _cycle_line(longest))
+    for verdict, result in zip(verdicts, results, strict=True):
+        if result.advice == "resume":
+            show_line(console, _to_resume(verdict, request))
     for folder in {str(Path(verdict.result_file).parent) for verdict in verdicts}:
         show_line(console, f"logs and results: {folder}")
+
+
+def _why(outcome: str, result: Result) -> str:
+    """Return why a unit of a batch did not pass, and whether it holds registers that were not verified."""
+    outside = [check.name for check in result.checks if check.passed is False]
+    parts = [result.error or ", ".join(outside[:_NAMED]) + (" ..." if len(outside) > _NAMED else "")]
+    if outcome == "stopped":
+        parts = [term("reason", result.stop_reason or "operator")]
+    if result.registers is not None and result.registers.new is not None and not result.verified:
+        parts.append(say("cli.not_verified"))
+    return "; ".join(filter(None, parts))
 
 
 def _cycle_line(seconds: Mapping[str, float]) -> str:
@@ -226,8 +259,9 @@ class _Display:
         """Confirm that the user has asked for the end of the stage."""
         show_line(self._console, say("cli.ending_stage"))
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, options: Mapping[str, str]) -> None:
         self._console = console
+        self._options = options  #: Of the commands in remedies.
         self._bars: dict[str, TaskID] = {}
         self.progress = Progress(
             TextColumn("{task.fields[number]:>4}  {task.description:<14}"),
@@ -263,7 +297,8 @@ class _Display:
             text = sentence(event_text(event.id, event.values))
             self._console.print(_of_slot(event, text), highlight=False, markup=False)
         elif isinstance(event, Fault) and event.slot and event.code:
-            self._console.print(_of_slot(event, render(event.code, event.values).line), highlight=False, markup=False)
+            values = {**event.values, **self._options, "slot_option": f" --slot {event.slot}"}
+            show_line(self._console, _of_slot(event, render(event.code, values).line))
         elif isinstance(event, StateChanged) and event.state in ("pausing", "paused", "stopping"):
             self._console.print(f"{say(f'state.{event.state}')}.", highlight=False)
 

@@ -79,6 +79,7 @@ from .station import LinkDefaults as LinkDefaults
 from .station import ProductConfig as ProductConfig
 from .station import StationConfig as StationConfig
 from .station import imu_defaults as imu_defaults
+from .station import in_file as in_file
 from .station import is_manual_table as is_manual_table
 from .station import load_product as load_product
 from .station import load_station as load_station

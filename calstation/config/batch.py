@@ -29,6 +29,8 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
         return (request,)
     path, station = load_station(request.station)
     names = station.slot_names
+    if not names:
+        raise ConfigurationError("batch.one_unit", station=path)
     if len(request.serials) > len(names):
         raise ConfigurationError("batch.more_than_slots", station=path, units=len(request.serials), slots=len(names))
     placed = [(name, serial) for name, serial in zip(names, request.serials, strict=False) if serial not in ("", "-")]
@@ -41,7 +43,8 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
     if request.resume is not None and len(serials) > 1:
         raise ConfigurationError("batch.resume")
     batch = request.batch or new_batch_id()
-    common = replace(request, serials=(), batch=batch, batch_units=tuple(serials))
+    slots = tuple(name for name, _ in placed)
+    common = replace(request, serials=(), batch=batch, batch_units=tuple(serials), batch_slots=slots)
     return tuple(replace(common, serial=serial, slot=name) for name, serial in placed)
 
 

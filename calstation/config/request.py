@@ -40,6 +40,7 @@ class RunRequest:
     slot: str | None = None  #: Name of the unit's slot; None at a station with one unit.
     batch: str | None = None  #: Common identifier of the runs of a batch.
     batch_units: tuple[str, ...] = ()  #: Serial numbers of all units of the batch, in the order of their slots.
+    batch_slots: tuple[str, ...] = ()  #: Names of these slots.
     speed: float | None = None  #: Virtual bench: multiple of real time, 0 as fast as possible; None for the station's.
     seed: int | None = None  #: Seed of the virtual bench; None for that of the station file.
     #: Method parameters that replace those of the product, by stage.

@@ -1,6 +1,7 @@
 """The slots of a station: places for units on one table, each with a link of its own."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 
 #: Largest number of units on one table.
 MAX_UNITS = 16
+
+#: Largest component of a lever arm, m.
+_LARGEST_LEVER = 5.0
 
 #: Orientation of a unit whose axes are those of the platform.
 PLATFORM_AXES = "+x+z"
@@ -48,17 +52,34 @@ class DeviceSection(StrictModel):
 class SlotSection(DeviceSection):
     """`[[slots]]` of a station: a place for a unit on the table, with the link of the unit."""
 
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,15}$")
+    name: str
     imu: str | None = None  #: Name of the IMU profile; default: that of the product.
     product: str | None = None  #: Name of the product; default: that of the run.
     #: Body axes along x and z of the platform at home, for example ``-y+z``.
-    orientation: str = Field(default=PLATFORM_AXES, pattern=r"^[+-][xyz][+-][xyz]$")
+    orientation: str = PLATFORM_AXES
     #: Nominal lever arm in the body frame.
     lever_m: list[float] = Field(default=[0.0, 0.0, 0.0], min_length=3, max_length=3)
+
+    @field_validator("name")
+    @classmethod
+    def _short(cls, name: str) -> str:
+        if re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,15}", name) is None:
+            raise EntryError("station.slot_name", name=name)
+        return name
+
+    @field_validator("lever_m")
+    @classmethod
+    def _on_the_table(cls, lever: list[float]) -> list[float]:
+        for value in lever:
+            if abs(value) > _LARGEST_LEVER:
+                raise EntryError("station.lever_too_long", value=value, most=_LARGEST_LEVER)
+        return lever
 
     @field_validator("orientation")
     @classmethod
     def _two_axes(cls, orientation: str) -> str:
+        if re.fullmatch(r"[+-][xyz][+-][xyz]", orientation) is None:
+            raise EntryError("station.not_an_orientation", orientation=orientation)
         if orientation[1] == orientation[3]:
             raise EntryError("station.one_axis_twice", orientation=orientation)
         return orientation
@@ -72,8 +93,13 @@ def check_slots(station: "StationConfig") -> None:
     for section in ("imu", "imu2", "imu3"):
         if section in station.model_fields_set:
             raise EntryError("station.slots_and_imu", section)
-    _check_unique(station, "name", lambda slot: slot.name)
-    _check_unique(station, "port", lambda slot: slot.port)
+    _check_unique("name", [slot.name for slot in station.slots])
+    _check_unique("port", [slot.port for slot in station.slots])
+    by_name: dict[str, str] = {}
+    for number, slot in enumerate(station.slots):
+        other = by_name.setdefault(slot.name.lower(), slot.name)
+        if other != slot.name:
+            raise EntryError("station.slot_case", "slots", number, "name", name=slot.name, other=other)
     with suppress(ConfigurationError):  # reported with the profile itself
         table = load_table_profile(library.find("tables", station.table.profile))
         if table.by_hand or table.gimbal is not None or table.protocol == "imu_link":
@@ -84,6 +110,8 @@ def check_slots(station: "StationConfig") -> None:
 
 
 def _check_units(station: "StationConfig") -> None:
+    if len(station.slots) > MAX_UNITS:
+        raise EntryError("station.too_many_slots", "slots", count=len(station.slots), most=MAX_UNITS)
     units = (station.bench or {}).get("units")
     if units is None:
         return
@@ -93,8 +121,7 @@ def _check_units(station: "StationConfig") -> None:
         raise EntryError("station.units_unlike_slots", "bench", "units", units=units, slots=len(station.slots))
 
 
-def _check_unique(station: "StationConfig", entry: str, value: Callable[[SlotSection], str | None]) -> None:
-    values = [value(slot) for slot in station.slots]
+def _check_unique(entry: str, values: Sequence[str | None]) -> None:
     for number, found in enumerate(values):
         if found is not None and found in values[:number]:
             raise EntryError("station.slot_twice", "slots", number, entry, value=found)

@@ -14,7 +14,7 @@ from calstation.config.check_standards import CheckStandardSection
 from calstation.config.laboratory import InstrumentSection, LaboratorySection, ReportSection
 from calstation.config.records import RecordsSection
 from calstation.config.sign_in import SignInSection
-from calstation.config.slots import MAX_UNITS, DeviceSection, SlotSection, check_slots
+from calstation.config.slots import DeviceSection, SlotSection, check_slots
 from calstation.devices.codecs import SLOTS, legal_range, parameter_of
 from calstation.devices.links import host_and_port
 from calstation.devices.profiles import ImuProfile, RegisterEntry, SerialSettings, load_imu_profile, load_table_profile
@@ -119,7 +119,7 @@ class StationConfig(StrictModel):
     laboratory: LaboratorySection | None = None
     instruments: list[InstrumentSection] = Field(default_factory=list)
     report: ReportSection | None = None
-    slots: list[SlotSection] = Field(default_factory=list, max_length=MAX_UNITS)
+    slots: list[SlotSection] = Field(default_factory=list)
     records: RecordsSection = RecordsSection()
 
     @property
@@ -154,6 +154,7 @@ class StationConfig(StrictModel):
     def _ports(self) -> "StationConfig":
         if self.imu3 is not None and self.imu2 is None:
             raise EntryError("log.imu_numbers", number=3, missing=2)
+        check_slots(self)
         slots = [(("slots", number), slot) for number, slot in enumerate(self.slots)]
         imus: list[tuple[tuple[str | int, ...], DeviceSection]] = [*slots] or [(("imu",), self.imu)]
         imus += [((f"imu{number}",), section) for number, section in self.secondaries.items()]
@@ -171,7 +172,6 @@ class StationConfig(StrictModel):
             if section is not self.table and port.startswith("tcp://"):
                 address = port.removeprefix("tcp://")
                 raise EntryError("station.imu_over_modbus", *keys, "port", port=port, address=address)
-        check_slots(self)
         return self
 
 

@@ -16,8 +16,8 @@ Language = Literal["en", "zh_CN"]
 Value = Any
 
 #: Values that the command line adds so that the commands in remedies can be copied unchanged: the options that select
-#: station and product, and the run folder. Otherwise, and in the window, they are empty.
-COMMAND_OPTIONS = ("station_options", "out_option")
+#: station and product, the run folder and the slot. Otherwise, and in the window, they are empty.
+COMMAND_OPTIONS = ("station_options", "out_option", "slot_option")
 
 _NO_DIGITS = str.maketrans("", "", string.digits)
 

@@ -11,8 +11,8 @@ from typing import Any, get_args
 
 from pydantic import Field, field_validator, model_validator
 
-from calstation.bench import OrderName
-from calstation.config import ResolvedConfiguration
+from calstation.bench import Order, OrderName
+from calstation.config import ResolvedConfiguration, in_file
 from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, load, near_miss
 
@@ -60,6 +60,13 @@ class PlannedFault(StrictModel):
     time_s: float | list[float] = 0.0
     value: float | None = None
     unit: int = Field(default=1, ge=1)  #: Number of the slot of the unit concerned, if several are on the table.
+
+    @property
+    def of_unit(self) -> bool:
+        """Whether the fault concerns one unit, not the table, the site or the computer."""
+        return self.kind in _OF_UNIT or (
+            self.kind in ORDERS and not Order.model_validate({"order": self.kind}).of_table
+        )
 
     @field_validator("kind")
     @classmethod
@@ -135,4 +142,17 @@ def fault_plan(setup: ResolvedConfiguration) -> FaultPlan:
 
 def with_faults(setup: ResolvedConfiguration) -> ResolvedConfiguration:
     """Return the configuration of a run adjusted by its fault plan. Raises ConfigurationError."""
-    return setup if setup.fault_plan is None else fault_plan(setup).adjust(setup)
+    if setup.fault_plan is None:
+        return setup
+    plan = fault_plan(setup)
+    with in_file(setup.fault_plan):
+        _check_units(plan, setup)
+    return plan.adjust(setup)
+
+
+def _check_units(plan: FaultPlan, setup: ResolvedConfiguration) -> None:
+    names, filled = setup.station.slot_names, setup.request.batch_slots
+    units = [number for number, name in enumerate(names or ("",), start=1) if name in filled or not filled]
+    for number, fault in enumerate(plan.fault):
+        if fault.of_unit and fault.unit not in units:
+            raise EntryError("bench.fault_of_no_unit", "fault", number, "unit", unit=fault.unit, units=units)

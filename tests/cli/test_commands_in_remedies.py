@@ -1,12 +1,15 @@
 """Commands in remedies can be typed as they are printed."""
 
 import shlex
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from calstation.cli.errors import command_options, complete_commands
-from calstation.cli.run import complain_fault
+from calstation.cli.run import _Display, complain_fault
 from calstation.config.request import RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.messages.rendering import Text
@@ -45,6 +48,20 @@ def test_an_interrupted_transfer_names_station_and_folder(capsys: pytest.Capture
     where = ["--station", "line 3.toml", "--product", "unit.toml", "--out", "today"]
     assert shlex.split(command) == unit + where
     assert "calstation registers finish SN-1, or restore" in printed(open_, RunRequest("SN-1"), capsys)
+
+
+def test_an_interrupted_transfer_names_the_slot(capsys: pytest.CaptureFixture[str]) -> None:
+    open_ = DeviceFaultError("transfer.interrupted", serial="SN-1", utc="", holds="new")
+    command = f"calstation registers finish SN-1 {STATION} --out today --slot A2"
+    assert f"{command}, or restore SN-1." in printed(open_, replace(HERE, slot="A2"), capsys)
+    new = DeviceFaultError("imu.holds_new", serial="SN-1", cause=LATCHED.as_text)
+    assert f"{command} (or restore SN-1)." in printed(new, replace(HERE, slot="A2"), capsys)
+    options = command_options(HERE.station, HERE.product, HERE.out)
+    display = _Display(Console(file=sys.stderr, width=70), options)
+    display.show(replace(Fault.of(open_), slot="A2"))
+    err = capsys.readouterr().err
+    assert err.startswith("slot A2: ")
+    assert f"{command}, or restore SN-1." in err
 
 
 def test_an_error_of_the_command_itself_names_its_station() -> None:

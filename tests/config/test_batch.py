@@ -53,6 +53,12 @@ def batch(site_folder: SiteFolder, *serials: str) -> RunRequest:
         ({"slots": [{**SLOTS[0], "port": "127.0.0.1:5"}]}, "slots[0].port", "station.imu_scheme_missing"),
         ({"slots": [{**SLOTS[0], "port": "tcp://127.0.0.1:5"}]}, "slots[0].port", "station.imu_over_modbus"),
         ({"slots": [{**SLOTS[0], "orientation": "+x-x"}]}, "slots[0].orientation", "station.one_axis_twice"),
+        ({"slots": [{**SLOTS[0], "orientation": "x+z"}]}, "slots[0].orientation", "station.not_an_orientation"),
+        ({"slots": [{**SLOTS[0], "name": "slot 1"}]}, "slots[0].name", "station.slot_name"),
+        ({"slots": [SLOTS[0], {**SLOTS[1], "name": "a"}]}, "slots[1].name", "station.slot_case"),
+        ({"slots": [{**SLOTS[0], "lever_m": [0.1, -150.0, 0.0]}]}, "slots[0].lever_m", "station.lever_too_long"),
+        ({"slots": [{"name": f"N{n}", "port": f"/dev/tty{n}"} for n in range(17)]}, "slots", "station.too_many_slots"),
+        ({"table": {"profile": "hand_rails"}, "slots": [{"name": "A"}]}, "table.profile", "station.slots_need_table"),
         ({"table": {"profile": "hand_rails"}}, "table.profile", "station.slots_need_table"),
         ({"table": {"profile": "gimbal", "port": "/dev/ttyUSB0"}}, "table.profile", "station.slots_need_table"),
         ({"table": {"profile": "indexing_unit", "port": PORTS[0]}}, "table.profile", "station.slots_need_table"),
@@ -149,7 +155,7 @@ def test_wrong_serial_numbers_of_a_batch_are_refused(
 
 
 def test_a_station_with_one_unit_has_no_batches(site_folder: SiteFolder) -> None:
-    with raises_code(ConfigurationError, "batch.more_than_slots"):
+    with raises_code(ConfigurationError, "batch.one_unit"):
         prepare_batch(batch(site_folder, "SN-000001"))
     with pytest.raises(ConfigurationError) as caught:
         prepare_run(replace(site_folder.request(), slot="left"))
@@ -265,3 +271,17 @@ def test_a_fault_plan_changes_the_unit_that_it_names(site_folder: SiteFolder, tm
     units = (config, *config["secondaries"])
     assert [unit["serial"] for unit in units] == ["SN-000001", "SN-000002-OTHER", "SN-000003"]
     assert config["orders"] == [{"order": "silence_imu", "at": 5.0, "unit": 3}]
+
+
+@pytest.mark.parametrize("kind", ["wrong_unit", "silence_imu"])
+@pytest.mark.parametrize("unit", [2, 7])
+def test_a_fault_of_a_missing_unit_is_refused(site_folder: SiteFolder, tmp_path: Path, kind: str, unit: int) -> None:
+    write(site_folder)
+    plan = tmp_path / "plan.toml"
+    when = {} if kind == "wrong_unit" else {"stage": "rate"}
+    of_table = {"kind": "interlock", "stage": "rate", "unit": unit}
+    plan.write_text(tomli_w.dumps({"fault": [of_table, {"kind": kind, "unit": unit, **when}]}), encoding="utf-8")
+    request = replace(batch(site_folder, "SN-000001", "-", "SN-000003"), faults=plan)
+    with pytest.raises(ConfigurationError) as caught:
+        prepare_batch(request, with_faults)
+    assert f"{plan}: fault[1].unit: No unit is in slot {unit}, counted from 1. Choose from: 1, 3." in str(caught.value)
