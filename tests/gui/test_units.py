@@ -369,10 +369,17 @@ def test_an_interrupted_transfer_is_decided_for_its_unit_alone(operator: Operato
     link.event.emit(replace(NO_ANSWER, slot="2"))
     for slot, outcome in (("1", "passed"), ("2", "fault")):
         end_unit(operator, slot, outcome)
-    link._end()
+    operator.until(lambda: operator.window.findChild(QAbstractButton, "unit_1_verdict"))
     click(operator, "unit_1_verdict")
     assert "was interrupted" not in operator.says()
     operator.press("all_units_button")
+    click(operator, "unit_2_verdict")
+    assert link.running  # no run can start yet
+    assert "was interrupted" not in operator.says()
+    link._end()
+    assert "Writing the registers of SN-000002 was interrupted" in operator.says()
+    operator.press("all_units_button")
+    assert "was interrupted" not in operator.says()
     click(operator, "unit_2_verdict")
     assert "Writing the registers of SN-000002 was interrupted" in operator.says()
     operator.press("restore_choice")
@@ -398,11 +405,8 @@ def test_stop_ends_all_units(operator: Operator) -> None:
     assert operator.run.state == "idle"
     assert operator.window.focusWidget() is operator.widget("start_button")
     assert "accepted" in tile(operator, "slot_1_tile").accessibleName()
-    assert (
-        not operator.widget("resume_choice").isVisible()
-        if operator.window.findChild(QPushButton, "resume_choice")
-        else True
-    )
+    operator.until_no_job()
+    assert operator.window.findChild(QPushButton, "resume_choice") is None
 
 
 def test_sixteen_units_fit_on_a_small_screen(operator: Operator) -> None:

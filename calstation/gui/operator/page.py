@@ -291,6 +291,7 @@ class OperatorPage(Page):
                 self._await_next()
             elif self.app.run.state == "idle":
                 self._starting.check()  # the next unit was scanned while the engine was ending
+            self._ask_transfer()
 
     def _await_next(self) -> None:
         """Clear the serial number of the unit that was calibrated; the field is for the next unit."""
@@ -371,14 +372,19 @@ class OperatorPage(Page):
         """Show the verdict of the chosen unit, or those of all units."""
         self._unit_opened = opened
         self._choose_view()
-        unit, request = self.app.run.unit, self.app.engine_link.request
         if opened:
             self._verdict.close_button.setFocus()
-            if unit.transfer is not None and request is not None:
-                self._starting.ask_transfer(request, unit.serial)
+            self._ask_transfer()
         else:
             self.notice.dismiss()
             self._verdicts.focus_shown()
+
+    def _ask_transfer(self) -> None:
+        """Once the engine has ended, ask about the interrupted transfer of the unit whose verdict is open."""
+        unit, request = self.app.run.unit, self.app.engine_link.request
+        open_and_ended = self._unit_opened and self.app.run.ended and not self.app.engine_link.running
+        if open_and_ended and unit.transfer is not None and request is not None:
+            self._starting.ask_transfer(request, unit.serial)
 
     def _message_text(self) -> str:
         run = self.app.run
