@@ -218,6 +218,35 @@ def test_scans_sound_and_units_are_asked_about_once(
     assert len(started) == 1
 
 
+def test_one_more_attempt_of_a_unit_and_the_repetition_of_another_are_asked_one_after_the_other(
+    hardware: Operator, started: list[RunRequest]
+) -> None:
+    runs = hardware.site_folder.runs
+    runs.mkdir()
+    for number, outcome in (("1", "failed"), ("2", "passed")):
+        write_result(runs, f"SN-00000{number}_20261101T000000", 1, serial=f"SN-00000{number}", outcome=outcome)
+    History(runs).refresh()
+    hardware.site_folder.write({"attempts_allowed": 1})
+    app = hardware.window.app
+    app.set_station(app.station_path)  # reads the product again
+    for number in (1, 2, 3):
+        hardware.scan(f"SN-00000{number}")
+    hardware.press("start_button")
+    assert "Set aside: SN-000001\n" in hardware.says()
+    hardware.press("cancel_choice")
+    app.role.set_first_pin("2468")
+    hardware.press("start_button")
+    assert "Allow one more attempt?" in hardware.says()
+    hardware.press("beyond_choice")
+    assert "Units that have already passed: SN-000002\n" in hardware.says()
+    assert started == []
+    hardware.press("repeat_choice")
+    hardware.press("clear_choice")
+    (request,) = started
+    assert request.beyond_attempts
+    assert request.serials == ("SN-000001", "SN-000002", "SN-000003")
+
+
 def test_tiles_show_who_is_where_and_a_click_chooses_the_plots(operator: Operator) -> None:
     use_slots(operator, 3)
     begin(operator)
