@@ -390,6 +390,29 @@ def test_a_fault_of_the_table_ends_the_run_of_all_units(operator: Operator) -> N
     assert operator.widget("start_button").isEnabled()
 
 
+def test_units_that_ended_before_a_fault_of_the_table_are_shown_and_not_offered_again(operator: Operator) -> None:
+    use_slots(operator, 4)
+    begin(operator)
+    link = operator.window.app.engine_link
+    link.event.emit(replace(NO_ANSWER, slot="2"))
+    end_unit(operator, "2", "fault")
+    end_unit(operator, "1", "failed", **FAILED)
+    link.event.emit(StateChanged("fault", "running"))
+    link.event.emit(NO_ANSWER)
+    end_unit(operator, "3", "passed")  # its result was still being written
+    operator.until(lambda: operator.verdict == "FAULT")
+    operator.press("acknowledge_button")  # before the last verdict
+    tile(operator, "unit_1_verdict")
+    words = [operator.widget(f"unit_{slot}_verdict_label", QLabel).text() for slot in ("1", "2", "3", "4")]
+    assert words == ["FAIL", "FAULT", "PASS", "FAULT"]
+    assert "1 passed, 1 failed, 2 fault" in operator.says()
+    assert "Are they still in their slots, untouched? SN-000004" in operator.says()
+    operator.press("same_units_choice")
+    assert serials(operator) == ("", "", "", "SN-000004")
+    assert tile(operator, "slot_4_tile").isVisible()
+    assert operator.widget("start_button").isEnabled()
+
+
 def test_an_interrupted_transfer_is_decided_for_its_unit_alone(operator: Operator, started: list[RunRequest]) -> None:
     use_slots(operator, 2)
     begin(operator)
@@ -436,6 +459,21 @@ def test_stop_ends_all_units(operator: Operator) -> None:
     assert "accepted" in tile(operator, "slot_1_tile").accessibleName()
     operator.until_no_job()
     assert operator.window.findChild(QPushButton, "resume_choice") is None
+
+
+def test_units_that_ended_before_a_stop_are_not_offered_again(operator: Operator) -> None:
+    use_slots(operator, 2)
+    begin(operator)
+    link = operator.window.app.engine_link
+    link.event.emit(replace(NO_ANSWER, slot="1"))
+    end_unit(operator, "1", "fault")
+    operator.press("stop_button")
+    link.event.emit(StateChanged("stopped", "stopping"))
+    end_unit(operator, "2", "stopped")
+    link._end()
+    operator.until(lambda: "1 fault, 1 stopped" in operator.says())
+    operator.press("same_units_choice")
+    assert serials(operator) == ("", "SN-000002")
 
 
 def test_sixteen_units_fit_on_a_small_screen(operator: Operator) -> None:

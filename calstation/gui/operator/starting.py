@@ -95,10 +95,13 @@ class RunStarter(QObject):
         self.suggest()
 
     def offer_same_units(self) -> None:
-        """After a run of several units that did not reach its end, offer to calibrate the same ones."""
-        serials = {unit.slot: unit.serial for unit in self._app.run.units}
+        """After a run of several units that did not reach its end, offer to calibrate those that are not finished."""
+        serials = {unit.slot: unit.serial for unit in self._app.run.units if unit.unfinished}
+        if not serials:
+            return
 
         def fill() -> None:
+            self.slots.remove_units(only_suggested=True)
             for slot in [each for each in self.slots if each.name in serials]:
                 serial = serials[slot.name]
                 self.slots.fill(slot, serial, self._attempts(serial))
