@@ -251,7 +251,10 @@ def test_tiles_show_who_is_where_and_a_click_chooses_the_plots(operator: Operato
     use_slots(operator, 3)
     begin(operator)
     link, live = operator.window.app.engine_link, operator.window.operator_page._live
-    assert operator.widget("serial_edit", QLineEdit).text() == "3 units"
+    for language, count in ((1, "3 台产品"), (0, "3 units")):
+        operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        assert operator.widget("serial_edit", QLineEdit).text() == count
+        assert not any(note in operator.says() for note in ("all slots have a unit", "所有装夹位都有产品"))
     targets = operator.run.run_summary.targets if operator.run.run_summary else {}
     for slot, factor in (("1", 3.0), ("2", 0.5), ("3", 12.0)):
         sigma = {group: factor * target for group, target in targets.items()}
@@ -496,6 +499,9 @@ def test_sixteen_units_fit_on_a_small_screen(operator: Operator) -> None:
     for language in (0, 1):
         operator.widget("language_combo", QComboBox).setCurrentIndex(language)
         assert whole(operator, [f"unit_{number}_verdict" for number in range(1, 17)])
+        words = [operator.widget(f"unit_{number}_verdict_label", QLabel) for number in (5, 6)]
+        heights = {word.parentWidget().height() for word in words}
+        assert len(heights) == 1  # one with a reason, one without
 
 
 def whole(operator: Operator, names: list[str]) -> bool:

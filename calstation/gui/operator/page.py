@@ -100,6 +100,7 @@ class OperatorPage(Page):
         self._read_products()
         on_language_change(self, self._show_names)
         on_language_change(self, self._refresh)
+        on_language_change(self, self._show_serial)
 
     def showEvent(self, event: QShowEvent) -> None:
         """Prepare for a scan; when first shown, offer to resume interrupted runs."""
@@ -273,11 +274,8 @@ class OperatorPage(Page):
 
     def _running_changed(self, running: bool) -> None:
         if running:
-            request = self.app.engine_link.request
             self.notice.dismiss()
-            if request is not None and not self.app.run.register_operation:
-                count = self.tr("{count} units").format(count=len(self.app.run.units))
-                self.header.set_serial(count if request.serials else request.serial)
+            self._show_serial()
             self._next_awaited = self._unit_opened = False
             self.setFocus()
             self._live.start()
@@ -292,6 +290,13 @@ class OperatorPage(Page):
             elif self.app.run.state == "idle":
                 self._starting.check()  # the next unit was scanned while the engine was ending
             self._ask_transfer()
+
+    def _show_serial(self) -> None:
+        """During a run, show the serial number of its unit or how many units there are."""
+        run, request = self.app.run, self.app.engine_link.request
+        if run.going and request is not None and not run.register_operation:
+            count = self.tr("{count} units").format(count=len(run.units))
+            self.header.set_serial(count if request.serials else request.serial)
 
     def _await_next(self) -> None:
         """Clear the serial number of the unit that was calibrated; the field is for the next unit."""

@@ -338,7 +338,7 @@ class RunStarter(QObject):
         """State the slot that the field is for and, while a verdict is shown, that it is for the next unit."""
         judged = self._app.run.ended or self._app.run.fault is not None
         note, following = (self.tr("next unit") if judged else ""), self.slots.marked
-        if self.slots and not judged:
+        if self.slots and not judged and not self._app.run.going:
             note = self.tr("all slots have a unit")
             if following is not None:
                 note = self.tr("slot {slot}").format(slot=following.name)

@@ -58,6 +58,8 @@ class _VerdictTile(Tile):
         self._banner.show_state("released" if released else shown, unit.slot)
         for sentence, text in zip((self._reason, self._action), whole if self._roomy else brief, strict=True):
             sentence.setText(text)
+        if not self._roomy:  # the banners of all tiles are equally high, with and without a reason
+            self._reason.setMinimumHeight(self._action.sizeHint().height())
         self.setToolTip("\n".join(whole))
         self.setAccessibleName(", ".join((unit.slot, unit.serial, self._banner.word.text(), *whole)))
 
