@@ -448,10 +448,15 @@ def test_stop_ends_all_units(operator: Operator) -> None:
     operator.press("stop_button")
     link = operator.window.app.engine_link
     link.event.emit(StateChanged("stopped", "stopping"))
+    stages = operator.widget("stage_list", QListWidget)
+    operator.until(lambda: "stopped" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole))
+    assert operator.message.startswith("Stopping safely")  # the results are still being written
     for slot in ("1", "2"):
         end_unit(operator, slot, "stopped")
     link._end()
     operator.until(lambda: "2 stopped" in operator.says())
+    click(operator, "unit_2_verdict")
+    operator.press("all_units_button")
     assert operator.run.state == "stopped"
     assert "Are they still in their slots, untouched? SN-000001, SN-000002" in operator.says()
     assert serials(operator) == ("SN-000003", "SN-000004")
@@ -502,6 +507,20 @@ def test_sixteen_units_fit_on_a_small_screen(operator: Operator) -> None:
         words = [operator.widget(f"unit_{number}_verdict_label", QLabel) for number in (5, 6)]
         heights = {word.parentWidget().height() for word in words}
         assert len(heights) == 1  # one with a reason, one without
+
+
+def test_sixteen_verdicts_fit_below_the_question_after_a_stop(operator: Operator) -> None:
+    use_slots(operator, 16)
+    begin(operator)
+    link = operator.window.app.engine_link
+    link.event.emit(replace(NO_ANSWER, slot="5"))
+    for number in range(1, 17):
+        end_unit(operator, str(number), "fault" if number == 5 else "stopped")
+    link._end()
+    operator.until(lambda: "Are they still in their slots" in operator.says())
+    for language in (0, 1):
+        operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        assert whole(operator, [f"unit_{number}_verdict" for number in range(1, 17)])
 
 
 def whole(operator: Operator, names: list[str]) -> bool:

@@ -381,7 +381,8 @@ class OperatorPage(Page):
             self._verdict.close_button.setFocus()
             self._ask_transfer()
         else:
-            self.notice.dismiss()
+            if self.app.run.unit.transfer is not None:
+                self.notice.dismiss()
             self._verdicts.focus_shown()
 
     def _ask_transfer(self) -> None:

@@ -294,14 +294,14 @@ class RunStatus(QObject):
         self._changed_timer.start()
 
     def _change_state(self, state: str) -> bool:
-        """Follow the state of the sequencer; return whether it is shown."""
+        """Follow the state of the sequencer; return whether the units follow it, too."""
         self.commanded = self.commanded or state not in _ENDED
         if self.state == "stopping" and state not in _ENDED:
             return False  # the event was sent before the stop
         if state in _ENDED and self.register_operation:
             return False  # the result of the operation follows
-        if state in ("passed", "failed") and self.in_slots:
-            return False  # the verdicts follow
+        if state in ("passed", "failed", "stopped") and self.in_slots:
+            return state == "stopped"  # the verdicts follow and decide the state of the run
         self.state = state
         return True
 

@@ -14,7 +14,7 @@ from calstation.gui.text import fault_text, say
 from calstation.gui.widgets import PANEL, ElidedLabel, StateBadge, column, grid, label, row, theme
 
 #: Least height of the banner of a tile, its largest one in one and in several rows, and size of the line above, px.
-_BANNER, _HIGH, _LOW, _SUMMARY = 5 * theme.GRID, 13 * theme.GRID, 10 * theme.GRID, 28
+_BANNER, _HIGH, _LOW, _SUMMARY = 4 * theme.GRID, 13 * theme.GRID, 10 * theme.GRID, 28
 #: Number of rows in which tiles have room for whole sentences.
 _ROOMY_ROWS = 2
 
