@@ -6,7 +6,7 @@ from unittest.mock import Mock
 
 import pytest
 import tomli_w
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QListWidget, QPushButton
 
 from calstation.config.request import RunRequest
@@ -526,6 +526,7 @@ def test_sixteen_verdicts_fit_below_the_question_after_a_stop(operator: Operator
 def whole(operator: Operator, names: list[str]) -> bool:
     """Whether tiles are visible as a whole, and as high as their contents."""
     tiles = [tile(operator, name) for name in names]
+    QCoreApplication.processEvents()  # lays out the present texts
     operator.until(lambda: all(each.visibleRegion().boundingRect().size() == each.size() for each in tiles), 10.0)
     return all(each.height() >= each.minimumSizeHint().height() for each in tiles)
 
