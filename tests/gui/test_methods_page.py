@@ -406,6 +406,7 @@ def test_the_verdict_of_the_operator_page_shows_the_checks_of_the_product() -> N
         "failed", result_with(checks=checks)
     )
     assert "Near their limits: 1" in advice.reason("passed", result_with(checks=checks[:1]))
+    assert advice.brief_reason("passed", result_with(checks=checks[:1])) == "1 near the limit"
 
 
 @pytest.mark.long

@@ -6,7 +6,7 @@ from unittest.mock import Mock
 
 import pytest
 import tomli_w
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QListWidget, QPushButton
 
 from calstation.config.request import RunRequest
@@ -218,11 +218,43 @@ def test_scans_sound_and_units_are_asked_about_once(
     assert len(started) == 1
 
 
+def test_one_more_attempt_of_a_unit_and_the_repetition_of_another_are_asked_one_after_the_other(
+    hardware: Operator, started: list[RunRequest]
+) -> None:
+    runs = hardware.site_folder.runs
+    runs.mkdir()
+    for number, outcome in (("1", "failed"), ("2", "passed")):
+        write_result(runs, f"SN-00000{number}_20261101T000000", 1, serial=f"SN-00000{number}", outcome=outcome)
+    History(runs).refresh()
+    hardware.site_folder.write({"attempts_allowed": 1})
+    app = hardware.window.app
+    app.set_station(app.station_path)  # reads the product again
+    for number in (1, 2, 3):
+        hardware.scan(f"SN-00000{number}")
+    hardware.press("start_button")
+    assert "Set aside: SN-000001\n" in hardware.says()
+    hardware.press("cancel_choice")
+    app.role.set_first_pin("2468")
+    hardware.press("start_button")
+    assert "Allow one more attempt?" in hardware.says()
+    hardware.press("beyond_choice")
+    assert "Units that have already passed: SN-000002\n" in hardware.says()
+    assert started == []
+    hardware.press("repeat_choice")
+    hardware.press("clear_choice")
+    (request,) = started
+    assert request.beyond_attempts
+    assert request.serials == ("SN-000001", "SN-000002", "SN-000003")
+
+
 def test_tiles_show_who_is_where_and_a_click_chooses_the_plots(operator: Operator) -> None:
     use_slots(operator, 3)
     begin(operator)
     link, live = operator.window.app.engine_link, operator.window.operator_page._live
-    assert operator.widget("serial_edit", QLineEdit).text() == "3 units"
+    for language, count in ((1, "3 台产品"), (0, "3 units")):
+        operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        assert operator.widget("serial_edit", QLineEdit).text() == count
+        assert not any(note in operator.says() for note in ("all slots have a unit", "所有装夹位都有产品"))
     targets = operator.run.run_summary.targets if operator.run.run_summary else {}
     for slot, factor in (("1", 3.0), ("2", 0.5), ("3", 12.0)):
         sigma = {group: factor * target for group, target in targets.items()}
@@ -361,6 +393,29 @@ def test_a_fault_of_the_table_ends_the_run_of_all_units(operator: Operator) -> N
     assert operator.widget("start_button").isEnabled()
 
 
+def test_units_that_ended_before_a_fault_of_the_table_are_shown_and_not_offered_again(operator: Operator) -> None:
+    use_slots(operator, 4)
+    begin(operator)
+    link = operator.window.app.engine_link
+    link.event.emit(replace(NO_ANSWER, slot="2"))
+    end_unit(operator, "2", "fault")
+    end_unit(operator, "1", "failed", **FAILED)
+    link.event.emit(StateChanged("fault", "running"))
+    link.event.emit(NO_ANSWER)
+    end_unit(operator, "3", "passed")  # its result was still being written
+    operator.until(lambda: operator.verdict == "FAULT")
+    operator.press("acknowledge_button")  # before the last verdict
+    tile(operator, "unit_1_verdict")
+    words = [operator.widget(f"unit_{slot}_verdict_label", QLabel).text() for slot in ("1", "2", "3", "4")]
+    assert words == ["FAIL", "FAULT", "PASS", "FAULT"]
+    assert "1 passed, 1 failed, 2 fault" in operator.says()
+    assert "Are they still in their slots, untouched? SN-000004" in operator.says()
+    operator.press("same_units_choice")
+    assert serials(operator) == ("", "", "", "SN-000004")
+    assert tile(operator, "slot_4_tile").isVisible()
+    assert operator.widget("start_button").isEnabled()
+
+
 def test_an_interrupted_transfer_is_decided_for_its_unit_alone(operator: Operator, started: list[RunRequest]) -> None:
     use_slots(operator, 2)
     begin(operator)
@@ -369,10 +424,17 @@ def test_an_interrupted_transfer_is_decided_for_its_unit_alone(operator: Operato
     link.event.emit(replace(NO_ANSWER, slot="2"))
     for slot, outcome in (("1", "passed"), ("2", "fault")):
         end_unit(operator, slot, outcome)
-    link._end()
+    operator.until(lambda: operator.window.findChild(QAbstractButton, "unit_1_verdict"))
     click(operator, "unit_1_verdict")
     assert "was interrupted" not in operator.says()
     operator.press("all_units_button")
+    click(operator, "unit_2_verdict")
+    assert link.running  # no run can start yet
+    assert "was interrupted" not in operator.says()
+    link._end()
+    assert "Writing the registers of SN-000002 was interrupted" in operator.says()
+    operator.press("all_units_button")
+    assert "was interrupted" not in operator.says()
     click(operator, "unit_2_verdict")
     assert "Writing the registers of SN-000002 was interrupted" in operator.says()
     operator.press("restore_choice")
@@ -386,10 +448,15 @@ def test_stop_ends_all_units(operator: Operator) -> None:
     operator.press("stop_button")
     link = operator.window.app.engine_link
     link.event.emit(StateChanged("stopped", "stopping"))
+    stages = operator.widget("stage_list", QListWidget)
+    operator.until(lambda: "stopped" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole))
+    assert operator.message.startswith("Stopping safely")  # the results are still being written
     for slot in ("1", "2"):
         end_unit(operator, slot, "stopped")
     link._end()
     operator.until(lambda: "2 stopped" in operator.says())
+    click(operator, "unit_2_verdict")
+    operator.press("all_units_button")
     assert operator.run.state == "stopped"
     assert "Are they still in their slots, untouched? SN-000001, SN-000002" in operator.says()
     assert serials(operator) == ("SN-000003", "SN-000004")
@@ -398,11 +465,23 @@ def test_stop_ends_all_units(operator: Operator) -> None:
     assert operator.run.state == "idle"
     assert operator.window.focusWidget() is operator.widget("start_button")
     assert "accepted" in tile(operator, "slot_1_tile").accessibleName()
-    assert (
-        not operator.widget("resume_choice").isVisible()
-        if operator.window.findChild(QPushButton, "resume_choice")
-        else True
-    )
+    operator.until_no_job()
+    assert operator.window.findChild(QPushButton, "resume_choice") is None
+
+
+def test_units_that_ended_before_a_stop_are_not_offered_again(operator: Operator) -> None:
+    use_slots(operator, 2)
+    begin(operator)
+    link = operator.window.app.engine_link
+    link.event.emit(replace(NO_ANSWER, slot="1"))
+    end_unit(operator, "1", "fault")
+    operator.press("stop_button")
+    link.event.emit(StateChanged("stopped", "stopping"))
+    end_unit(operator, "2", "stopped")
+    link._end()
+    operator.until(lambda: "1 fault, 1 stopped" in operator.says())
+    operator.press("same_units_choice")
+    assert serials(operator) == ("", "SN-000002")
 
 
 def test_sixteen_units_fit_on_a_small_screen(operator: Operator) -> None:
@@ -425,11 +504,29 @@ def test_sixteen_units_fit_on_a_small_screen(operator: Operator) -> None:
     for language in (0, 1):
         operator.widget("language_combo", QComboBox).setCurrentIndex(language)
         assert whole(operator, [f"unit_{number}_verdict" for number in range(1, 17)])
+        words = [operator.widget(f"unit_{number}_verdict_label", QLabel) for number in (5, 6)]
+        heights = {word.parentWidget().height() for word in words}
+        assert len(heights) == 1  # one with a reason, one without
+
+
+def test_sixteen_verdicts_fit_below_the_question_after_a_stop(operator: Operator) -> None:
+    use_slots(operator, 16)
+    begin(operator)
+    link = operator.window.app.engine_link
+    link.event.emit(replace(NO_ANSWER, slot="5"))
+    for number in range(1, 17):
+        end_unit(operator, str(number), "fault" if number == 5 else "stopped")
+    link._end()
+    operator.until(lambda: "Are they still in their slots" in operator.says())
+    for language in (0, 1):
+        operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        assert whole(operator, [f"unit_{number}_verdict" for number in range(1, 17)])
 
 
 def whole(operator: Operator, names: list[str]) -> bool:
     """Whether tiles are visible as a whole, and as high as their contents."""
     tiles = [tile(operator, name) for name in names]
+    QCoreApplication.processEvents()  # lays out the present texts
     operator.until(lambda: all(each.visibleRegion().boundingRect().size() == each.size() for each in tiles), 10.0)
     return all(each.height() >= each.minimumSizeHint().height() for each in tiles)
 

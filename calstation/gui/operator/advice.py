@@ -79,7 +79,7 @@ def brief_reason(outcome: str, result: Result | None) -> str:
     """Return `reason` in a few words: the worst failing check, or how many values are near their limits."""
     if outcome in ("passed", "partial"):
         near = 0 if result is None else sum(check.near_miss for check in result.checks)
-        return say("advice.near", count=near) if near else ""
+        return say("advice.near_brief", count=near) if near else ""
     if outcome != "failed" or result is None:
         return ""
     failing = [figure for figure in figures(result) if not figure.passed]

@@ -100,6 +100,7 @@ class OperatorPage(Page):
         self._read_products()
         on_language_change(self, self._show_names)
         on_language_change(self, self._refresh)
+        on_language_change(self, self._show_serial)
 
     def showEvent(self, event: QShowEvent) -> None:
         """Prepare for a scan; when first shown, offer to resume interrupted runs."""
@@ -273,11 +274,8 @@ class OperatorPage(Page):
 
     def _running_changed(self, running: bool) -> None:
         if running:
-            request = self.app.engine_link.request
             self.notice.dismiss()
-            if request is not None and not self.app.run.register_operation:
-                count = self.tr("{count} units").format(count=len(self.app.run.units))
-                self.header.set_serial(count if request.serials else request.serial)
+            self._show_serial()
             self._next_awaited = self._unit_opened = False
             self.setFocus()
             self._live.start()
@@ -291,6 +289,14 @@ class OperatorPage(Page):
                 self._await_next()
             elif self.app.run.state == "idle":
                 self._starting.check()  # the next unit was scanned while the engine was ending
+            self._ask_transfer()
+
+    def _show_serial(self) -> None:
+        """During a run, show the serial number of its unit or how many units there are."""
+        run, request = self.app.run, self.app.engine_link.request
+        if run.going and request is not None and not run.register_operation:
+            count = self.tr("{count} units").format(count=len(run.units))
+            self.header.set_serial(count if request.serials else request.serial)
 
     def _await_next(self) -> None:
         """Clear the serial number of the unit that was calibrated; the field is for the next unit."""
@@ -371,14 +377,20 @@ class OperatorPage(Page):
         """Show the verdict of the chosen unit, or those of all units."""
         self._unit_opened = opened
         self._choose_view()
-        unit, request = self.app.run.unit, self.app.engine_link.request
         if opened:
             self._verdict.close_button.setFocus()
-            if unit.transfer is not None and request is not None:
-                self._starting.ask_transfer(request, unit.serial)
+            self._ask_transfer()
         else:
-            self.notice.dismiss()
+            if self.app.run.unit.transfer is not None:
+                self.notice.dismiss()
             self._verdicts.focus_shown()
+
+    def _ask_transfer(self) -> None:
+        """Once the engine has ended, ask about the interrupted transfer of the unit whose verdict is open."""
+        unit, request = self.app.run.unit, self.app.engine_link.request
+        open_and_ended = self._unit_opened and self.app.run.ended and not self.app.engine_link.running
+        if open_and_ended and unit.transfer is not None and request is not None:
+            self._starting.ask_transfer(request, unit.serial)
 
     def _message_text(self) -> str:
         run = self.app.run

@@ -28,6 +28,7 @@ from calstation.gui.shell import AppContext, PeoplePanel
 from calstation.gui.text import on_language_change
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
+from calstation.records import RunRecord
 from calstation.results import History
 from calstation.runs import Resumable
 from calstation.sound import play
@@ -94,10 +95,13 @@ class RunStarter(QObject):
         self.suggest()
 
     def offer_same_units(self) -> None:
-        """After a run of several units that did not reach its end, offer to calibrate the same ones."""
-        serials = {unit.slot: unit.serial for unit in self._app.run.units}
+        """After a run of several units that did not reach its end, offer to calibrate those that are not finished."""
+        serials = {unit.slot: unit.serial for unit in self._app.run.units if unit.unfinished}
+        if not serials:
+            return
 
         def fill() -> None:
+            self.slots.remove_units(only_suggested=True)
             for slot in [each for each in self.slots if each.name in serials]:
                 serial = serials[slot.name]
                 self.slots.fill(slot, serial, self._attempts(serial))
@@ -226,20 +230,26 @@ class RunStarter(QObject):
         allowed = self.run_summary.attempts_allowed
         failures = {serial: history.failures(serial) for serial in units} if history is not None else {}
         too_often = [serial for serial, count in failures.items() if allowed is not None and count >= allowed]
-        passed = {serial: history.passed_before(serial) for serial in units} if history is not None else {}
-        before = [serial for serial, run in passed.items() if run is not None]
+        others = [serial for serial in units if serial not in too_often]
+        passed = {serial: history.passed_before(serial) for serial in others} if history is not None else {}
+        before = {serial: run for serial, run in passed.items() if run is not None}
         if too_often:
-            self._ask_attempt(too_often, max(failures.values()), request)
-        elif before:
-            question = Text.of("question.units_passed_before", serials=before)
-            first = passed[before[0]]
-            if not slots and first is not None:
-                where = "passed_elsewhere" if first.origin else "passed_before"
-                when, station = first.started_utc, first.station or "?"
-                question = Text.of(f"question.{where}", serial=before[0], when=when, station=station)
-            self._ask(question, {"repeat": lambda: self.run(request)})
+            self._ask_attempt(too_often, max(failures.values()), before, request)
         else:
+            self._ask_repeat(before, request)
+
+    def _ask_repeat(self, before: Mapping[str, RunRecord], request: RunRequest) -> None:
+        """Ask whether to calibrate the units again that have passed before, if any, and start the run."""
+        if not before:
             self.run(request)
+            return
+        question = Text.of("question.units_passed_before", serials=list(before))
+        if not self.slots:
+            ((serial, first),) = before.items()
+            where = "passed_elsewhere" if first.origin else "passed_before"
+            when, station = first.started_utc, first.station or "?"
+            question = Text.of(f"question.{where}", serial=serial, when=when, station=station)
+        self._ask(question, {"repeat": lambda: self.run(request)})
 
     def run(self, request: RunRequest) -> None:
         """Start a run; ask for confirmation before a real table moves."""
@@ -328,7 +338,7 @@ class RunStarter(QObject):
         """State the slot that the field is for and, while a verdict is shown, that it is for the next unit."""
         judged = self._app.run.ended or self._app.run.fault is not None
         note, following = (self.tr("next unit") if judged else ""), self.slots.marked
-        if self.slots and not judged:
+        if self.slots and not judged and not self._app.run.going:
             note = self.tr("all slots have a unit")
             if following is not None:
                 note = self.tr("slot {slot}").format(slot=following.name)
@@ -339,13 +349,16 @@ class RunStarter(QObject):
         if self.run_summary is not None and not self._app.run.going:
             self._notice.dismiss()
 
-    def _ask_attempt(self, serials: list[str], failures: int, request: RunRequest) -> None:
-        """Ask for one more attempt after too many failures, which only an engineer can allow."""
+    def _ask_attempt(
+        self, serials: list[str], failures: int, before: Mapping[str, RunRecord], request: RunRequest
+    ) -> None:
+        """Ask for one more attempt after too many failures, which only an engineer can allow, then about the others."""
         kind = "units_" if self.slots else ""
         values = {"serial": serials[0], "serials": serials, "count": failures}
         if self._app.role.engineer:
             question = Text.of(f"question.{kind}allow_attempt", **values)
-            self._ask(question, {"beyond": lambda: self.run(replace(request, beyond_attempts=True))}, "bad")
+            beyond = replace(request, beyond_attempts=True)
+            self._ask(question, {"beyond": lambda: self._ask_repeat(before, beyond)}, "bad")
         else:
             self._ask(Text.of(f"question.{kind}set_aside", **values), {"unlock": self._app.role.ask}, "bad")
 

@@ -221,12 +221,24 @@ class RunStatus(QObject):
         return "ending" if stage.name == self.stage_ending else ""
 
     def acknowledge(self) -> None:
-        """Clear the fault so that a run can start; disconnect from the engine if it has not ended."""
+        """Clear the fault so that a run can start; disconnect from the engine if it has not ended.
+
+        If units had passed, failed or left before a fault of the table, the outcomes of all units are shown then.
+        """
+        state = "idle"
         if self.fault is not None:
             self._link.give_up()
             self.fault = None
-        self.state = "idle"
+            if self.in_slots and not all(unit.unfinished for unit in self.units):
+                state = self._outcome
+        self.state = state
         self.changed.emit()
+
+    @property
+    def _outcome(self) -> str:
+        """Outcome of the whole run, when all units have one."""
+        outcomes = {unit.outcome.replace("fault", "failed") for unit in self.units}
+        return next(outcome for outcome in _OUTCOMES if outcome in outcomes)
 
     def _running_changed(self, running: bool) -> None:
         if running:
@@ -278,19 +290,18 @@ class RunStatus(QObject):
             case Fault() if not event.slot:
                 self.fault, self.state = event, "fault"
             case Verdict() if self.judged and self.fault is None:
-                outcomes = {unit.outcome.replace("fault", "failed") for unit in self.units}
-                self.state = next((outcome for outcome in _OUTCOMES if outcome in outcomes), self.state)
+                self.state = self._outcome
         self._changed_timer.start()
 
     def _change_state(self, state: str) -> bool:
-        """Follow the state of the sequencer; return whether it is shown."""
+        """Follow the state of the sequencer; return whether the units follow it, too."""
         self.commanded = self.commanded or state not in _ENDED
         if self.state == "stopping" and state not in _ENDED:
             return False  # the event was sent before the stop
         if state in _ENDED and self.register_operation:
             return False  # the result of the operation follows
-        if state in ("passed", "failed") and self.in_slots:
-            return False  # the verdicts follow
+        if state in ("passed", "failed", "stopped") and self.in_slots:
+            return state == "stopped"  # the verdicts follow and decide the state of the run
         self.state = state
         return True
 

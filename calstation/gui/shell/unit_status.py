@@ -97,7 +97,7 @@ class UnitStatus:
     remarks: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
     #: Values of a register transfer interrupted before this run that requires a decision, or None.
     transfer: Mapping[str, Any] | None = None
-    fault: Fault | None = None  #: Fault for which the unit has left the run, while the others go on.
+    fault: Fault | None = None  #: Fault that ended one of several units, its own or that of the table.
     verdict: Verdict | None = None
     result: Result | None = None  #: That of the verdict.
 
@@ -107,6 +107,12 @@ class UnitStatus:
         if self.fault is not None:
             return "fault"
         return "" if self.verdict is None else self.verdict.outcome
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether a stop or a fault of the whole run ended it before it passed, failed, or left by its own fault."""
+        left = self.fault is not None and bool(self.fault.slot)
+        return not left and self.outcome not in ("passed", "failed")
 
     @property
     def stage(self) -> StageState | None:
@@ -141,12 +147,13 @@ class UnitStatus:
             case Settled():
                 self._end_stage("stopped")
             case Fault():
-                self.fault = event if event.slot else None
+                self.fault = event if self.slot else None
                 self._end_stage("fault")
             case Verdict():
                 self.verdict, self.result = event, Result.from_json(event.result)
-                if self.slot and self.fault is None and self.result.fault is not None:
-                    self.fault = Fault.of(self.result.fault)  # it occurred when the run was closed
+                if self.slot and (self.fault is None or not self.fault.slot):
+                    # it may have passed before a fault of the table, or have a fault since its run was closed
+                    self.fault = None if self.result.fault is None else Fault.of(self.result.fault)
                 self._mark_failed(self.result)
 
     def _start_stage(self, event: StageStarted) -> None:

@@ -14,35 +14,35 @@ from calstation.gui.text import fault_text, say
 from calstation.gui.widgets import PANEL, ElidedLabel, StateBadge, column, grid, label, row, theme
 
 #: Least height of the banner of a tile, its largest one in one and in several rows, and size of the line above, px.
-_BANNER, _HIGH, _LOW, _SUMMARY = 5 * theme.GRID, 13 * theme.GRID, 10 * theme.GRID, 28
+_BANNER, _HIGH, _LOW, _SUMMARY = 4 * theme.GRID, 13 * theme.GRID, 10 * theme.GRID, 28
 #: Number of rows in which tiles have room for whole sentences.
 _ROOMY_ROWS = 2
 
 
 class _VerdictTile(Tile):
-    """The verdict of a unit, in a few words if there are many `rows` of tiles."""
+    """The verdict of a unit, in a few words if there are many `rows` of tiles, which are not `roomy` then."""
 
     def __init__(self, unit: UnitStatus, rows: int) -> None:
         name = f"unit_{unit.slot}_verdict"
         super().__init__(name)
         self.unit = unit
-        self._roomy = rows <= _ROOMY_ROWS
+        self.roomy = rows <= _ROOMY_ROWS
         self._banner, self._serial = Banner(name, _BANNER, theme.BODY), ElidedLabel()
         self._banner.setMaximumHeight(_HIGH if rows == 1 else _LOW)
         self._serial.setText(unit.serial)
-        self._reason, self._action = (label(wrap=True) if self._roomy else ElidedLabel() for _ in range(2))
+        self.reason, self._action = (label(wrap=True) if self.roomy else ElidedLabel() for _ in range(2))
         size = theme.SECTION if rows == 1 else theme.BODY
-        self._reason.setFont(theme.font(size))
+        self.reason.setFont(theme.font(size))
         self._action.setFont(theme.font(size, bold=True))
         self._serial.setFont(theme.font(size, bold=True))
         margins = (theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID // 2)
-        if self._roomy:
-            texts = column(self._serial, self._reason, self._action, margins=margins)
+        if self.roomy:
+            texts = column(self._serial, self.reason, self._action, margins=margins)
         else:
             head = row((self._serial, 2), (self._action, 3), spacing=theme.GRID)
-            texts = column(head, self._reason, spacing=0, margins=margins)
+            texts = column(head, self.reason, spacing=0, margins=margins)
         column((self._banner, 4), texts, None, on=self, spacing=0, margins=(2, 2, 2, 2))
-        pass_clicks(self._banner, self._serial, self._reason, self._action)
+        pass_clicks(self._banner, self._serial, self.reason, self._action)
 
     def show_verdict(self, shown: str) -> None:
         """Show the state of the unit at its end, why, and what to do with it."""
@@ -56,7 +56,7 @@ class _VerdictTile(Tile):
             fault = fault_text(unit.fault)
             brief = whole = (fault.reason, fault.remedy)
         self._banner.show_state("released" if released else shown, unit.slot)
-        for sentence, text in zip((self._reason, self._action), whole if self._roomy else brief, strict=True):
+        for sentence, text in zip((self.reason, self._action), whole if self.roomy else brief, strict=True):
             sentence.setText(text)
         self.setToolTip("\n".join(whole))
         self.setAccessibleName(", ".join((unit.slot, unit.serial, self._banner.word.text(), *whole)))
@@ -108,3 +108,7 @@ class VerdictGrid(QFrame):
             self._action.setText(self.next_action())
             for tile in self._tiles:
                 tile.show_verdict(self._run.shown_of(tile.unit))
+            brief = [tile.reason for tile in self._tiles if not tile.roomy]
+            height = max((reason.sizeHint().height() for reason in brief), default=0)
+            for reason in brief:  # with and without a reason, all banners are equally high
+                reason.setMinimumHeight(height)
