@@ -23,6 +23,7 @@ from calstation.sequencer.events import (
     StageSolved,
     StageStarted,
     StateChanged,
+    StepStarted,
     Trace,
     Verdict,
 )
@@ -275,6 +276,40 @@ def test_a_unit_with_a_fault_leaves_and_the_others_go_on(operator: Operator) -> 
     link._end()
     operator.until(lambda: operator.run.state == "failed")
     assert "2 passed, 1 fault" in operator.says()
+
+
+def test_a_unit_outside_its_limits_keeps_its_registers_while_the_others_are_written(operator: Operator) -> None:
+    use_slots(operator, 3)
+    begin(operator)
+    link = operator.window.app.engine_link
+    link.event.emit(StageEnded("rate", "plan", 1))
+    for slot in ("1", "2", "3"):
+        link.event.emit(StageSolved("rate", {}, {"passed": True}, slot=slot))
+    link.event.emit(Message("registers_kept", slot="1"))
+    for slot in ("2", "3"):
+        link.event.emit(Message("registers_reading", slot=slot))
+    link.event.emit(Message("reference"))
+    link.event.emit(Message("registers_transfer", slot="2"))
+    link.event.emit(Message("verifying"))
+    for _ in range(9):
+        link.event.emit(StepStarted("", 1, "move", ("verify",)))
+    operator.until(lambda: "outside limits, registers kept" in tile(operator, "unit_1_tile").accessibleName())
+    assert "Transfer" in tile(operator, "unit_2_tile").accessibleName()
+    stages = operator.widget("stage_list", QListWidget)
+    assert "50 %" in stages.item(stages.count() - 1).data(Qt.ItemDataRole.AccessibleTextRole)
+    assert operator.run.fraction < 1.0
+
+    link.event.emit(Message("registers_written", slot="2"))
+    link.event.emit(Message("registers_written", slot="3"))
+    link.event.emit(StateChanged("failed", "running"))
+    for slot, outcome, more in (("1", "failed", FAILED), ("2", "passed", {}), ("3", "passed", {})):
+        end_unit(operator, slot, outcome, **more)
+    link._end()
+    click(operator, "unit_1_verdict")
+    assert "not written" in stages.item(stages.count() - 1).data(Qt.ItemDataRole.AccessibleTextRole)
+    operator.window.show_page("history_page")
+    strip = next(strip for strip in operator.window.findChildren(RunStrip) if strip.isVisible())
+    assert not any("Transfer" in text.text() for text in strip.findChildren(QLabel))
 
 
 def end_mixed_run(operator: Operator) -> None:

@@ -381,6 +381,10 @@
 <context>
     <name>UnitTiles</name>
     <message>
+        <source>outside limits, registers kept</source>
+        <translation>超差，保留原有寄存器</translation>
+    </message>
+    <message>
         <source>σ {share} × its target</source>
         <translation>σ 为目标的 {share} 倍</translation>
     </message>
