@@ -418,14 +418,24 @@ def test_an_interrupted_transfer_is_decided_for_its_unit_alone(operator: Operato
 def test_stop_ends_all_units(operator: Operator) -> None:
     use_slots(operator, 2)
     begin(operator)
-    operator.press("stop_button")
     link = operator.window.app.engine_link
-    link.event.emit(StateChanged("stopped", "stopping"))
     for slot in ("1", "2"):
-        end_unit(operator, slot, "stopped")
+        link.event.emit(StageProgress("rate", 0.5, 5.0, {"gyro_bias": 1.0}, slot=slot))
+    operator.until(lambda: operator.run.stage is not None and operator.run.stage.fraction == 0.5)
+    done = operator.run.fraction
+    operator.press("stop_button")
+    link.event.emit(StateChanged("stopped", "stopping"))
+    end_unit(operator, "1", "stopped")
+    operator.until(lambda: "STOPPED" in tile(operator, "unit_1_tile").accessibleName())
+    assert "STOPPING" in tile(operator, "unit_2_tile").accessibleName()
+    assert operator.message.startswith("Stopping safely")
+    end_unit(operator, "2", "stopped")
     link._end()
     operator.until(lambda: "2 stopped" in operator.says())
     assert operator.run.state == "stopped"
+    assert operator.run.fraction == done
+    assert operator.message.startswith("Scan the units to begin again, or scan the next.")
+    assert "Remove the units" not in operator.says()
     assert "Are they still in their slots, untouched? SN-000001, SN-000002" in operator.says()
     assert serials(operator) == ("SN-000003", "SN-000004")
     operator.press("same_units_choice")

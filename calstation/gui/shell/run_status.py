@@ -295,7 +295,7 @@ class RunStatus(QObject):
             return False  # the event was sent before the stop
         if state in _ENDED and self.register_operation:
             return False  # the result of the operation follows
-        if state in ("passed", "failed") and self.in_slots:
+        if state in _OUTCOMES and self.in_slots:
             return False  # the verdicts follow
         self.state = state
         return True
