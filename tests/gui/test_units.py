@@ -156,6 +156,19 @@ def test_each_scan_goes_into_the_next_slot_and_all_full_moves_on_to_start(
     assert started[0].serials == ("SN-000001", "SN-000004", "SN-000002")
 
 
+def test_scans_fill_the_slots_in_order_after_all_have_been_cleared(operator: Operator) -> None:
+    use_slots(operator, 3)
+    assert "all slots have a unit" in operator.says()
+    for name in ("1", "2", "3"):
+        operator.until(operator.widget(f"slot_{name}_button").isVisible)
+        operator.press(f"slot_{name}_button")
+        assert "all slots have a unit" not in operator.says()
+    assert "Serial number: slot 1" in operator.says()
+    for number in (7, 8, 9):
+        operator.scan(f"SN-00000{number}")
+    assert serials(operator) == ("SN-000007", "SN-000008", "SN-000009")
+
+
 def test_enter_without_a_number_goes_on_to_start_and_slots_may_stay_empty(
     hardware: Operator, started: list[RunRequest]
 ) -> None:
@@ -168,6 +181,8 @@ def test_enter_without_a_number_goes_on_to_start_and_slots_may_stay_empty(
     hardware.qtbot.keyClick(edit, Qt.Key.Key_Return)
     assert hardware.window.focusWidget() is start
     assert started == []
+    hardware.press("slot_C_button")
+    assert "Serial number: the other slots stay empty" in hardware.says()
     hardware.press("start_button")
     hardware.press("clear_choice")
     (request,) = started
@@ -177,16 +192,19 @@ def test_enter_without_a_number_goes_on_to_start_and_slots_may_stay_empty(
     assert serials(hardware)[0] == "SN-000002"
 
 
-def test_wrong_and_repeated_serial_numbers_are_refused_in_their_slot(hardware: Operator) -> None:
+def test_wrong_and_repeated_serial_numbers_are_refused_in_the_field(hardware: Operator) -> None:
     hardware.scan("SN-000001")
     hardware.scan("SN-000001")
     assert "SN-000001 is already in slot A" in hardware.says()
     assert serials(hardware) == ("SN-000001", "", "")
-    assert "refused" in tile(hardware, "slot_B_tile").accessibleName()
+    assert "Serial number: twice" in hardware.says()
+    assert tile(hardware, "slot_B_tile").accessibleName() == "B, next scan"
     hardware.scan("TX-1")
+    assert "Serial number: not valid" in hardware.says()
+    assert hardware.widget("serial_edit", QLineEdit).text() == "TX-1"
     assert "The serial number 'TX-1' does not fit this product" in hardware.says()
     hardware.scan("SN-000002")
-    assert "refused" not in hardware.says()
+    assert "Serial number: slot C" in hardware.says()
     assert serials(hardware) == ("SN-000001", "SN-000002", "")
     hardware.press("slot_A_button")
     assert serials(hardware) == ("", "SN-000002", "")

@@ -235,6 +235,10 @@
         <translation>所有装夹位都有产品</translation>
     </message>
     <message>
+        <source>the other slots stay empty</source>
+        <translation>其余装夹位空着</translation>
+    </message>
+    <message>
         <source>slot {slot}</source>
         <translation>装夹位 {slot}</translation>
     </message>
@@ -442,10 +446,6 @@
 </context>
 <context>
     <name>_SlotTile</name>
-    <message>
-        <source>refused</source>
-        <translation>未接受</translation>
-    </message>
     <message>
         <source>attempt {count}</source>
         <translation>第 {count} 次</translation>
