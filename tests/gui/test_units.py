@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 import tomli_w
 from PySide6.QtCore import Qt
@@ -12,6 +13,7 @@ from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QLi
 from calstation.config.request import RunRequest
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator import starting
+from calstation.gui.operator.table_panel import TablePicture
 from calstation.gui.shell.engine_link import EngineLink
 from calstation.gui.shell.run_strip import RunStrip
 from calstation.results.history import History
@@ -431,6 +433,24 @@ def test_an_interrupted_transfer_is_decided_for_its_unit_alone(operator: Operato
     operator.press("restore_choice")
     (request,) = started
     assert (request.serial, request.serials, request.unfinished) == ("SN-000002", ("", "SN-000002"), "restore")
+
+
+def test_the_table_is_drawn_with_the_axes_of_the_chosen_unit_in_its_slot(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[np.ndarray] = []
+    monkeypatch.setattr(TablePicture, "axes", lambda _, unit, *__: drawn.append(unit))
+    slots = [{"name": name, "orientation": orientation} for name, orientation in (("A", "+x+z"), ("B", "-y+z"))]
+    station = operator.site_folder.station.with_name("turned.toml")
+    text = tomli_w.dumps({**STATION, "slots": slots, "bench": {"units": 2}})
+    station.write_text(text, encoding="utf-8")
+    operator.window.app.set_station(station)
+    begin(operator)
+    operator.until(lambda: len(drawn) > 0)
+    np.testing.assert_allclose(drawn[-1], np.eye(3), atol=1e-12)
+    click(operator, "unit_B_tile")
+    turned = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]  # x of the platform is -y of the unit, y of the platform its x
+    operator.until(lambda: np.allclose(drawn[-1], turned))
 
 
 def test_stop_ends_all_units(operator: Operator) -> None:
