@@ -11,7 +11,7 @@ from calstation.config.resolved import ResolvedConfiguration, check_station, res
 from calstation.config.sign_in import SignInSection
 from calstation.devices.imu import RegisterMap
 from calstation.errors import ConfigurationError
-from calstation.physics import GROUPS, NAMES, Carry, TableGeometry, group_indices
+from calstation.physics import GROUPS, NAMES, Carry, Orientation, TableGeometry, group_indices, orientation_matrix
 from calstation.sequencer import DURATION, plan_time
 
 
@@ -51,6 +51,8 @@ class RunSummary:
     shift_starts: tuple[str, ...] = ("00:00",)  #: Local times, ``HH:MM``.
     picture: Path | None = None  #: Drawing of the unit in its fixture.
     slots: tuple[str, ...] = ()  #: Names of the slots for units on the table, in order; () for a single unit.
+    #: Rotation from the unit's axes to those of the table, by slot; () if all units have the axes of the table.
+    orientations: tuple[Orientation, ...] = ()
     omitted: tuple[str, ...] = ()  #: Stages of the product that the run omits; a run that omits any is partial.
 
     @property
@@ -92,6 +94,7 @@ def run_summary(request: RunRequest) -> RunSummary:
         shift_starts=tuple(setup.station.shift_starts),
         picture=_picture(setup),
         slots=setup.station.slot_names,
+        orientations=tuple(orientation_matrix(slot.orientation) for slot in setup.station.slots),
         omitted=tuple(stage for stage in setup.product.stages if stage not in setup.stages),
     )
 

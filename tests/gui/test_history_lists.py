@@ -370,6 +370,9 @@ def test_units_of_a_batch_are_listed_together(page: HistoryPage, folder: Path, q
     page.refresh()
     qtbot.waitUntil(lambda: len(rows(page)) == 4, timeout=WAIT)
     assert not table.isColumnHidden(slot)
+    page.resize(1366, 640)
+    right = table.viewport().width
+    qtbot.waitUntil(lambda: table.columnViewportPosition(slot) + table.columnWidth(slot) <= right(), timeout=WAIT)
     page.resize(2400, 640)
     qtbot.waitUntil(lambda: not table.isColumnHidden(batch), timeout=WAIT)
     select_row(page, 0, qtbot)

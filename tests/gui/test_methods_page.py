@@ -405,8 +405,10 @@ def test_the_verdict_of_the_operator_page_shows_the_checks_of_the_product() -> N
     assert "Between rests the unit turns by the angle of the reference (1856 ″, allowed ≤ 1238 ″)" in advice.reason(
         "failed", result_with(checks=checks)
     )
-    assert "Near their limits: 1" in advice.reason("passed", result_with(checks=checks[:1]))
-    assert advice.brief_reason("passed", result_with(checks=checks[:1])) == "1 near the limit"
+    assert advice.reason("passed", result_with(checks=checks[:1])).endswith("Near the limit: force at rest.")
+    assert advice.brief_reason("passed", result_with(checks=checks[:1])) == "Near the limit: force at rest."
+    named = [check("gyro_bias_x sigma below", 0.99, 1.0, "rad/s"), *checks[:1]]
+    assert advice.brief_reason("passed", result_with(checks=named)) == "Near the limit: gyro bias x, +1."
 
 
 @pytest.mark.long

@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 import tomli_w
 from PySide6.QtCore import QCoreApplication, Qt
@@ -12,6 +13,7 @@ from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QLi
 from calstation.config.request import RunRequest
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator import starting
+from calstation.gui.operator.table_panel import TablePicture
 from calstation.gui.shell.engine_link import EngineLink
 from calstation.gui.shell.run_strip import RunStrip
 from calstation.results.history import History
@@ -23,6 +25,7 @@ from calstation.sequencer.events import (
     StageSolved,
     StageStarted,
     StateChanged,
+    StepStarted,
     Trace,
     Verdict,
 )
@@ -155,6 +158,19 @@ def test_each_scan_goes_into_the_next_slot_and_all_full_moves_on_to_start(
     assert started[0].serials == ("SN-000001", "SN-000004", "SN-000002")
 
 
+def test_scans_fill_the_slots_in_order_after_all_have_been_cleared(operator: Operator) -> None:
+    use_slots(operator, 3)
+    assert "all slots have a unit" in operator.says()
+    for name in ("1", "2", "3"):
+        operator.until(operator.widget(f"slot_{name}_button").isVisible)
+        operator.press(f"slot_{name}_button")
+        assert "all slots have a unit" not in operator.says()
+    assert "Serial number: slot 1" in operator.says()
+    for number in (7, 8, 9):
+        operator.scan(f"SN-00000{number}")
+    assert serials(operator) == ("SN-000007", "SN-000008", "SN-000009")
+
+
 def test_enter_without_a_number_goes_on_to_start_and_slots_may_stay_empty(
     hardware: Operator, started: list[RunRequest]
 ) -> None:
@@ -167,6 +183,8 @@ def test_enter_without_a_number_goes_on_to_start_and_slots_may_stay_empty(
     hardware.qtbot.keyClick(edit, Qt.Key.Key_Return)
     assert hardware.window.focusWidget() is start
     assert started == []
+    hardware.press("slot_C_button")
+    assert "Serial number: the other slots stay empty" in hardware.says()
     hardware.press("start_button")
     hardware.press("clear_choice")
     (request,) = started
@@ -176,16 +194,19 @@ def test_enter_without_a_number_goes_on_to_start_and_slots_may_stay_empty(
     assert serials(hardware)[0] == "SN-000002"
 
 
-def test_wrong_and_repeated_serial_numbers_are_refused_in_their_slot(hardware: Operator) -> None:
+def test_wrong_and_repeated_serial_numbers_are_refused_in_the_field(hardware: Operator) -> None:
     hardware.scan("SN-000001")
     hardware.scan("SN-000001")
     assert "SN-000001 is already in slot A" in hardware.says()
     assert serials(hardware) == ("SN-000001", "", "")
-    assert "refused" in tile(hardware, "slot_B_tile").accessibleName()
+    assert "Serial number: twice" in hardware.says()
+    assert tile(hardware, "slot_B_tile").accessibleName() == "B, next scan"
     hardware.scan("TX-1")
+    assert "Serial number: not valid" in hardware.says()
+    assert hardware.widget("serial_edit", QLineEdit).text() == "TX-1"
     assert "The serial number 'TX-1' does not fit this product" in hardware.says()
     hardware.scan("SN-000002")
-    assert "refused" not in hardware.says()
+    assert "Serial number: slot C" in hardware.says()
     assert serials(hardware) == ("SN-000001", "SN-000002", "")
     hardware.press("slot_A_button")
     assert serials(hardware) == ("", "SN-000002", "")
@@ -307,6 +328,40 @@ def test_a_unit_with_a_fault_leaves_and_the_others_go_on(operator: Operator) -> 
     link._end()
     operator.until(lambda: operator.run.state == "failed")
     assert "2 passed, 1 fault" in operator.says()
+
+
+def test_a_unit_outside_its_limits_keeps_its_registers_while_the_others_are_written(operator: Operator) -> None:
+    use_slots(operator, 3)
+    begin(operator)
+    link = operator.window.app.engine_link
+    link.event.emit(StageEnded("rate", "plan", 1))
+    for slot in ("1", "2", "3"):
+        link.event.emit(StageSolved("rate", {}, {"passed": True}, slot=slot))
+    link.event.emit(Message("registers_kept", slot="1"))
+    for slot in ("2", "3"):
+        link.event.emit(Message("registers_reading", slot=slot))
+    link.event.emit(Message("reference"))
+    link.event.emit(Message("registers_transfer", slot="2"))
+    link.event.emit(Message("verifying"))
+    for _ in range(9):
+        link.event.emit(StepStarted("", 1, "move", ("verify",)))
+    operator.until(lambda: "outside limits, registers kept" in tile(operator, "unit_1_tile").accessibleName())
+    assert "Transfer" in tile(operator, "unit_2_tile").accessibleName()
+    stages = operator.widget("stage_list", QListWidget)
+    assert "50 %" in stages.item(stages.count() - 1).data(Qt.ItemDataRole.AccessibleTextRole)
+    assert operator.run.fraction < 1.0
+
+    link.event.emit(Message("registers_written", slot="2"))
+    link.event.emit(Message("registers_written", slot="3"))
+    link.event.emit(StateChanged("failed", "running"))
+    for slot, outcome, more in (("1", "failed", FAILED), ("2", "passed", {}), ("3", "passed", {})):
+        end_unit(operator, slot, outcome, **more)
+    link._end()
+    click(operator, "unit_1_verdict")
+    assert "not written" in stages.item(stages.count() - 1).data(Qt.ItemDataRole.AccessibleTextRole)
+    operator.window.show_page("history_page")
+    strip = next(strip for strip in operator.window.findChildren(RunStrip) if strip.isVisible())
+    assert not any("Transfer" in text.text() for text in strip.findChildren(QLabel))
 
 
 def end_mixed_run(operator: Operator) -> None:
@@ -442,22 +497,47 @@ def test_an_interrupted_transfer_is_decided_for_its_unit_alone(operator: Operato
     assert (request.serial, request.serials, request.unfinished) == ("SN-000002", ("", "SN-000002"), "restore")
 
 
+def test_the_table_is_drawn_with_the_axes_of_the_chosen_unit_in_its_slot(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[np.ndarray] = []
+    monkeypatch.setattr(TablePicture, "axes", lambda _, unit, *__: drawn.append(unit))
+    slots = [{"name": name, "orientation": orientation} for name, orientation in (("A", "+x+z"), ("B", "-y+z"))]
+    station = operator.site_folder.station.with_name("turned.toml")
+    text = tomli_w.dumps({**STATION, "slots": slots, "bench": {"units": 2}})
+    station.write_text(text, encoding="utf-8")
+    operator.window.app.set_station(station)
+    begin(operator)
+    operator.until(lambda: len(drawn) > 0)
+    np.testing.assert_allclose(drawn[-1], np.eye(3), atol=1e-12)
+    click(operator, "unit_B_tile")
+    turned = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]  # x of the platform is -y of the unit, y of the platform its x
+    operator.until(lambda: np.allclose(drawn[-1], turned))
+
+
 def test_stop_ends_all_units(operator: Operator) -> None:
     use_slots(operator, 2)
     begin(operator)
-    operator.press("stop_button")
     link = operator.window.app.engine_link
-    link.event.emit(StateChanged("stopped", "stopping"))
-    stages = operator.widget("stage_list", QListWidget)
-    operator.until(lambda: "stopped" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole))
-    assert operator.message.startswith("Stopping safely")  # the results are still being written
     for slot in ("1", "2"):
-        end_unit(operator, slot, "stopped")
+        link.event.emit(StageProgress("rate", 0.5, 5.0, {"gyro_bias": 1.0}, slot=slot))
+    operator.until(lambda: operator.run.stage is not None and operator.run.stage.fraction == 0.5)
+    done = operator.run.fraction
+    operator.press("stop_button")
+    link.event.emit(StateChanged("stopped", "stopping"))
+    end_unit(operator, "1", "stopped")
+    operator.until(lambda: "STOPPED" in tile(operator, "unit_1_tile").accessibleName())
+    assert "STOPPING" in tile(operator, "unit_2_tile").accessibleName()
+    assert operator.message.startswith("Stopping safely")
+    end_unit(operator, "2", "stopped")
     link._end()
     operator.until(lambda: "2 stopped" in operator.says())
     click(operator, "unit_2_verdict")
     operator.press("all_units_button")
     assert operator.run.state == "stopped"
+    assert operator.run.fraction == done
+    assert operator.message.startswith("Scan the units to begin again, or scan the next.")
+    assert "Remove the units" not in operator.says()
     assert "Are they still in their slots, untouched? SN-000001, SN-000002" in operator.says()
     assert serials(operator) == ("SN-000003", "SN-000004")
     operator.press("same_units_choice")

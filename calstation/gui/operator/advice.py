@@ -1,6 +1,7 @@
 """Interpretation of a result for an operator: reason, next action, and the values beyond or nearest to their limits."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from calstation.gui.text import (
@@ -44,9 +45,8 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
     """
     checks = [] if result is None else result.checks
     if outcome in ("passed", "partial"):
-        near = sum(check.near_miss for check in checks)
         inside = say(f"advice.{outcome}", stages=[] if result is None else result.stages)
-        return f"{inside} {say('advice.near', count=near)}" if near else inside
+        return " ".join(filter(None, (inside, _near(checks))))
     if outcome != "failed":
         return say(f"advice.{stopped}" if outcome == "stopped" else "advice.incomplete")
     failed = [check for check in checks if not check.passed]
@@ -76,10 +76,9 @@ def next_action(outcome: str, result: Result | None) -> str:
 
 
 def brief_reason(outcome: str, result: Result | None) -> str:
-    """Return `reason` in a few words: the worst failing check, or how many values are near their limits."""
+    """Return `reason` in a few words: the worst failing check, or the value that is nearest to its limit."""
     if outcome in ("passed", "partial"):
-        near = 0 if result is None else sum(check.near_miss for check in result.checks)
-        return say("advice.near_brief", count=near) if near else ""
+        return "" if result is None else _near(result.checks)
     if outcome != "failed" or result is None:
         return ""
     failing = [figure for figure in figures(result) if not figure.passed]
@@ -167,6 +166,16 @@ def failed_check_text(check: Check, result: Result) -> str:
         return say("advice.violated", name=row.sentence, value=value, limit=limit)
     code = "advice.outside" if check.kind == "within" else "advice.uncertain"
     return say(code, parameter=name, value=value, limit=limit)
+
+
+def _near(checks: Sequence[Check]) -> str:
+    """Return the near-miss that is nearest to its limit, and how many others there are; "" if there is none."""
+    near = [check for check in checks if check.near_miss]
+    if not near:
+        return ""
+    nearest = max(near, key=_share)
+    name = parameter_text(nearest.subject) if of_parameter(nearest) else check_name(nearest)
+    return say("advice.near", names=name if len(near) == 1 else f"{name}, +{len(near) - 1}")
 
 
 def _share(check: Check | None) -> float:

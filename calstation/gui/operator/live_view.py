@@ -15,6 +15,7 @@ from calstation.gui.shell import RunStatus, largest_sigmas
 from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import PANEL, StateIcon, column, grid, label, row, stack, theme
 from calstation.messages import Text
+from calstation.physics import ALIGNED
 from calstation.results.plots import gimbal_turns
 from calstation.sequencer import (
     Event,
@@ -110,6 +111,7 @@ class LiveView(QWidget):
         self._units.start()
         if run_summary is not None:
             self.table.picture.set_axes(run_summary.outer_axis, run_summary.inner_axis)
+            self._orient()
             self.position.plan(run_summary)
 
     def stop(self) -> None:
@@ -139,9 +141,16 @@ class LiveView(QWidget):
                 self._convergence.take(self._run.done, largest_sigmas(event), event.slot)
 
     def _show_unit(self) -> None:
-        """Show the traces from now on and the convergence of another unit."""
+        """Show the axes, the traces from now on and the convergence of another unit."""
+        self._orient()
         self._traces.clear()
         self._convergence.show_unit(self._run.unit.slot)
+
+    def _orient(self) -> None:
+        """Draw the axes of the unit as it is mounted in its slot."""
+        summary = self._run.run_summary
+        by_slot = {} if summary is None else dict(zip(summary.slots, summary.orientations, strict=False))
+        self.table.picture.set_orientation(by_slot.get(self._run.unit.slot, ALIGNED))
 
     def refresh(self) -> None:
         """Show the widgets for the current state of the run."""

@@ -54,6 +54,7 @@ class RunStarter(QObject):
         header.start_pressed.connect(self.start)
         header.badge_field.signed_in.connect(self._signed_in)
         header.badge_field.refused.connect(self._badge_refused)
+        self.slots.changed.connect(self._note_next)
         on_language_change(header, self._note_next)
 
     def plan(self, run_summary: RunSummary | None) -> None:
@@ -205,9 +206,8 @@ class RunStarter(QObject):
             self._header.start_button.setFocus()
 
     def _refuse(self, note: str) -> None:
-        """Note beside the field, and in its slot, that a scan was refused."""
+        """Note beside the field that a scan was refused."""
         self._header.note_serial(note, accepted=False)
-        self.slots.refuse(self._header.serial)
 
     def start(self) -> None:
         """Check the serial number, ask the necessary questions, then start the run."""
@@ -339,7 +339,8 @@ class RunStarter(QObject):
         judged = self._app.run.ended or self._app.run.fault is not None
         note, following = (self.tr("next unit") if judged else ""), self.slots.marked
         if self.slots and not judged and not self._app.run.going:
-            note = self.tr("all slots have a unit")
+            full = len(self.slots.units) == len(self.slots.serials)
+            note = self.tr("all slots have a unit") if full else self.tr("the other slots stay empty")
             if following is not None:
                 note = self.tr("slot {slot}").format(slot=following.name)
         self._header.note_serial(note, accepted=accepted)

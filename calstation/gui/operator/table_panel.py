@@ -18,7 +18,7 @@ from calstation.gui.widgets import (
     screen,
     theme,
 )
-from calstation.physics import axis_rotation
+from calstation.physics import ALIGNED, Orientation, axis_rotation
 from calstation.sequencer import JointsMoved, TableMoved
 
 _RING, _HOLE, _DISC = 1.0, 0.86, 0.8
@@ -39,6 +39,7 @@ class TablePicture(Drawing):
         super().__init__(220, parent)
         self._outer_axis: Axis = (1.0, 0.0, 0.0)
         self._inner_axis: Axis = (0.0, 0.0, 1.0)
+        self._orientation: Orientation = ALIGNED
         self._angles: tuple[float, ...] = (0.0, 0.0)
         self._order = ""
         self._pale = QGraphicsOpacityEffect(self)
@@ -46,8 +47,13 @@ class TablePicture(Drawing):
         self.setGraphicsEffect(self._pale)
 
     def set_axes(self, outer: Axis, inner: Axis) -> None:
-        """Set the table axes as unit vectors in frame b at the home position."""
+        """Set the table axes as unit vectors at the home position, in frame b of a unit with the table's axes."""
         self._outer_axis, self._inner_axis = outer, inner
+        self.update()
+
+    def set_orientation(self, orientation: Orientation) -> None:
+        """Set the rotation from the axes of the unit, which are drawn, to those of the table."""
+        self._orientation = orientation
         self.update()
 
     def set_angles(self, outer: float, inner: float, *, known: bool = True) -> None:
@@ -87,10 +93,10 @@ class TablePicture(Drawing):
     def _draw_table(self) -> None:
         c = theme.colours()
         ring = axis_rotation(self._outer_axis, self._angles[0])
-        unit = ring @ axis_rotation(self._inner_axis, self._angles[1])
+        disc = ring @ axis_rotation(self._inner_axis, self._angles[1])
         inner = np.array(self._inner_axis)
         normal = ring @ inner
-        corners = _CORNERS @ np.array([*basis(inner), inner]) @ unit.T
+        corners = _CORNERS @ np.array([*basis(inner), inner]) @ disc.T
         facing = float(normal @ VIEWER) >= 0.0
         self._draw_posts(behind=True)
         if not facing:
@@ -101,6 +107,7 @@ class TablePicture(Drawing):
         if facing:
             self.box(corners)
         self._draw_posts(behind=False)
+        unit = disc @ np.array(self._orientation)
         across = normal @ unit if facing else -normal @ unit
         self.axes(unit, (0.0, 0.0, 0.0), 0.92, [bool(part < -0.3) for part in across])
 

@@ -136,8 +136,13 @@ class RunStatus(QObject):
 
     @property
     def stages(self) -> list[StageState]:
-        """Stages of the run: those of the first unit that still takes part, after the run those of the unit shown."""
-        return next((unit for unit in self.units if not unit.outcome), self.unit).stages
+        """Stages of the run: those of the first unit that still takes part, after the run those of the unit shown.
+
+        A unit that keeps its registers has none of the stages that follow.
+        """
+        going = [unit for unit in self.units if not unit.outcome]
+        writing = [unit for unit in going if not unit.kept]
+        return next(iter(writing or going), self.unit).stages
 
     @property
     def stage(self) -> StageState | None:
@@ -147,7 +152,8 @@ class RunStatus(QObject):
     @property
     def done(self) -> float:
         """Completed part of the planned device time, s."""
-        return max(sum(s.duration - self.left(s) for s in unit.stages) for unit in self.units)
+        shown = [self.stages] if self.going else [unit.stages for unit in self.units]
+        return max(sum(s.duration - self.left(s) for s in stages) for stages in shown)
 
     @property
     def fraction(self) -> float:
@@ -175,7 +181,7 @@ class RunStatus(QObject):
         """Return the remaining device time of a stage, s."""
         if stage.state == "waiting":
             return stage.duration
-        return stage.remaining if stage.state == "active" else 0.0
+        return stage.remaining if stage.state in ("active", "stopped", "fault") else 0.0
 
     def share(self, unit: UnitStatus) -> float | None:
         """Return the largest ratio of a sigma of a unit to its target; None until it is known."""
@@ -300,8 +306,8 @@ class RunStatus(QObject):
             return False  # the event was sent before the stop
         if state in _ENDED and self.register_operation:
             return False  # the result of the operation follows
-        if state in ("passed", "failed", "stopped") and self.in_slots:
-            return state == "stopped"  # the verdicts follow and decide the state of the run
+        if state in _OUTCOMES and self.in_slots:
+            return False  # the verdicts follow
         self.state = state
         return True
 

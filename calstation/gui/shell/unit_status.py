@@ -43,7 +43,7 @@ _REMARKS = (
 #: Name of the last row, in which the registers are written and verified.
 TRANSFER = "transfer"
 #: Messages that mark the start and the end of the transfer.
-_TRANSFER_STARTS = ("reference", "registers_transfer", "registers_writing")
+_TRANSFER_STARTS = ("registers_reading", "registers_transfer", "registers_writing")
 _TRANSFER_ENDS = ("registers_written", "registers_proved", "registers_read_back")
 #: Part of the transfer completed by one move of the verification, which has 17 moves that may be repeated.
 _VERIFICATION_STEP = 1.0 / 18.0
@@ -119,6 +119,11 @@ class UnitStatus:
         """The current stage."""
         return next((s for s in self.stages if s.state in ("active", "solving")), None)
 
+    @property
+    def kept(self) -> bool:
+        """Whether the unit keeps its registers."""
+        return self._row(TRANSFER).state == "kept"
+
     def take(self, event: Event) -> None:
         """Follow an event of this unit or of the whole run."""
         match event:
@@ -151,6 +156,8 @@ class UnitStatus:
                 self._end_stage("fault")
             case Verdict():
                 self.verdict, self.result = event, Result.from_json(event.result)
+                if event.outcome in ("stopped", "fault"):
+                    self._end_stage(event.outcome)
                 if self.slot and (self.fault is None or not self.fault.slot):
                     # it may have passed before a fault of the table, or have a fault since its run was closed
                     self.fault = None if self.result.fault is None else Fault.of(self.result.fault)
@@ -171,12 +178,16 @@ class UnitStatus:
             self.transfer = values
         elif message == "stopped_early":
             self._row(str(values.get("stage"))).state = "bad"
-        elif message in _TRANSFER_STARTS and row.state != "active":
+        elif self._transfer_starts(message) and row.state != "active":
             row.start(time.monotonic())
         elif message in _TRANSFER_ENDS:
             row.solve("good")
         elif message == "registers_kept":
             row.state = "kept"
+
+    def _transfer_starts(self, message: str) -> bool:
+        """Whether a message marks the start of this unit's transfer; the reference of several units may be others'."""
+        return message in _TRANSFER_STARTS or (message == "reference" and not self.slot)
 
     def _mark_failed(self, result: Result) -> None:
         """Mark the stages that produced failing values, unless later stages would have improved them."""

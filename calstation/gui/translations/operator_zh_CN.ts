@@ -235,6 +235,10 @@
         <translation>所有装夹位都有产品</translation>
     </message>
     <message>
+        <source>the other slots stay empty</source>
+        <translation>其余装夹位空着</translation>
+    </message>
+    <message>
         <source>slot {slot}</source>
         <translation>装夹位 {slot}</translation>
     </message>
@@ -381,6 +385,10 @@
 <context>
     <name>UnitTiles</name>
     <message>
+        <source>outside limits, registers kept</source>
+        <translation>超差，保留原有寄存器</translation>
+    </message>
+    <message>
         <source>σ {share} × its target</source>
         <translation>σ 为目标的 {share} 倍</translation>
     </message>
@@ -438,10 +446,6 @@
 </context>
 <context>
     <name>_SlotTile</name>
-    <message>
-        <source>refused</source>
-        <translation>未接受</translation>
-    </message>
     <message>
         <source>attempt {count}</source>
         <translation>第 {count} 次</translation>

@@ -15,7 +15,6 @@ class Slot:
     suggested: bool = False  #: Whether the virtual bench has suggested the serial number.
     left_empty: bool = False  #: Whether scans pass over it.
     attempts: int = 0  #: Number of earlier runs of the unit.
-    refused: str = ""  #: The latest scan if it was refused here.
 
     @property
     def open(self) -> bool:
@@ -83,17 +82,10 @@ class Slots(QObject):
     def fill(self, slot: Slot, serial: str, attempts: int) -> None:
         """Put a unit into a slot; a suggestion of the same serial number elsewhere is removed."""
         for other in self._slots:
-            other.refused = ""
             if other.serial == serial:
                 other.serial, other.suggested = "", False
         slot.serial, slot.attempts, slot.suggested, slot.left_empty = serial, attempts, False, False
         self._chosen = None
-        self.changed.emit()
-
-    def refuse(self, serial: str) -> None:
-        """Note that a scan was refused."""
-        for slot in self._slots:
-            slot.refused = serial if slot is self.next else ""
         self.changed.emit()
 
     def choose(self, slot: Slot) -> None:
@@ -102,13 +94,14 @@ class Slots(QObject):
         self.changed.emit()
 
     def clear(self, slot: Slot) -> None:
-        """Remove the unit of a slot; its slot is the one for the next scan."""
+        """Remove the unit of a slot; the next scan goes into the first open one."""
         slot.serial, slot.suggested = "", False
-        self.choose(slot)
+        self._chosen = None
+        self.changed.emit()
 
     def leave_empty(self, slot: Slot, *, left_empty: bool) -> None:
         """Let scans pass over an empty slot, or no longer."""
-        slot.left_empty, slot.refused = left_empty, ""
+        slot.left_empty = left_empty
         self._chosen = None
         self.changed.emit()
 

@@ -34,17 +34,14 @@ class _SlotTile(Tile):
         """Show the state of the slot."""
         slot, following = self._slot, self._slots.marked is self._slot
         self.show_chosen(following)
-        self._icon.set_kind("bad" if slot.refused else "good" if slot.serial else "active" if following else "none")
-        if slot.refused:
-            note = self.tr("refused")
-        elif slot.serial:
+        self._icon.set_kind("good" if slot.serial else "active" if following else "none")
+        if slot.serial:
             note = self.tr("attempt {count}").format(count=slot.attempts + 1) if slot.attempts else self.tr("accepted")
             note = self.tr("suggested") if slot.suggested else note
         elif slot.left_empty:
             note = self.tr("stays empty")
         else:
             note = self.tr("next scan") if following else self.tr("empty")
-        theme.set_kind(self._note, "error" if slot.refused else "muted")
         show_text(self._serial, slot.serial)
         self._note.setText(note)
         self.action.setVisible(bool(slot.serial) or following or slot.left_empty)

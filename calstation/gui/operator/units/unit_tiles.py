@@ -67,6 +67,10 @@ class UnitTiles(QWidget):
         if unit.outcome:
             shown = run.shown_of(unit)
             return KINDS.get(shown, "none"), term("badge", shown)
+        if run.state == "stopping":
+            return KINDS[run.state], term("badge", run.state)
+        if unit.kept:
+            return "bad", self.tr("outside limits, registers kept")
         bad = next((stage for stage in unit.stages if stage.state == "bad"), None)
         stage, share = unit.stage, run.share(unit)
         text = ""

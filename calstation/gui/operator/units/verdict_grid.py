@@ -96,7 +96,8 @@ class VerdictGrid(QFrame):
 
     def next_action(self) -> str:
         """Return what the operator does next."""
-        return say("advice.next_units")
+        again = self._run.state in ("stopped", "incomplete")
+        return say("advice.same_units" if again else "advice.next_units")
 
     def _open(self, unit: UnitStatus) -> None:
         self._run.choose(unit)
