@@ -632,7 +632,7 @@ def test_a_batch_on_the_virtual_bench_whose_second_unit_falls_silent(operator: O
     operator.press("start_button")
     operator.until(lambda: operator.run.units[1].fault is not None)
     assert operator.run.going
-    assert "FAULT" in tile(operator, "unit_2_tile").accessibleName()
+    operator.until(lambda: "FAULT" in tile(operator, "unit_2_tile").accessibleName())
     operator.until_ended()
     assert [unit.outcome for unit in operator.run.units] == ["passed", "fault", "passed"], operator.says()
     assert "2 passed, 1 fault" in operator.says()
