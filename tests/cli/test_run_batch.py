@@ -33,6 +33,7 @@ def test_units_are_calibrated_together(tmp_path: Path, calstation: Callable[...,
     assert "slot 3: six_position: " in done.err
 
 
+@pytest.mark.long
 def test_the_exit_code_is_that_of_the_worst_unit(tmp_path: Path, calstation: Callable[..., Any]) -> None:
     site = SiteFolder(tmp_path)
     site.write({"stages": ["six_position"]}, units=2, orders=[{"order": "freeze_channel", "at": 40.0, "unit": 2}])

@@ -62,6 +62,7 @@ def test_all_units_are_opened_and_all_their_bytes_are_read(setups: tuple[Resolve
         assert len({batch.counts.tobytes() for batch in batches}) == 3
 
 
+@pytest.mark.long
 def test_sixteen_units_stay_together_at_full_speed(tmp_path: Path) -> None:
     serials = tuple(f"SN-{number:06d}" for number in range(1, 17))
     station = library.find("stations", "virtual_batch")

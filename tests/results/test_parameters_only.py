@@ -56,6 +56,7 @@ def test_a_designed_run_has_the_same_parameters(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["hand", "pair", "gimbal"])
+@pytest.mark.long
 def test_methods_without_a_table_have_the_same_parameters(tmp_path: Path, kind: Kind) -> None:
     make_recording(kind, tmp_path / "log.h5", "mems", 3)
     both(tmp_path / "log.h5")

@@ -81,6 +81,7 @@ def test_units_in_three_orientations_pass_and_solve_again_to_the_same_bits(site_
     assert [record.slot for record in History(site_folder.folder / "runs").of(SERIALS[1])] == ["B2"]
 
 
+@pytest.mark.long
 def test_the_first_unit_of_a_batch_has_the_result_that_it_has_alone(tmp_path: Path) -> None:
     results = []
     for serials in (("SN-000001", "", ""), SERIALS):
@@ -118,6 +119,7 @@ def refuse(monkeypatch: pytest.MonkeyPatch, *refused: str) -> None:
     monkeypatch.setattr(devices, "open_imu", open_imu)
 
 
+@pytest.mark.long
 def test_a_unit_that_does_not_answer_leaves_at_once(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     site_folder.write(units=3)
     refuse(monkeypatch, SERIALS[2])
@@ -236,6 +238,7 @@ def test_stop_ends_all_units(site_folder: SiteFolder) -> None:
     assert [verdict.outcome for verdict in verdicts.values()] == ["stopped", "stopped"]
 
 
+@pytest.mark.long
 def test_a_unit_of_a_stopped_batch_is_resumed_alone_in_its_slot(site_folder: SiteFolder) -> None:
     slots = [{"name": "A"}, {"name": "B", "orientation": "-y+z"}]
     site_folder.write_station(slots=slots, bench={"units": 2})
