@@ -56,6 +56,7 @@ class BenchClock:
         self.tick = TICK if speed > 0.0 else _FAST_TICK
         self.speed = speed
         self._received: Callable[[], Mapping[int, int]] = dict
+        self._lost: Mapping[int, int] = {}  #: Number of bytes that a reader will never get, by the place of the IMU.
         try:
             self._socket = socket.create_connection(endpoint, timeout=_REPLY_TIMEOUT)
         except OSError as exc:
@@ -102,11 +103,18 @@ class BenchClock:
 
     def _wait_for_bytes(self, sent: Sequence[int]) -> None:
         begin = time.monotonic()
-        while any(count < sent[place] for place, count in self._received().items()):
+        lost = {place: count for place, count in self._lost.items() if count <= sent[place]}  # on the present link
+        while late := {
+            place: sent[place] - count
+            for place, count in self._received().items()
+            if count + lost.get(place, 0) < sent[place]
+        }:
             waited = time.monotonic() - begin
             time.sleep(0.0 if waited < _YIELD_TIME else _YIELD_TIME)
-            if waited > _READ_TIMEOUT:
-                return  # if the link lost bytes, the sequencer detects the gap
+            if waited > _READ_TIMEOUT:  # the sequencer detects the gap
+                lost |= late
+                break
+        self._lost = lost
 
     def _ask(self, request: dict[str, Any]) -> dict[str, Any]:
         timeout = _REPLY_TIMEOUT

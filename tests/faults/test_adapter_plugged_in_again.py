@@ -29,20 +29,22 @@ ADAPTER = "A9XYZ"
 def names(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names that the adapter has had; the station knows it by its serial number alone."""
     had: list[str] = []
-    endpoints = wiring.endpoints
+    endpoints = wiring.batch_endpoints
 
     def ports() -> list[SimpleNamespace]:
         about = {"description": "UART", "manufacturer": "FTDI", "location": "1-2", "serial_number": ADAPTER}
         return [SimpleNamespace(device=had[-1], name=Path(had[-1]).name, **about)]
 
     @contextmanager
-    def by_adapter(setup: ResolvedConfiguration, check_cancelled: Callable[[], None]) -> Iterator[wiring.Endpoints]:
-        with endpoints(setup, check_cancelled) as at:
+    def by_adapter(
+        setups: tuple[ResolvedConfiguration, ...], check_cancelled: Callable[[], None]
+    ) -> Iterator[wiring.Endpoints]:
+        with endpoints(setups, check_cancelled) as at:
             had.append(at.imu)
-            yield replace(at, imu=f"usb:{ADAPTER}")
+            yield replace(at, imus=(f"usb:{ADAPTER}",))
 
     monkeypatch.setattr(list_ports, "comports", ports)
-    monkeypatch.setattr(wiring, "endpoints", by_adapter)
+    monkeypatch.setattr(wiring, "batch_endpoints", by_adapter)
     return had
 
 

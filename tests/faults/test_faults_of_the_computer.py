@@ -146,5 +146,5 @@ def test_drawn_times_are_the_same_for_the_same_seed() -> None:
     assert plan.times() == plan.times()
     assert len(set(plan.times())) == 3
     assert all(1.0 <= t <= 9.0 for t in plan.times())
-    orders = plan._overrides({"orders": []})["orders"]
+    orders = plan._overrides({"orders": []}, 1)["orders"]
     assert [order["at"] for order in orders] == plan.times()
