@@ -134,6 +134,7 @@ def test_the_units_of_a_load_are_summed_up(capsys: pytest.CaptureFixture[str], m
     assert "to resume: calstation run --resume runs/2.h5 --station 'my line.toml'" in said
 
 
+@pytest.mark.long
 def test_a_resumed_run_keeps_its_product(tmp_path: Path) -> None:
     site = SiteFolder(tmp_path)
     site.write({"stages": ["six_position"]})

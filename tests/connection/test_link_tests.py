@@ -380,6 +380,7 @@ def test_an_imu_whose_stream_is_not_as_its_profile_says() -> None:
     assert [f.id for f in report.findings if f.state == "look"] == ["self_test_failed"]
 
 
+@pytest.mark.long
 @needs_terminals
 def test_a_site_confirmed_at_another_computer_is_reported() -> None:
     unit = FakeImu()

@@ -104,6 +104,7 @@ def test_a_result_is_not_fetched_without_its_database(folder: Path, tmp_path: Pa
         fetch_result(ignore_progress, away, run)
 
 
+@pytest.mark.long
 def test_an_absent_archive_stops_nothing_and_is_tried_again(url: str, folder: Path, tmp_path: Path) -> None:
     share = tmp_path / "share"
     share.write_text("not mounted")
@@ -121,6 +122,7 @@ def test_an_absent_archive_stops_nothing_and_is_tried_again(url: str, folder: Pa
     assert read_state(folder).archive_error is None
 
 
+@pytest.mark.long
 def test_an_archive_that_hangs_delays_no_exchange(
     url: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -199,6 +199,7 @@ def test_a_restart_counts_once_the_marker_is_gone() -> None:
         assert link.finished
 
 
+@pytest.mark.long
 def test_a_unit_that_never_restarts_is_a_fault_and_gets_its_own_values_back() -> None:
     (_, marked) = bias(-0.1 + 0.2 * 0.381966)
     looks = [IDENTITY, (bias()[0], marked)] * 200

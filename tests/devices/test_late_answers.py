@@ -43,6 +43,7 @@ def link(late: Mapping[int, float | None], **server: object) -> Iterator[tuple[M
         device.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "late",
     [{1: LATE}, {1: LATE, 2: 0.02}, {1: 2 * TIMEOUT}, {1: LATE, 2: LATE}, {1: None}, {1: None, 2: LATE}],

@@ -96,6 +96,7 @@ def test_committed_registers_are_read_back_after_the_restart(delay: float) -> No
     assert noted.closing is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("delay", [0.0, 0.4])
 def test_uncommitted_registers_are_not_taken_for_restarted(delay: float) -> None:
     unit, noted = FlashUnit(burns=None, delay=delay), Noted(serial=UNIT)
@@ -113,6 +114,7 @@ def test_a_unit_that_never_restarts_is_reported_before_anything_is_written() -> 
     assert unit.words == unit.flash, "the mark was taken back"
 
 
+@pytest.mark.long
 def test_a_unit_is_not_restarted_during_a_long_commit() -> None:
     unit, noted = FlashUnit(burns=0.5), Noted(serial=UNIT)
     with driver(unit) as imu:
@@ -129,6 +131,7 @@ def test_a_unit_whose_commit_exceeds_its_timeout_is_not_restarted() -> None:
     assert (noted.steps[-1], noted.closing) == ("committing", None)
 
 
+@pytest.mark.long
 def test_a_unit_busy_with_another_commit_is_not_restarted() -> None:
     unit, noted = FlashUnit(burns=0.5), Noted(serial=UNIT)
     unit.obey(6, COMMIT, [0x5A5A])

@@ -124,6 +124,7 @@ def test_a_refusal_is_reported_with_its_meaning(error: int, code: str) -> None:
         assert caught.value.values["reason"].code == f"imu.framed_{error}"
 
 
+@pytest.mark.long
 def test_a_lost_answer_is_asked_for_again_but_homing_is_not() -> None:
     stop, home = write(22, 2), write(22, 3)
     between = request(1), reply_frame(1, b"bench-imu;SN;1")

@@ -260,7 +260,10 @@ def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path], monkeypat
         list(resolving._solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
 
 
-def test_what_cannot_be_solved_is_refused_at_once(logs: list[Path], tmp_path: Path) -> None:
+def test_what_cannot_be_solved_is_refused_at_once(
+    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("calstation.fleet.resolving._CONNECT_TIMEOUT", "1s")
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     empty = tmp_path / "empty"
     empty.mkdir()

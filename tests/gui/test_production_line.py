@@ -108,6 +108,7 @@ def test_without_sign_in_the_operator_is_optional(operator: Operator) -> None:
     assert not operator.widget("sign_out_button").isVisible()
 
 
+@pytest.mark.long
 def test_start_needs_a_badge_where_the_station_says_so(operator: Operator) -> None:
     use_station(operator, ONE_STAGE, sign_in={"badge_pattern": r"B\d{4}", "names": NAMES})
     edit, start = operator.widget("operator_edit", QLineEdit), operator.widget("start_button", QPushButton)
@@ -370,6 +371,7 @@ def test_an_unreachable_printer_is_reported(operator: Operator) -> None:
     assert "cannot be reached" not in operator.says()
 
 
+@pytest.mark.long
 def test_a_typst_label_is_a_pdf_beside_the_runs(operator: Operator, opened: list[Path]) -> None:
     use_station(operator, {**ONE_STAGE, "label": "label.typ"})  # the shipped template
     run_to_pass(operator)

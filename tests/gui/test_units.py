@@ -564,6 +564,7 @@ def test_units_that_ended_before_a_stop_are_not_offered_again(operator: Operator
     assert serials(operator) == ("", "SN-000002")
 
 
+@pytest.mark.long
 def test_sixteen_units_fit_on_a_small_screen(operator: Operator) -> None:
     use_slots(operator, 16)
     for language in (0, 1):

@@ -55,6 +55,7 @@ def test_english_is_the_first_language(window: MainWindow) -> None:
     assert combo.itemText(0) == "English"
 
 
+@pytest.mark.long
 def test_language_and_theme_are_restored(site_folder: SiteFolder, qtbot: QtBot) -> None:
     first = opened(site_folder, qtbot)
     first.language_combo.setCurrentIndex(1)

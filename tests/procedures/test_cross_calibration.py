@@ -139,6 +139,7 @@ def test_a_drift_during_the_recording_fails_and_is_named(mems):
     assert test.misfit.values["parameter"].startswith("secondary_accel_matrix_")
 
 
+@pytest.mark.long
 def test_effects_are_along_the_axes_of_a_rotated_secondary():
     primary, secondary = pair(3)
     turned = replace(secondary, mounting=Mounting(rotation(np.array([0.0, 0.0, 0.5 * np.pi])), np.zeros(3)))
@@ -218,6 +219,7 @@ def test_partial_models_are_fitted(what):
     assert found.found["secondary_gyro_matrix_xy"].value == 0.0
 
 
+@pytest.mark.long
 def test_several_secondaries_have_names_of_their_own():
     primary, first = pair(6)
     _, second = pair(7)

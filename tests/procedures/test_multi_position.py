@@ -267,6 +267,7 @@ def test_unusable_recording_is_refused_with_its_fault(mems, change, code, words)
     assert words in str(caught.value)
 
 
+@pytest.mark.long
 def test_motion_that_contradicts_gravity_is_left_out_and_reported(mems):
     imu, block = mems
     found = solved(block, context_of(imu), prior_of("mems"))

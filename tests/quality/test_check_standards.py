@@ -60,6 +60,7 @@ def random_covariance(random: np.random.Generator) -> FloatArray:
     return np.asarray(covariance / np.outer(size, size) * np.outer(scale, scale))
 
 
+@pytest.mark.long
 def test_t_squared_of_correct_runs_is_chi_square_and_both_tests_keep_the_stated_probability(stable: ImuProfile) -> None:
     random, verdicts = np.random.default_rng(7), []
     for _ in range(40):

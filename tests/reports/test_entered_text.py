@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from calstation.cli.app import run_app
 from calstation.config import Person, RunRequest, plain_text
 from calstation.reports.issue import ReportRequest
@@ -34,6 +36,7 @@ def test_text_of_any_language_is_kept() -> None:
     assert plain_text(text) == text
 
 
+@pytest.mark.long
 def test_a_revision_for_a_reason_with_control_characters(tmp_path: Path, shared_runs: SharedRuns) -> None:
     result = Path(shared_runs.passed(tmp_path / "run", "six_position").result_file)
     assert run_app(["report", str(result), "-o", str(tmp_path / "a.pdf")]) == 0

@@ -34,6 +34,7 @@ def test_a_log_tells_innovations_residuals_and_observability_of_every_stage(
     assert progress.fractions[-1] < 1.0
 
 
+@pytest.mark.long
 def test_part_of_a_log_can_be_looked_at(tmp_path: Path, shared_runs: SharedRuns) -> None:
     verdict = shared_runs.passed(tmp_path)
     looked = diagnose(ignore_progress, Path(verdict.log), ("six_position",))

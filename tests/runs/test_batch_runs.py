@@ -93,6 +93,7 @@ def test_the_first_unit_of_a_batch_has_the_result_that_it_has_alone(tmp_path: Pa
     assert results[0]["parameters"] == results[1]["parameters"]
 
 
+@pytest.mark.long
 def test_a_unit_that_falls_silent_leaves_the_others_alone(site_folder: SiteFolder) -> None:
     orders = [{"order": "silence_imu", "value": 1e6, "at": 60.0, "unit": 2}]
     site_folder.write(units=3, orders=orders)
@@ -196,6 +197,7 @@ def test_logs_already_open_are_closed_if_another_one_cannot_be_created(
     assert open_log(Path(verdict.log)).outcome == "fault"
 
 
+@pytest.mark.long
 def test_serial_numbers_that_differ_in_one_character_have_logs_of_their_own(site_folder: SiteFolder) -> None:
     site_folder.write({"serial_pattern": "SN[-_]1"}, units=2)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=("SN-1", "SN_1")))
@@ -203,6 +205,7 @@ def test_serial_numbers_that_differ_in_one_character_have_logs_of_their_own(site
     assert {Path(verdict.log).stem.rpartition("_")[0] for verdict in verdicts.values()} == {"SN-1_1", "SN-1_2"}
 
 
+@pytest.mark.long
 def test_the_reports_of_a_batch_are_made_after_the_run_one_after_the_other(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -255,6 +258,7 @@ def test_a_unit_of_a_stopped_batch_is_resumed_alone_in_its_slot(site_folder: Sit
     assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
 
 
+@pytest.mark.long
 def test_a_unit_is_not_compared_with_its_lever_arm_in_another_slot(site_folder: SiteFolder) -> None:
     slots = [{"name": name, "lever_m": [lever, 0.0, 0.0]} for name, lever in (("A", 0.15), ("B", -0.15))]
     site_folder.write_station(slots=slots, bench={"units": 2})

@@ -82,6 +82,7 @@ def test_a_listener_that_answers_no_heartbeat_is_frozen_and_may_come_back(ends: 
     assert from_json(ends.check_cancelled()) == Message("homing")
 
 
+@pytest.mark.long
 def test_a_listener_that_answers_is_not_frozen(ends: Ends) -> None:
     for _ in range(12):
         assert ends.theirs.recv() == BEAT

@@ -28,6 +28,7 @@ def freeze_in_mid_message(there: "Connection[Any, Any]") -> None:
     os.kill(os.getpid(), signal.SIGSTOP)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
 def test_an_engine_frozen_within_a_message_does_not_block_the_reader() -> None:
     context = multiprocessing.get_context("spawn")

@@ -77,6 +77,7 @@ def test_early_end_on_failure(site_folder: SiteFolder) -> None:
     assert verdict.result["stages"] == ["six_position"]
 
 
+@pytest.mark.long
 def test_pause_and_resume(site_folder: SiteFolder) -> None:
     pause = site_folder.once(StepStarted, Command.PAUSE, after=2)
 
@@ -248,6 +249,7 @@ def test_a_stop_before_the_first_register_is_a_stop(site_folder: SiteFolder) -> 
     assert not [m for m in site_folder.events_of(Message) if m.id == "registers_transfer"]
 
 
+@pytest.mark.long
 def test_a_stop_during_the_transfer_waits_for_its_end(site_folder: SiteFolder) -> None:
     def watch(event: Event) -> None:
         if isinstance(event, Message) and event.id == "registers_transfer":

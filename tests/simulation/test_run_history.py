@@ -24,6 +24,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_the_history_is_the_same_for_a_seed_and_rebuilt_from_its_files(folder: Path, tmp_path: Path) -> None:
     columns = History(folder).columns()
     assert len(columns.names) == RUNS
