@@ -43,9 +43,12 @@ REAL_TIME = (
 )
 
 
+@pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Allow the real-time tests to be run again."""
+    """Allow the real-time tests to be run again, and leave those with a PostgreSQL server to the rehearsals."""
     for item in items:
+        if "postgres" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.long)
         if item.path.as_posix().endswith(REAL_TIME):
             item.add_marker(pytest.mark.flaky(reruns=2))
 

@@ -23,6 +23,9 @@ host all +with_password 127.0.0.1/32 scram-sha-256
 host all all 127.0.0.1/32 trust
 """
 
+#: Kinds of databases as parameters of fixtures; as every test with the server, those with it are rehearsals.
+DATABASES = ["sqlite", pytest.param("postgresql", marks=pytest.mark.long)]
+
 #: Waiting for a start or stop, s.
 _WAIT = 60.0
 
@@ -134,3 +137,15 @@ def postgres() -> Iterator[PostgresServer]:
 def shared_database(postgres: PostgresServer) -> str:
     """URL of a new database with the tables of this version."""
     return postgres.url(postgres.new_database(postgres.with_tables))
+
+
+@pytest.fixture(params=DATABASES)
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """URL of a new database of each kind with the tables of this version."""
+    if request.param == "postgresql":
+        return str(request.getfixturevalue("shared_database"))
+    from calstation.database import upgrade
+
+    made = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    upgrade(made)
+    return made

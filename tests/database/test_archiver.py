@@ -10,7 +10,7 @@ import pytest
 
 from calstation.cli.app import run_app
 from calstation.config import library
-from calstation.database import Exchange, fetch_log, fetch_result, read_state, upgrade, watch
+from calstation.database import Exchange, fetch_log, fetch_result, read_state, watch
 from calstation.database.archiver import LogArchiver
 from calstation.database.outbox import Outbox
 from calstation.errors import ConfigurationError
@@ -19,16 +19,6 @@ from calstation.results import load_result
 from tests.database.result_files import in_database, write_result
 from tests.database.test_exchange_process import eventually
 from tests.helpers import ignore_progress, raises_code
-
-
-@pytest.fixture(params=["sqlite", "postgresql"])
-def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """URL of a database with tables."""
-    if request.param == "postgresql":
-        return str(request.getfixturevalue("shared_database"))
-    made = f"sqlite:///{tmp_path / 'shared.sqlite'}"
-    upgrade(made)
-    return made
 
 
 @pytest.fixture

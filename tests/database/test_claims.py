@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import create_engine, select, update
 
 from calstation.config import library
-from calstation.database import Claim, Exchange, Outbox, connect, upgrade
+from calstation.database import Claim, Exchange, Outbox, connect
 from calstation.database.claims import claim_unit, other_claims
 from calstation.database.process import LONGEST_S
 from calstation.database.tables import claims
@@ -74,16 +74,6 @@ def test_two_stations_that_scan_a_unit_at_once_are_both_told(shared_database: st
     text = event_text(there[0].message.id, there[0].message.values)
     assert sentence(text) == f"SN-0 is also being calibrated at line 1 since {utc.astimezone():%H:%M}."
     assert sentence(text, "zh_CN") == f"SN-0 自 {utc.astimezone():%H:%M} 起也在 line 1 标定。"
-
-
-@pytest.fixture(params=["sqlite", "postgresql"])
-def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """URL of a new database of each kind."""
-    if request.param == "postgresql":
-        return str(request.getfixturevalue("shared_database"))
-    path = f"sqlite:///{tmp_path / 'shared.sqlite'}"
-    upgrade(path)
-    return path
 
 
 def serials(url: str, changes: dict[str, Any] | None = None) -> list[str]:

@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import create_engine, delete, select, text, update
 
 from calstation.cli.app import run_app
-from calstation.database import Exchange, export_shared_runs, load_shared_results, upgrade
+from calstation.database import Exchange, export_shared_runs, load_shared_results
 from calstation.database.outbox import FILE, Outbox
 from calstation.database.tables import log_copies, outboxes, revisions, runs
 from calstation.errors import ConfigurationError, InputError
@@ -20,16 +20,6 @@ from calstation.results import History, load_results
 from tests.database.result_files import in_database, in_index, write_result
 from tests.database.test_claims import station_file
 from tests.helpers import ignore_progress, raises_code
-
-
-@pytest.fixture(params=["sqlite", "postgresql"])
-def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """URL of a database with tables."""
-    if request.param == "postgresql":
-        return str(request.getfixturevalue("shared_database"))
-    made = f"sqlite:///{tmp_path / 'shared.sqlite'}"
-    upgrade(made)
-    return made
 
 
 @pytest.fixture

@@ -14,12 +14,12 @@ from calstation.database import connect as connect_function
 from calstation.database.tables import metadata, revisions
 from calstation.errors import ConfigurationError
 from tests.helpers import raises_code
-from tests.postgres import OWNER
+from tests.postgres import DATABASES, OWNER
 
 MIGRATIONS = Path(connect_function.__code__.co_filename).parent / "migrations"
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(params=DATABASES)
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """URL of an empty database."""
     if request.param == "sqlite":

@@ -11,6 +11,7 @@ from tests.cli.conftest import calstation as calstation
 from tests.helpers import ignore_progress
 from tests.postgres import postgres as postgres
 from tests.postgres import shared_database as shared_database
+from tests.postgres import url as url
 
 
 @pytest.fixture(scope="session")
@@ -32,14 +33,6 @@ def logs(made: Callable[[int], list[Path]], tmp_path: Path) -> list[Path]:
     folder = tmp_path / "logs"
     folder.mkdir()
     return [Path(shutil.copy2(path, folder)) for path in made(6)]
-
-
-@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.long)])
-def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """URL of a database."""
-    if request.param == "sqlite":
-        return f"sqlite:///{tmp_path / 'shared.sqlite'}"
-    return str(request.getfixturevalue("shared_database"))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
