@@ -202,6 +202,7 @@ def test_an_order_by_the_clock_silences_only_its_unit(start_bench, imu_client):
         assert bench.ask(order="interlock", value=0, unit=3)["bytes"] == now, "the table has no unit"
 
 
+@pytest.mark.long
 def test_every_line_counts_its_bytes_and_none_after_its_client_has_left(start_bench, imu_client):
     further = [{"unit": unit, "serial": f"SN-{unit}", "seed": unit} for unit in range(2, 17)]
     with start_bench(secondaries=further) as bench:

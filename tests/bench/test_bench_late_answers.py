@@ -21,6 +21,7 @@ TIMEOUT = 0.5
 LATE, NEXT = TIMEOUT + 0.05, 0.1
 
 
+@pytest.mark.long
 def test_limits_and_angles_of_a_slow_table_on_rtu_are_its_own(start_bench):
     profile = load_table_profile(DATA / "tables" / "bench.toml").at_place(TIMEOUT, None)
     profile = profile.model_copy(update={"modbus": profile.modbus.model_copy(update={"gap": 0})})

@@ -152,6 +152,7 @@ def test_the_driver_moves_the_bench(start_bench, language, transport):
             table.close()
 
 
+@pytest.mark.long
 @tables
 def test_requests_with_lost_answers_are_repeated(start_bench, language):
     profile = load_table_profile(TABLES / f"{PROFILES[language]}.toml").at_place(0.3, None)

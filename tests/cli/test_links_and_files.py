@@ -36,6 +36,7 @@ def test_a_working_link_is_described_line_by_line(calstation: Run) -> None:
     assert {"id", "state", "values", "text", "mend"} == set(report["findings"][0])
 
 
+@pytest.mark.long
 def test_the_imus_of_all_slots_are_tested(calstation: Run, tmp_path: Path) -> None:
     path = tmp_path / "batch.toml"
     slots = [{"name": "left"}, {"name": "right", "orientation": "-y+z"}]
@@ -135,6 +136,7 @@ def test_a_gravity_that_a_run_refuses_is_a_problem(calstation: Run, tmp_path: Pa
     assert done.out.splitlines()[-1] == "The link works, but a run would not start like this."
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
 def test_all_incompatibilities_of_product_and_station_are_shown(calstation: Run, tmp_path: Path) -> None:
     product = tmp_path / "product.toml"

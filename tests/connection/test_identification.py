@@ -135,6 +135,7 @@ def test_nothing_is_commanded_if_the_imu_is_not_identified(run: Callable[..., Fa
     assert set(table.functions) == {READ}
 
 
+@pytest.mark.long
 @needs_terminals
 def test_a_stop_is_obeyed_during_identification(tmp_path: Path, imu: str) -> None:
     others: list[int] = []
@@ -189,6 +190,7 @@ def test_swapped_ports_are_reported_for_a_unit_that_streams_on_command(
         assert run(port, line).code == "connection.swapped"
 
 
+@pytest.mark.long
 @needs_terminals
 def test_the_answering_unit_number_is_reported(run: Callable[..., Fault], imu: str) -> None:
     bus = Bus(unit=3)
@@ -268,6 +270,7 @@ def test_a_profile_with_an_inner_drive_of_that_number_is_passed_over(monkeypatch
     assert report.findings[-1].values == {"found": 2, "model": "bench-table", "profile": "bench"}
 
 
+@pytest.mark.long
 @needs_terminals
 def test_a_reset_reports_swapped_links(imu: str) -> None:
     bus = Bus()

@@ -268,6 +268,7 @@ def test_settings_that_the_port_refuses() -> None:
     assert (found.id, found.values["parity"]) == ("bad_settings", "E")
 
 
+@pytest.mark.long
 @needs_terminals
 @pytest.mark.parametrize(
     ("answer", "expected"),

@@ -86,6 +86,7 @@ def test_copies_a_log_into_a_folder_and_reads_it_back(log: Path, tmp_path: Path)
     assert (tmp_path / "copy.h5").read_bytes() == CONTENT
 
 
+@pytest.mark.long
 def test_copies_a_log_to_s3_and_reads_it_back(log: Path, bucket: str, tmp_path: Path) -> None:
     import s3fs
 

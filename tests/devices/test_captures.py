@@ -63,6 +63,7 @@ def test_microstrain_mip_byte_by_byte() -> None:
         np.testing.assert_array_equal(pieces.columns.values[name], values)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cut", [17, *(pytest.param(cut, marks=pytest.mark.exhaustive) for cut in (0, 4096))])
 def test_microstrain_mip(cut: int) -> None:
     data = (CAPTURES / "microstrain_mip" / "mip_data.bin").read_bytes()
@@ -183,6 +184,7 @@ def xsens_reference(path: Path) -> list[dict[str, float]]:
     return packets
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cut", [1, *(pytest.param(cut, marks=pytest.mark.exhaustive) for cut in (0, 333))])
 @pytest.mark.parametrize(
     ("folder", "kind"), [("1", "Float32"), ("2", "FP1220"), ("3", "FP1632"), ("4", "Float64"), ("5", "Float32")]

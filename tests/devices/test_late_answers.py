@@ -144,6 +144,7 @@ def pageless() -> ImuProfile:
     return ImuProfile.model_validate(told)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("late", [{0: LATE}, {0: LATE, 1: 0.02}, {2: LATE, 3: LATE}, {1: None}], ids=str)
 def test_every_register_of_a_unit_is_its_own(late: Mapping[int, float | None]) -> None:
     words: dict[int, int] = {}

@@ -190,6 +190,7 @@ def test_a_move_is_absolute(name: str) -> None:
 WHO = (b"IDN\r\n", b"*IDN?\n", b"$MNCHK*D6\r\n")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", DRIVEN)
 def test_an_unanswered_move_is_repeated_literally_and_adds_no_motion(name: str) -> None:
     clean, _ = moved(name, FROM[1])

@@ -87,6 +87,7 @@ def moved(imu: ModbusImu, noted: Noted, value: float = 0.5) -> Mapping[str, floa
     return transfer(imu, registers, UNIT, {"gyro_bias_x": value}, noted.begin).found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("delay", [0.0, 0.4])
 def test_committed_registers_are_read_back_after_the_restart(delay: float) -> None:
     unit, noted = FlashUnit(delay=delay), Noted(serial=UNIT)

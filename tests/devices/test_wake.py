@@ -82,6 +82,7 @@ def driver(name: str, **told: Any) -> Iterator[tuple[StreamedImu, BootingLink]]:
         imu.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("corrected", [False, True])
 @pytest.mark.parametrize("name", UNITS)
 def test_a_waking_unit_is_queried_until_it_answers_and_streams(name: str, corrected: bool) -> None:
@@ -106,6 +107,7 @@ def test_a_unit_that_never_answers_is_reported_within_the_restart_timeout(name: 
             imu.wake(lambda: None)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", UNITS)
 def test_a_cancellation_is_checked_between_two_queries(name: str) -> None:
     with driver(name) as (imu, link):

@@ -276,6 +276,7 @@ def test_only_a_table_with_drives_can_be_designed_for(window: Any, qtbot: Any, s
         assert "needs a two-axis table with drives" in designer.says()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
 def test_everything_fits_a_small_window_in_both_languages(designer: Designer, code: str) -> None:
     designer.window.resize(1280, 720)

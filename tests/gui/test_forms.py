@@ -139,6 +139,7 @@ def test_limits_are_shown_and_typed_in_peoples_units_and_saved_in_si(forms: Form
     assert forms.shown("gyro scale factor", "Highest") == "1500"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "name"), [("products", "nav_a"), ("imus", "dsp_modbus"), ("imus", "stim300")])
 def test_cells_that_are_opened_and_left_change_nothing(forms: FormDriver, kind: str, name: str) -> None:
     profiles = forms.page.profiles

@@ -129,6 +129,7 @@ def test_a_certificate_from_the_verdict_and_from_the_history(
     assert events.count("certificate") == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
 def test_all_that_two_engineers_fill_in_is_visible_on_a_small_screen(operator: Operator, code: str) -> None:
     window = operator.window

@@ -146,6 +146,7 @@ def test_a_folder_without_runs_says_what_will_be_here(operator: Operator) -> Non
     assert "各工位、各操作员的结果是否一致？" in operator.says()
 
 
+@pytest.mark.long
 def test_an_overdue_instrument_and_a_standard_that_never_passed(operator: Operator, page: QualityPage) -> None:
     site = operator.site_folder
     product = library.find("products", "nav_a").read_text(encoding="utf-8")
@@ -170,6 +171,7 @@ def test_an_overdue_instrument_and_a_standard_that_never_passed(operator: Operat
     ]
 
 
+@pytest.mark.long
 def test_the_errors_that_a_check_standard_detects_stand_beside_the_limits(
     operator: Operator, page: QualityPage
 ) -> None:
@@ -230,6 +232,7 @@ def test_limits_of_the_table_begin_after_its_baseline(operator: Operator, page: 
         assert list(item.xData if later else []) == list(range(BASELINE + 1, BASELINE + later + 1))
 
 
+@pytest.mark.long
 def test_a_study_from_its_plan_to_its_verdict(
     operator: Operator, page: QualityPage, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

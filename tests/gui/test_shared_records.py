@@ -71,6 +71,7 @@ def test_a_unit_at_another_station_is_named_and_does_not_block(
     assert "attempt 2" in operator.says()
 
 
+@pytest.mark.long
 def test_a_unit_is_claimed_when_the_database_is_back_and_released_when_the_window_closes(
     away: None, operator: Operator, site_folder: SiteFolder, tmp_path: Path
 ) -> None:
@@ -90,6 +91,7 @@ def test_a_unit_is_claimed_when_the_database_is_back_and_released_when_the_windo
     other.close()
 
 
+@pytest.mark.long
 def test_a_claim_of_the_last_session_is_not_shown(
     away: None, operator: Operator, site_folder: SiteFolder, tmp_path: Path
 ) -> None:
@@ -102,6 +104,7 @@ def test_a_claim_of_the_last_session_is_not_shown(
     assert not operator.widget("claim_notice").isVisible()
 
 
+@pytest.mark.long
 def test_what_waits_is_shown_until_it_is_sent(
     away: None, operator: Operator, site_folder: SiteFolder, tmp_path: Path
 ) -> None:

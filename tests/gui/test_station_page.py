@@ -171,6 +171,7 @@ def test_saving_makes_a_version_and_keeps_comments(page_driver: PageDriver, site
     assert "Not saved" in page_driver.find(QLabel, "unsaved_label").text()
 
 
+@pytest.mark.long
 def test_the_shared_database_and_the_archive_are_edited(page_driver: PageDriver, site_folder: Any) -> None:
     page_driver.show_section(RECORDS)
     page_driver.type("records_database_edit", "postgresql+psycopg://station:secret@db/calstation")
@@ -322,6 +323,7 @@ def test_leaving_with_unsaved_changes_asks_first(
     assert saved(site_folder.station)["name"] == ("line 7" if answer.startswith("save") else "test bench")
 
 
+@pytest.mark.long
 def test_closing_the_window_with_unsaved_changes_asks_first(whole: PageDriver, window: MainWindow) -> None:
     page_driver = whole
     page_driver.type("name_edit", "line 7")
@@ -398,6 +400,7 @@ def test_a_missing_port_is_explained_in_both_languages(page_driver: PageDriver, 
     assert page_driver.page.table_link.test.report is None, "findings of other settings are removed"
 
 
+@pytest.mark.long
 def test_an_operator_can_reset_a_latched_fault(
     operator: PageDriver, site_folder: Any, monkeypatch: pytest.MonkeyPatch, chinese: Callable[[], None]
 ) -> None:
@@ -572,6 +575,7 @@ def test_files_added_outside_the_window_are_offered(page_driver: PageDriver) -> 
     assert files.findText("nav_b") >= 0
 
 
+@pytest.mark.long
 def test_a_problem_in_a_text_leads_to_its_line(page_driver: PageDriver) -> None:
     page_driver.show_section(PROFILES)
     profiles = page_driver.page.profiles

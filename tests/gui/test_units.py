@@ -239,6 +239,7 @@ def test_scans_sound_and_units_are_asked_about_once(
     assert len(started) == 1
 
 
+@pytest.mark.long
 def test_one_more_attempt_of_a_unit_and_the_repetition_of_another_are_asked_one_after_the_other(
     hardware: Operator, started: list[RunRequest]
 ) -> None:
@@ -330,6 +331,7 @@ def test_a_unit_with_a_fault_leaves_and_the_others_go_on(operator: Operator) -> 
     assert "2 passed, 1 fault" in operator.says()
 
 
+@pytest.mark.long
 def test_a_unit_outside_its_limits_keeps_its_registers_while_the_others_are_written(operator: Operator) -> None:
     use_slots(operator, 3)
     begin(operator)
@@ -377,6 +379,7 @@ def end_mixed_run(operator: Operator) -> None:
     operator.until(lambda: operator.run.judged and tile(operator, "unit_1_verdict"))
 
 
+@pytest.mark.long
 def test_all_verdicts_are_shown_and_a_click_opens_one(operator: Operator) -> None:
     end_mixed_run(operator)
     says = operator.says()
@@ -413,6 +416,7 @@ def test_all_verdicts_are_shown_and_a_click_opens_one(operator: Operator) -> Non
     operator.until(lambda: "1 台合格，1 台不合格，1 台故障" in operator.says())
 
 
+@pytest.mark.long
 def test_next_units_are_scanned_while_verdicts_are_shown(operator: Operator) -> None:
     end_mixed_run(operator)
     assert serials(operator) == ("SN-000004", "SN-000005", "SN-000006")
@@ -448,6 +452,7 @@ def test_a_fault_of_the_table_ends_the_run_of_all_units(operator: Operator) -> N
     assert operator.widget("start_button").isEnabled()
 
 
+@pytest.mark.long
 def test_units_that_ended_before_a_fault_of_the_table_are_shown_and_not_offered_again(operator: Operator) -> None:
     use_slots(operator, 4)
     begin(operator)
@@ -549,6 +554,7 @@ def test_stop_ends_all_units(operator: Operator) -> None:
     assert operator.window.findChild(QPushButton, "resume_choice") is None
 
 
+@pytest.mark.long
 def test_units_that_ended_before_a_stop_are_not_offered_again(operator: Operator) -> None:
     use_slots(operator, 2)
     begin(operator)
@@ -590,6 +596,7 @@ def test_sixteen_units_fit_on_a_small_screen(operator: Operator) -> None:
         assert len(heights) == 1  # one with a reason, one without
 
 
+@pytest.mark.long
 def test_sixteen_verdicts_fit_below_the_question_after_a_stop(operator: Operator) -> None:
     use_slots(operator, 16)
     begin(operator)

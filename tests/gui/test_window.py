@@ -196,6 +196,7 @@ def test_the_window_starts_without_the_solvers() -> None:
     assert done.stdout.split() == ["[]", "[]"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
 def test_the_fields_above_the_operator_page_are_as_high_as_start(window: MainWindow, qtbot: QtBot, code: str) -> None:
     window.app.set_language(code)

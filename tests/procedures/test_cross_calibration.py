@@ -172,6 +172,7 @@ def test_an_effect_that_equals_a_parameter_in_the_recording_is_not_found(mems):
     assert found.explanation is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("choice", [{"model": "bias"}, {"model": "scale"}, {"clock_offset": False}])
 def test_terms_that_are_not_fitted_are_no_effects(mems, choice):
     primary, secondary, block = mems
@@ -341,6 +342,7 @@ def test_figure_of_the_last_calibration_is_kept_where_a_sensor_is_not_calibrated
     assert again.verdicts[2]["gyro"] == "out_of_tolerance"
 
 
+@pytest.mark.long
 def test_a_calibration_that_stays_out_of_tolerance_does_not_loosen_the_next_threshold(mems):
     primary, secondary, block = mems
     limits = {"secondary_gyro": {"fixed": 2e-6, "ratio": 3.0}, "secondary_accel": {"fixed": 5e-3, "ratio": 3.0}}

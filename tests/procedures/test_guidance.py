@@ -28,6 +28,7 @@ def followed(block, imu, wanted=1.0, size=17):
     return guide, told
 
 
+@pytest.mark.long
 def test_every_rest_and_every_motion_is_reported(mems):
     imu, block = mems
     guide, told = followed(block, imu)

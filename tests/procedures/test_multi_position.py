@@ -75,6 +75,7 @@ def test_every_sigma_is_much_smaller_than_the_prior(mems):
     assert len(found.details["positions"]) == len(found.details["motions"]) + 1
 
 
+@pytest.mark.long
 def test_a_stream_before_any_calibration_may_have_large_biases(mems):
     imu, _ = mems
     far = imu.parameters.copy()
@@ -88,6 +89,7 @@ def test_a_stream_before_any_calibration_may_have_large_biases(mems):
     assert np.abs((found.mean - far) / found.sigma)[MASK].max() < 4.5
 
 
+@pytest.mark.long
 def test_noise_beyond_the_profile_enlarges_the_sigmas(mems):
     imu, _ = mems
     rough = replace(QUICK, velocity_sigma=8e-3)

@@ -73,6 +73,7 @@ def test_the_truth_of_a_turned_unit_is_found_as_well_as_that_of_an_aligned_one(
     assert ratio.max() < 2.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("orientation", ORIENTATIONS)
 def test_whole_turns_and_positions_are_found_in_every_orientation(orientation: str) -> None:
     truth, context = unit(orientation)

@@ -63,6 +63,7 @@ def test_a_result_and_its_log_give_the_same_certificate_once(gimbal: Made, capsy
     assert len(read_reports(gimbal.result_file.parent)) == 1
 
 
+@pytest.mark.long
 def test_another_date_needs_a_revision_which_names_what_it_replaces(
     gimbal: Made, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -264,6 +265,7 @@ def test_the_number_is_the_name_of_the_log(file: str, number: str) -> None:
     assert certificate_number(result.model_copy(update={"started_utc": None})) == f"{number}-01234567"
 
 
+@pytest.mark.long
 def test_the_date_of_receipt_stays_with_the_certificate(
     gimbal: Made, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

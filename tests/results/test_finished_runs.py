@@ -41,6 +41,7 @@ def test_a_log_without_a_result_is_solved(tmp_path: Path, shared_runs: SharedRun
     assert found.result.to_json()["parameters"] == verdict.result["parameters"]
 
 
+@pytest.mark.long
 def test_a_result_whose_log_is_damaged_or_has_gone_is_still_shown(site_folder: SiteFolder) -> None:
     verdict = site_folder.run("six_position")
     result, runs = Path(verdict.result_file), site_folder.folder / "runs"

@@ -161,6 +161,7 @@ def test_stop_ends_a_batch_while_its_units_are_opened(site_folder: SiteFolder, m
     assert site_folder.events_of(Fault) == []
 
 
+@pytest.mark.long
 def test_a_configuration_error_of_one_unit_is_its_own(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     site_folder.write(units=2)
     read = run_module._registers
@@ -176,6 +177,7 @@ def test_a_configuration_error_of_one_unit_is_its_own(site_folder: SiteFolder, m
     assert verdicts["2"].result["error_code"] == "log.not_created"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("error", [ConfigurationError("log.not_created", file="x.h5", reason="no space"), ValueError()])
 def test_logs_already_open_are_closed_if_another_one_cannot_be_created(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, error: Exception

@@ -90,6 +90,7 @@ def test_a_listener_that_answers_is_not_frozen(ends: Ends) -> None:
     assert not ends.silent.is_set()
 
 
+@pytest.mark.long
 def test_a_stuck_engine_gives_no_heartbeat(ends: Ends) -> None:
     ends.alive = False
     while ends.theirs.poll(SILENT_AFTER):

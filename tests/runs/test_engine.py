@@ -126,6 +126,7 @@ def test_a_frozen_engine_is_ended_when_its_window_closes(site_folder: SiteFolder
     assert not engine.alive
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize("sent", ["SIGTERM", "SIGHUP"])
 def test_signals_do_not_end_the_engine_without_a_safe_stop(site_folder: SiteFolder, sent: str) -> None:

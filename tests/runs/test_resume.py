@@ -310,6 +310,7 @@ def test_a_closed_run_is_not_offered_any_more(site_folder: SiteFolder, before: V
     assert resumable(site_folder.folder / "runs") == []
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 @pytest.mark.parametrize("touched", [0.0, 4e9], ids=["long ago", "in the future"])
 def test_a_run_counts_as_running_until_its_process_is_dead(site_folder: SiteFolder, touched: float) -> None:

@@ -41,6 +41,7 @@ def test_the_history_is_the_same_for_a_seed_and_rebuilt_from_its_files(folder: P
     assert result.started_utc.startswith("2025-11-03")
 
 
+@pytest.mark.long
 def test_it_has_products_stations_operators_failures_and_repeated_units(folder: Path) -> None:
     history = History(folder)
     choices = history.choices()
