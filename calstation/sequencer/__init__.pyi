@@ -1,8 +1,6 @@
 from .acquisition import SLOWEST_POLL as SLOWEST_POLL
 from .capture import DURATION as DURATION
 from .capture import REST as REST
-from .capture import Turned as Turned
-from .capture import VerificationData as VerificationData
 from .capture import mean_at_rest as mean_at_rest
 from .context import Clock as Clock
 from .context import Emit as Emit
@@ -45,7 +43,6 @@ from .events import Verdict as Verdict
 from .events import from_json as from_json
 from .events import solution_events as solution_events
 from .events import to_json as to_json
-from .gimbal import TurnDrift as TurnDrift
 from .guard import check_limits as check_limits
 from .guard import check_power as check_power
 from .plan import StagePlan as StagePlan
@@ -56,3 +53,6 @@ from .plan import planned as planned
 from .plan import step_time as step_time
 from .sequencer import Sequencer as Sequencer
 from .units import NO_DATA as NO_DATA
+from .verification_path import TurnDrift as TurnDrift
+from .verification_path import Turned as Turned
+from .verification_path import VerificationData as VerificationData

@@ -1,31 +1,17 @@
-"""Captures the output of units for verification: rests in several attitudes and turns of both joints, and their path.
-
-The turns excite every gyro, the rests every accelerometer.
-"""
+"""Captures the output of units for verification: rests in several attitudes and turns of both joints."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
 
-from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.errors import DeviceFaultError
 from calstation.estimation.common import SampleBlock
-from calstation.physics import (
-    INNER,
-    JOINTS,
-    OUTER,
-    UP,
-    Carry,
-    FloatArray,
-    JointLimits,
-    Move,
-    TableGeometry,
-)
+from calstation.physics import Carry, FloatArray, Move
 from calstation.sequencer.control import Interruption
-from calstation.sequencer.gimbal import TurnDrift
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.units import Unit
+from calstation.sequencer.verification_path import Leg, Turn, Turned, VerificationData, VerificationPath, turned_over
 
 _Value = TypeVar("_Value")
 
@@ -45,239 +31,6 @@ DURATION = 45.0
 
 #: Expected time for turning a unit over manually, s.
 _CARRY_TIME = 6.0
-
-#: Maximum rate, rad/s, and acceleration, rad/s², and maximum fraction of the table's own.
-RATE, ACCELERATION = np.deg2rad(110.0), np.deg2rad(180.0)
-_SPEED_FRACTION = 0.9
-
-_FULL_TURN, _HALF_TURN, _QUARTER_TURN = 2.0 * np.pi, np.pi, 0.5 * np.pi
-#: Candidate turn angles, rad; the first that travel allows is used.
-_AMOUNTS = tuple(np.deg2rad(v) for a in (180.0, 90.0, 30.0) for v in (a, -a))
-#: Candidates without a reference: full turns come first, because the encoder error cancels in them.
-_WHOLE_AMOUNTS = (_FULL_TURN, -_FULL_TURN, *_AMOUNTS)
-
-#: Candidate moves of the inner joint before the outer one turns again about another body axis, rad.
-_QUARTERS = tuple(np.deg2rad(v) for a in (90.0, 30.0) for v in (a, -a))
-
-_LEG_STEP = np.deg2rad(90.0)
-#: Minimum angle between a new gravity direction in the body frame and all previous ones for a rest there, rad.
-_NEW_UP = np.deg2rad(20.0)
-
-
-@dataclass(frozen=True)
-class Leg:
-    """A move; `turn` is the number of the turn of one joint it belongs to, or None; if `rest`, a rest follows.
-
-    If `opposite`, gravity is opposite to that of another rest: a rest is not needed in a reference.
-    """
-
-    move: Move
-    turn: int | None
-    rest: bool
-    opposite: bool = False
-
-
-@dataclass(frozen=True)
-class Turn:
-    """A turn of one joint by `amount`, rad; earth rate along its axis is the same as at rest number `still`."""
-
-    joint: int
-    amount: float
-    still: int
-
-    @property
-    def whole(self) -> bool:
-        """Whether the turn is a full revolution."""
-        return abs(abs(self.amount) - _FULL_TURN) < 1e-9
-
-
-@dataclass(frozen=True)
-class VerificationPath:
-    """A path from joint angles `start` (rad), where the first rest is, back to `start`."""
-
-    start: tuple[float, float]
-    legs: tuple[Leg, ...]
-    turns: tuple[Turn, ...]
-
-    @property
-    def measured(self) -> tuple[Leg, ...]:
-        """The legs without a mere return to the start."""
-        last = self.legs[-1]
-        returns = last.turn is None and not last.rest and not last.opposite
-        return self.legs[:-1] if returns else self.legs
-
-
-def verification_path(
-    start: tuple[float, float],
-    geometry: TableGeometry,
-    own: JointLimits,
-    fastest: float = np.inf,
-    *,
-    compared: bool = True,
-) -> VerificationPath:
-    """Return a path: the outer joint turns, turns back at another inner angle, then the inner joint turns.
-
-    The path starts at joint angles `start`, rad, is no faster than `fastest`, rad/s, and stays within the limits of the
-    profile and the table's `own` limits. Half turns are enough if the turns are `compared` with a reference along the
-    same path. Raises ConfigurationError if a joint cannot turn.
-    """
-    path = _PathBuilder(start, geometry, own, fastest, _AMOUNTS if compared else _WHOLE_AMOUNTS)
-    there = path.amount(OUTER)
-    quarter = path.first(INNER, _QUARTERS)
-    path.turn(OUTER, there)
-    path.go(path.further(there), quarter)
-    path.turn(OUTER, -there)
-    # In the opposite direction, a turn ends closer to the start.
-    path.turn(INNER, -np.sign(quarter) * abs(path.amount(INNER, -np.sign(quarter))))
-    path.go(start[OUTER] - path.pose[OUTER], start[INNER] - path.pose[INNER])
-    return VerificationPath(start, tuple(path.legs), tuple(path.turns))
-
-
-class _PathBuilder:
-    """Builds a path leg by leg."""
-
-    def __init__(
-        self,
-        start: tuple[float, float],
-        geometry: TableGeometry,
-        own: JointLimits,
-        fastest: float,
-        amounts: tuple[float, ...],
-    ) -> None:
-        self.pose = list(start)
-        self.legs: list[Leg] = []
-        self.turns: list[Turn] = []
-        self._geometry, self._own, self._amounts = geometry, own, amounts
-        rate, acceleration = (_SPEED_FRACTION * v for v in geometry.limits.limited(np.inf, np.inf))
-        self._speeds = min(RATE, rate, fastest), min(ACCELERATION, acceleration)
-        self._rested = [(start, self._up(start))]
-        self._has_opposite = False
-
-    def amount(self, joint: int, sign: float = 0.0) -> float:
-        """Return how far a joint can turn from here, rad; only in the direction of `sign` unless it is 0."""
-        return self.first(joint, tuple(a for a in self._amounts if sign * a >= 0.0))
-
-    def first(self, joint: int, amounts: tuple[float, ...]) -> float:
-        """Return the first of `amounts` that travel allows from here. Raises ConfigurationError."""
-        for amount in amounts:
-            if self._reaches(joint, amount):
-                return float(amount)
-        angle_deg = float(np.rad2deg(_AMOUNTS[-2]))
-        raise ConfigurationError("motion.no_turn", axis=JOINTS[joint], angle_deg=angle_deg)
-
-    def further(self, turned: float) -> float:
-        """Return a further quarter turn of the outer joint after it `turned` by at least half a turn, or 0, rad.
-
-        Beyond it, the turn back begins with gravity across the axis of the inner joint and needs no stop on its way.
-        """
-        quarter = float(np.sign(turned) * _QUARTER_TURN)
-        return quarter if abs(turned) > _HALF_TURN - 1e-9 and self._reaches(OUTER, quarter) else 0.0
-
-    def go(self, outer: float, inner: float) -> None:
-        """Move both joints without measuring a turn."""
-        if max(abs(outer), abs(inner)) > 1e-12:
-            self._add((outer, inner), None)
-
-    def turn(self, joint: int, amount: float) -> None:
-        """Turn a joint, with a stop wherever gravity has a new direction in the body frame."""
-        number, left, step = len(self.turns), amount, float(np.sign(amount) * _LEG_STEP)
-        way = np.array([joint == OUTER, joint == INNER], dtype=float)
-        stops = range(1, round(abs(amount) / _LEG_STEP) + 1)
-        if self._still(joint) is None and not any(self._is_new(self._after(k * step * way)) for k in stops):
-            self.legs[-1] = Leg(self.legs[-1].move, self.legs[-1].turn, True)
-            self._rest()
-        while abs(left) > 1e-12:
-            leg = step
-            while abs(leg) < abs(left) - 1e-12 and not self._rest_here(self._after(leg * way)):
-                leg += step
-            leg = leg if abs(leg) < abs(left) else left
-            self._add(leg * way, number)
-            left -= leg
-        still = self._still(joint)
-        if still is None:
-            raise RuntimeError("a turn without a rest to compare with")
-        self.turns.append(Turn(joint, float(amount), still))
-
-    def _still(self, joint: int) -> int | None:
-        """Return the number of the first rest with the other joint's current angle, modulo full turns, or None."""
-        other = 1 - joint
-        for number, (pose, _) in enumerate(self._rested):
-            apart = (pose[other] - self.pose[other]) / _FULL_TURN
-            if abs(apart - round(apart)) < 1e-6:
-                return number
-        return None
-
-    def _reaches(self, joint: int, amount: float) -> bool:
-        to = self.pose[joint] + amount
-        return self._geometry.limits.within(joint, to) and self._own.within(joint, to)
-
-    def _add(self, amounts: FloatArray | tuple[float, float], turn: int | None) -> None:
-        pose = self._after(amounts)
-        rest, opposite = self._is_new(pose), self._is_opposite(pose)
-        self.pose = list(pose)
-        self.legs.append(Leg(Move(*pose, *self._speeds, ("verify",)), turn, rest, opposite))
-        self._has_opposite |= opposite
-        if rest:
-            self._rest()
-
-    def _rest(self) -> None:
-        pose = (self.pose[OUTER], self.pose[INNER])
-        self._rested.append((pose, self._up(pose)))
-
-    def _after(self, amounts: FloatArray | tuple[float, float]) -> tuple[float, float]:
-        return self.pose[OUTER] + float(amounts[OUTER]), self.pose[INNER] + float(amounts[INNER])
-
-    def _up(self, pose: tuple[float, float]) -> FloatArray:
-        return np.asarray(self._geometry.body_to_home(*pose).T @ UP)
-
-    def _rest_here(self, pose: tuple[float, float]) -> bool:
-        return self._is_new(pose) or self._is_opposite(pose)
-
-    def _is_new(self, pose: tuple[float, float]) -> bool:
-        """Whether gravity has a new axis in the body frame."""
-        return bool(np.abs(self._cosines(pose)).max() < np.cos(_NEW_UP))
-
-    def _is_opposite(self, pose: tuple[float, float]) -> bool:
-        """Whether gravity is, for the first time, opposite to that of a rest."""
-        return not self._has_opposite and bool(self._cosines(pose).min() <= -np.cos(_NEW_UP))
-
-    def _cosines(self, pose: tuple[float, float]) -> FloatArray:
-        return np.array([known for _, known in self._rested]) @ self._up(pose)
-
-
-@dataclass(frozen=True)
-class Turned:
-    """A measured turn: the integral of the output over its legs, rad and m/s, shape (6,), and its duration, s."""
-
-    turn: Turn
-    integral: FloatArray
-    seconds: float
-
-    @property
-    def angle(self) -> FloatArray:
-        """Integral of the gyro output, rad, shape (3,)."""
-        return self.integral[:3]
-
-
-@dataclass(frozen=True)
-class VerificationData:
-    """Output of a unit, captured for verification.
-
-    `rests` are means at rest over `seconds`, gyro rad/s and accel m/s², each of shape (6,). On a table there are
-    `turns`, and the last rest is opposite to another one, except in a reference; on a manual rig there is `carried`,
-    the samples between two rests, shape (n, 6), at intervals of `period`, s; on a gimbal there are `drifts` only.
-    `reference` is the same data before the transfer or without the registers applied, or None if there is no
-    comparison.
-    """
-
-    rests: tuple[FloatArray, ...]
-    seconds: float
-    turns: tuple[Turned, ...] = ()
-    carried: FloatArray = field(default_factory=lambda: np.empty((0, 6)))
-    period: float = 0.0
-    corrected: bool = False
-    reference: "VerificationData | None" = None
-    drifts: tuple[TurnDrift, ...] = ()
 
 
 class Restarted(Interruption):
@@ -365,35 +118,34 @@ def _captured(
 ) -> dict[Unit, _Value]:
     """Record samples until those of every unit have been complete once; units whose samples never are leave the run."""
     found: dict[Unit, _Value] = {}
+    streams = runner.streams
+
+    def restore(unit: Unit) -> None:
+        if streams[unit].broken and streams[unit].restore():
+            raise Restarted(unit)
+
     for attempt in range(_ATTEMPTS):
-        runner.units.each(_restore, units)
+        runner.units.each(restore, units)
         if attempt:
             before_repeat()
         with runner.units.taps() as blocks:
             record()
         for unit in runner.units.of(units):
-            if unit not in found and _is_complete(unit, blocks[unit]):
+            if unit not in found and not streams[unit].broken and _is_complete(blocks[unit]):
                 found[unit] = measure(unit, blocks[unit])
         missing = [unit for unit in runner.units.of(units) if unit not in found]
         if not missing:
             break
     else:
-        runner.units.each(_restore, missing)
+        runner.units.each(restore, missing)
         for unit in missing:
             runner.units.leave(unit, DeviceFaultError("stream.lossy"))
     return found
 
 
-def _restore(unit: Unit) -> None:
-    """Restore a broken stream. Raises Restarted."""
-    if unit.stream.broken and unit.stream.restore():
-        raise Restarted(unit)
-
-
-def _is_complete(unit: Unit, blocks: list[SampleBlock]) -> bool:
-    """Whether there is more than one sample, none is missing and all are valid."""
-    count = sum(map(len, blocks))
-    return count > 1 and not unit.stream.broken and all(block.valid.all() for block in blocks)
+def _is_complete(blocks: list[SampleBlock]) -> bool:
+    """Whether there is more than one sample, and all are valid."""
+    return sum(map(len, blocks)) > 1 and all(block.valid.all() for block in blocks)
 
 
 def mean_at_rest(counts: FloatArray) -> FloatArray:
@@ -428,14 +180,6 @@ def carried_data(runner: StepRunner) -> VerificationData:
         if data is not None:
             return data
     raise DeviceFaultError("stream.lossy")
-
-
-def turned_over(geometry: TableGeometry, outer: float) -> float:
-    """Return the outer angle that turns a unit over from `outer`, rad: half a turn away, or what travel allows."""
-    for turn in (_HALF_TURN, -_HALF_TURN, _QUARTER_TURN, -_QUARTER_TURN):
-        if geometry.limits.within(OUTER, outer + turn):
-            return outer + turn
-    return geometry.limits.low[OUTER]
 
 
 def _carried(blocks: list[SampleBlock], first: int, scale: FloatArray) -> VerificationData | None:

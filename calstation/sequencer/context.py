@@ -16,10 +16,10 @@ from calstation.physics import FloatArray, GimbalTurn, TableGeometry
 from calstation.sequencer.control import Control, State
 from calstation.sequencer.events import LOSSY, Event, to_json
 from calstation.sequencer.plan import SETTLE, StagePlan
+from calstation.sequencer.verification_path import VerificationData
 
 if TYPE_CHECKING:  # the window uses tasks but not logs
     from calstation.records import RawLogWriter
-    from calstation.sequencer.capture import VerificationData
 
 #: Type of a function that runs another one to its end in a separate thread and returns its result or raises its error.
 RunInBackground = Callable[[Callable[[], Any]], Any]
@@ -186,7 +186,7 @@ class Evaluation(Protocol):
     at rest meanwhile.
     """
 
-    def verify_earlier(self) -> "Callable[[VerificationData, RunInBackground], None] | None":
+    def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
         """Return a function that verifies registers written before the run, or None if there are none to verify."""
 
     def stage_passed(self, solution: Solution) -> bool:
@@ -201,7 +201,7 @@ class Evaluation(Protocol):
     def transfer(self, run_in_background: RunInBackground) -> None:
         """Write the registers. Raises DeviceFaultError, and StopRequested before the first one or after the last."""
 
-    def verify(self, data: "VerificationData", run_in_background: RunInBackground) -> None:
+    def verify(self, data: VerificationData, run_in_background: RunInBackground) -> None:
         """Verify the written registers with the restarted unit's output. Raises DeviceFaultError if they are wrong."""
 
     def ended(self, ended: Ended) -> None:

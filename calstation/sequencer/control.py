@@ -1,14 +1,10 @@
 """States of a run, commands to it, and the exceptions with which they interrupt the current step."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from queue import SimpleQueue
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from calstation.sequencer.units import Unit
 
 
 class State(StrEnum):
@@ -82,17 +78,6 @@ class StopRequested(Interruption):
 
 class PauseRequested(Interruption):
     """A pause is requested; the step is repeated afterwards."""
-
-
-class StepInvalid(Interruption):
-    """Samples of the step are lost or unusable; it must be repeated.
-
-    `reasons` contains the units concerned, each with a term of the family ``reason``.
-    """
-
-    def __init__(self, reasons: "Mapping[Unit, str]") -> None:
-        super().__init__(reasons)
-        self.reasons = reasons
 
 
 class Control:

@@ -9,10 +9,10 @@ import numpy as np
 from calstation.devices import LOCAL_CONTROL, TableStatus
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.sequencer.context import RunContext
-from calstation.sequencer.control import PauseRequested, StepInvalid
+from calstation.sequencer.control import PauseRequested
 from calstation.sequencer.events import JointsMoved, TableMoved
 from calstation.sequencer.guard import check_joints, latched
-from calstation.sequencer.units import Unit, Units
+from calstation.sequencer.units import StepInvalid, Unit, Units
 
 #: Minimum host time between two events that only refresh a display, s.
 _SHOW_TABLE, _SHOW_PROGRESS = 0.1, 0.5

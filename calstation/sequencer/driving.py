@@ -12,14 +12,7 @@ import numpy as np
 
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.physics import Move
-from calstation.sequencer.capture import (
-    Restarted,
-    VerificationData,
-    VerificationPath,
-    carried_data,
-    verification_data,
-    verification_path,
-)
+from calstation.sequencer.capture import Restarted, carried_data, verification_data
 from calstation.sequencer.context import Output, RunContext
 from calstation.sequencer.control import State, StopReason, StopRequested, transition
 from calstation.sequencer.control_loop import ControlLoop
@@ -30,6 +23,7 @@ from calstation.sequencer.preflight import Preflight
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.unit_stream import UnitStream
 from calstation.sequencer.units import Unit, Units
+from calstation.sequencer.verification_path import VerificationData, VerificationPath, verification_path
 
 #: Fraction of the gyro range used by the verification turns.
 _RANGE_FRACTION = 0.5
@@ -105,10 +99,12 @@ class Driving:
     def begin(self) -> None:
         """Poll the table for the first time; nothing moves. Raises DeviceFaultError if it does not respond."""
         self.control_loop = ControlLoop(self._context, self.units, self._on_show)
-        for unit in self.units:
-            unit.stream = UnitStream(self.control_loop, unit, self.run_in_background, self._check_abandoned)
+        self._streams = {
+            unit: UnitStream(self.control_loop, unit, self.run_in_background, self._check_abandoned)
+            for unit in self.units
+        }
         gimbal = GimbalLoop(self.control_loop, self.run_in_background)
-        self.runner = StepRunner(self.control_loop, gimbal, self.go)
+        self.runner = StepRunner(self.control_loop, self._streams, gimbal, self.go)
         self._begun = True
 
     def preflight(self) -> None:
@@ -139,7 +135,7 @@ class Driving:
             return
         self._path = self._verification_path(verified, compared=set(verified) <= set(compared))
         with self.stamps.unlogged_samples():
-            self.units.each(lambda unit: unit.stream.restore(), compared)
+            self.units.each(lambda unit: self._streams[unit].restore(), compared)
             self._references = self._capture(compared, "stream.restarts_before_write", is_reference=True)
 
     def verification_data(self, units: Iterable[Unit], *, restarted: bool = True) -> dict[Unit, VerificationData]:
@@ -153,9 +149,9 @@ class Driving:
 
         def stream(unit: Unit) -> None:
             if restarted or unit in asked:
-                unit.stream.start(corrected=unit in asked)
+                self._streams[unit].start(corrected=unit in asked)
             else:
-                unit.stream.restore()
+                self._streams[unit].restore()
 
         if restarted:
             self.stamps.unlogged = True  # the counters have restarted: log nothing until the run ends
@@ -168,7 +164,7 @@ class Driving:
                 data = {self.units.first: VerificationData((), 0.0, drifts=drifts)}
             else:
                 data = self._capture(units, "stream.restarts_after_write", is_reference=False)
-            self.units.each(lambda unit: unit.stream.start(corrected=False), filter(asked.__contains__, units))
+            self.units.each(lambda unit: self._streams[unit].start(corrected=False), filter(asked.__contains__, units))
         # The next capture starts from the table's position at that time.
         references, self._references, self._path = self._references, {}, None
         return {
@@ -202,7 +198,7 @@ class Driving:
             if not known:
                 # The polled angle differs from the commanded one; such a short move may end before the next poll.
                 self.control_loop.rested(_SETTLED)
-                self.units.each(lambda unit: unit.stream.broken and unit.stream.restore(), units)
+                self.units.each(lambda unit: self._streams[unit].broken and self._streams[unit].restore(), units)
             try:
                 return verification_data(self.runner, path, units, is_reference=is_reference)
             except Restarted as restarted:

@@ -1,7 +1,6 @@
 """Drives a gimbal: returns to zero, stabilised turns with the correction in the unit's registers, verification."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
@@ -13,6 +12,7 @@ from calstation.physics import AXES, FloatArray, GimbalJoints, GimbalTurn, Gimba
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import GimbalTurned, StepStarted
 from calstation.sequencer.guard import check_joints, check_motion
+from calstation.sequencer.verification_path import TurnDrift
 
 #: Joints at rest within this angle of zero have returned to it, rad.
 _AT_ZERO = np.deg2rad(0.5)
@@ -22,21 +22,6 @@ _TURNED = 0.8
 _HOME_WITHIN = 60.0
 #: Largest difference between a correction written and read back, rad.
 _READ_BACK = 1e-6
-
-
-@dataclass(frozen=True)
-class TurnDrift:
-    """Drift of the other joints in a turn about body axis `axis` of `seconds` s, rad, shape (2,).
-
-    `matrix` is J, the drift per rad of misalignment, shape (2, 2); `rest` is the time over which the drift at rest was
-    measured, s.
-    """
-
-    axis: int
-    matrix: FloatArray
-    drift: FloatArray
-    seconds: float
-    rest: float
 
 
 class GimbalLoop:

@@ -2,21 +2,22 @@
 
 import logging
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
 import numpy as np
 
 from calstation.errors import DeviceFaultError
 from calstation.physics import Carry, Dwell, GimbalTurn, GimbalZero, Move
-from calstation.sequencer.control import PauseRequested, State, StepInvalid
+from calstation.sequencer.control import PauseRequested, State
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import Message, StepStarted
 from calstation.sequencer.gimbal import GimbalLoop
 from calstation.sequencer.guard import check_motion, check_move
 from calstation.sequencer.guiding import Guiding, carry_label
 from calstation.sequencer.plan import move_time
-from calstation.sequencer.units import Unit
+from calstation.sequencer.unit_stream import UnitStream
+from calstation.sequencer.units import StepInvalid, Unit
 
 #: Maximum distance from the target for a joint at rest and settled to count as arrived, rad.
 ARRIVED = np.deg2rad(0.5)
@@ -41,8 +42,15 @@ class StepRunner:
     repetition are marked invalid.
     """
 
-    def __init__(self, control_loop: ControlLoop, gimbal: GimbalLoop, on_state: Callable[[State], None]) -> None:
+    def __init__(
+        self,
+        control_loop: ControlLoop,
+        streams: Mapping[Unit, UnitStream],
+        gimbal: GimbalLoop,
+        on_state: Callable[[State], None],
+    ) -> None:
         self.control_loop = control_loop
+        self.streams = streams
         self.units = control_loop.units
         self.stamps = control_loop.stamps
         self.guiding = Guiding(control_loop)
@@ -186,7 +194,7 @@ class StepRunner:
             speeds = self._limits.limited(_RETURN_RATE, _RETURN_ACCELERATION)
             outer, inner = (float(v) for v in np.clip(start, self._limits.low, self._limits.high))
             self.drive(Move(outer, inner, *speeds, ("return",)))
-        self.units.each(lambda unit: unit.stream.restore())
+        self.units.each(lambda unit: self.streams[unit].restore())
         self.stamps.step += 1
         self.stamps.valid = True
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,12 +15,9 @@ from calstation.estimation import Solution
 from calstation.estimation.common import SampleBlock
 from calstation.sequencer.acquisition import Acquisition, Flow, Stamps
 from calstation.sequencer.context import Ended, RunContext, Slot
-from calstation.sequencer.control import State
+from calstation.sequencer.control import Interruption, State
 from calstation.sequencer.events import Event, Fault, Message, Trace
 from calstation.sequencer.guard import reason_of
-
-if TYPE_CHECKING:
-    from calstation.sequencer.unit_stream import UnitStream
 
 _Result = TypeVar("_Result")
 
@@ -32,13 +29,11 @@ _MAX_TRACED = 400
 
 
 class Unit:
-    """A unit in a run, with its samples and its stream.
+    """A unit in a run, with its samples.
 
     If `patient`, bytes that belong to no frame are treated as silence; otherwise they are an immediate fault. If
     `unproved`, its registers are written but not verified.
     """
-
-    stream: "UnitStream"
 
     def __init__(self, context: RunContext, slot: Slot, stamps: Stamps) -> None:
         self._context = context
@@ -108,6 +103,17 @@ class Unit:
         if self.flow.invalid:
             return "invalid"
         return "saturated" if self.flow.saturated else ""
+
+
+class StepInvalid(Interruption):
+    """Samples of the step are lost or unusable; it must be repeated.
+
+    `reasons` contains the units concerned, each with a term of the family ``reason``.
+    """
+
+    def __init__(self, reasons: Mapping[Unit, str]) -> None:
+        super().__init__(reasons)
+        self.reasons = reasons
 
 
 class Units:

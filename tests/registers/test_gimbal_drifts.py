@@ -7,8 +7,7 @@ from calstation.estimation.common.context import ImuModel, Site, SolveContext, T
 from calstation.estimation.gimbal.iteration import drift_matrix
 from calstation.physics.parameters import COUNT
 from calstation.registers.verification import AppliedRegisters, verify_output
-from calstation.sequencer.capture import VerificationData
-from calstation.sequencer.gimbal import TurnDrift
+from calstation.sequencer.verification_path import TurnDrift, VerificationData
 
 NAMES = ("gyro_misalign_yx", "gyro_misalign_zx")
 TRUE = 1e-3

@@ -26,7 +26,8 @@ from calstation.physics.parameters import NAMES, PARAMETERS
 from calstation.physics.table import JointLimits, TableGeometry
 from calstation.registers.verification import AppliedRegisters, VerificationCheck, verify_output
 from calstation.schema import validate
-from calstation.sequencer.capture import SHORT_REST, Turned, VerificationData, mean_at_rest, verification_path
+from calstation.sequencer.capture import SHORT_REST, mean_at_rest
+from calstation.sequencer.verification_path import Turned, VerificationData, verification_path
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 GRADES = ("nav", "tactical", "mems")

@@ -22,8 +22,8 @@ from calstation.records.log import open_log
 from calstation.registers.verification import AppliedRegisters, verify_output
 from calstation.results.preview import compute_preview
 from calstation.results.resolving import resolve
-from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.events import Message, PositionGuided
+from calstation.sequencer.verification_path import VerificationData
 from tests.site_folder import STATION, SiteFolder
 
 SHORT = {"manual": True, "initial_rest_s": 5.0, "rest_s": 2.0, "step_deg": 120.0, "rate_dps": 90.0}

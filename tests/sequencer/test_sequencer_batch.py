@@ -15,7 +15,6 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.messages.rendering import Text
 from calstation.physics.table import TableGeometry
-from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.context import (
     Ended,
     Judged,
@@ -44,6 +43,7 @@ from calstation.sequencer.events import (
 )
 from calstation.sequencer.plan import StagePlan, StopRule
 from calstation.sequencer.sequencer import Sequencer
+from calstation.sequencer.verification_path import VerificationData
 from tests.sequencer.fakes import (
     GEOMETRY,
     GRAVITY,

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from calstation.errors import ConfigurationError
 from calstation.physics.table import JointLimits, TableGeometry
-from calstation.sequencer.capture import VerificationPath, verification_path
 from calstation.sequencer.guard import check_limits, check_travel
+from calstation.sequencer.verification_path import VerificationPath, verification_path
 from tests.helpers import joint_axis, raises_code
 
 DEG = np.pi / 180.0
