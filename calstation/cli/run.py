@@ -186,7 +186,7 @@ def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> No
     console = Console(stderr=json == "-")
     if json != "-":
         result_table(console, result)
-    show_line(console, f"{result.serial}: {sentence(_outcome(verdict.outcome, result))}")
+    show_line(console, f"{result.serial}: {sentence(outcome_text(verdict.outcome, result))}")
     if result.cycle:
         show_line(console, _cycle_line(result.cycle_seconds))
     show_line(console, f"log: {verdict.log}")
@@ -240,10 +240,26 @@ def _cycle_line(seconds: Mapping[str, float]) -> str:
     return say("cli.cycle", seconds=sum(seconds.values()), phases=parts)
 
 
-def _outcome(outcome: str, result: Result) -> Text:
+def outcome_text(outcome: str, result: Result) -> Text:
+    """Return the sentence that ends a run: its verdict, and what became of the registers."""
+    standard, registers = result.check_standard, result.registers
+    written = registers is not None and registers.new is not None
+    if standard is not None and outcome == ("passed" if standard.passed else "failed"):
+        worst = max(standard.e_n, key=lambda name: abs(standard.e_n[name]), default="")
+        return Text.of(
+            "outcome.standard_agrees" if standard.passed else "outcome.standard_differs",
+            parameter=worst,
+            e_n=abs(standard.e_n.get(worst, 0.0)),
+            e_n_limit=standard.e_n_limit,
+            t_squared=standard.t_squared,
+            t_squared_limit=standard.t_squared_limit,
+        )
     if result.verdict == "partial":
-        return Text.of("outcome.partial", stages=result.stages, left=len(result.not_compared))
-    if outcome == "passed" and result.registers is not None and result.registers.proved_on == "read_back":
+        code = "outcome.partial" if written else "outcome.partial_not_written"
+        return Text.of(code, stages=result.stages, left=len(result.not_compared))
+    if outcome == "passed" and not written:
+        return Text("outcome.not_written")
+    if outcome == "passed" and registers is not None and registers.proved_on == "read_back":
         return Text("outcome.read_back")
     if outcome == "stopped":
         if result.stop_reason in (None, "", "operator"):
