@@ -214,6 +214,27 @@ def test_wrong_and_repeated_serial_numbers_are_refused_in_the_field(hardware: Op
     assert serials(hardware) == ("SN-000001", "SN-000002", "")
 
 
+def test_editing_the_slots_removes_the_notice_of_a_refused_scan(hardware: Operator, started: list[RunRequest]) -> None:
+    notice = hardware.widget("operator_notice")
+    hardware.scan("SN-000001")
+    hardware.scan("SN-000001")
+    assert notice.isVisible()
+    hardware.press("slot_A_button")
+    assert not notice.isVisible()
+    assert "Serial number: slot A" in hardware.says()
+    hardware.scan("TX-1")
+    assert notice.isVisible()
+    click(hardware, "slot_C_tile")
+    assert not notice.isVisible()
+
+    hardware.scan("SN-000002")
+    hardware.press("start_button")
+    assert "clear_choice" in [button.objectName() for button in notice.findChildren(QPushButton)]
+    hardware.press("slot_C_button")  # the question was about this unit
+    assert not notice.isVisible()
+    assert started == []
+
+
 def test_scans_sound_and_units_are_asked_about_once(
     hardware: Operator, started: list[RunRequest], monkeypatch: pytest.MonkeyPatch
 ) -> None:
