@@ -43,6 +43,14 @@ def use_slots(operator: Operator, count: int) -> None:
     operator.window.app.set_station(operator.site_folder.station)
 
 
+def use_long_names(operator: Operator, count: int) -> list[str]:
+    """Use the virtual bench with so many slots, whose names have 16 characters."""
+    names = [f"Turntable-upr-{number:02d}" for number in range(1, count + 1)]
+    operator.site_folder.write(station={"slots": [{"name": name} for name in names]}, units=count)
+    operator.window.app.set_station(operator.site_folder.station)
+    return names
+
+
 @pytest.fixture
 def hardware(operator: Operator) -> Operator:
     """An operator at a station with three slots whose serial numbers are not suggested."""
@@ -630,6 +638,37 @@ def test_sixteen_verdicts_fit_below_the_question_after_a_stop(operator: Operator
     for language in (0, 1):
         operator.widget("language_combo", QComboBox).setCurrentIndex(language)
         assert whole(operator, [f"unit_{number}_verdict" for number in range(1, 17)])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("width", "height"), [(1366, 768), (1280, 720)])
+def test_slot_names_of_sixteen_characters_leave_notes_and_serial_numbers_readable(
+    operator: Operator, width: int, height: int
+) -> None:
+    names = use_long_names(operator, 16)
+    operator.window.resize(width, height)
+    for language in (0, 1):
+        operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        assert whole(operator, [f"slot_{name}_tile" for name in names])
+        assert uncut(operator, [f"slot_{name}_tile" for name in names])
+    begin(operator)
+    for language in (0, 1):
+        operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        assert whole(operator, [f"unit_{name}_tile" for name in names])
+        assert uncut(operator, [f"unit_{name}_tile" for name in names])
+    assert tile(operator, f"unit_{names[1]}_tile").toolTip().startswith("Turntable-upr-02, SN-000002, ")
+    for name in names:
+        end_unit(operator, name, "passed")
+    operator.window.app.engine_link._end()
+    operator.until(lambda: operator.run.judged)
+    assert whole(operator, [f"unit_{name}_verdict" for name in names])
+    assert uncut(operator, [f"unit_{name}_verdict" for name in names])
+
+
+def uncut(operator: Operator, names: list[str]) -> bool:
+    """Whether all texts of tiles fit into their labels."""
+    labels = [each for name in names for each in tile(operator, name).findChildren(QLabel) if each.isVisible()]
+    return all(each.fontMetrics().horizontalAdvance(each.text()) <= each.width() for each in labels)
 
 
 def whole(operator: Operator, names: list[str]) -> bool:
