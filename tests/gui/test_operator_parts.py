@@ -15,9 +15,9 @@ from pytestqt.qtbot import QtBot
 import calstation
 from calstation.config.summary import RunSummary
 from calstation.gui.operator import advice
-from calstation.gui.operator.convergence import Convergence
+from calstation.gui.operator.live.convergence import Convergence
+from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.starting import suggested_serial
-from calstation.gui.operator.traces import Traces
 from calstation.gui.widgets.plot import spread
 from calstation.sequencer.events import Trace
 from tests.gui.conftest import result_with

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QLi
 from calstation.config.request import RunRequest
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator import starting
-from calstation.gui.operator.table_panel import TablePicture
+from calstation.gui.operator.live.table_panel import TablePicture
 from calstation.gui.shell.engine_link import EngineLink
 from calstation.gui.shell.run_strip import RunStrip
 from calstation.results.history import History

@@ -19,7 +19,7 @@ from calstation.config import (
 from calstation.errors import CalstationError
 from calstation.gui.operator.claims import ClaimNotice
 from calstation.gui.operator.header import RunHeader
-from calstation.gui.operator.live_view import LiveView
+from calstation.gui.operator.live import LiveView
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.production import ShiftCounter
 from calstation.gui.operator.questions import ask
