@@ -27,7 +27,7 @@ class _SlotTile(Tile):
         self.action.setSizePolicy(shown_or_not)
         head = row(self._icon, (self._name, 1), spacing=theme.GRID)
         unit = row((column(None, self._serial, self._note, None, spacing=0), 1), self.action, spacing=theme.GRID)
-        margins = (theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID // 2)
+        margins = (theme.GRID, theme.GRID // 4, theme.GRID, theme.GRID // 4)
         column(None, head, unit, None, on=self, spacing=0, margins=margins)
         pass_clicks(self._icon, self._name, self._serial, self._note)
         self._name.setText(slot.name)
