@@ -39,8 +39,8 @@ fuzz: $(VENV)/installed-dev
 # The window's words: one file per page folder, and window for what lies beside them. New ones appear unfinished.
 GUI := calstation/gui
 translations: $(VENV)/installed-dev
-	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/operator/*.py $(GUI)/operator/production/*.py \
-		$(GUI)/operator/units/*.py \
+	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/operator/*.py $(GUI)/operator/live/*.py \
+		$(GUI)/operator/production/*.py $(GUI)/operator/units/*.py \
 		-ts $(GUI)/translations/operator_zh_CN.ts
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/engineer/*.py $(GUI)/engineer/designer/*.py \
 		-ts $(GUI)/translations/engineer_zh_CN.ts

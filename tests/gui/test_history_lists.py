@@ -359,7 +359,7 @@ def test_units_of_a_batch_are_listed_together(page: HistoryPage, folder: Path, q
     shown(page, qtbot)
     table = page.table
     headings = [table.horizontalHeaderItem(k).text() for k in range(table.columnCount())]
-    batch, slot = headings.index("Batch"), headings.index("Slot")
+    batch, slot, stages = (headings.index(name) for name in ("Batch", "Slot", "Stages"))
     assert table.isColumnHidden(batch)
     assert table.isColumnHidden(slot)
     assert not button(page, "history_batch_button").isVisible()
@@ -370,11 +370,13 @@ def test_units_of_a_batch_are_listed_together(page: HistoryPage, folder: Path, q
     page.refresh()
     qtbot.waitUntil(lambda: len(rows(page)) == 4, timeout=WAIT)
     assert not table.isColumnHidden(slot)
-    page.resize(1366, 640)
-    right = table.viewport().width
-    qtbot.waitUntil(lambda: table.columnViewportPosition(slot) + table.columnWidth(slot) <= right(), timeout=WAIT)
-    page.resize(2400, 640)
-    qtbot.waitUntil(lambda: not table.isColumnHidden(batch), timeout=WAIT)
+    needed = table.fontMetrics().horizontalAdvance("B20261101T000000-00FF")
+    for width, stages_hidden in ((2400, False), (1366, True)):
+        page.resize(width, 640)
+        qtbot.waitUntil(lambda hidden=stages_hidden: table.isColumnHidden(stages) == hidden, timeout=WAIT)
+        assert not table.isColumnHidden(batch)
+        assert not table.horizontalScrollBar().isVisible()
+        assert table.columnWidth(batch) > needed
     select_row(page, 0, qtbot)
     assert {table.item(row, slot).text() for row in (0, 1)} == {"A", "B"}
     qtbot.waitUntil(lambda: "B20261101T000000-00FF" in visible_texts(page), timeout=WAIT)

@@ -267,7 +267,7 @@ def test_a_long_serial_number_fits_beside_the_verdict(simulated_run: Operator) -
     simulated_run.run.unit.serial = "UNIT-OF-A-VERY-LONG-NAME-0000000123456789"
     end_run(simulated_run, "incomplete")
     serial = simulated_run.widget("verdict_serial_label", QLabel)
-    assert serial.fontMetrics().horizontalAdvance(serial.text()) <= serial.width()
+    simulated_run.until(lambda: serial.fontMetrics().horizontalAdvance(serial.text()) <= serial.width(), 10.0)
 
 
 def test_suggested_serial_number_does_not_survive_a_change_to_hardware(operator: Operator) -> None:

@@ -15,10 +15,11 @@ from pytestqt.qtbot import QtBot
 import calstation
 from calstation.config.summary import RunSummary
 from calstation.gui.operator import advice
-from calstation.gui.operator.convergence import Convergence
+from calstation.gui.operator.live.convergence import Convergence
+from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.starting import suggested_serial
-from calstation.gui.operator.traces import Traces
-from calstation.gui.widgets.plot import spread
+from calstation.gui.widgets import theme
+from calstation.gui.widgets.plot import NumberAxis, spread
 from calstation.sequencer.events import Trace
 from tests.gui.conftest import result_with
 from tests.gui.plot_mouse import double_click, pixel, turn_wheel
@@ -148,6 +149,16 @@ def test_traces_keep_the_latest_rows_in_order(qtbot: QtBot) -> None:
     assert len(traces.rows) == 16_384
     traces.start()
     assert len(traces.rows) == 0
+
+
+@pytest.mark.parametrize(("low", "high"), [(-11.0, 11.0), (-105.0, 105.0), (-1.0, 10.5)])
+@pytest.mark.parametrize("height", [36.0, 60.0, 200.0])
+def test_labels_of_a_short_vertical_axis_do_not_overlap(
+    qapp: QApplication, low: float, high: float, height: float
+) -> None:
+    (spacing, labelled), *_ = NumberAxis("left").tickValues(low, high, height)
+    assert spacing * height / (high - low) >= theme.BODY
+    assert len(labelled) >= 2
 
 
 def test_a_zoomed_trace_is_held_while_data_arrive_until_a_double_click(qtbot: QtBot) -> None:

@@ -10,9 +10,9 @@ from pytestqt.qtbot import QtBot
 from calstation.config import library
 from calstation.config.request import RunRequest
 from calstation.config.summary import RunSummary, run_summary
-from calstation.gui.operator.live_view import Preparation
+from calstation.gui.operator.live.live_view import Preparation
+from calstation.gui.operator.live.position_panel import PositionPanel
 from calstation.gui.operator.page import OperatorPage
-from calstation.gui.operator.position_panel import PositionPanel
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
 from calstation.gui.widgets import theme

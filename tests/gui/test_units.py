@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QLi
 from calstation.config.request import RunRequest
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator import starting
-from calstation.gui.operator.table_panel import TablePicture
+from calstation.gui.operator.live.table_panel import TablePicture
 from calstation.gui.shell.engine_link import EngineLink
 from calstation.gui.shell.run_strip import RunStrip
 from calstation.results.history import History
@@ -41,6 +41,14 @@ def use_slots(operator: Operator, count: int) -> None:
     """Use the virtual bench with so many slots."""
     operator.site_folder.write(units=count)
     operator.window.app.set_station(operator.site_folder.station)
+
+
+def use_long_names(operator: Operator, count: int) -> list[str]:
+    """Use the virtual bench with so many slots, whose names have 16 characters."""
+    names = [f"Turntable-upr-{number:02d}" for number in range(1, count + 1)]
+    operator.site_folder.write(station={"slots": [{"name": name} for name in names]}, units=count)
+    operator.window.app.set_station(operator.site_folder.station)
+    return names
 
 
 @pytest.fixture
@@ -212,6 +220,27 @@ def test_wrong_and_repeated_serial_numbers_are_refused_in_the_field(hardware: Op
     assert serials(hardware) == ("", "SN-000002", "")
     hardware.scan("SN-000001")
     assert serials(hardware) == ("SN-000001", "SN-000002", "")
+
+
+def test_editing_the_slots_removes_the_notice_of_a_refused_scan(hardware: Operator, started: list[RunRequest]) -> None:
+    notice = hardware.widget("operator_notice")
+    hardware.scan("SN-000001")
+    hardware.scan("SN-000001")
+    assert notice.isVisible()
+    hardware.press("slot_A_button")
+    assert not notice.isVisible()
+    assert "Serial number: slot A" in hardware.says()
+    hardware.scan("TX-1")
+    assert notice.isVisible()
+    click(hardware, "slot_C_tile")
+    assert not notice.isVisible()
+
+    hardware.scan("SN-000002")
+    hardware.press("start_button")
+    assert "clear_choice" in [button.objectName() for button in notice.findChildren(QPushButton)]
+    hardware.press("slot_C_button")  # the question was about this unit
+    assert not notice.isVisible()
+    assert started == []
 
 
 def test_scans_sound_and_units_are_asked_about_once(
@@ -609,6 +638,37 @@ def test_sixteen_verdicts_fit_below_the_question_after_a_stop(operator: Operator
     for language in (0, 1):
         operator.widget("language_combo", QComboBox).setCurrentIndex(language)
         assert whole(operator, [f"unit_{number}_verdict" for number in range(1, 17)])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("width", "height"), [(1366, 768), (1280, 720)])
+def test_slot_names_of_sixteen_characters_leave_notes_and_serial_numbers_readable(
+    operator: Operator, width: int, height: int
+) -> None:
+    names = use_long_names(operator, 16)
+    operator.window.resize(width, height)
+    for language in (0, 1):
+        operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        assert whole(operator, [f"slot_{name}_tile" for name in names])
+        assert uncut(operator, [f"slot_{name}_tile" for name in names])
+    begin(operator)
+    for language in (0, 1):
+        operator.widget("language_combo", QComboBox).setCurrentIndex(language)
+        assert whole(operator, [f"unit_{name}_tile" for name in names])
+        assert uncut(operator, [f"unit_{name}_tile" for name in names])
+    assert tile(operator, f"unit_{names[1]}_tile").toolTip().startswith("Turntable-upr-02, SN-000002, ")
+    for name in names:
+        end_unit(operator, name, "passed")
+    operator.window.app.engine_link._end()
+    operator.until(lambda: operator.run.judged)
+    assert whole(operator, [f"unit_{name}_verdict" for name in names])
+    assert uncut(operator, [f"unit_{name}_verdict" for name in names])
+
+
+def uncut(operator: Operator, names: list[str]) -> bool:
+    """Whether all texts of tiles fit into their labels."""
+    labels = [each for name in names for each in tile(operator, name).findChildren(QLabel) if each.isVisible()]
+    return all(each.fontMetrics().horizontalAdvance(each.text()) <= each.width() for each in labels)
 
 
 def whole(operator: Operator, names: list[str]) -> bool:

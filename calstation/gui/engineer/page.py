@@ -7,18 +7,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QVBoxLayout, QWidget
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QFileDialog
 
 from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
 from calstation.errors import CalstationError
 from calstation.gui.engineer.choice_panel import ChoicePanel
 from calstation.gui.engineer.designer import DesignView
+from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.registers_view import UNNAMED, RegistersView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
-from calstation.gui.shell import AppContext, EndStageButton, Page, RunStatus, RunStrip
-from calstation.gui.text import bind, error_text, event_sentence, on_language_change, product_text, say
+from calstation.gui.shell import AppContext, Page
+from calstation.gui.text import error_text, event_sentence, on_language_change, product_text, say
 from calstation.gui.widgets import (
     Choice,
     ElidedLabel,
@@ -28,7 +29,6 @@ from calstation.gui.widgets import (
     button,
     column,
     enable,
-    label,
     row,
     stack,
     theme,
@@ -52,7 +52,7 @@ class EngineerPage(Page):
         #: Error that prevents the use of station and product, or None.
         self._problem: CalstationError | None = None
         self._faulty = False
-        self.header = self._header = _Header(app.run)
+        self.header = self._header = EngineerHeader(app.run)
         self._header.engineer_edit.setText(str(app.settings.value("engineer_name", "")))
         self.choice = ChoicePanel()
         self.notice = NoticeBar()
@@ -395,68 +395,3 @@ class EngineerPage(Page):
         if not self.choice.form.valid:
             return say("engineer.wrong_values")
         return "" if self.choice.form.departures else say("engineer.values_of_product")
-
-
-class _Header(QWidget):
-    """Header beside STOP: serial number, engineer's name, START and run status; emits `edited` on every text change."""
-
-    start_pressed = Signal()
-    edited = Signal()
-
-    def __init__(self, run: RunStatus) -> None:
-        super().__init__()
-        self.serial_edit, self.engineer_edit = QLineEdit(), QLineEdit()
-        self._next = False
-        self._serial_caption = label(self._serial_text, buddy=self.serial_edit)
-        serial = self._captioned(self.serial_edit, "engineer_serial_edit", self._serial_caption)
-        name = label(lambda: self.tr("Your name"), buddy=self.engineer_edit)
-        engineer = self._captioned(self.engineer_edit, "engineer_name_edit", name)
-        self.serial_edit.setFixedWidth(24 * theme.GRID)
-        self.serial_edit.setMaxLength(80)
-        bind(self.serial_edit.setPlaceholderText, lambda: self.tr("scan or type"))
-        self.engineer_edit.setFixedWidth(25 * theme.GRID)
-        self.engineer_edit.setMaxLength(40)
-        bind(self.engineer_edit.setPlaceholderText, lambda: self.tr("your name, for the record"))
-        self._partial = False
-        self.start_button = button("engineer_start_button", pressed=self.start_pressed, kind="primary")
-        self.start_button.setFixedHeight(theme.BIG_BUTTON)
-        self.start_button.setMinimumWidth(22 * theme.GRID)
-        self.start_button.setFont(theme.font(theme.SECTION, bold=True))
-        end_button = EndStageButton(run, "engineer_end_stage_button")
-        row(serial, engineer, self.start_button, (RunStrip(run), 1), end_button, on=self, spacing=2 * theme.GRID)
-        on_language_change(self, self._show_start)
-
-    def show_partial(self, *, partial: bool) -> None:
-        """Show on START whether the next run is partial."""
-        if partial != self._partial:
-            self._partial = partial
-            theme.set_kind(self.start_button, "partial" if partial else "primary")
-            self._show_start()
-
-    @property
-    def serial(self) -> str:
-        """The serial number entered."""
-        return self.serial_edit.text().strip()
-
-    @property
-    def engineer(self) -> str:
-        """The engineer's name entered."""
-        return self.engineer_edit.text().strip()
-
-    def _show_start(self) -> None:
-        self.start_button.setText(self.tr("START PARTIAL") if self._partial else self.tr("START"))
-
-    def show_next(self, following: bool) -> None:
-        """Show whether the serial number is that of the unit after the one whose verdict is shown."""
-        if following != self._next:
-            self._next = following
-            self._serial_caption.setText(self._serial_text())
-
-    def _serial_text(self) -> str:
-        return self.tr("Serial number: next unit") if self._next else self.tr("Serial number")
-
-    def _captioned(self, edit: QLineEdit, name: str, caption: QLabel) -> QVBoxLayout:
-        edit.setObjectName(name)
-        edit.setFixedHeight(theme.BUTTON)
-        edit.textChanged.connect(lambda _: self.edited.emit())
-        return column(caption, edit, spacing=0)

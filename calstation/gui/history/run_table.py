@@ -11,9 +11,9 @@ from calstation.gui.widgets import state_colour, state_icon, theme
 from calstation.messages import local_time
 from calstation.records import RunRecord
 
-_OUTCOME, _STARTED, _STATION, _SLOT, _BATCH, _STAGES = 0, 2, 7, 8, 9, 10
-#: Columns hidden first if there is too little space: attempt, operator, product, batch; the details also show them.
-_HIDDEN_FIRST = (4, 5, 3, _BATCH)
+_OUTCOME, _STARTED, _DURATION, _STATION, _SLOT, _BATCH, _STAGES = 0, 2, 6, 7, 8, 9, 10
+#: Columns hidden first if there is too little space: attempt, operator, product; the details also show them.
+_HIDDEN_FIRST = (4, 5, 3)
 #: Right-aligned columns of numbers: attempt, duration.
 _NUMBERS = (4, 6)
 
@@ -130,23 +130,27 @@ class RunTable(QTableWidget):
     def _share_width(self) -> None:
         """Fit the columns to their contents, the stages to the remaining width; hide columns if it is too small.
 
-        The station is shown only if the runs are those of several, batch and slot only if a unit was not alone.
+        The station is shown only if the runs are those of several, batch and slot only if a unit was not alone;
+        then duration and stages are hidden before them.
         """
         hidden = {_STATION} if len({run.station for run in self.runs if run.station}) < 2 else set()
-        if not any(run.batch for run in self.runs):
+        batches = any(run.batch for run in self.runs)
+        if not batches:
             hidden |= {_BATCH, _SLOT}
-        for column in range(_STAGES):
+        for column in range(_STAGES + 1):
             self.setColumnHidden(column, column in hidden)
         self.resizeColumnsToContents()
         for column in range(_STAGES):
             self.setColumnWidth(column, self.columnWidth(column) + 2 * theme.GRID)
         left = self.viewport().width() - sum(self.columnWidth(column) for column in range(_STAGES))
-        for column in _HIDDEN_FIRST:
+        for column in (*_HIDDEN_FIRST, *([_DURATION] if batches else [])):
             if left >= 30 * theme.GRID:  # sufficient width for the stages
                 break
             left += self.columnWidth(column)
             self.setColumnHidden(column, True)
-        self.setColumnWidth(_STAGES, max(left, 10 * theme.GRID))
+        least = 10 * theme.GRID
+        self.setColumnHidden(_STAGES, batches and left < least)
+        self.setColumnWidth(_STAGES, max(left, least))
 
     def _select(self, current: int, rows: Sequence[int]) -> None:
         """Make a row the current one, and select it or these rows; the keys that are held do not matter."""

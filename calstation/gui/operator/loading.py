@@ -5,9 +5,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import RunSummary
-from calstation.gui.operator.position_picture import PositionPicture
+from calstation.gui.operator.live import PositionPicture, TablePicture
 from calstation.gui.operator.production import FixturePicture
-from calstation.gui.operator.table_panel import TablePicture
 from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import column, grid, label, row, theme
 from calstation.messages import Text

@@ -19,7 +19,7 @@ from calstation.config import (
 from calstation.errors import CalstationError
 from calstation.gui.operator.claims import ClaimNotice
 from calstation.gui.operator.header import RunHeader
-from calstation.gui.operator.live_view import LiveView
+from calstation.gui.operator.live import LiveView
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.production import ShiftCounter
 from calstation.gui.operator.questions import ask
@@ -130,6 +130,7 @@ class OperatorPage(Page):
         self._verdict.acknowledged.connect(self._acknowledge)
         self._verdict.closed.connect(lambda: self._open_unit(opened=False))
         self._verdicts.opened.connect(lambda: self._open_unit(opened=True))
+        self._slots.acted.connect(self._starting.edited)
         self._slots.acted.connect(header.focus_scan)
         self._starting.slots.changed.connect(self._refresh)
         app.engine_link.event.connect(self._live.take)

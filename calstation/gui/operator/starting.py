@@ -50,7 +50,7 @@ class RunStarter(QObject):
         self._suggested = ""
         self.interrupted = InterruptedRuns(app, header, notice, self._resume)
         header.serial_entered.connect(self.scan)
-        header.serial_edited.connect(self._edited)
+        header.serial_edited.connect(self.edited)
         header.start_pressed.connect(self.start)
         header.badge_field.signed_in.connect(self._signed_in)
         header.badge_field.refused.connect(self._badge_refused)
@@ -151,6 +151,12 @@ class RunStarter(QObject):
 
     def _valid(self, serial: str) -> bool:
         return self.run_summary is not None and re.fullmatch(self.run_summary.serial_pattern, serial) is not None
+
+    def edited(self) -> None:
+        """Remove a notice or a question about the units, which have been edited in the field or in the slots."""
+        self._note_next()
+        if self.run_summary is not None and not self._app.run.going:
+            self._notice.dismiss()
 
     def check(self) -> bool:
         """Check the serial number; if it is valid, move the focus to START, which has to be pressed separately.
@@ -344,11 +350,6 @@ class RunStarter(QObject):
             if following is not None:
                 note = self.tr("slot {slot}").format(slot=following.name)
         self._header.note_serial(note, accepted=accepted)
-
-    def _edited(self) -> None:
-        self._note_next()
-        if self.run_summary is not None and not self._app.run.going:
-            self._notice.dismiss()
 
     def _ask_attempt(
         self, serials: list[str], failures: int, before: Mapping[str, RunRecord], request: RunRequest

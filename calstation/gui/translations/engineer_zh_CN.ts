@@ -781,7 +781,7 @@
     </message>
 </context>
 <context>
-    <name>_Header</name>
+    <name>EngineerHeader</name>
     <message>
         <source>Serial number</source>
         <translation>序列号</translation>

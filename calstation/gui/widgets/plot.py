@@ -24,7 +24,14 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class NumberAxis(pg.AxisItem):  # type: ignore[misc]
-    """A vertical or horizontal axis with minus signs instead of hyphens."""
+    """A vertical or horizontal axis with minus signs instead of hyphens, whose labels do not overlap if it is short."""
+
+    def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
+        """Return the spacings of labelled and of smaller ticks; labels one above the other have their height."""
+        levels: list[tuple[float, float]] = super().tickSpacing(minVal, maxVal, size)
+        if self.orientation == "left" and levels and levels[0][0] * size < theme.BODY * abs(maxVal - minVal):
+            return [(2.0 * levels[0][0], 0.0), levels[0]]
+        return levels
 
     def tickStrings(self, values: Sequence[float], scale: float, spacing: float) -> list[str]:
         """Return the labels of ticks."""

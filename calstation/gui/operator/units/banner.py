@@ -9,6 +9,8 @@ from calstation.gui.widgets import draw_state, label, state_colour, theme
 
 #: Margin at the right end of the banner, px, and smallest gap between its texts, in units of their size.
 _BANNER_MARGIN, _GAP = 3 * theme.GRID, 0.4
+#: The unit stands below the verdict if this makes the verdict so many times larger.
+_LARGER = 1.3
 
 
 def _width(text: str) -> float:
@@ -19,13 +21,11 @@ def _width(text: str) -> float:
 class Banner(QWidget):
     """Banner with the verdict, its shape, and the unit, on a background in the colour of the state.
 
-    Its labels are named `name` followed by ``_label`` and ``_serial_label``. `height` is its least height, px, and
-    `line` the least size of texts beside each other, px.
+    Its labels are named `name` followed by ``_label`` and ``_serial_label``. `height` is its least height, px.
     """
 
-    def __init__(self, name: str, height: int, line: int = theme.VERDICT) -> None:
+    def __init__(self, name: str, height: int) -> None:
         super().__init__()
-        self._line = line
         self._kind = "none"
         self.word, self.serial = label(name=f"{name}_label"), label(name=f"{name}_serial_label")
         self._texts = QBoxLayout(QBoxLayout.Direction.LeftToRight, self)
@@ -51,14 +51,15 @@ class Banner(QWidget):
         self._fit()
 
     def _fit(self) -> None:
-        """Show both texts in one size, the unit below the verdict if they do not fit on one line in that size."""
+        """Show both texts in one size, or the unit below the verdict if the verdict is much larger then."""
         room = self.width() - self.height() - _BANNER_MARGIN
         word, serial = (_width(shown.text()) for shown in (self.word, self.serial))
-        size = min(0.55 * self.height(), room / (word + serial + _GAP))
-        below = size < self._line
+        size, alone = min(0.55 * self.height(), room / (word + serial + _GAP)), min(0.4 * self.height(), room / word)
+        below = alone > _LARGER * size
         if below:
-            size = min(0.42 * self.height(), room / word)
+            size = alone
         self._texts.setDirection(QBoxLayout.Direction.TopToBottom if below else QBoxLayout.Direction.LeftToRight)
+        self._texts.setStretch(1, int(below))  # each has one half of the height then
         self._texts.setContentsMargins(self.height(), 0, _BANNER_MARGIN, 0)
         self.word.setFont(theme.font(int(size), bold=True))
         self.serial.setFont(theme.font(int(min(size, room / max(serial, 1.0))), bold=True))

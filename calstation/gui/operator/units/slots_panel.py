@@ -12,19 +12,23 @@ from calstation.messages import Text
 
 
 class _SlotTile(Tile):
-    """A slot: its name, its unit with a note, and a button to clear or to skip it."""
+    """A slot: its name above its unit with a note, and a button to clear or to skip it."""
 
     def __init__(self, slot: Slot, slots: Slots) -> None:
         super().__init__(f"slot_{slot.name}_tile")
         self._slot, self._slots = slot, slots
-        self._icon, self._name = StateIcon(18), label(kind="muted")
+        self._icon, self._name = StateIcon(18), ElidedLabel("muted")
         self._serial, self._note = ElidedLabel(), ElidedLabel("muted")
         self._serial.setFont(theme.font(theme.SECTION, bold=True))
         self.action = button(f"slot_{slot.name}_button", pressed=self._act)
         self.action.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # the keys of a scan after a click must not act again
-        head = row(self._icon, self._name, (self._note, 1), spacing=theme.GRID)
-        texts = column(None, head, self._serial, None, spacing=0)
-        row((texts, 1), self.action, on=self, margins=(theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID // 2))
+        shown_or_not = self.action.sizePolicy()
+        shown_or_not.setRetainSizeWhenHidden(True)  # the names of all tiles are at the same height
+        self.action.setSizePolicy(shown_or_not)
+        head = row(self._icon, (self._name, 1), spacing=theme.GRID)
+        unit = row((column(None, self._serial, self._note, None, spacing=0), 1), self.action, spacing=theme.GRID)
+        margins = (theme.GRID, theme.GRID // 4, theme.GRID, theme.GRID // 4)
+        column(None, head, unit, None, on=self, spacing=0, margins=margins)
         pass_clicks(self._icon, self._name, self._serial, self._note)
         self._name.setText(slot.name)
         self._name.setFont(theme.font(theme.SECTION))
@@ -48,6 +52,7 @@ class _SlotTile(Tile):
         clearable = self.tr("Skip") if not slot.left_empty else self.tr("Use")
         self.action.setText(self.tr("Clear") if slot.serial else clearable)
         self.setAccessibleName(", ".join((slot.name, slot.serial, note) if slot.serial else (slot.name, note)))
+        self.setToolTip(self.accessibleName())
 
     def _act(self) -> None:
         if self._slot.serial:

@@ -16,14 +16,15 @@ class _UnitTile(Tile):
     def __init__(self, unit: UnitStatus) -> None:
         super().__init__(f"unit_{unit.slot}_tile")
         self.unit = unit
-        self._icon, self._slot = StateIcon(20), label(kind="muted")
+        self._icon, self._slot = StateIcon(16), label(kind="muted")
         self._serial, self._text = ElidedLabel(), ElidedLabel()
         self._serial.setFont(theme.font(bold=True))
         self._slot.setText(unit.slot)
         self._serial.setText(unit.serial)
         head = row(self._slot, (self._serial, 1), spacing=theme.GRID)
+        state = row(self._icon, (self._text, 1), spacing=theme.GRID)
         margins = (theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID // 2)
-        row(self._icon, (column(None, head, self._text, None, spacing=0), 1), on=self, margins=margins)
+        column(None, head, state, None, on=self, spacing=0, margins=margins)
         pass_clicks(self._icon, self._slot, self._serial, self._text)
 
     def show_state(self, kind: str, text: str, *, chosen: bool) -> None:
@@ -31,8 +32,8 @@ class _UnitTile(Tile):
         self._icon.set_kind(kind)
         self._text.setText(text)
         self.show_chosen(chosen)
-        self.setToolTip(text)
         self.setAccessibleName(", ".join((self.unit.slot, self.unit.serial, text)))
+        self.setToolTip(self.accessibleName())
 
 
 class UnitTiles(QWidget):

@@ -27,7 +27,7 @@ class _VerdictTile(Tile):
         super().__init__(name)
         self.unit = unit
         self.roomy = rows <= _ROOMY_ROWS
-        self._banner, self._serial = Banner(name, _BANNER, theme.BODY), ElidedLabel()
+        self._banner, self._serial = Banner(name, _BANNER), ElidedLabel()
         self._banner.setMaximumHeight(_HIGH if rows == 1 else _LOW)
         self._serial.setText(unit.serial)
         self.reason, self._action = (label(wrap=True) if self.roomy else ElidedLabel() for _ in range(2))

@@ -6,10 +6,10 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.gui.logs.methods import GimbalView
-from calstation.gui.operator.convergence import Convergence
-from calstation.gui.operator.position_panel import PositionPanel
-from calstation.gui.operator.table_panel import TablePanel
-from calstation.gui.operator.traces import Traces
+from calstation.gui.operator.live.convergence import Convergence
+from calstation.gui.operator.live.position_panel import PositionPanel
+from calstation.gui.operator.live.table_panel import TablePanel
+from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.units import COLUMNS, UnitTiles
 from calstation.gui.shell import RunStatus, largest_sigmas
 from calstation.gui.text import on_language_change, rendered

@@ -6,7 +6,7 @@ from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
 from calstation.config import RunSummary
-from calstation.gui.operator.position_picture import PositionPicture
+from calstation.gui.operator.live.position_picture import PositionPicture
 from calstation.gui.text import on_language_change, rendered, say, with_minus
 from calstation.gui.widgets import StateBadge, button, column, enable, label, row, theme
 from calstation.messages import Text
