@@ -5,7 +5,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -169,6 +169,8 @@ class Problem:
     kind: str
     what: Text  #: The message without the name of the entry.
     line: int = 0  #: Line number, counted from 1.
+    #: Data of the file, by which elements of its lists are named.
+    data: Any = field(default=None, repr=False, compare=False)
 
     @classmethod
     def of(cls, error: EntryError, *prefix: str | int) -> "Problem":
@@ -178,13 +180,17 @@ class Problem:
     @property
     def values(self) -> Mapping[str, Any]:
         """Values of the message, and the name of the entry as `field`."""
-        return {"field": field_name(self.place), **self.what.values}
+        return {"field": self.name, **self.what.values}
+
+    @property
+    def name(self) -> str:
+        """Name of the entry in messages, "" for the whole file."""
+        return field_name(self.place, self.data)
 
     @property
     def as_text(self) -> Text:
         """The message, preceded by the name of the entry if there is one."""
-        name = field_name(self.place)
-        return Text.of("entry.at", field=name, what=self.what) if name else self.what
+        return Text.of("entry.at", field=self.name, what=self.what) if self.name else self.what
 
     @property
     def text(self) -> str:
@@ -244,12 +250,23 @@ def _element(data: Any, key: str | int) -> Any:
         return None
 
 
-def field_name(place: KeyPath) -> str:
-    """Return the name of an entry as it is written in messages, e.g. ``frame.fields[2].type``."""
+def field_name(place: KeyPath, data: Any = None) -> str:
+    """Return the name of an entry as it is written in messages, e.g. ``slots["B"].port`` or ``registers[2].range[1]``.
+
+    An element of a list is called by its `name` in the data of the file if no other one has it, or else by its number,
+    counted from 1.
+    """
     text = ""
     for part in place:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+        text += f"[{_element_name(data, part)}]" if isinstance(part, int) else f".{part}" if text else part
+        data = _element(data, part)
     return text
+
+
+def _element_name(elements: Any, number: int) -> str:
+    names = [_element(element, "name") for element in elements] if isinstance(elements, list) else []
+    name = _element(names, number)
+    return f'"{name}"' if isinstance(name, str) and names.count(name) == 1 else str(number + 1)
 
 
 def near_miss(name: str, known: Iterable[str], otherwise: Text | None = None) -> Text:
@@ -264,11 +281,11 @@ def near_miss(name: str, known: Iterable[str], otherwise: Text | None = None) ->
 def _problem(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> Problem:
     error = detail.get("ctx", {}).get("error")
     if isinstance(error, EntryError):
-        problem = Problem.of(error, *detail["loc"])
-        return replace(problem, kind="missing") if error.code == "entry.missing" else problem
+        kind = "missing" if error.code == "entry.missing" else "value_error"
+        return replace(Problem.of(error, *detail["loc"]), kind=kind, data=data)
     code, values = _pydantic_message(detail, data, model)
     values = {"value": detail["input"], **detail.get("ctx", {}), **values}
-    return Problem(detail["loc"], detail["type"], Text(code, values))
+    return Problem(detail["loc"], detail["type"], Text(code, values), data=data)
 
 
 def _pydantic_message(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> tuple[str, dict[str, Any]]:

@@ -87,7 +87,8 @@ def check(kind: str, text: str, path: Path | None = None) -> list[Problem]:
     except tomllib.TOMLDecodeError as exc:
         line, detail = toml_error(exc, text)
         return [Problem((), "toml", Text.of("configuration.not_toml", detail=detail), line)]
-    return [replace(problem, line=line_of(text, problem.place)) for problem in check_data(kind, data, path)]
+    problems = check_data(kind, data, path)
+    return [replace(problem, line=line_of(text, problem.place), data=data) for problem in problems]
 
 
 def check_data(kind: str, data: Mapping[str, Any], path: Path | None = None) -> list[Problem]:

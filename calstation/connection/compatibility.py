@@ -67,10 +67,11 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
 
 def station_conflicts(text: str) -> list[Problem]:
     """Return the problems for which a run refuses a station file although each of its values is valid by itself."""
-    station = StationConfig.model_validate(tomllib.loads(text))
+    data = tomllib.loads(text)
+    station = StationConfig.model_validate(data)
     problems = [] if (error := gravity_contradiction(station.site)) is None else [Problem.of(error)]
     problems += _port_problems(station)
-    return [replace(problem, line=line_of(text, problem.place)) for problem in problems]
+    return [replace(problem, line=line_of(text, problem.place), data=data) for problem in problems]
 
 
 def _port_problems(station: StationConfig) -> Iterator[Problem]:

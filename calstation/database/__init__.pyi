@@ -16,6 +16,7 @@ from .remote import fetch_log as fetch_log
 from .remote import fetch_result as fetch_result
 from .remote import is_archived as is_archived
 from .remote import load_shared_results as load_shared_results
+from .remote import note_use as note_use
 from .state import Claim as Claim
 from .state import ExchangeState as ExchangeState
 from .state import read_state as read_state

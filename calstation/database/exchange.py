@@ -1,6 +1,8 @@
 """Exchange of a folder of runs with the shared database: sends its outbox and receives the runs of other folders."""
 
 import logging
+import math
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -43,11 +45,13 @@ class Exchange:
         self.outbox = Outbox(folder)
         self._index = self.outbox.index
 
-    def exchange(self) -> list[Claim]:
+    def exchange(self, within: float = math.inf) -> list[Claim] | None:
         """Send all that is pending, receive what is new, and return other stations' claims on this one's units.
 
-        Raises ConfigurationError if the database is not reachable or refuses something; the next call continues.
+        Ends with the first page after `within` s, and returns None if there is more; the next call continues. Raises
+        ConfigurationError if the database is not reachable or refuses something; the next call continues then too.
         """
+        end = time.monotonic() + within
         try:
             sent = True
             while sent:
@@ -58,7 +62,10 @@ class Exchange:
                 sent = False
                 while self._send(engine):
                     sent = True
-            self._receive(engine)
+                    if time.monotonic() >= end:
+                        return None
+            if not self._receive(engine, end):
+                return None
             return other_claims(engine, self.outbox.id)
         except DBAPIError as exc:
             lost = isinstance(exc, OperationalError | InterfaceError) or exc.connection_invalidated
@@ -148,8 +155,8 @@ class Exchange:
         connection.execute(insert(outboxes).values(id=self.outbox.id, **values))
         return True
 
-    def _receive(self, engine: Engine) -> None:
-        """Receive the runs of other folders that are new or have changed since the last time."""
+    def _receive(self, engine: Engine, end: float) -> bool:
+        """Receive the runs of other folders that are new or have changed; return False if there are more at `end`."""
         database, cursor = self._index.received()
         more = True
         while more:
@@ -168,6 +175,9 @@ class Exchange:
                 received = [_received(row) for row in rows]
                 self._index.receive([run for run in received if run is not None], database, reached)
                 cursor = reached
+            if more and time.monotonic() >= end:
+                return False
+        return True
 
 
 def _store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> None:

@@ -136,6 +136,10 @@ class Outbox:
     def _history(self) -> History:
         return History(self._folder, self.index)
 
+    def refresh(self) -> None:
+        """Update the index from the folder, as `fill` does, but also while another process fills the outbox."""
+        self._history.refresh()
+
     def fill(self) -> int:
         """Queue the runs and copies that are new or have changed, the oldest runs first; return their number.
 

@@ -33,6 +33,9 @@ _DUTY = 0.1
 #: Longest time to wait for another process that exchanges the same folder, s.
 _LOCKED_S = 10.0
 
+#: Time after which an exchange lets other processes exchange the same folder, and for how long, s.
+_PART_S, _RELEASED_S = 3.0, 0.2
+
 #: Shortest interval between two readings of the state, s.
 _READ_S = 1.0
 
@@ -248,25 +251,35 @@ def _copy_logs(folder: Path, archive: str, stop: threading.Event) -> None:
 
 
 def exchange_once(exchange: "Exchange", folder: Path) -> ExchangeState:
-    """Exchange a folder unless another process does so, and return the state, which is also written to its file.
+    """Exchange a folder in turns with other processes, and return the state, which is also written to its file.
 
-    Raises ConfigurationError if the exchange failed.
+    Raises ConfigurationError if the exchange failed, or another process did not let this one exchange.
     """
     try:
-        with locked(folder / ".exchange.lock", _LOCKED_S):
-            try:
-                claims = tuple(exchange.exchange())
-            except CalstationError as error:
-                failed = error.as_text.to_json()
-                change_state(folder, pending=exchange.outbox.pending, attempt_utc=datetime.now(UTC), error=failed)
-                raise
-            now, old = datetime.now(UTC), read_state(folder)
-            new = {"pending": exchange.outbox.pending, "claims": claims, "error": None}
-            recent = old.contact_utc is not None and old.contact_utc > max(exchange.begun_utc, now - _UNCHANGED)
-            if not recent or any(getattr(old, name) != value for name, value in new.items()):
-                change_state(folder, **new, attempt_utc=now, contact_utc=now)
+        exchange.outbox.refresh()  # takes minutes for the first time in a large folder
+        while not _exchange_part(exchange, folder):
+            time.sleep(_RELEASED_S)
     except TimeoutError as exc:
         raise ConfigurationError("database.busy", folder=folder) from exc
     except OSError as exc:
         raise ConfigurationError("database.folder_unusable", folder=folder, reason=os_reason(exc)) from exc
     return read_state(folder)
+
+
+def _exchange_part(exchange: "Exchange", folder: Path) -> bool:
+    """Exchange a folder for some seconds; return whether all is exchanged. Raises TimeoutError if others do so."""
+    with locked(folder / ".exchange.lock", _LOCKED_S):
+        try:
+            claims = exchange.exchange(_PART_S)
+        except CalstationError as error:
+            failed = error.as_text.to_json()
+            change_state(folder, pending=exchange.outbox.pending, attempt_utc=datetime.now(UTC), error=failed)
+            raise
+        if claims is None:
+            return False
+        now, old = datetime.now(UTC), read_state(folder)
+        new = {"pending": exchange.outbox.pending, "claims": tuple(claims), "error": None}
+        recent = old.contact_utc is not None and old.contact_utc > max(exchange.begun_utc, now - _UNCHANGED)
+        if not recent or any(getattr(old, name) != value for name, value in new.items()):
+            change_state(folder, **new, attempt_utc=now, contact_utc=now)
+    return True

@@ -3,18 +3,27 @@
 The functions are named in the window, which imports neither the database nor the archive; the job process does.
 """
 
+import os
 import re
+import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from calstation.config import load_station
 from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
-from calstation.records import RunFilter, RunRecord, write_atomic
+from calstation.records import SUFFIX, RunFilter, RunRecord, write_atomic
 from calstation.results import History, Result, export_runs, load_results
 
 #: A path on a computer, ``host:path``; one letter is a drive of Windows.
 _ON_HOST = re.compile(r"[^/\\:]{2,}:(?!//)")
+
+#: Largest size of the copies of other stations' logs in a folder of runs, bytes.
+_COPIES_SIZE = 5_000_000_000
+
+#: Copies of other stations' logs in a folder of runs; their folders have the names of outboxes, which are UUIDs.
+_COPIES = "-".join("[0-9a-f]" * count for count in (8, 4, 4, 4, 12)) + f"/*{SUFFIX}"
 
 
 def is_archived(location: str | None) -> bool:
@@ -25,6 +34,7 @@ def is_archived(location: str | None) -> bool:
 def fetch_log(report: ProgressCallback, run: RunRecord) -> Path:
     """Job: copy the log of another station's run from the archive to `run.log`, and return this path.
 
+    The least recently used copies that are too many with it are deleted; one that is open can be read to its end.
     Raises InputError if the archive cannot be read, ConfigurationError without the packages for it.
     """
     from calstation.database.archive import copy_to
@@ -32,7 +42,26 @@ def fetch_log(report: ProgressCallback, run: RunRecord) -> Path:
     assert run.location is not None
     run.log.parent.mkdir(parents=True, exist_ok=True)
     copy_to(run.location, run.log, report)
+    with suppress(OSError):  # one is open on Windows, or another window deletes it; the next copy tries again
+        _delete_copies(run.log)
     return run.log
+
+
+def note_use(log: Path) -> None:
+    """Note that the copy of a log is used now, because not every file system notes it."""
+    with suppress(OSError):  # made by another user
+        os.utime(log, ns=(time.time_ns(), log.stat().st_mtime_ns))
+
+
+def _delete_copies(newest: Path) -> None:
+    """Delete the least recently used copies of logs beyond the largest size of all, but not the newest one."""
+    stamps = {path: path.stat() for path in newest.parent.parent.glob(_COPIES)}
+    size = sum(stamp.st_size for stamp in stamps.values())
+    for path in sorted(stamps.keys() - {newest}, key=lambda path: stamps[path].st_atime_ns):
+        if size <= _COPIES_SIZE:
+            break
+        path.unlink()
+        size -= stamps[path].st_size
 
 
 def fetch_result(report: ProgressCallback, station: Path | None, run: RunRecord) -> Path:

@@ -15,7 +15,7 @@ from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import Connection, Row, Select, func, select
+from sqlalchemy import JSON, Column, Connection, Row, Select, Text, cast, func, select
 
 from calstation.config import site_folder
 from calstation.database import revisions, runs, solutions
@@ -30,6 +30,8 @@ try:
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
 
+#: A column of JSON, which SQLite keeps as text.
+_JSON = JSON().with_variant(Text(), "sqlite")
 #: Version that stands for the results which the runs stored.
 ONLINE = "online"
 #: Rows read from the database and written at a time.
@@ -76,7 +78,7 @@ def update_columns(report: ProgressCallback, connection: Connection, version: st
     """Bring the files of a version up to date. Raises ConfigurationError if the database has no such version."""
     database = connection.execute(select(revisions.c.database)).scalar_one()
     folder = site_folder() / "fleet" / str(database) / quote(version, safe="+.")
-    source = _Runs() if version == ONLINE else _Solutions(version)
+    source = _source(version)
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder / ".lock", _LOCKED_WITHIN):
         files = _current(folder)
@@ -128,6 +130,10 @@ def versions(connection: Connection) -> list[str]:
     return [*([ONLINE] if online else []), *found]
 
 
+def _source(version: str) -> "_Runs | _Solutions":
+    return _Runs() if version == ONLINE else _Solutions(version)
+
+
 class _Solutions:
     """Rows of a version that was solved again."""
 
@@ -145,6 +151,9 @@ class _Solutions:
         columns = (c.id.label("number"), *texts, *verdict, c.parameters, c.numbers)
         return select(*columns).where(self._of_version, c.id > after).order_by(c.id)
 
+    def batches(self) -> Select[Any]:
+        return _batches(solutions.c.log_sha256, solutions.c.result).where(self._of_version)
+
 
 class _Runs:
     """Rows of the runs of all stations."""
@@ -158,6 +167,14 @@ class _Runs:
         texts = (c.log_sha256, c.serial, c.started_utc, c.failed_checks, c.log.label("location"), c.content)
         columns = (c.revision.label("number"), *texts, c.parameters, c.numbers)
         return select(*columns).where(c.log_sha256.is_not(None), c.revision > after).order_by(c.revision)
+
+    def batches(self) -> Select[Any]:
+        return _batches(runs.c.log_sha256, runs.c.content).where(runs.c.log_sha256.is_not(None))
+
+
+def _batches(log: Column[Any], content: Column[Any]) -> Select[Any]:
+    """Select the digest of each log with the batch and the slot of its unit."""
+    return select(log, *(cast(content, _JSON)[name].as_string().label(name) for name in ("batch", "slot")))
 
 
 def _numbers(connection: Connection, version: str) -> NDArray[np.int64]:
@@ -217,8 +234,7 @@ def _solved_verdict(outcome: str, passed: bool | None) -> str:
 def _write(table: Any, path: Path) -> None:
     """Write a file that is complete or absent."""
     partial = path.with_suffix(".partial")
-    floats = {name: "NONE" for name in SCHEMA.names if SCHEMA.field(name).type == pa.float64()}
-    compression = {name: floats.get(name, "ZSTD") for name in SCHEMA.names}
+    compression = {field.name: "NONE" if field.type == pa.float64() else "ZSTD" for field in table.schema}
     pq.write_table(
         table,
         partial,
@@ -250,9 +266,18 @@ def latest_rows(files: ColumnFiles) -> tuple[NDArray[np.uint64], NDArray[np.intp
     return ordered, order
 
 
-def export_columns(files: ColumnFiles, path: Path) -> int:
-    """Write the last solution of every log of a version into one Parquet file; return their number. Raises OSError."""
+def export_columns(files: ColumnFiles, connection: Connection, version: str, path: Path) -> int:
+    """Write the last solution of every log of a version into one Parquet file; return their number. Raises OSError.
+
+    Batch and slot are not in the columns: only an export needs them, and reading them takes longer than all others.
+    """
     _, rows = latest_rows(files)
     table = files.read(*(name for name in SCHEMA.names if name != "log_key")).take(np.sort(rows))
+    found = connection.execution_options(yield_per=_CHUNK).execute(_source(version).batches())
+    of_log = {row.log_sha256: (row.batch, row.slot) for row in found if row.batch or row.slot}
+    batches = [of_log.get(log, (None, None)) for log in table.column("log_sha256").to_pylist()]
+    for k, name in enumerate(("batch", "slot")):
+        after = table.schema.get_field_index("location") + 1 + k
+        table = table.add_column(after, name, pa.array([batch[k] for batch in batches], pa.string()))
     _write(table, path)
     return len(table)

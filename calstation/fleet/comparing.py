@@ -43,7 +43,7 @@ def export_version(report: ProgressCallback, url: str, version: str, path: Path)
     try:
         with engine.connect() as connection:
             files = update_columns(_part(report, 0.0), connection, version)
-        return export_columns(files, path)
+            return export_columns(files, connection, version, path)
     except OSError as exc:
         raise ConfigurationError("csv.not_written", file=path, reason=os_reason(exc)) from exc
     finally:

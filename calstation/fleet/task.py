@@ -207,6 +207,8 @@ def failed_result(error: CalstationError, meta: LogMeta | None, file: str, sha25
             "configuration_sha256": configuration,
             "software": {"version": __version__},
             "started_utc": run.started_utc if run else None,
+            "batch": run.batch if run else None,
+            "slot": run.slot if run else None,
             **error_of(error),
         }
     )

@@ -10,7 +10,7 @@ import tomli_w
 
 from calstation.bench import BenchConfig
 from calstation.config import batch_bench_config, library, new_batch_id, prepare_batch, prepare_run, unit_requests
-from calstation.config.editing import check_data
+from calstation.config.editing import check, check_data
 from calstation.config.request import RunRequest
 from calstation.config.slots import at_slot
 from calstation.config.station import StationConfig, load_station
@@ -47,16 +47,17 @@ def batch(site_folder: SiteFolder, *serials: str) -> RunRequest:
     ("changes", "entry", "code"),
     [
         ({"imu": {"port": "/dev/ttyUSB3"}}, "imu", "station.slots_and_imu"),
-        ({"slots": [SLOTS[0], {**SLOTS[1], "name": "A"}]}, "slots[1].name", "station.slot_twice"),
-        ({"slots": [SLOTS[0], {**SLOTS[1], "port": PORTS[0]}]}, "slots[1].port", "station.slot_twice"),
-        ({"slots": [SLOTS[0], {"name": "B"}]}, "slots[1].port", "station.port_missing"),
-        ({"slots": [{**SLOTS[0], "port": "127.0.0.1:5"}]}, "slots[0].port", "station.imu_scheme_missing"),
-        ({"slots": [{**SLOTS[0], "port": "tcp://127.0.0.1:5"}]}, "slots[0].port", "station.imu_over_modbus"),
-        ({"slots": [{**SLOTS[0], "orientation": "+x-x"}]}, "slots[0].orientation", "station.one_axis_twice"),
-        ({"slots": [{**SLOTS[0], "orientation": "x+z"}]}, "slots[0].orientation", "station.not_an_orientation"),
-        ({"slots": [{**SLOTS[0], "name": "slot 1"}]}, "slots[0].name", "station.slot_name"),
-        ({"slots": [SLOTS[0], {**SLOTS[1], "name": "a"}]}, "slots[1].name", "station.slot_case"),
-        ({"slots": [{**SLOTS[0], "lever_m": [0.1, -150.0, 0.0]}]}, "slots[0].lever_m", "station.lever_too_long"),
+        ({"slots": [SLOTS[0], {**SLOTS[1], "name": "A"}]}, "slots[2].name", "station.slot_twice"),
+        ({"slots": [SLOTS[0], {**SLOTS[1], "port": PORTS[0]}]}, 'slots["B"].port', "station.slot_twice"),
+        ({"slots": [SLOTS[0], {"name": "B"}]}, 'slots["B"].port', "station.port_missing"),
+        ({"slots": [{**SLOTS[0], "port": "127.0.0.1:5"}]}, 'slots["A"].port', "station.imu_scheme_missing"),
+        ({"slots": [{**SLOTS[0], "port": "tcp://127.0.0.1:5"}]}, 'slots["A"].port', "station.imu_over_modbus"),
+        ({"slots": [{**SLOTS[0], "orientation": "+x-x"}]}, 'slots["A"].orientation', "station.one_axis_twice"),
+        ({"slots": [{**SLOTS[0], "orientation": "x+z"}]}, 'slots["A"].orientation', "station.not_an_orientation"),
+        ({"slots": [{**SLOTS[0], "name": "slot 1"}]}, 'slots["slot 1"].name', "station.slot_name"),
+        ({"slots": [SLOTS[0], {**SLOTS[1], "name": "a"}]}, 'slots["a"].name', "station.slot_case"),
+        ({"slots": [{**SLOTS[0], "lever_m": [0.1, -150.0, 0.0]}]}, 'slots["A"].lever_m', "station.lever_too_long"),
+        ({"slots": [SLOTS[0], {"port": PORTS[1]}]}, "slots[2].name", "entry.missing"),
         ({"slots": [{"name": f"N{n}", "port": f"/dev/tty{n}"} for n in range(17)]}, "slots", "station.too_many_slots"),
         ({"table": {"profile": "hand_rails"}, "slots": [{"name": "A"}]}, "table.profile", "station.slots_need_table"),
         ({"table": {"profile": "hand_rails"}}, "table.profile", "station.slots_need_table"),
@@ -86,7 +87,7 @@ def test_the_number_of_units_on_a_bench_is_that_of_its_slots() -> None:
     assert complaint(caught.value) == "bench.units station.units_unlike_slots"
     with pytest.raises(ConfigurationError) as caught:
         validate(StationConfig, {**data, "slots": SLOTS, "bench": {}}, "station")
-    assert complaint(caught.value) == "slots[0].port station.port_on_bench"
+    assert complaint(caught.value) == 'slots["A"].port station.port_on_bench'
 
 
 def test_a_lever_arm_needs_a_table_whose_units_are_beside_its_centre(tmp_path: Path, site_folder: SiteFolder) -> None:
@@ -99,19 +100,21 @@ def test_a_lever_arm_needs_a_table_whose_units_are_beside_its_centre(tmp_path: P
     write(site_folder, table={"profile": "turns_about_the_unit"})
     with pytest.raises(ConfigurationError) as caught:
         load_station(site_folder.station)
-    assert complaint(caught.value) == "slots[1].lever_m station.lever_fixed"
+    assert complaint(caught.value) == 'slots["right"].lever_m station.lever_fixed'
 
 
 def test_the_editor_checks_the_profiles_and_products_of_slots() -> None:
     data = {**HARDWARE, "slots": [{**SLOTS[0], "imu": "none_such"}, {**SLOTS[1], "product": "none_such"}]}
     assert [problem.place for problem in check_data("stations", data)] == [("slots", 0, "imu"), ("slots", 1, "product")]
+    names = [problem.name for problem in check("stations", tomli_w.dumps(data))]
+    assert names == ['slots["A"].imu', 'slots["B"].product']
     assert not check_data("stations", {**STATION, "bench": {"units": 3}})
 
 
 def test_a_slot_on_the_port_of_the_table_is_reported() -> None:
     wrong = {**HARDWARE, "table": {"profile": "mn_ascii", "port": PORTS[1]}}
     (problem,) = station_conflicts(tomli_w.dumps(wrong))
-    assert problem.place == ("slots", 1, "port")
+    assert (problem.place, problem.name) == (("slots", 1, "port"), 'slots["B"].port')
 
 
 def test_a_batch_gives_one_request_per_filled_slot(site_folder: SiteFolder) -> None:
@@ -284,4 +287,4 @@ def test_a_fault_of_a_missing_unit_is_refused(site_folder: SiteFolder, tmp_path:
     request = replace(batch(site_folder, "SN-000001", "-", "SN-000003"), faults=plan)
     with pytest.raises(ConfigurationError) as caught:
         prepare_batch(request, with_faults)
-    assert f"{plan}: fault[1].unit: No unit is in slot {unit}, counted from 1. Choose from: 1, 3." in str(caught.value)
+    assert f"{plan}: fault[2].unit: No unit is in slot {unit}, counted from 1. Choose from: 1, 3." in str(caught.value)

@@ -63,7 +63,7 @@ def test_every_shipped_file_is_valid(kind: str, path: Path) -> None:
             '"gyro_z", type = "i32"',
             '"gyro_z", type = "i33"',
             THERE,
-            "frame.fields[3].type",
+            'frame.fields["gyro_z"].type',
         ),
         ("imus", "bench_nav", "sigma = 2.5e-05", "sigma = -1.0", THERE, "prior.gyro_bias.sigma: -1.0"),
         ("imus", "bench_nav", "address = 12", "address = 11", THERE, "overlap"),

@@ -1,16 +1,18 @@
 """The exchange of a station copies its closed logs to the archive and tells the other stations where they are."""
 
+import os
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 
 from calstation.cli.app import run_app
 from calstation.config import library
-from calstation.database import Exchange, fetch_log, fetch_result, read_state, watch
+from calstation.database import Exchange, fetch_log, fetch_result, read_state, remote, watch
 from calstation.database.archiver import LogArchiver
 from calstation.database.outbox import Outbox
 from calstation.errors import ConfigurationError
@@ -79,6 +81,35 @@ def test_logs_are_archived_and_read_by_another_station(url: str, folder: Path, t
     assert run.log == other / outbox.id / "a.h5"
     result = fetch_result(ignore_progress, station_file(other, url), run)
     assert load_result(result) == load_result(folder / "a.json")
+
+
+def test_the_least_recently_used_copies_of_logs_are_deleted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(remote, "_COPIES_SIZE", 25)
+    folder, one, other = tmp_path / "runs", str(uuid4()), str(uuid4())
+    (folder / "kept").mkdir(parents=True)
+    run = RunRecord("SN-1", "2026-01-01T00:00:00+00:00", "passed", 1, None, "line 2", None, (), folder / "x", None, 1.0)
+
+    def fetched(name: str, origin: str, used: float) -> Path:
+        source = tmp_path / f"{name}.h5"
+        source.write_bytes(b"ten bytes.")
+        log = folder / origin / source.name
+        fetch_log(ignore_progress, replace(run, log=log, origin=origin, location=str(source)))
+        os.utime(log, (used, log.stat().st_mtime))
+        return log
+
+    for own in (folder / "own.h5", folder / "kept" / "own.h5"):  # neither is a copy
+        own.write_bytes(bytes(100))
+        os.utime(own, (0.0, 0.0))
+    a, b = fetched("a", one, 1000.0), fetched("b", other, 2000.0)
+    assert a.exists()
+    a.with_suffix(".json").write_text("{}")
+    remote.note_use(a)
+    c = fetched("c", one, 3000.0)
+    assert (a.exists(), b.exists(), c.exists()) == (True, False, True)
+    monkeypatch.setattr(remote, "_COPIES_SIZE", 5)
+    fetched("d", other, 4000.0)  # larger than the bound by itself
+    assert sorted(path.name for path in folder.rglob("*.h5")) == ["d.h5", "own.h5", "own.h5"]
+    assert a.with_suffix(".json").exists()
 
 
 def test_a_result_is_not_fetched_without_its_database(folder: Path, tmp_path: Path) -> None:

@@ -12,8 +12,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from sqlalchemy import create_engine, select
 
 from calstation.cli.app import run_app
 from calstation.database import (
@@ -23,6 +25,7 @@ from calstation.database import (
     connect,
     exchange_once,
     read_state,
+    revisions,
     start_exchange,
     watch,
 )
@@ -202,6 +205,44 @@ def test_a_folder_that_another_process_exchanges_is_busy(
     exchange = Exchange(folder, f"sqlite:///{tmp_path / 'shared.sqlite'}", "line 1")
     with locked(folder / ".exchange.lock", 0.0), raises_code(ConfigurationError, "database.busy"):
         exchange_once(exchange, folder)
+
+
+def test_a_long_exchange_lets_another_process_exchange_the_same_folder(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url, there = f"sqlite:///{tmp_path / 'shared.sqlite'}", tmp_path / "there"
+    there.mkdir()
+    names = [f"a{number:03d}" for number in range(170)]  # four pages
+    for number, name in enumerate(names):
+        write_result(folder, name, number)
+        write_result(there, f"b{number:03d}", number)
+    station = Exchange(there, url, "line 2")
+    station.exchange()
+    one, two = Exchange(folder, url, "line 1"), Exchange(folder, url, "line 1")
+    monkeypatch.setattr("calstation.database.process._PART_S", 0.0)
+    monkeypatch.setattr("calstation.database.exchange._PAGE", 50)
+    pending: list[int] = []
+
+    def pause(_: float) -> None:
+        pending.append(one.outbox.pending)
+        with locked(folder / ".exchange.lock", 0.0):
+            two.exchange(0.0)
+
+    clock = SimpleNamespace(sleep=pause, monotonic=time.monotonic)
+    monkeypatch.setattr("calstation.database.process.time", clock)
+    state = exchange_once(one, folder)
+    assert (state.pending, state.error) == (0, None)
+    assert pending[:3] == [120, 20, 0]  # one page by each of the two in turn
+    assert [name for name, _ in in_database(url) if name in names] == names
+    engine = create_engine(url)
+    with engine.connect() as connection:
+        assert connection.execute(select(revisions.c.last)).scalar_one() == 2 * len(names)  # none was sent twice
+    engine.dispose()
+    station.exchange()
+    assert len(in_index(folder)) == 2 * len(names)
+    assert in_index(folder) == in_index(there)
+    for each in (station, one, two):
+        each.close()
 
 
 def test_a_state_that_does_not_change_is_seldom_written(

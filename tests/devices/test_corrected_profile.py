@@ -44,7 +44,7 @@ def profile(name: str, corrected: dict[str, Any] | None, **changes: Any) -> ImuP
         ("bench_nav", {}, {}, "corrected.stream profile.needed_by"),
         ("bench_nav", {"stream": 2, "start": ["VNWRG,06,0"]}, {}, "corrected.start profile.not_with"),
         ("vectornav_vn100", {"stream": 2}, {}, "corrected.start profile.needed_by"),
-        ("vectornav_vn100", {"start": ["$VNWRG,06,0*00"]}, {}, "corrected.start[0] profile.not_a_command_line"),
+        ("vectornav_vn100", {"start": ["$VNWRG,06,0*00"]}, {}, "corrected.start[1] profile.not_a_command_line"),
         ("bench_nav", {"stream": 1}, {}, "corrected.stream profile.stream_value_of_raw"),
         ("bench_nav", {"stream": 256}, {}, "corrected.stream entry.out_of_range"),
         ("dsp_modbus", {"stream": 0}, {}, "corrected.stream profile.stream_value_of_raw"),
@@ -89,7 +89,12 @@ def at_half_the_rate(fields: list[dict[str, Any]]) -> list[dict[str, Any]]:
         ),
         ("bench_nav", "sync", "55 5A", "corrected.frame.sync profile.sync_of_replies"),
         ("bench_nav", "sync", "55", "corrected.frame.sync profile.sync_of_replies"),
-        ("vectornav_vn100", "fields", at_half_the_rate, "corrected.frame.fields[0].per_sample profile.clock_rate"),
+        (
+            "vectornav_vn100",
+            "fields",
+            at_half_the_rate,
+            'corrected.frame.fields["counter"].per_sample profile.clock_rate',
+        ),
     ],
 )
 def test_the_frame_of_the_corrected_stream_is_checked_like_the_raw_one(

@@ -11,7 +11,7 @@ from fastcrc import crc16
 from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.profiles.frame import FrameSection
-from calstation.schema import field_name, problems_of
+from calstation.schema import problems_of
 from tests.devices.editing import edited
 
 CHANNELS = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
@@ -213,10 +213,10 @@ FIXED: dict[str, Any] = {
         (FIXED, "byte_order", None, "byte_order entry.missing"),
         (FIXED, "sync", "", "sync profile.no_sync_bytes"),
         (FIXED, "tail", "0D 0", "tail profile.not_hexadecimal"),
-        (FIXED, "fields/2/at", 3, "fields[2].at profile.field_order"),
-        (FIXED, "fields/2/item", "04", "fields[2].item profile.belongs_to"),
-        (FIXED, "fields/2/type", "i25", "fields[2].type profile.unknown_type"),
-        (FIXED, "fields/2/word_order", "big", "fields[2].word_order profile.no_words"),
+        (FIXED, "fields/2/at", 3, 'fields["gyro_y"].at profile.field_order'),
+        (FIXED, "fields/2/item", "04", 'fields["gyro_y"].item profile.belongs_to'),
+        (FIXED, "fields/2/type", "i25", 'fields["gyro_y"].type profile.unknown_type'),
+        (FIXED, "fields/2/word_order", "big", 'fields["gyro_y"].word_order profile.no_words'),
         (FIXED, "max_size", 20, "fields profile.fields_too_long"),
         (FIXED, "crc", {"kind": "crc", "start": 0}, "crc.width profile.needed_by"),
         (
@@ -227,18 +227,18 @@ FIXED: dict[str, Any] = {
         ),
         (FIXED, "crc", {"kind": "crc32", "start": 0, "initial": 1}, "crc.initial profile.belongs_to"),
         (ITEMS, "length", None, "length profile.needed_by"),
-        (ITEMS, "fields/0/item", None, "fields[0].item profile.needed_by"),
-        (ITEMS, "fields/0/item", "10", "fields[0].item profile.item_id_size"),
+        (ITEMS, "fields/0/item", None, 'fields["counter"].item profile.needed_by'),
+        (ITEMS, "fields/0/item", "10", 'fields["counter"].item profile.item_id_size'),
         (ITEMS, "items/order", "length", "items.order entry.not_one_of"),
         (VN_TEXT, "sync", "§", "sync profile.text_sync"),
         (VN_TEXT, "tail", "", "tail profile.text_without_end"),
-        (VN_TEXT, "fields/2/word_order", "big", "fields[2].word_order profile.not_with"),
+        (VN_TEXT, "fields/2/word_order", "big", 'fields["accel_y"].word_order profile.not_with'),
         (VN_TEXT, "id", {"at": 1, "value": "00"}, "id profile.not_with"),
     ],
 )
 def test_a_wrong_frame_is_reported_by_its_entry(base: dict[str, Any], where: str, value: Any, told: str) -> None:
     first = problems_of(FrameSection, edited(base, {where: value}))[0]
-    assert f"{field_name(first.place)} {first.what.code}" == told
+    assert f"{first.name} {first.what.code}" == told
 
 
 def test_every_frame_format_above_is_a_right_one() -> None:

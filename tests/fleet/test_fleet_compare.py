@@ -1,7 +1,7 @@
 """Comparisons agree with a small set worked out by hand, also after the database has grown and rows were replaced."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -167,32 +167,38 @@ def test_files_that_another_program_joins_can_still_be_read(tmp_path: Path) -> N
     engine.dispose()
 
 
-def test_results_of_the_runs_are_a_version_and_their_last_state_counts(url: str) -> None:
+def add_outbox(url: str) -> None:
+    """Insert the outbox of a station."""
     engine = connect(url)
     with engine.begin() as connection:
         connection.execute(insert(outboxes), [{"id": "x", "station": "bench 1", "last_number": 1}])
     engine.dispose()
+
+
+def put_run(url: str, number: int, unit: tuple[Any, ...], content: Mapping[str, Any] = {}, **more: Any) -> None:
+    """Insert or replace a run of the station."""
+    solved = row(unit, "", 0)
+    outcome = {True: "passed", False: "failed"}[solved["passed"]]
+    content = {"product": solved["product"], "station": solved["station"], "outcome": outcome, **content}
+    same = ("serial", "started_utc", "failed_checks", "parameters", "numbers", "log_sha256")
+    values = {name: solved[name] for name in same}
+    values |= {"outbox": "x", "name": unit[0], "revision": number, "content": json.dumps(content)}
+    values |= {"log": solved["location"], **more}
+    engine = connect(url)
+    with engine.begin() as connection:
+        connection.execute(delete(runs).where(runs.c.name == unit[0]))
+        connection.execute(insert(runs), [values])
+    engine.dispose()
+
+
+def test_results_of_the_runs_are_a_version_and_their_last_state_counts(url: str) -> None:
+    add_outbox(url)
     add(url, *(row(unit, "2", 1) for unit in UNITS))
-
-    def online(number: int, unit: tuple[Any, ...], **more: Any) -> None:
-        solved = row(unit, "", 0)
-        outcome = {True: "passed", False: "failed"}[solved["passed"]]
-        content = {"product": solved["product"], "station": solved["station"], "outcome": outcome}
-        same = ("serial", "started_utc", "failed_checks", "parameters", "numbers", "log_sha256")
-        values = {name: solved[name] for name in same}
-        values |= {"outbox": "x", "name": unit[0], "revision": number, "content": json.dumps(content)}
-        values |= {"log": solved["location"], **more}
-        engine = connect(url)
-        with engine.begin() as connection:
-            connection.execute(delete(runs).where(runs.c.name == unit[0]))
-            connection.execute(insert(runs), [values])
-        engine.dispose()
-
-    online(1, UNITS[0], numbers=np.array([9.0, 0.5]).tobytes())
+    put_run(url, 1, UNITS[0], numbers=np.array([9.0, 0.5]).tobytes())
     for number, unit in enumerate(UNITS, 2):
         if number == 3:
             compare(ignore_progress, url, "online", "2")
-        online(number, unit)
+        put_run(url, number, unit)
     check(compare(ignore_progress, url, "online", "2"))
 
 
@@ -220,3 +226,23 @@ def test_an_export_is_read_back_by_pyarrow(url: str, tmp_path: Path, calstation:
         digests = connection.execute(select(solutions.c.log_sha256).where(solutions.c.version == "1")).scalars().all()
     engine.dispose()
     assert table.column("log_sha256").to_pylist() == digests
+
+
+def test_an_export_names_batch_and_slot_of_solutions_and_runs(url: str, tmp_path: Path, calstation: Run) -> None:
+    batch = {"batch": "B20260105T000000-ABCD"}
+    add(url, *(row(unit, "1", 0, result=json.dumps({**batch, "slot": unit[0].lower()})) for unit in UNITS[:2]))
+    add(url, row(UNITS[2], "1", 0, result=json.dumps({"batch": None, "slot": None})), row(UNITS[3], "1", 0))
+    add_outbox(url)
+    put_run(url, 1, UNITS[0], {**batch, "slot": "left"})
+    put_run(url, 2, UNITS[1])  # of a program that knew no batches
+    path = tmp_path / "solutions.parquet"
+
+    def exported(version: str) -> list[tuple[str, str | None, str | None]]:
+        done = calstation("fleet", "export", "--database", url, "--version", version, "-o", path)
+        assert done.code == 0
+        table = pq.read_table(path, columns=["serial", "batch", "slot"])
+        return [(each["serial"], each["batch"], each["slot"]) for each in table.to_pylist()]
+
+    several = batch["batch"]
+    assert exported("1") == [("A", several, "a"), ("B", several, "b"), ("C", None, None), ("D", None, None)]
+    assert exported("online") == [("A", several, "left"), ("B", None, None)]

@@ -324,7 +324,7 @@ def test_an_invalid_register_is_marked_at_its_cell(forms: FormDriver) -> None:
     forms.enter("2", "Address", "1.5")
     assert forms.problems() == ["Row 2, Address: Not a whole number; type one like 12."]
     forms.enter("2", "Address", "2")
-    assert forms.problems()[0].startswith("Row 2, Address: Registers 2-10 overlap registers[0]")
+    assert forms.problems()[0].startswith("Row 2, Address: Registers 2-10 overlap registers[1]")
     assert not forms.find(QPushButton, "save_station_button").isEnabled()
 
 

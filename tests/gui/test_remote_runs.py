@@ -1,6 +1,7 @@
 """The history page with runs of other stations: their details, their logs from the archive, and their results."""
 
 import csv
+import os
 from datetime import timedelta
 from pathlib import Path
 
@@ -114,8 +115,11 @@ def test_an_archived_log_is_copied_and_opened(
     assert wanted.args == [here]
     assert here.read_bytes() == b"samples"
     archive.unlink()
+    os.utime(here, (1e9, 2e9))
     with qtbot.waitSignal(app.open_log, timeout=WAIT):  # the copy stays
         button(page, "history_log_button").click()
+    assert here.stat().st_atime > 1.7e9  # and is now the most recently used one
+    assert here.stat().st_mtime == 2e9
     page.refresh()
     qtbot.waitUntil(lambda: not page.busy, timeout=WAIT)
     assert len(rows(page)) == 2

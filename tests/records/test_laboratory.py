@@ -30,5 +30,5 @@ def test_a_wrong_date_names_its_entry(tmp_path: Path, due: object) -> None:
     path = tmp_path / "station.toml"
     entries = {"bench": {}, "instruments": [{"name": "table", "due": due}]}
     path.write_text(tomli_w.dumps({**STATION, **entries}), encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"instruments\[0\]\.due: .*is not a date.*YYYY-MM-DD"):
+    with pytest.raises(ConfigurationError, match=r"instruments\[.table.\]\.due: .*is not a date.*YYYY-MM-DD"):
         load_station(path)

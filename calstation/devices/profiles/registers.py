@@ -24,7 +24,7 @@ from calstation.devices.codecs import (
 from calstation.devices.profiles.entries import LAST_ADDRESS, Address, Scale
 from calstation.messages import Text
 from calstation.physics import AXES, EFFECT_PARAMETERS, EFFECTS, GROUPS, NAMES, PARAMETERS
-from calstation.schema import EntryError, StrictModel, entry, near_miss
+from calstation.schema import EntryError, StrictModel, entry, field_name, near_miss
 
 #: Number of standard deviations of its prior up to which a parameter must fit its register.
 _MAX_SIGMAS = 3.0
@@ -153,7 +153,7 @@ def check_registers(
     for a, b in pairwise(ordered):
         if a.page == b.page and b.address < a.end:
             place = ("registers", b.row, "address")
-            other = f"registers[{a.row}]"
+            other = field_name(("registers", a.row))
             raise EntryError("profile.registers_overlap", *place, mine=b.label, other=other, at=a.label)
     seen: dict[str, RegisterEntry] = {}
     for register in ordered:

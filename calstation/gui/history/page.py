@@ -8,7 +8,7 @@ from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShor
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import computer_user
-from calstation.database import export_shared_runs, fetch_log, fetch_result, load_shared_results
+from calstation.database import export_shared_runs, fetch_log, fetch_result, load_shared_results, note_use
 from calstation.errors import InputError
 from calstation.gui.history.comparison import MAX_COMPARED, RunComparison
 from calstation.gui.history.details import Actions, RunDetails
@@ -234,6 +234,8 @@ class HistoryPage(Page):
         if run is None:
             return
         if run.log.exists():
+            if run.origin:
+                note_use(run.log)
             self.app.open_log.emit(run.log)
         else:
             self._logs.watch(self.app.job_queue.submit(fetch_log, run))

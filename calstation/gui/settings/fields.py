@@ -15,7 +15,7 @@ from calstation.gui.settings.drafts import Draft
 from calstation.gui.text import bind, on_language_change, say, show, term, with_minus, without_minus
 from calstation.gui.widgets import Item, Words, column, enable, label, row, show_text, theme
 from calstation.messages import known
-from calstation.schema import KeyPath, Problem, field_name
+from calstation.schema import KeyPath, Problem
 
 
 class WordEdit(QLineEdit):
@@ -376,7 +376,7 @@ def problem_text(problem: Problem) -> str:
 def problem_text_with_name(problem: Problem) -> str:
     """Return the text of a problem with the name of its field, for display away from the field."""
     if known(f"field.{problem.kind}") and problem.place:
-        return f"{field_name(problem.place)}: {problem_text(problem)}"
+        return f"{problem.name}: {problem_text(problem)}"
     return show(problem.as_text)
 
 
