@@ -4,6 +4,7 @@ import tomllib
 from typing import Any
 
 import pytest
+from PySide6.QtWidgets import QPushButton
 from pytestqt.qtbot import QtBot
 
 from calstation.config import library, with_one_unit, with_slots
@@ -62,6 +63,12 @@ def test_an_operator_reads_the_slots_only(operator: FormDriver) -> None:
     button = operator.page.imus._several
     assert not button.isEnabled()
     assert "engineer" in button.toolTip()
+    draft = operator.page.drafts.station
+    draft.rewrite(with_slots(draft.text))
+    assert operator.shown("1", "Slot") == "1"
+    operator.click("1", "Slot", twice=True)
+    assert operator.table.indexWidget(operator.index("1", "Slot")) is None
+    assert not operator.find(QPushButton, "slots_add_button").isEnabled()
 
 
 def test_the_bench_has_a_field_for_the_number_of_its_units(forms: FormDriver) -> None:
