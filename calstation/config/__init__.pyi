@@ -25,7 +25,6 @@ from .forms import FormCell as FormCell
 from .forms import FormColumn as FormColumn
 from .forms import FormRow as FormRow
 from .forms import cells_with_problem as cells_with_problem
-from .forms import new_register as new_register
 from .laboratory import InstrumentSection as InstrumentSection
 from .laboratory import LaboratorySection as LaboratorySection
 from .laboratory import ReportSection as ReportSection
@@ -68,9 +67,13 @@ from .site_check import site_advice as site_advice
 from .site_check import this_computer as this_computer
 from .site_check import unconfirmed_latitude as unconfirmed_latitude
 from .site_check import unconfirmed_site as unconfirmed_site
+from .slot_form import SLOTS as SLOTS
+from .slot_form import with_one_unit as with_one_unit
+from .slot_form import with_slots as with_slots
 from .slots import MAX_UNITS as MAX_UNITS
 from .slots import SlotSection as SlotSection
 from .slots import at_slot as at_slot
+from .slots import takes_one_unit as takes_one_unit
 from .station import DEFAULT_PRODUCT as DEFAULT_PRODUCT
 from .station import DEFAULT_STATION as DEFAULT_STATION
 from .station import MANUAL_STATION as MANUAL_STATION

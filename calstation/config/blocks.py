@@ -1,5 +1,6 @@
 """The tables of a TOML text as blocks of lines, so that a table is added, removed or moved with the comments on it."""
 
+import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +17,8 @@ from calstation.schema import KeyPath
 class _Block:
     """The comments directly above a table's header, the header, and the lines up to the next block.
 
-    A block without a table, `path` None, is what precedes the first header, or a comment on several tables.
+    A block without a table, `path` None, is what precedes the first header, a comment on several tables, or comments at
+    the end of a table, after an empty line, unless the next entry of the same list follows.
     """
 
     path: KeyPath | None  #: Keys in the header, with the number of the entry after the key of a list of tables.
@@ -69,6 +71,23 @@ def add_value(text: str, path: KeyPath, key: str, value: Any) -> str:
     )
 
 
+def replace_header(text: str, path: KeyPath, header: str, first: Mapping[str, Any]) -> str:
+    """Give a table that has a header another one, and its subtables accordingly; `first` are values to put first."""
+    lines: list[str] = []
+    for block in _blocks(text):
+        if not block.inside(path):
+            lines += block.lines
+            continue
+        assert block.path is not None
+        number = next(i for i, line in enumerate(block.lines) if line.lstrip().startswith("["))
+        key, below = header.strip("[]"), block.path[len(path) :]
+        own = f"[{'.'.join((key, *map(str, below)))}]" if below else header
+        values = () if below or not first else (tomlkit.dumps(first),)
+        written = re.sub(r"\[+[^\]]*\]+", own, block.lines[number], count=1)
+        lines += (*block.lines[:number], *_ended((written,)), *values, *block.lines[number + 1 :])
+    return "".join(lines)
+
+
 def arrange_entries(text: str, key: str, order: Sequence[int | Mapping[str, Any]]) -> str:
     """Arrange the entries of a list of tables: each is the number of a present entry, or the values of a new one.
 
@@ -107,8 +126,21 @@ def _blocks(text: str) -> list[_Block]:
         if n == alike[0] and len(alike) > 1 and all(starts[k] == headers[k] for k in alike[1:]):
             blocks.append(_Block(None, tuple(lines[start:header])))  # the only comment is on all of them
             start = header
-        blocks.append(_Block(path, tuple(lines[start:end])))
+        last = n + 1 == len(paths) or paths[n + 1][0] != path[0]
+        own = _own_end(lines, header, end) if last else end
+        blocks.append(_Block(path, tuple(lines[start:own])))
+        if own < end:
+            blocks.append(_Block(None, tuple(lines[own:end])))
     return blocks
+
+
+def _own_end(lines: Sequence[str], header: int, end: int) -> int:
+    """Return the number of the first line before `end` that only comments follow, after an empty line; else `end`."""
+    free = end
+    while free > header + 1 and (not lines[free - 1].strip() or lines[free - 1].lstrip().startswith("#")):
+        free -= 1
+    free = next((i for i in range(free, end) if not lines[i].strip()), end)
+    return next((i for i in range(free, end) if lines[i].strip()), end)
 
 
 def _start(lines: Sequence[str], header: int) -> int:

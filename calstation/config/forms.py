@@ -46,6 +46,7 @@ class FormCell:
     kind : input: a number; a text; names separated by commas; or one of `choices`, None for an entry left out
     end : 0 for the lowest value of an interval, 1 for the highest
     magnitude : whether the interval may also be one number, which stands for ± that number
+    component : 0 to 2 for a component of a vector, each of which is 0 if the file has none
     default : value that holds if the file has none
     """
 
@@ -54,16 +55,17 @@ class FormCell:
     kind: Literal["number", "text", "names", "choice"] = "number"
     end: int | None = None
     magnitude: bool = False
+    component: int | None = None
     choices: tuple[Any, ...] = ()
     default: Any = None
 
     def value(self, get: Get) -> Any:
         """Return the value in the file, None if there is none."""
-        value = get(self.place)
-        if self.end is None:
+        value, part = get(self.place), self._part
+        if part is None:
             return value
         if isinstance(value, list):
-            return value[self.end] if self.end < len(value) else None
+            return value[part] if part < len(value) else None
         return -value if self.end == 0 and isinstance(value, float | int) else value
 
     def stated(self, get: Get) -> bool:
@@ -91,11 +93,17 @@ class FormCell:
         A text that is not a number is stored as it is, so that the check of the file reports it.
         """
         value = self._parsed(entered)
+        if self.component is not None and value is None:
+            value = 0.0
         if value == self._parsed(self.shown(get)):
             return {}
+        present = get(self.place)
+        if self.component is not None:
+            if isinstance(present, list) and len(present) == 3:
+                return {(*self.place, self.component): value}
+            return {self.place: [value if axis == self.component else 0.0 for axis in range(3)]}
         if self.end is None:
             return {self.place: value}
-        present = get(self.place)
         if self.magnitude and not isinstance(present, list) and (self.end == 1 or value is None):
             return {self.place: value} if self.end == 1 else {}
         if isinstance(present, list) and len(present) == 2 and value is not None:
@@ -116,9 +124,14 @@ class FormCell:
 
     def concerns(self, problem: Problem) -> bool:
         """Whether a problem is one of this value."""
-        length = len(self.place)
+        length, part = len(self.place), self._part
         inside = problem.place[:length] == self.place
-        return inside and (self.end is None or problem.place[length : length + 1] in ((), (self.end,)))
+        return inside and (part is None or problem.place[length : length + 1] in ((), (part,)))
+
+    @property
+    def _part(self) -> int | None:
+        """Number of the element of a list, None for the whole value."""
+        return self.end if self.component is None else self.component
 
     def _parsed(self, entered: Any) -> Any:
         """Return the value of the file for a text or choice, None for an empty text."""
@@ -149,10 +162,11 @@ class FormRow:
 
 @dataclass(frozen=True)
 class FormColumn:
-    """A column of a form; `key` selects its heading, which may contain the name of a stage."""
+    """A column of a form; `key` selects its heading, which may contain the name of a stage and a unit."""
 
     key: str
     stage: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -162,7 +176,7 @@ class Form:
     roots : entries that contain the values
     names : kind of the names of its rows
     offered : names of the rows that can be added; the first root is the entry of each
-    listed : whether the rows are the entries of a list in order
+    new_entry : returns a new entry if the rows are the entries of a list in order; gets the model of a valid file
     """
 
     name: str
@@ -172,7 +186,12 @@ class Form:
     rows: Callable[[Get], list[FormRow]]
     names: Literal["parameter", "key", "number"]
     offered: tuple[str, ...] = ()
-    listed: bool = False
+    new_entry: Callable[[Get, BaseModel | None], dict[str, Any]] | None = None
+
+    @property
+    def listed(self) -> bool:
+        """Whether the rows are the entries of a list in order."""
+        return self.new_entry is not None
 
     def unreadable(self, problems: Sequence[Problem]) -> Problem | None:
         """Return a problem that leaves nothing to show in the form, None if there is none."""
@@ -202,7 +221,7 @@ def _number(text: str) -> float:
         return float(text)
 
 
-def _cell(kind: str, place: KeyPath, unit: Unit = _PLAIN, **more: Any) -> FormCell:
+def cell_of(kind: str, place: KeyPath, unit: Unit = _PLAIN, **more: Any) -> FormCell:
     """Make the cell for an entry, with choices and default from the model of the file."""
     field = field_of(kind, place)
     cell = FormCell(place, unit, **more)
@@ -249,10 +268,10 @@ def _limit_rows(get: Get) -> list[FormRow]:
     rows = []
     for name in dict.fromkeys((*_keys(get(("limits",))), *_keys(get(("targets",))))):
         unit, place = _unit(name), ("limits", name)
-        ends = (_cell("products", (*place, "within"), unit, end=end, magnitude=True) for end in (0, 1))
+        ends = (cell_of("products", (*place, "within"), unit, end=end, magnitude=True) for end in (0, 1))
         after = ((*place, "sigma_below_after", stage) for stage in _limit_stages(get))
         sigmas = ((*place, "sigma_below"), *after, ("targets", name))
-        cells: tuple[FormCell | str, ...] = (unit[0], *ends, *(_cell("products", sigma, unit) for sigma in sigmas))
+        cells: tuple[FormCell | str, ...] = (unit[0], *ends, *(cell_of("products", sigma, unit) for sigma in sigmas))
         rows.append(FormRow(name, cells, (place, ("targets", name))))
     return rows
 
@@ -273,7 +292,7 @@ def _noise_rows(get: Get) -> list[FormRow]:
         ("stream", "accel_quantisation"): accel,
         ("stream", "order"): "",
     }
-    cells = [_cell("imus", place, unit_of(unit)) for place, unit in units.items()]
+    cells = [cell_of("imus", place, unit_of(unit)) for place, unit in units.items()]
     return [FormRow(str(cell.place[-1]), (cell, cell.unit[0])) for cell in cells]
 
 
@@ -282,7 +301,7 @@ def _prior_rows(get: Get) -> list[FormRow]:
     for name in dict.fromkeys((*_keys(get(("prior",))), *_keys(get(("stability",))))):
         unit = _unit(name)
         places = (("prior", name, "sigma"), ("stability", name, "power_up"), ("stability", name, "year"))
-        cells: tuple[FormCell | str, ...] = (unit[0], *(_cell("imus", place, unit) for place in places))
+        cells: tuple[FormCell | str, ...] = (unit[0], *(cell_of("imus", place, unit) for place in places))
         rows.append(FormRow(name, cells, (("prior", name), ("stability", name))))
     return rows
 
@@ -309,13 +328,13 @@ def _register_cells(get: Get, place: KeyPath) -> Iterator[FormCell | str]:
         if key == "unit":
             yield unit[0]
         elif key in ("lowest", "highest"):
-            yield _cell("imus", (*place, "range"), unit, end=int(key == "highest"))
+            yield cell_of("imus", (*place, "range"), unit, end=int(key == "highest"))
         elif not formula and key in ("major", *_CONVENTION):
             yield ""
         elif key in _CONVENTION:
-            yield _cell("imus", (*place, "convention", key))
+            yield cell_of("imus", (*place, "convention", key))
         else:
-            cell = _cell("imus", (*place, key), unit if key == "tolerance" else _PLAIN)
+            cell = cell_of("imus", (*place, key), unit if key == "tolerance" else _PLAIN)
             kind: Any = {"parameters": "names", "type": "text"}.get(key, cell.kind)
             offers = {"parameters": _CONTENTS, "type": _TYPES}.get(key, cell.choices)
             span = None if key == "span" else cell.default  # the default depends on the protocol
@@ -335,7 +354,7 @@ def _unit_of_content(name: str) -> Unit:
     return _unit(f"{sensor}_bias" if slot.startswith("offset") else name)
 
 
-def new_register(profile: BaseModel | None) -> dict[str, Any]:
+def _new_register(_: Get, profile: BaseModel | None) -> dict[str, Any]:
     """Return a new entry of the register map, at the address after the last one; it stays 0 until it gets a name."""
     if not isinstance(profile, ImuProfile) or not profile.registers:
         return {"address": 0, "parameters": [""], "range": [-1.0, 1.0]}
@@ -375,5 +394,7 @@ FORMS = (
         "parameter",
         (*GROUPS, *NAMES),
     ),
-    Form("registers", "imus", (("registers",),), _columns(*_REGISTER), _register_rows, "number", listed=True),
+    Form(
+        "registers", "imus", (("registers",),), _columns(*_REGISTER), _register_rows, "number", new_entry=_new_register
+    ),
 )

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator
 
 from calstation.config import library
 from calstation.devices.links import SOCKETS, host_and_port
-from calstation.devices.profiles import SerialSettings, load_table_profile
+from calstation.devices.profiles import SerialSettings, TableProfile, load_table_profile
 from calstation.errors import ConfigurationError
 from calstation.schema import EntryError, StrictModel, near_miss
 
@@ -70,9 +70,9 @@ class SlotSection(DeviceSection):
     @field_validator("lever_m")
     @classmethod
     def _on_the_table(cls, lever: list[float]) -> list[float]:
-        for value in lever:
+        for component, value in enumerate(lever):
             if abs(value) > _LARGEST_LEVER:
-                raise EntryError("station.lever_too_long", value=value, most=_LARGEST_LEVER)
+                raise EntryError("station.lever_too_long", component, value=value, most=_LARGEST_LEVER)
         return lever
 
     @field_validator("orientation")
@@ -102,11 +102,22 @@ def check_slots(station: "StationConfig") -> None:
             raise EntryError("station.slot_case", "slots", number, "name", name=slot.name, other=other)
     with suppress(ConfigurationError):  # reported with the profile itself
         table = load_table_profile(library.find("tables", station.table.profile))
-        if table.by_hand or table.gimbal is not None or table.protocol == "imu_link":
+        if _takes_one(table):
             raise EntryError("station.slots_need_table", "table", "profile", profile=table.name)
         for number, slot in enumerate(station.slots):
             if table.outer_lever == "fixed" and any(slot.lever_m):
                 raise EntryError("station.lever_fixed", "slots", number, "lever_m", profile=table.name)
+
+
+def takes_one_unit(profile: str) -> bool:
+    """Whether a table of this profile takes a single unit; False if the profile cannot be read."""
+    with suppress(ConfigurationError):
+        return _takes_one(load_table_profile(library.find("tables", profile)))
+    return False
+
+
+def _takes_one(table: TableProfile) -> bool:
+    return table.by_hand or table.gimbal is not None or table.protocol == "imu_link"
 
 
 def _check_units(station: "StationConfig") -> None:

@@ -421,10 +421,10 @@ def table_defaults(profile: str) -> LinkDefaults | None:
     return LinkDefaults(table.serial, table.timeout_s, table.unit, table.by_hand)
 
 
-def imu_defaults(product: Path | None) -> LinkDefaults | None:
-    """Return the link settings of a product's IMU, or None if it has no valid profile."""
+def imu_defaults(product: Path | None, profile: str | None = None) -> LinkDefaults | None:
+    """Return the link settings of an IMU profile, by default the product's, or None if it has no valid one."""
     try:
-        imu = load_imu_profile(library.find("imus", load_product(product)[1].imu))
+        imu = load_imu_profile(library.find("imus", profile or load_product(product)[1].imu))
     except ConfigurationError:
         return None
     return LinkDefaults(imu.link, imu.timeout_s, None)

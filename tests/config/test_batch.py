@@ -56,7 +56,7 @@ def batch(site_folder: SiteFolder, *serials: str) -> RunRequest:
         ({"slots": [{**SLOTS[0], "orientation": "x+z"}]}, 'slots["A"].orientation', "station.not_an_orientation"),
         ({"slots": [{**SLOTS[0], "name": "slot 1"}]}, 'slots["slot 1"].name', "station.slot_name"),
         ({"slots": [SLOTS[0], {**SLOTS[1], "name": "a"}]}, 'slots["a"].name', "station.slot_case"),
-        ({"slots": [{**SLOTS[0], "lever_m": [0.1, -150.0, 0.0]}]}, 'slots["A"].lever_m', "station.lever_too_long"),
+        ({"slots": [{**SLOTS[0], "lever_m": [0.1, -150.0, 0.0]}]}, 'slots["A"].lever_m[2]', "station.lever_too_long"),
         ({"slots": [SLOTS[0], {"port": PORTS[1]}]}, "slots[2].name", "entry.missing"),
         ({"slots": [{"name": f"N{n}", "port": f"/dev/tty{n}"} for n in range(17)]}, "slots", "station.too_many_slots"),
         ({"table": {"profile": "hand_rails"}, "slots": [{"name": "A"}]}, "table.profile", "station.slots_need_table"),

@@ -69,7 +69,7 @@ class PageDriver:
 
     def findings(self, device: str) -> list[str]:
         """Wait for a connection test; the sentences of what it found."""
-        panel = (self.page.table_link if device == "table" else self.page.imu_link).test
+        panel = (self.page.table_link if device == "table" else self.page.imus.link).test
         self._bot.waitUntil(lambda: panel.report is not None, timeout=60_000)
         labels = panel._lines.findChildren(QLabel)
         return [label.text() for label in labels if label.text()]

@@ -469,7 +469,7 @@ def test_an_operator_can_reset_a_latched_fault(
 def test_a_usb_adapter_is_chosen_by_its_serial_number(page_driver: PageDriver) -> None:
     page_driver.copy_station("line_3")
     page_driver.show_section(IMU_LINK)
-    link = page_driver.page.imu_link
+    link = page_driver.page.imus.link
     page_driver._bot.waitUntil(lambda: not link.searching.busy, timeout=30_000)
     ports = (
         FoundPort("/dev/ttyUSB4", "FT232R USB UART", "FTDI", "A9XYZ", "1-2", "usb:A9XYZ"),

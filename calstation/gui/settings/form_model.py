@@ -10,7 +10,7 @@ from PySide6.QtGui import QColor
 from calstation.config import Form, FormCell, FormColumn, FormRow, cells_with_problem
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import problem_text
-from calstation.gui.text import parameter_text, say, term
+from calstation.gui.text import parameter_text, say, term, with_minus
 from calstation.gui.widgets import Column, ParameterModel, align_columns, theme
 from calstation.messages import known
 from calstation.schema import Problem
@@ -117,13 +117,16 @@ class FormModel(ParameterModel):
 
     def choice_text(self, cell: FormCell, value: Any) -> str:
         """Return the text of a choice."""
-        return term("form", f"{cell.place[-1]}_{value}")
+        key = cell.place[-1]
+        if key == "orientation":
+            return say("form.mounting", name=value, x=with_minus(value[:2]), z=with_minus(value[2:]))
+        return say(f"form.{key}_{value}") if known(f"form.{key}_{value}") else str(value)
 
     def _column(self, number: int, each: FormColumn) -> Column:
         cells = [row.cells[number] for row in self.rows]
         numbers = any(isinstance(cell, FormCell) and cell.kind == "number" for cell in cells)
         return Column(
-            partial(self._heading, each),
+            partial(self._heading_with_unit, each),
             lambda name: self._texts[name][str(number)],
             number=numbers,
             state=lambda name: "bad" if self._problem(name, number) else None,
@@ -155,7 +158,7 @@ class FormModel(ParameterModel):
         if problem is not None:
             return self.describe(problem)
         cell = self._row(name).cells[number]
-        if isinstance(cell, FormCell) and cell.kind == "names":
+        if isinstance(cell, FormCell) and (cell.kind == "names" or cell.place[-1] == "orientation"):
             return self._text(cell)  # may be too long for the column
         return self.locked or self._about(self._form_columns[number])
 
@@ -169,6 +172,10 @@ class FormModel(ParameterModel):
 
     def _heading(self, each: FormColumn) -> str:
         return term("form", each.key, stage=each.stage)
+
+    def _heading_with_unit(self, each: FormColumn) -> str:
+        heading = self._heading(each)
+        return say("form.in_unit", name=heading, unit=each.unit) if each.unit else heading
 
     def _about(self, each: FormColumn) -> str:
         return say(f"form.about_{each.key}") if known(f"form.about_{each.key}") else ""

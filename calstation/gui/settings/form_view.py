@@ -19,7 +19,6 @@ from calstation.config import (
     FormCell,
     arrange_entries,
     cells_with_problem,
-    new_register,
 )
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import ChoiceBox, EditableBox, WordEdit
@@ -59,6 +58,7 @@ class _Delegate(QStyledItemDelegate):
             box = ChoiceBox(lambda: [(value, model.choice_text(cell, value)) for value in cell.choices])
             box.setParent(parent)
             box.typed.connect(lambda: self._done(box))
+            box.view().setMinimumWidth(box.view().sizeHintForColumn(0) + _ARROW)  # the column may be narrower
             return box
         if cell.choices:
             typed = EditableBox()
@@ -236,9 +236,9 @@ class FormView(QWidget):
     def _add(self) -> None:
         draft = self._draft
         assert draft is not None
-        if self.form.listed:
+        if self.form.new_entry is not None:
             number = len(self.model.rows)
-            self._arrange([*range(number), new_register(draft.model)])
+            self._arrange([*range(number), self.form.new_entry(draft.value, draft.model)])
         else:
             name = self._offer.value()
             draft.set({(*self.form.roots[0], name): {}})

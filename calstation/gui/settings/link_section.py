@@ -7,7 +7,15 @@ from typing import Any
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
-from calstation.config import DEFAULT_PRODUCT, LinkDefaults, StationConfig, imu_defaults, library, table_defaults
+from calstation.config import (
+    DEFAULT_PRODUCT,
+    LinkDefaults,
+    StationConfig,
+    at_slot,
+    imu_defaults,
+    library,
+    table_defaults,
+)
 from calstation.connection import FoundPort, LinkTestRequest, check_imu_link, check_table_link, discover_ports
 from calstation.errors import CalstationError
 from calstation.gui.settings.drafts import Draft
@@ -41,6 +49,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import Finding, Report
+from calstation.schema import KeyPath
 
 #: Address schemes of the network connections, and the usual port number of each.
 _NETWORK = {"tcp": 502, "socket": 4001}
@@ -49,11 +58,12 @@ _SERIAL_KEYS = {"baud", "data_bits", "parity", "stop_bits"}
 
 
 class LinkSection(Section):
-    """Edits the link to the ``table`` or ``imu`` in the draft of a station."""
+    """Edits the link to the ``table`` or ``imu`` in the draft of a station, or that of the unit in a slot, from 0."""
 
-    def __init__(self, app: AppContext, device: str, draft: Draft) -> None:
+    def __init__(self, app: AppContext, device: str, draft: Draft, slot: int | None = None) -> None:
         super().__init__()
         self._app, self._device, self._draft = app, device, draft
+        self._place: KeyPath = (device,) if slot is None else ("slots", slot)
         #: The address typed last for each kind of connection.
         self._last: dict[str, str] = {}
         self._searched = False
@@ -67,12 +77,10 @@ class LinkSection(Section):
         self.port_box = PortBox()
         self.search_button = button(f"{device}_search_button", lambda: self.tr("Look for ports again"), self.search)
         self.searching = JobWatch(self, self._found, self._not_found)
-        self.test = TestPanel(app, device, self._station)
+        self.test = TestPanel(app, device, self._station, self._slot)
         self._make_form()
-        heading = label(
-            lambda: self.tr("Link to the table") if device == "table" else self.tr("Link to the IMU"), "section"
-        )
-        left = column(heading, self._note, self._form, None)
+        self._heading = label(kind="section", wrap=True)
+        left = column(self._heading, self._note, self._form, None)
         row(left, (self.test, 1), on=self, spacing=3 * theme.GRID)
         draft.changed.connect(self.refresh)
         app.product_changed.connect(self.refresh)
@@ -80,13 +88,13 @@ class LinkSection(Section):
 
     def _make_form(self) -> None:
         draft, device = self._draft, self._device
-        port, serial = (device, "port"), (device, "serial")
+        port, serial = (*self._place, "port"), (*self._place, "serial")
         schemes = _NETWORK if device == "table" else {"socket": _NETWORK["socket"]}
         self._ports = {"serial": Field(draft, port, self.port_box, hint=self._port_hint)}
         for scheme, number in schemes.items():
             self._ports[scheme] = Field(draft, port, AddressEdit(scheme, number), name="address")
         self._timeout_edit, self._unit_edit = NumberEdit(), NumberEdit()
-        timeout = Field(draft, (device, "timeout_s"), self._timeout_edit)
+        timeout = Field(draft, (*self._place, "timeout_s"), self._timeout_edit)
         self._unit = Field(draft, ("table", "unit"), self._unit_edit)
         self._line_fields = [
             Field(draft, (*serial, "baud"), NumberBox(_BAUDS)),
@@ -122,20 +130,21 @@ class LinkSection(Section):
         """Show the draft."""
         draft, table = self._draft, self._device == "table"
         profile = str(draft.value(("table", "profile")) or "")
-        self._defaults = defaults = table_defaults(profile) if table else imu_defaults(self._app.product_path)
+        self._defaults = defaults = table_defaults(profile) if table else self._imu_defaults()
+        self._heading.setText(self._title())
         by_hand = defaults is not None and defaults.by_hand
         fixed = by_hand or draft.value(("bench",)) is not None
         self._note.setText(say("setting.no_link_by_hand" if by_hand else "setting.no_link_of_bench"))
         self._note.setVisible(fixed)
         self._form.setVisible(not fixed)
-        port = str(draft.value((self._device, "port")) or "")
+        port = str(draft.value((*self._place, "port")) or "")
         scheme = port.partition("://")[0]
         way = scheme if scheme in self._ports else "serial"
         if port:
             self._last[way] = port
         else:
             way = self.way_box.value() or way
-        own = draft.value((self._device, "serial")) is not None
+        own = draft.value((*self._place, "serial")) is not None
         for box, value in ((self.way_box, way), (self.own_box, own)):
             box.fill()
             box.show_value(value)
@@ -151,6 +160,24 @@ class LinkSection(Section):
         self._unit.setVisible(modbus)
         self.test.refresh()
 
+    def _title(self) -> str:
+        if self._device == "table":
+            return self.tr("Link to the table")
+        slot = self._slot()
+        return self.tr("Link to the IMU") if slot is None else self.tr("Link to the unit in slot {0}").format(slot)
+
+    def _slot(self) -> str | None:
+        """Return the name of the slot, None for a device that has none."""
+        return None if self._place == (self._device,) else str(self._draft.value((*self._place, "name")) or "")
+
+    def _imu_defaults(self) -> LinkDefaults | None:
+        product, profile = (self._draft.value((*self._place, key)) for key in ("product", "imu"))
+        own = product in library.names("products")
+        return imu_defaults(
+            library.find("products", product) if own else self._app.product_path,
+            profile if profile in library.names("imus") else None,
+        )
+
     def _station(self) -> StationConfig | None:
         model = self._draft.model
         return model if isinstance(model, StationConfig) else None
@@ -158,12 +185,12 @@ class LinkSection(Section):
     def _choose_way(self) -> None:
         """Change the kind of connection; restore the address typed last for it."""
         way = self.way_box.value()
-        self._draft.set({(self._device, "port"): self._last.get(way)})
+        self._draft.set({(*self._place, "port"): self._last.get(way)})
         self.refresh()
         self._ports[way].editor.setFocus()
 
     def _choose_own(self) -> None:
-        place = (self._device, "serial")
+        place = (*self._place, "serial")
         if not self.own_box.value():
             self._draft.set({place: None})
         elif self._defaults is not None:
@@ -204,13 +231,22 @@ _LATCHED = ("fault", "fault_untold")
 
 
 class TestPanel(QFrame):
-    """Tests the link to the ``table`` or ``imu``; `station` returns None while the typed values are invalid."""
+    """Tests the link to the ``table`` or ``imu``.
+
+    `station` returns None while the typed values are invalid, and `slot` the slot of the IMU if the station has slots.
+    """
 
     __test__ = False  # not a pytest class
 
-    def __init__(self, app: AppContext, device: str, station: Callable[[], StationConfig | None]) -> None:
+    def __init__(
+        self,
+        app: AppContext,
+        device: str,
+        station: Callable[[], StationConfig | None],
+        slot: Callable[[], str | None],
+    ) -> None:
         super().__init__()
-        self._app, self._device, self._station = app, device, station
+        self._app, self._device, self._station, self._slot = app, device, station, slot
         self.report: Report | None = None
         #: The settings that were tested.
         self._tested: tuple[object, ...] = ()
@@ -247,12 +283,12 @@ class TestPanel(QFrame):
         self._lines = QWidget()
         self._list = column(None, on=self._lines, margins=(0, 0, theme.GRID, 0))
         caption = label(lambda: self.tr("Expected: the IMU of product"), buddy=self.product_box)
-        for widget in (caption, self.product_box):
-            widget.setVisible(self._device == "imu")
+        self._expected = QWidget()
+        row(caption, (self.product_box, 1), on=self._expected)
         column(
             label(lambda: self.tr("Connection test"), "section"),
             label(lambda: say("setting.about_test"), "muted", wrap=True),
-            row(caption, (self.product_box, 1)),
+            self._expected,
             self.button,
             self._progress,
             self._note,
@@ -277,6 +313,9 @@ class TestPanel(QFrame):
         if shown and (station is None or self._settings(station) != self._tested):
             self.reset.forget()
             self._clear()
+        slots = () if station is None else station.slots
+        own = any(slot.name == self._slot() and slot.product for slot in slots)
+        self._expected.setVisible(self._device == "imu" and not own)
         reason = ""
         if self._app.engine_link.running:
             reason = self.tr("A run is going on; test when it has ended.")
@@ -302,15 +341,17 @@ class TestPanel(QFrame):
     def _request(self) -> LinkTestRequest | None:
         """Return the station and the product whose IMU is expected, None while the typed values are invalid."""
         station = self._station()
-        return None if station is None else LinkTestRequest(station, self._product())
+        return None if station is None else LinkTestRequest(station, self._product(), self._slot())
 
     def _product(self) -> Path:
         return library.find("products", self.product_box.value())
 
     def _settings(self, station: StationConfig) -> tuple[object, ...]:
         """Return the settings that a test depends on."""
-        link = station.table if self._device == "table" else (station.imu, station.site, self._product())
-        return (link, station.bench)
+        if self._device == "table":
+            return (station.table, station.bench)
+        unit = at_slot(station, self._slot())
+        return (unit.imu, unit.site, self._product(), unit.bench)
 
     def _follow_product(self) -> None:
         chosen = self._app.product_path

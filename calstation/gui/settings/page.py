@@ -11,6 +11,7 @@ from calstation.config import DEFAULT_STATION, editing, library
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Drafts
 from calstation.gui.settings.fields import problem_text_with_name
+from calstation.gui.settings.imu_section import ImuSection
 from calstation.gui.settings.link_section import LinkSection
 from calstation.gui.settings.personal_section import PersonalSection
 from calstation.gui.settings.profiles_section import NewFileBar, ProfilesSection
@@ -41,7 +42,7 @@ _LINK = ("port", "timeout_s", "serial")
 _SECTION_KEYS: tuple[tuple[KeyPath, ...], ...] = (
     (("name",), ("table", "profile"), ("handover",), ("bench",)),
     (*(("table", key) for key in _LINK), ("table", "unit")),
-    tuple(("imu", key) for key in _LINK),
+    (*(("imu", key) for key in _LINK), ("slots",)),
     (("site",),),
     (("records",),),
 )
@@ -61,13 +62,13 @@ class StationPage(Page):
         self._new_bar.made.connect(lambda _, path: self._use(path))
         self.header = self._make_header()
         self.table_link = LinkSection(app, "table", self.drafts.station)
-        self.imu_link = LinkSection(app, "imu", self.drafts.station)
+        self.imus = ImuSection(app, self.drafts.station)
         self.profiles = ProfilesSection(app, self.drafts)
         self.personal = PersonalSection(app)
         self._sections = (
             StationSection(self.drafts),
             self.table_link,
-            self.imu_link,
+            self.imus,
             SiteSection(self.drafts.station),
             RecordsSection(app, self.drafts.station),
             TableSection(self.drafts.table),
@@ -227,7 +228,7 @@ class StationPage(Page):
         names = (
             self.tr("Station"),
             self.tr("Link to the table"),
-            self.tr("Link to the IMU"),
+            self.imus.title,
             self.tr("Site"),
             self.tr("Shared records"),
             self.tr("Table"),
@@ -243,7 +244,7 @@ class StationPage(Page):
     def _show_section(self, number: int) -> None:
         self._stack.setCurrentIndex(number)
         section = self._sections[number]
-        if isinstance(section, LinkSection):
+        if isinstance(section, LinkSection | ImuSection):
             section.search()
 
     def _open(self) -> None:

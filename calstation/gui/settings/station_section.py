@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QFileDialog, QFormLayout, QWidget
 
 from calstation.config import is_manual_table, library, versions
 from calstation.gui.settings.drafts import Drafts
-from calstation.gui.settings.fields import ChoiceBox, Field, Row, Section, panel
+from calstation.gui.settings.fields import ChoiceBox, Field, NumberEdit, Row, Section, panel
 from calstation.gui.text import on_language_change, say, with_minus
 from calstation.gui.widgets import StateBadge, button, column, label, row, theme
 
@@ -21,8 +21,11 @@ class StationSection(Section):
         super().__init__()
         self._draft = draft = drafts.station
         profiles = ChoiceBox(lambda: [(name, name) for name in library.names("tables")])
+        units = NumberEdit()
+        units.setPlaceholderText("1")
         self._bench_fields = [
-            Field(draft, ("bench", key), default=default) for key, default in (("seed", 1), ("speed", 0))
+            *(Field(draft, ("bench", key), default=default) for key, default in (("seed", 1), ("speed", 0))),
+            Field(draft, ("bench", "units"), units),
         ]
         left = column(
             label(lambda: self.tr("Station"), "section"),
@@ -58,6 +61,8 @@ class StationSection(Section):
         by_hand = is_manual_table(str(self._draft.value(("table", "profile")) or ""))
         for field in self._bench_fields:
             field.setVisible(bench)
+        counted = self._draft.value(("slots",)) and self._draft.value(("bench", "units")) is None
+        self._bench_fields[-1].setVisible(bench and not counted)
         self.badge.show_state("none", self.tr("Virtual bench") if bench else self.tr("Hardware"))
         self._kind.setText(say(f"setting.station_{'bench' if bench else 'by_hand' if by_hand else 'hardware'}"))
         for (name, value), texts in zip(self._summary, self._summary_texts(bench, by_hand), strict=True):
@@ -68,10 +73,11 @@ class StationSection(Section):
     def _summary_texts(self, bench: bool, by_hand: bool) -> list[tuple[str, str]]:
         """Return a caption and a one-line summary of each of the other sections."""
 
-        def get(*place: str) -> str:
+        def get(*place: str | int) -> str:
             value = self._draft.value(place)
             return "–" if value is None else with_minus(f"{value:g}") if isinstance(value, float | int) else str(value)
 
+        slots = [get("slots", number, "name") for number in range(len(self._draft.value(("slots",)) or ()))]
         own = self.tr("opened by the bench")
         table = self.tr("turned by hand") if by_hand else own if bench else get("table", "port")
         position = f"{get('site', 'latitude_deg')}°, {get('site', 'longitude_deg')}°, {get('site', 'height_m')} m"
@@ -79,7 +85,7 @@ class StationSection(Section):
         azimuth = self.tr("azimuth from the data") if azimuth == "–" else self.tr("azimuth {0}°").format(azimuth)
         return [
             (self.tr("Table"), f"{get('table', 'profile')}, {table}"),
-            (self.tr("IMU"), own if bench else get("imu", "port")),
+            (self.tr("Slots"), ", ".join(slots)) if slots else (self.tr("IMU"), own if bench else get("imu", "port")),
             (self.tr("Site"), f"{position}; {azimuth}"),
             (self.tr("Gravity"), self.tr("normal") if gravity == "–" else f"{gravity} m/s²"),
         ]

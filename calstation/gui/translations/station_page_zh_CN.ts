@@ -44,6 +44,25 @@
     </message>
 </context>
 <context>
+    <name>ImuSection</name>
+    <message>
+        <source>Several units on this table</source>
+        <translation>此转台装多台产品</translation>
+    </message>
+    <message>
+        <source>Link to the IMU</source>
+        <translation>IMU 连接</translation>
+    </message>
+    <message>
+        <source>This station has further IMUs on the same body; it takes one unit.</source>
+        <translation>本工位在同一本体上还有其他 IMU，只能装一台产品。</translation>
+    </message>
+    <message>
+        <source>Several units need a driven two-axis table with a link of its own.</source>
+        <translation>多台产品需要有独立通信链路的电动双轴转台。</translation>
+    </message>
+</context>
+<context>
     <name>LinkSection</name>
     <message>
         <source>Link to the table</source>
@@ -56,6 +75,10 @@
     <message>
         <source>Look for ports again</source>
         <translation>重新查找端口</translation>
+    </message>
+    <message>
+        <source>Link to the unit in slot {0}</source>
+        <translation>装夹位 {0} 的产品连接</translation>
     </message>
     <message>
         <source>This port is not present now.</source>
@@ -359,10 +382,6 @@
         <translation>转台连接</translation>
     </message>
     <message>
-        <source>Link to the IMU</source>
-        <translation>IMU 连接</translation>
-    </message>
-    <message>
         <source>Site</source>
         <translation>站址</translation>
     </message>
@@ -436,6 +455,10 @@
     <message>
         <source>azimuth {0}°</source>
         <translation>方位角 {0}°</translation>
+    </message>
+    <message>
+        <source>Slots</source>
+        <translation>装夹位</translation>
     </message>
     <message>
         <source>Site</source>
@@ -537,6 +560,13 @@
     <message>
         <source>Confirm: the station is at this site</source>
         <translation>确认：工位就在此处</translation>
+    </message>
+</context>
+<context>
+    <name>_SlotsView</name>
+    <message>
+        <source>The station then takes one unit, with the link of this slot and the axes of the platform.</source>
+        <translation>本工位随后只装一台产品，沿用此装夹位的连接，本体轴与平台轴一致。</translation>
     </message>
 </context>
 </TS>

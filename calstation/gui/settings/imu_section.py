@@ -1,0 +1,128 @@
+"""The links to the units: that of the IMU at a station with one unit, or the slots of the table with a link each."""
+
+from PySide6.QtWidgets import QStackedWidget, QWidget
+
+from calstation.config import SLOTS, takes_one_unit, with_one_unit, with_slots
+from calstation.gui.settings.drafts import Draft
+from calstation.gui.settings.fields import Section, problem_text_with_name
+from calstation.gui.settings.form_view import FormView
+from calstation.gui.settings.link_section import LinkSection
+from calstation.gui.shell import AppContext
+from calstation.gui.text import on_language_change, say
+from calstation.gui.widgets import button, column, enable, label, row, show_text, theme
+
+#: Entries of a station file whose problems are shown below the slots.
+_ENTRIES = ("slots", "imu", "imu2", "imu3")
+
+
+class _SlotsView(FormView):
+    """The form of the slots; the last one is not removed, but becomes the only unit of the station."""
+
+    def refresh(self) -> None:
+        """Show the current values in a table as high as its rows."""
+        super().refresh()
+        header, line = self.table.horizontalHeader(), self.table.verticalHeader().defaultSectionSize()
+        bar = self.table.horizontalScrollBar().sizeHint().height()
+        self.table.setFixedHeight(header.sizeHint().height() + len(self.model.rows) * line + bar + theme.GRID)
+
+    def _remove(self) -> None:
+        if len(self.model.rows) > 1:
+            super()._remove()
+        elif self._draft is not None:
+            self._draft.rewrite(with_one_unit(self._draft.text))
+
+    def _enable(self) -> None:
+        super()._enable()
+        if len(self.model.rows) == 1 and self._remove_button.isEnabled():
+            self._remove_button.setToolTip(
+                self.tr("The station then takes one unit, with the link of this slot and the axes of the platform.")
+            )
+
+
+class ImuSection(Section):
+    """Edits the link of the only unit, or the slots and the links of their units, in the draft of a station."""
+
+    def __init__(self, app: AppContext, draft: Draft) -> None:
+        super().__init__()
+        self._app, self._draft = app, draft
+        self._locked = ""
+        #: The link at a station with one unit.
+        self.link = LinkSection(app, "imu", draft)
+        self._slot_links: list[LinkSection] = []
+        self.view = _SlotsView(SLOTS)
+        self.view.table.selectionModel().currentChanged.connect(lambda *_: self._show_link())
+        self._about, self._problems = (
+            label(kind="muted", wrap=True),
+            label(kind="error", name="slots_problems", wrap=True),
+        )
+        self._slots = QWidget()
+        column(label(lambda: self.view.title, "section"), self._about, self.view, self._problems, on=self._slots)
+        self._links = QStackedWidget()
+        self._links.addWidget(self.link)
+        self._several = button("several_units_button", lambda: self.tr("Several units on this table"), self._divide)
+        self._offer = QWidget()
+        row(self._several, (label(lambda: say("setting.about_several_units"), "muted", wrap=True), 1), on=self._offer)
+        column(self._slots, (self._links, 1), self._offer, on=self, spacing=2 * theme.GRID)
+        draft.changed.connect(self.refresh)
+        on_language_change(self, self.refresh)
+
+    @property
+    def title(self) -> str:
+        """The name of the section."""
+        return self.view.title if self._has_slots else self.tr("Link to the IMU")
+
+    @property
+    def _has_slots(self) -> bool:
+        return self._draft.value(("slots",)) is not None
+
+    def lock(self, reason: str) -> None:
+        """Disable changes, with `reason` as the tooltip; "" enables them."""
+        self._locked = reason
+        self.view.lock(reason)
+        for link in (self.link, *self._slot_links):
+            link.lock(reason)
+        self.refresh()
+
+    def search(self) -> None:
+        """Search for ports in the background."""
+        shown = self._links.currentWidget()
+        assert isinstance(shown, LinkSection)
+        shown.search()
+
+    def refresh(self) -> None:
+        """Show the draft."""
+        draft, slots = self._draft, self._has_slots
+        self._slots.setVisible(slots)
+        self._offer.setVisible(not slots)
+        if slots:
+            self.view.show_draft(draft)
+            if self.view.model.rows and not self.view.table.currentIndex().isValid():
+                self.view.table.setCurrentIndex(self.view.model.index(0, 0))
+        bench = draft.value(("bench",)) is not None
+        self._about.setText(say("setting.about_slots_of_bench" if bench else "setting.about_slots"))
+        problems = [problem for problem in draft.problems if problem.place[:1] and problem.place[0] in _ENTRIES]
+        show_text(self._problems, "\n".join(self.view.model.describe(p) or problem_text_with_name(p) for p in problems))
+        enable(self._several, self._locked or self._why_one_unit())
+        self._show_link()
+
+    def _why_one_unit(self) -> str:
+        """Return why the station cannot take several units, "" if it can."""
+        draft = self._draft
+        if draft.value(("imu2",)) is not None:
+            return self.tr("This station has further IMUs on the same body; it takes one unit.")
+        if takes_one_unit(str(draft.value(("table", "profile")) or "")):
+            return self.tr("Several units need a driven two-axis table with a link of its own.")
+        return ""
+
+    def _show_link(self) -> None:
+        """Show the link of the only unit, or that of the unit in the current row."""
+        number = self.view.table.currentIndex().row() if self._has_slots else -1
+        while number >= len(self._slot_links):
+            made = LinkSection(self._app, "imu", self._draft, len(self._slot_links))
+            made.lock(self._locked)
+            self._slot_links.append(made)
+            self._links.addWidget(made)
+        self._links.setCurrentWidget(self.link if number < 0 else self._slot_links[number])
+
+    def _divide(self) -> None:
+        self._draft.rewrite(with_slots(self._draft.text))
