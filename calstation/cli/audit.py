@@ -14,7 +14,7 @@ from calstation.records import AuditEvent, AuditTrail, audit_path, read_audit
 def audit_command(file: Path | None, event: str | None, by: str | None, since: str | None, json: str | None) -> int:
     """List the events of an audit trail, by default the site's, filtered by event, person and first day in UTC.
 
-    Returns the exit code of an input error if the trail was changed.
+    Returns the exit code of an input error if the trail was changed. Raises InputError if `file` is missing.
     """
     check_json(json)
     try:
@@ -32,7 +32,10 @@ def audit_command(file: Path | None, event: str | None, by: str | None, since: s
 
 
 def check_audit_command(file: Path | None, json: str | None) -> int:
-    """Verify an audit trail, by default the site's; return the exit code of an input error if it was changed."""
+    """Verify an audit trail, by default the site's; return the exit code of an input error if it was changed.
+
+    Raises InputError if `file` is missing.
+    """
     check_json(json)
     path, trail = _read(file)
     report(_row(path, trail, []), json, _state(path, trail))
@@ -40,6 +43,8 @@ def check_audit_command(file: Path | None, json: str | None) -> int:
 
 
 def _read(file: Path | None) -> tuple[Path, AuditTrail]:
+    if file is not None and not file.exists():
+        raise InputError("audit.not_found", file=file)
     path = file or audit_path(site_folder())
     return path, read_audit(path)
 
@@ -53,6 +58,8 @@ def _row(path: Path, trail: AuditTrail, events: list[AuditEvent]) -> dict[str, A
 
 
 def _state(path: Path, trail: AuditTrail) -> list[str]:
+    if not path.exists():
+        return [say("audit.none", file=path)]
     lines = [say("audit.interrupted", file=path, line=number) for number in trail.interrupted]
     if trail.first_bad is not None:
         return [*lines, say("audit.damaged", file=path, line=trail.first_bad)]

@@ -40,6 +40,17 @@ def test_events_are_filtered(calstation, home: Path) -> None:
     assert calstation("audit", "--since", "soon").code == 2
 
 
+def test_a_missing_trail_is_not_intact(calstation, home: Path) -> None:
+    for command in ("check", "audit"):
+        done = calstation(command)
+        assert (done.code, done.out) == (0, f"There is no audit trail yet: {audit_path(home)} does not exist.\n")
+    missing = home / "backup" / "audit.jsonl"
+    for command in (("check", missing), ("audit", "--file", missing)):
+        done = calstation(*command)
+        assert (done.code, done.out) == (2, "")
+        assert f"{missing}: No such file. Give the path of an existing audit trail." in done.err
+
+
 def test_check_reports_the_first_changed_line(calstation, home: Path) -> None:
     append_audit(home, "pin_set", "wang")
     append_audit(home, "pin_changed", "wang")
