@@ -10,11 +10,11 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from calstation.cli.options import JsonOption, StationOption
+from calstation.cli.options import JsonOption, StationOption, existing_folder
 
 database = typer.Typer(help="The database that stations share.", no_args_is_help=True)
 
-OutOption = Annotated[Path, typer.Option("--out", help="Folder of the runs.")]
+OutOption = Annotated[Path, typer.Option("--out", help="Folder of the runs.", callback=existing_folder)]
 
 
 @database.command()
@@ -30,7 +30,6 @@ def exchange(
     from calstation.messages import event_text, sentence
 
     url, name, archive = _database_of(station)
-    out.mkdir(parents=True, exist_ok=True)
     if watch:
         stop = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):

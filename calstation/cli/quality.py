@@ -11,6 +11,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from calstation.cli.options import existing_folder
 from calstation.cli.show import check_json, emit_json, ignore_progress, job_progress, say, show_line
 from calstation.errors import ConfigurationError, InputError
 from calstation.physics import NAMES, display, further_parameter, number
@@ -45,7 +46,7 @@ def quality_command(
     json: str | None,
 ) -> int:
     """Show yield, control charts and capability of the runs of a folder; `since` is a local time without zone."""
-    _check_folder(out)
+    existing_folder(out)
     _check_parameter(parameter)
     check_json(json)
     begin = None if since is None else since.astimezone()
@@ -85,7 +86,7 @@ def study_command(path: Path, product: Path | None, parameter: str | None, out: 
     `product` gives the tolerances, which are the widths of its limits.
     Raises InputError while runs are missing, or if no parameter was solved in all of them.
     """
-    _check_folder(out)
+    existing_folder(out)
     _check_parameter(parameter)
     check_json(json)
     refresh_history(ignore_progress, out)
@@ -112,11 +113,6 @@ def history_command(folder: Path, runs: int, seed: int) -> int:
         plan = synthesise_runs(progress, folder, runs, seed)
     show_line(Console(stderr=True), say("quality.history_made", folder=folder, runs=runs, plan=plan))
     return 0
-
-
-def _check_folder(folder: Path) -> None:
-    if not folder.is_dir():
-        raise ConfigurationError("quality.no_folder", folder=folder)
 
 
 def _check_parameter(name: str | None) -> None:

@@ -42,14 +42,18 @@ _CONNECTION: dict[str, int | str] = {
 }
 
 
-def connect(url: str) -> Engine:
+def connect(url: str, *, create: bool = True) -> Engine:
     """Return an engine for a database whose tables are of this version; those of a new SQLite file are created.
+
+    Without `create`, a missing SQLite file is an error.
 
     The password comes from ``PGPASSWORD``, from PostgreSQL's password file or from the system's keyring (service
     ``calstation database``, user ``user@host``). Raises ConfigurationError, also if the database is not reachable.
     """
     parsed = _parse(url)
     if parsed.get_backend_name() == "sqlite":
+        if not create and not Path(parsed.database or "").is_file():
+            raise ConfigurationError("database.missing", database=public(parsed))
         upgrade(url)
     engine = _engine(parsed)
     try:

@@ -239,6 +239,7 @@ def test_a_folder_at_another_place_is_exchanged_when_it_was_adopted(
     assert (Outbox(two).id != name) == copied
     assert sorted(name for name, _ in in_database(url)) == (["a", "a", "b"] if copied else ["a", "b"])
     assert run_app(["database", "adopt", "--out", str(two.parent)]) == 2
+    assert "were never exchanged, so there is nothing to adopt" in capsys.readouterr().err
 
 
 def test_a_copy_of_a_log_whose_run_is_not_queued_waits(

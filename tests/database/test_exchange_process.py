@@ -289,6 +289,20 @@ def test_the_commands_exchange_and_show_the_state(
     assert "names no shared database" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("command", [("exchange",), ("exchange", "--watch"), ("status",), ("adopt",)])
+def test_a_missing_folder_is_refused_and_not_created(
+    folder: Path, tmp_path: Path, command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    station = station_file(folder, f"sqlite:///{tmp_path / 'shared.sqlite'}")
+    missing = tmp_path / "rnus"
+    options = ["--station", str(station)] if "exchange" in command else []
+    assert run_app(["database", *command, "--out", str(missing), *options]) == 2
+    out, err = capsys.readouterr()
+    assert (out, f"{missing}: No such folder of runs. Give an existing one with --out." in err) == ("", True)
+    assert not missing.exists()
+    assert not (tmp_path / "shared.sqlite").exists()
+
+
 @pytest.mark.long
 def test_a_service_ends_at_its_signal(shared_database: str, folder: Path) -> None:
     station = station_file(folder, shared_database)
