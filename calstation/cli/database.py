@@ -63,9 +63,12 @@ def upgrade(
     station: StationOption = None,
 ) -> None:
     """Create the tables of the shared database, or bring them to this version; as the owner of the database."""
+    from calstation.cli.show import say, show_line
     from calstation.database import upgrade as upgrade_tables
 
-    upgrade_tables(url or _database_of(station)[0])
+    url = url or _database_of(station)[0]
+    code = "cli.tables_upgraded" if upgrade_tables(url) else "cli.tables_unchanged"
+    show_line(Console(stderr=True), say(code, database=url))
 
 
 @database.command()
@@ -74,9 +77,11 @@ def adopt(
     copy: Annotated[bool, typer.Option("--copy", help="The folder is a copy, and the original stays in use.")] = False,
 ) -> None:
     """Exchange a folder of runs that was moved, at its present place."""
+    from calstation.cli.show import say, show_line
     from calstation.database import adopt_folder
 
     adopt_folder(out, copied=copy)
+    show_line(Console(stderr=True), say("cli.copy_adopted" if copy else "cli.folder_adopted", folder=out))
 
 
 @database.command()

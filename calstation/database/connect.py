@@ -72,8 +72,8 @@ def connect(url: str, *, create: bool = True) -> Engine:
     raise ConfigurationError("database.newer_version", database=public(parsed))
 
 
-def upgrade(url: str) -> None:
-    """Bring the tables of a database to this version. Raises ConfigurationError."""
+def upgrade(url: str) -> bool:
+    """Bring the tables of a database to this version; return whether they changed. Raises ConfigurationError."""
     parsed = _parse(url)
     engine = _engine(parsed)
     try:
@@ -82,7 +82,9 @@ def upgrade(url: str) -> None:
             configuration.attributes["connection"] = connection
             if parsed.get_backend_name() == "postgresql":
                 connection.execute(text("SET LOCAL statement_timeout = 0"))  # large tables take minutes
+            before = MigrationContext.configure(connection).get_current_revision()
             command.upgrade(configuration, "head")
+            return MigrationContext.configure(connection).get_current_revision() != before
     except CommandError as exc:  # a revision that this version does not have
         raise ConfigurationError("database.newer_version", database=public(parsed)) from exc
     except SQLAlchemyError as exc:
