@@ -8,13 +8,14 @@ from calstation.cli.show import check_json, report, say
 from calstation.config import site_folder
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
-from calstation.records import AuditEvent, AuditTrail, audit_path, read_audit
+from calstation.records import AUDIT_EVENTS, AuditEvent, AuditTrail, audit_path, read_audit
 
 
 def audit_command(file: Path | None, event: str | None, by: str | None, since: str | None, json: str | None) -> int:
     """List the events of an audit trail, by default the site's, filtered by event, person and first day in UTC.
 
-    Returns the exit code of an input error if the trail was changed. Raises InputError if `file` is missing.
+    Returns the exit code of an input error if the trail was changed. Raises InputError if `file` is missing,
+    ConfigurationError for an unknown event.
     """
     check_json(json)
     try:
@@ -22,6 +23,9 @@ def audit_command(file: Path | None, event: str | None, by: str | None, since: s
     except ValueError as exc:
         raise ConfigurationError("cli.not_a_date", option="--since", value=since, program="calstation audit") from exc
     path, trail = _read(file)
+    known = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in trail.events)))  # those of a later version, too
+    if event is not None and event not in known:
+        raise ConfigurationError("cli.unknown_choice", option="--event", value=event, choices=tuple(known))
     events = [
         each
         for each in trail.events
