@@ -51,6 +51,7 @@ def quality_command(
     check_json(json)
     begin = None if since is None else since.astimezone()
     with job_progress("reading the runs") as progress:
+        refresh_history(ignore_progress, out)
         summary = summarise_quality(progress, out, product, serial, parameter, begin)
     emit_json(summary.to_json(), json)
     if json != "-":

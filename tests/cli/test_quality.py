@@ -1,6 +1,7 @@
 """Quality of a synthetic history on the command line: tables, JSON, and a gauge study from plan to verdict."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -58,6 +59,21 @@ def test_one_parameter_of_a_product_since_a_date_as_json(calstation: Run, folder
     days = found["yield"]["days"]
     assert min(days) >= "2026-05-01"
     assert sum(day["count"] for day in days.values()) == found["yield"]["overall"]["count"]
+
+
+def test_runs_that_were_added_or_removed_since_the_last_time_count(
+    calstation: Run, folder: Path, tmp_path: Path
+) -> None:
+    def count() -> int:
+        return int(calstation("quality", "--out", tmp_path, "--json", "-").json["yield"]["overall"]["count"])
+
+    first, second = sorted(folder.glob("NAVA-*.json"))[:2]
+    shutil.copy2(first, tmp_path)
+    assert count() == 1
+    shutil.copy2(second, tmp_path)
+    assert count() == 2
+    (tmp_path / first.name).unlink()
+    assert count() == 1
 
 
 def test_a_golden_unit_has_its_own_table(calstation: Run, folder: Path) -> None:
