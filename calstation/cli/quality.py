@@ -28,7 +28,7 @@ from calstation.quality import (
     evaluate_study,
     summarise_quality,
 )
-from calstation.results import refresh_history
+from calstation.results import History, refresh_history
 from calstation.simulation import synthesise_runs
 
 #: Width of the tables, characters.
@@ -55,7 +55,12 @@ def quality_command(
         summary = summarise_quality(progress, out, product, serial, parameter, begin)
     emit_json(summary.to_json(), json)
     if json != "-":
-        _show_summary(Console(file=sys.stdout, width=_WIDTH), summary)
+        console = Console(file=sys.stdout, width=_WIDTH)
+        _show_summary(console, summary)
+        if serial is not None and not History(out).of(serial):
+            show_line(console, say("quality.no_run_of_unit", serial=serial, folder=out))
+        elif serial is not None and not summary.golden:
+            show_line(console, say("quality.few_golden", serial=serial, least=LEAST_VALUES))
     return 0
 
 
@@ -147,12 +152,9 @@ def _show_summary(console: Console, summary: QualitySummary) -> None:
         console.print(checks)
     for product in dict.fromkeys(each.product for each in summary.parameters):
         _show_charts(console, product, [each for each in summary.parameters if each.product == product])
-    if summary.serial is not None:
-        if not summary.golden:
-            show_line(console, say("quality.few_golden", serial=summary.serial, least=LEAST_VALUES))
-        for product in dict.fromkeys(each.product for each in summary.golden):
-            rows = [each for each in summary.golden if each.product == product]
-            _show_charts(console, f"golden unit {summary.serial}, {product}", rows)
+    for product in dict.fromkeys(each.product for each in summary.golden):
+        rows = [each for each in summary.golden if each.product == product]
+        _show_charts(console, f"golden unit {summary.serial}, {product}", rows)
 
 
 def _show_charts(console: Console, title: str, rows: Sequence[ParameterQuality]) -> None:

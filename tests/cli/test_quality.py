@@ -83,6 +83,13 @@ def test_a_golden_unit_has_its_own_table(calstation: Run, folder: Path) -> None:
     assert "Golden unit GOLDEN-NAVA: fewer than 10 runs" in done.out
 
 
+def test_a_unit_without_runs_is_named(calstation: Run, folder: Path) -> None:
+    done = calstation("quality", "--out", folder, "--serial", "NOPE")
+    assert done.code == 0
+    assert f"There is no run of unit NOPE in {folder}. Check the serial number" in done.out
+    assert "fewer than 10" not in done.out
+
+
 def test_a_folder_without_judged_runs_says_so(calstation: Run, tmp_path: Path) -> None:
     assert "No run ended with PASS or FAIL." in calstation("quality", "--out", tmp_path).out
     assert calstation("quality", "--out", tmp_path, "--json", "-").json["yield"]["overall"] is None
