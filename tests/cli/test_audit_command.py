@@ -64,7 +64,7 @@ def test_a_missing_trail_is_not_intact(calstation, home: Path) -> None:
     for command in (("check", missing), ("audit", "--file", missing)):
         done = calstation(*command)
         assert (done.code, done.out) == (2, "")
-        assert f"{missing}: No such file. Give the path of an existing audit trail." in done.err
+        assert done.err == f"calstation: Data: {missing}: No such file. Give the path of an existing audit trail.\n"
 
 
 def test_check_reports_the_first_changed_line(calstation, home: Path) -> None:
