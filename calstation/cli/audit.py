@@ -8,13 +8,14 @@ from calstation.cli.show import check_json, report, say
 from calstation.config import site_folder
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
-from calstation.records import AuditEvent, AuditTrail, audit_path, read_audit
+from calstation.records import AUDIT_EVENTS, AuditEvent, AuditTrail, audit_path, read_audit
 
 
 def audit_command(file: Path | None, event: str | None, by: str | None, since: str | None, json: str | None) -> int:
     """List the events of an audit trail, by default the site's, filtered by event, person and first day in UTC.
 
-    Returns the exit code of an input error if the trail was changed.
+    Returns the exit code of an input error if the trail was changed. Raises InputError if `file` is missing,
+    ConfigurationError for an unknown event.
     """
     check_json(json)
     try:
@@ -22,6 +23,9 @@ def audit_command(file: Path | None, event: str | None, by: str | None, since: s
     except ValueError as exc:
         raise ConfigurationError("cli.not_a_date", option="--since", value=since, program="calstation audit") from exc
     path, trail = _read(file)
+    known = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in trail.events)))  # those of a later version, too
+    if event is not None and event not in known:
+        raise ConfigurationError("cli.unknown_choice", option="--event", value=event, choices=tuple(known))
     events = [
         each
         for each in trail.events
@@ -32,7 +36,10 @@ def audit_command(file: Path | None, event: str | None, by: str | None, since: s
 
 
 def check_audit_command(file: Path | None, json: str | None) -> int:
-    """Verify an audit trail, by default the site's; return the exit code of an input error if it was changed."""
+    """Verify an audit trail, by default the site's; return the exit code of an input error if it was changed.
+
+    Raises InputError if `file` is missing.
+    """
     check_json(json)
     path, trail = _read(file)
     report(_row(path, trail, []), json, _state(path, trail))
@@ -40,6 +47,8 @@ def check_audit_command(file: Path | None, json: str | None) -> int:
 
 
 def _read(file: Path | None) -> tuple[Path, AuditTrail]:
+    if file is not None and not file.exists():
+        raise InputError("audit.not_found", file=file)
     path = file or audit_path(site_folder())
     return path, read_audit(path)
 
@@ -53,6 +62,8 @@ def _row(path: Path, trail: AuditTrail, events: list[AuditEvent]) -> dict[str, A
 
 
 def _state(path: Path, trail: AuditTrail) -> list[str]:
+    if not path.exists():
+        return [say("audit.none", file=path)]
     lines = [say("audit.interrupted", file=path, line=number) for number in trail.interrupted]
     if trail.first_bad is not None:
         return [*lines, say("audit.damaged", file=path, line=trail.first_bad)]

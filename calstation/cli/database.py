@@ -10,11 +10,11 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from calstation.cli.options import JsonOption, StationOption
+from calstation.cli.options import JsonOption, StationOption, existing_folder
 
 database = typer.Typer(help="The database that stations share.", no_args_is_help=True)
 
-OutOption = Annotated[Path, typer.Option("--out", help="Folder of the runs.")]
+OutOption = Annotated[Path, typer.Option("--out", help="Folder of the runs.", callback=existing_folder)]
 
 
 @database.command()
@@ -30,7 +30,6 @@ def exchange(
     from calstation.messages import event_text, sentence
 
     url, name, archive = _database_of(station)
-    out.mkdir(parents=True, exist_ok=True)
     if watch:
         stop = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -64,9 +63,12 @@ def upgrade(
     station: StationOption = None,
 ) -> None:
     """Create the tables of the shared database, or bring them to this version; as the owner of the database."""
+    from calstation.cli.show import say, show_line
     from calstation.database import upgrade as upgrade_tables
 
-    upgrade_tables(url or _database_of(station)[0])
+    url = url or _database_of(station)[0]
+    code = "cli.tables_upgraded" if upgrade_tables(url) else "cli.tables_unchanged"
+    show_line(Console(stderr=True), say(code, database=url))
 
 
 @database.command()
@@ -75,9 +77,11 @@ def adopt(
     copy: Annotated[bool, typer.Option("--copy", help="The folder is a copy, and the original stays in use.")] = False,
 ) -> None:
     """Exchange a folder of runs that was moved, at its present place."""
+    from calstation.cli.show import say, show_line
     from calstation.database import adopt_folder
 
     adopt_folder(out, copied=copy)
+    show_line(Console(stderr=True), say("cli.copy_adopted" if copy else "cli.folder_adopted", folder=out))
 
 
 @database.command()

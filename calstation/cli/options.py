@@ -27,6 +27,13 @@ def by_name(kind: str) -> Callable[[Path | None], Path | None]:
     return look_up
 
 
+def existing_folder(folder: Path) -> Path:
+    """Return the folder of an option. Raises ConfigurationError if it is missing."""
+    if not folder.is_dir():
+        raise ConfigurationError("cli.no_folder", folder=folder)
+    return folder
+
+
 StationOption = Annotated[
     Path | None,
     typer.Option(help="Station file or its name; default: the virtual bench.", callback=by_name("stations")),

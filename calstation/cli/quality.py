@@ -11,6 +11,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from calstation.cli.options import existing_folder
 from calstation.cli.show import check_json, emit_json, ignore_progress, job_progress, say, show_line
 from calstation.errors import ConfigurationError, InputError
 from calstation.physics import NAMES, display, further_parameter, number
@@ -27,7 +28,7 @@ from calstation.quality import (
     evaluate_study,
     summarise_quality,
 )
-from calstation.results import refresh_history
+from calstation.results import History, refresh_history
 from calstation.simulation import synthesise_runs
 
 #: Width of the tables, characters.
@@ -45,15 +46,21 @@ def quality_command(
     json: str | None,
 ) -> int:
     """Show yield, control charts and capability of the runs of a folder; `since` is a local time without zone."""
-    _check_folder(out)
+    existing_folder(out)
     _check_parameter(parameter)
     check_json(json)
     begin = None if since is None else since.astimezone()
     with job_progress("reading the runs") as progress:
+        refresh_history(ignore_progress, out)
         summary = summarise_quality(progress, out, product, serial, parameter, begin)
     emit_json(summary.to_json(), json)
     if json != "-":
-        _show_summary(Console(file=sys.stdout, width=_WIDTH), summary)
+        console = Console(file=sys.stdout, width=_WIDTH)
+        _show_summary(console, summary)
+        if serial is not None and not History(out).of(serial):
+            show_line(console, say("quality.no_run_of_unit", serial=serial, folder=out))
+        elif serial is not None and not summary.golden:
+            show_line(console, say("quality.few_golden", serial=serial, least=LEAST_VALUES))
     return 0
 
 
@@ -85,7 +92,7 @@ def study_command(path: Path, product: Path | None, parameter: str | None, out: 
     `product` gives the tolerances, which are the widths of its limits.
     Raises InputError while runs are missing, or if no parameter was solved in all of them.
     """
-    _check_folder(out)
+    existing_folder(out)
     _check_parameter(parameter)
     check_json(json)
     refresh_history(ignore_progress, out)
@@ -112,11 +119,6 @@ def history_command(folder: Path, runs: int, seed: int) -> int:
         plan = synthesise_runs(progress, folder, runs, seed)
     show_line(Console(stderr=True), say("quality.history_made", folder=folder, runs=runs, plan=plan))
     return 0
-
-
-def _check_folder(folder: Path) -> None:
-    if not folder.is_dir():
-        raise ConfigurationError("quality.no_folder", folder=folder)
 
 
 def _check_parameter(name: str | None) -> None:
@@ -150,12 +152,9 @@ def _show_summary(console: Console, summary: QualitySummary) -> None:
         console.print(checks)
     for product in dict.fromkeys(each.product for each in summary.parameters):
         _show_charts(console, product, [each for each in summary.parameters if each.product == product])
-    if summary.serial is not None:
-        if not summary.golden:
-            show_line(console, say("quality.few_golden", serial=summary.serial, least=LEAST_VALUES))
-        for product in dict.fromkeys(each.product for each in summary.golden):
-            rows = [each for each in summary.golden if each.product == product]
-            _show_charts(console, f"golden unit {summary.serial}, {product}", rows)
+    for product in dict.fromkeys(each.product for each in summary.golden):
+        rows = [each for each in summary.golden if each.product == product]
+        _show_charts(console, f"golden unit {summary.serial}, {product}", rows)
 
 
 def _show_charts(console: Console, title: str, rows: Sequence[ParameterQuality]) -> None:

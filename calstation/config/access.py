@@ -20,7 +20,7 @@ from calstation.config import library
 from calstation.config.request import computer_user
 from calstation.errors import ConfigurationError
 from calstation.messages import os_reason
-from calstation.records import append_audit, locked, write_atomic
+from calstation.records import AuditEventName, append_audit, locked, write_atomic
 from calstation.schema import StrictModel, validate
 
 #: Minimum number of characters of a PIN.
@@ -64,7 +64,7 @@ def set_pin(old: str, new: str, badge: str = "") -> None:
     if len(new) < SHORTEST:
         raise ConfigurationError("access.pin_too_short", shortest=SHORTEST)
     with _locked(badge):
-        event = "pin_changed" if has_pin(badge) else "pin_set"
+        event: AuditEventName = "pin_changed" if has_pin(badge) else "pin_set"
         owner = badge if has_pin(badge) else ""  # of the old PIN
         if badge and not has_pin(owner):
             raise ConfigurationError("access.no_site_pin")

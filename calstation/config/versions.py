@@ -16,7 +16,7 @@ from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.physics import NOISE_DISPLAY
-from calstation.records import append_audit, write_atomic
+from calstation.records import AuditEventName, append_audit, write_atomic
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ def _add(version: Version, content: str) -> None:
     write_atomic(folder / f"{version.number:04d}.json", json.dumps(asdict(version), ensure_ascii=False) + "\n")
 
 
-def _audit(event: str, version: Version) -> None:
+def _audit(event: AuditEventName, version: Version) -> None:
     append_audit(
         library.site_folder(),
         event,

@@ -42,14 +42,18 @@ _CONNECTION: dict[str, int | str] = {
 }
 
 
-def connect(url: str) -> Engine:
+def connect(url: str, *, create: bool = True) -> Engine:
     """Return an engine for a database whose tables are of this version; those of a new SQLite file are created.
+
+    Without `create`, a missing SQLite file is an error.
 
     The password comes from ``PGPASSWORD``, from PostgreSQL's password file or from the system's keyring (service
     ``calstation database``, user ``user@host``). Raises ConfigurationError, also if the database is not reachable.
     """
     parsed = _parse(url)
     if parsed.get_backend_name() == "sqlite":
+        if not create and not Path(parsed.database or "").is_file():
+            raise ConfigurationError("database.missing", database=public(parsed))
         upgrade(url)
     engine = _engine(parsed)
     try:
@@ -68,8 +72,8 @@ def connect(url: str) -> Engine:
     raise ConfigurationError("database.newer_version", database=public(parsed))
 
 
-def upgrade(url: str) -> None:
-    """Bring the tables of a database to this version. Raises ConfigurationError."""
+def upgrade(url: str) -> bool:
+    """Bring the tables of a database to this version; return whether they changed. Raises ConfigurationError."""
     parsed = _parse(url)
     engine = _engine(parsed)
     try:
@@ -78,7 +82,9 @@ def upgrade(url: str) -> None:
             configuration.attributes["connection"] = connection
             if parsed.get_backend_name() == "postgresql":
                 connection.execute(text("SET LOCAL statement_timeout = 0"))  # large tables take minutes
+            before = MigrationContext.configure(connection).get_current_revision()
             command.upgrade(configuration, "head")
+            return MigrationContext.configure(connection).get_current_revision() != before
     except CommandError as exc:  # a revision that this version does not have
         raise ConfigurationError("database.newer_version", database=public(parsed)) from exc
     except SQLAlchemyError as exc:

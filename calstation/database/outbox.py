@@ -264,6 +264,8 @@ def adopt_folder(folder: Path, *, copied: bool) -> None:
     Raises ConfigurationError if the folder has no outbox or cannot be written.
     """
     file = folder / PLACE_FILE
+    if not file.exists():
+        raise ConfigurationError("database.never_exchanged", folder=folder)
     try:
         name = str(json.loads(file.read_bytes())["id"])
         _write_place(folder, str(uuid4()) if copied else name)

@@ -24,10 +24,10 @@ _UPDATE = 0.9
 def compare(report: ProgressCallback, url: str, before: str, after: str) -> Comparison:
     """Job: compare the solutions of two versions in the database at `url`; ``online`` means those of the runs.
 
-    Of several solutions of a log under one version, the last counts. Raises ConfigurationError if the database cannot
-    be used or has no such version.
+    Of several solutions of a log under one version, the last counts. Raises ConfigurationError if the database is
+    missing, cannot be used or has no such version.
     """
-    engine = connect(url)
+    engine = connect(url, create=False)
     try:
         with engine.connect() as connection:
             old = update_columns(_part(report, 0.0), connection, before)
@@ -39,7 +39,7 @@ def compare(report: ProgressCallback, url: str, before: str, after: str) -> Comp
 
 def export_version(report: ProgressCallback, url: str, version: str, path: Path) -> int:
     """Job: write the solutions of a version to a Parquet file; return their number. Raises ConfigurationError."""
-    engine = connect(url)
+    engine = connect(url, create=False)
     try:
         with engine.connect() as connection:
             files = update_columns(_part(report, 0.0), connection, version)

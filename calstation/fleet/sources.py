@@ -44,7 +44,10 @@ def find_logs(sources: Sequence[str], engine: Engine) -> Iterator[StoredLog]:
 
 def _archived(engine: Engine) -> list[str]:
     with engine.connect() as connection:
-        return list(connection.execute(select(log_copies.c.url).order_by(log_copies.c.url)).scalars())
+        found = list(connection.execute(select(log_copies.c.url).order_by(log_copies.c.url)).scalars())
+    if not found:
+        raise InputError("fleet.archive_empty")
+    return found
 
 
 def _locations(source: str) -> list[str]:

@@ -1,4 +1,6 @@
+from .audit import AUDIT_EVENTS as AUDIT_EVENTS
 from .audit import AuditEvent as AuditEvent
+from .audit import AuditEventName as AuditEventName
 from .audit import AuditTrail as AuditTrail
 from .audit import append_audit as append_audit
 from .audit import audit_path as audit_path

@@ -13,7 +13,7 @@ import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, JsonValue, ValidationError
 
@@ -21,8 +21,23 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.messages import os_reason
 from calstation.records.files import locked, write_atomic
 
+#: Names of the events. None is ever removed, so that earlier trails can be filtered by theirs.
+AuditEventName = Literal[
+    "file_saved",
+    "file_changed_outside",
+    "pin_set",
+    "pin_changed",
+    "registers",
+    "override",
+    "certificate",
+    "standard_overridden",
+    "attempt_allowed",
+    "interrupted",
+]
+AUDIT_EVENTS: tuple[AuditEventName, ...] = get_args(AuditEventName)
+
 #: Event of the note that follows an incomplete line.
-INTERRUPTED = "interrupted"
+INTERRUPTED: AuditEventName = "interrupted"
 
 #: `previous` of the first line.
 _START = "0" * 64
@@ -73,14 +88,14 @@ def audit_path(folder: Path) -> Path:
 
 
 def append_audit(
-    folder: Path, event: str, by: str, why: str = "", *, confirmed_by: str | None = None, **values: Any
+    folder: Path, event: AuditEventName, by: str, why: str = "", *, confirmed_by: str | None = None, **values: Any
 ) -> None:
     """Append an event to the audit trail of a site and write it to disk.
 
     Parameters
     ----------
     folder : the site's folder
-    event : name of the event, e.g. ``file_saved``
+    event : name of the event
     by : person who acted; "" for the program
     why : reason that the person gave
     confirmed_by : second person who confirmed the action

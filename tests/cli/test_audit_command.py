@@ -1,11 +1,12 @@
 """`calstation audit` lists what was done at a site; `calstation check` finds a changed line."""
 
+import re
 from pathlib import Path
 
 import pytest
 
 from calstation.config import access, library, versions
-from calstation.records import append_audit, audit_path
+from calstation.records import AUDIT_EVENTS, append_audit, audit_path
 
 SHIPPED = (library.shipped_folder() / "products" / "nav_a.toml").read_text("utf-8")
 
@@ -38,6 +39,32 @@ def test_events_are_filtered(calstation, home: Path) -> None:
     assert len(calstation("audit", "--event", "certificate", "--json", "-").json["events"]) == 1
     assert not calstation("audit", "--since", "2100-01-01", "--json", "-").json["events"]
     assert calstation("audit", "--since", "soon").code == 2
+
+
+def test_an_unknown_event_is_refused_with_the_known_ones(calstation, home: Path) -> None:
+    done = calstation("audit", "--event", "foo")
+    assert (done.code, done.out) == (2, "")
+    assert f"--event 'foo' is unknown. Choose from {', '.join(AUDIT_EVENTS)}." in done.err
+    assert calstation("audit", "--event", "override").code == 0, "a known one that did not happen"
+    append_audit(home, "foo", "wang")
+    assert len(calstation("audit", "--event", "foo", "--json", "-").json["events"]) == 1, "one of a later version"
+
+
+def test_the_guide_lists_all_events() -> None:
+    guide = (Path(__file__).parents[2] / "docs" / "how-to" / "audit-trail.md").read_text("utf-8")
+    rows = re.findall(r"^\| (`.*?`) \|", guide, re.MULTILINE)
+    assert tuple(re.findall(r"`(\w+)`", " ".join(rows))) == AUDIT_EVENTS
+
+
+def test_a_missing_trail_is_not_intact(calstation, home: Path) -> None:
+    for command in ("check", "audit"):
+        done = calstation(command)
+        assert (done.code, done.out) == (0, f"There is no audit trail yet: {audit_path(home)} does not exist.\n")
+    missing = home / "backup" / "audit.jsonl"
+    for command in (("check", missing), ("audit", "--file", missing)):
+        done = calstation(*command)
+        assert (done.code, done.out) == (2, "")
+        assert done.err == f"calstation: Data: {missing}: No such file. Give the path of an existing audit trail.\n"
 
 
 def test_check_reports_the_first_changed_line(calstation, home: Path) -> None:

@@ -1,6 +1,7 @@
 """Quality of a synthetic history on the command line: tables, JSON, and a gauge study from plan to verdict."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -60,11 +61,33 @@ def test_one_parameter_of_a_product_since_a_date_as_json(calstation: Run, folder
     assert sum(day["count"] for day in days.values()) == found["yield"]["overall"]["count"]
 
 
+def test_runs_that_were_added_or_removed_since_the_last_time_count(
+    calstation: Run, folder: Path, tmp_path: Path
+) -> None:
+    def count() -> int:
+        return int(calstation("quality", "--out", tmp_path, "--json", "-").json["yield"]["overall"]["count"])
+
+    first, second = sorted(folder.glob("NAVA-*.json"))[:2]
+    shutil.copy2(first, tmp_path)
+    assert count() == 1
+    shutil.copy2(second, tmp_path)
+    assert count() == 2
+    (tmp_path / first.name).unlink()
+    assert count() == 1
+
+
 def test_a_golden_unit_has_its_own_table(calstation: Run, folder: Path) -> None:
     done = calstation("quality", "--out", folder, "--serial", "GOLDEN-NAVA", "--product", "nav_a")
     runs = len([*folder.glob("GOLDEN-NAVA_*.json")])
     assert runs < 10
     assert "Golden unit GOLDEN-NAVA: fewer than 10 runs" in done.out
+
+
+def test_a_unit_without_runs_is_named(calstation: Run, folder: Path) -> None:
+    done = calstation("quality", "--out", folder, "--serial", "NOPE")
+    assert done.code == 0
+    assert f"There is no run of unit NOPE in {folder}. Check the serial number" in done.out
+    assert "fewer than 10" not in done.out
 
 
 def test_a_folder_without_judged_runs_says_so(calstation: Run, tmp_path: Path) -> None:

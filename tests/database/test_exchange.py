@@ -219,9 +219,15 @@ def test_a_lost_outbox_keeps_its_name(url: str, stations: tuple[Path, Path]) -> 
     assert history.attempts("SN-1") == 4
 
 
-@pytest.mark.parametrize("copied", [False, True])
+@pytest.mark.parametrize(
+    ("copied", "shown"),
+    [
+        (False, "folder is exchanged at its present place"),
+        (True, "copy is exchanged as a folder of its own beside the original"),
+    ],
+)
 def test_a_folder_at_another_place_is_exchanged_when_it_was_adopted(
-    url: str, stations: tuple[Path, Path], copied: bool, capsys: pytest.CaptureFixture[str]
+    url: str, stations: tuple[Path, Path], copied: bool, shown: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     one, two = stations
     write_result(one, "a", 1)
@@ -233,12 +239,13 @@ def test_a_folder_at_another_place_is_exchanged_when_it_was_adopted(
         Exchange(two, url, "two")
     assert caught.value.values["was"] == f"{socket.gethostname()}:{one.resolve()}"
     assert run_app(["database", "adopt", "--out", str(two), *(["--copy"] if copied else [])]) == 0
-    assert capsys.readouterr().err == ""
+    assert capsys.readouterr().err == f"{two}: From now on, this {shown}.\n"
     write_result(two, "b", 2)
     exchange(two, url)
     assert (Outbox(two).id != name) == copied
     assert sorted(name for name, _ in in_database(url)) == (["a", "a", "b"] if copied else ["a", "b"])
     assert run_app(["database", "adopt", "--out", str(two.parent)]) == 2
+    assert "were never exchanged, so there is nothing to adopt" in capsys.readouterr().err
 
 
 def test_a_copy_of_a_log_whose_run_is_not_queued_waits(

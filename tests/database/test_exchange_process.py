@@ -319,6 +319,8 @@ def test_the_commands_exchange_and_show_the_state(
     common = ["--station", str(station), "--out", str(folder)]
     assert run_app(["database", "upgrade", "--station", str(station)]) == 0
     assert run_app(["database", "upgrade", shared_database]) == 0
+    line = f"The tables of the database {shared_database} are of this version already; nothing was changed.\n"
+    assert capsys.readouterr().err == 2 * line
     assert run_app(["database", "exchange", *common]) == 0
     assert "All runs of the folder are in the shared database." in capsys.readouterr().err
     assert run_app(["database", "status", "--out", str(folder), "--json", "-"]) == 0
@@ -328,6 +330,20 @@ def test_the_commands_exchange_and_show_the_state(
     assert "Runs that wait for the shared database: 0; last contact: 20" in capsys.readouterr().out
     assert run_app(["database", "exchange", "--out", str(folder)]) == 2
     assert "names no shared database" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [("exchange",), ("exchange", "--watch"), ("status",), ("adopt",)])
+def test_a_missing_folder_is_refused_and_not_created(
+    folder: Path, tmp_path: Path, command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    station = station_file(folder, f"sqlite:///{tmp_path / 'shared.sqlite'}")
+    missing = tmp_path / "rnus"
+    options = ["--station", str(station)] if "exchange" in command else []
+    assert run_app(["database", *command, "--out", str(missing), *options]) == 2
+    out, err = capsys.readouterr()
+    assert (out, f"{missing}: No such folder of runs. Give an existing one with --out." in err) == ("", True)
+    assert not missing.exists()
+    assert not (tmp_path / "shared.sqlite").exists()
 
 
 @pytest.mark.long

@@ -9,6 +9,7 @@ from alembic.config import Config
 from alembic.migration import MigrationContext
 from sqlalchemy import create_engine, inspect, select, text
 
+from calstation.cli.app import run_app
 from calstation.database import connect, upgrade
 from calstation.database import connect as connect_function
 from calstation.database.tables import metadata, revisions
@@ -28,9 +29,11 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     return str(server.url(server.new_database()))
 
 
-def test_the_migrations_make_the_declared_tables(url: str) -> None:
-    upgrade(url)
-    upgrade(url)  # of tables of this version changes nothing
+def test_the_migrations_make_the_declared_tables(url: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_app(["database", "upgrade", url]) == 0
+    line = f"The tables of the database {url} were created or brought to this version.\n"
+    assert capsys.readouterr().err == line
+    assert not upgrade(url)  # of tables of this version changes nothing
     engine = create_engine(url)
     with engine.begin() as connection:
         assert compare_metadata(MigrationContext.configure(connection), metadata) == []

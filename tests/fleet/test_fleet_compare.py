@@ -209,6 +209,20 @@ def test_an_unknown_version_names_those_that_there_are(url: str) -> None:
     assert "0.1.0" in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    "command", [("compare", "--before", "1", "--after", "2"), ("export", "--version", "1", "-o", "solutions.parquet")]
+)
+def test_a_missing_database_is_refused_and_not_created(
+    tmp_path: Path, calstation: Run, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    missing = f"sqlite:///{tmp_path / 'flete.sqlite'}"
+    done = calstation("fleet", *command, "--database", missing)
+    assert (done.code, done.out) == (2, "")
+    assert f"{missing}: No such database. Give the URL of an existing one" in done.err
+    assert not list(tmp_path.iterdir())
+
+
 def test_an_export_is_read_back_by_pyarrow(url: str, tmp_path: Path, calstation: Run) -> None:
     add(url, *(row(unit, "1", 0) for unit in UNITS), row(UNITS[0], "2", 1))
     path = tmp_path / "solutions.parquet"

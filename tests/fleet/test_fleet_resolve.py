@@ -260,6 +260,12 @@ def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path], monkeypat
         list(resolving._solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
 
 
+def test_an_empty_archive_is_refused(tmp_path: Path, calstation: Run) -> None:
+    done = calstation("fleet", "resolve", "archive", "--database", f"sqlite:///{tmp_path / 'shared.sqlite'}")
+    assert (done.code, done.out) == (2, "")
+    assert "The archive of the database contains no logs. Give logs or folders" in done.err
+
+
 def test_what_cannot_be_solved_is_refused_at_once(
     logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
