@@ -15,6 +15,7 @@ import tomli_w
 from calstation.cli.app import run_app
 from calstation.config import resolve_configuration
 from calstation.config.library import shipped_folder
+from calstation.messages import event_text, sentence
 from calstation.records import audit_path, open_log, read_reports, reports_path
 from calstation.reports import issue
 from calstation.reports.content import certificate_number
@@ -291,6 +292,26 @@ def test_the_date_of_receipt_stays_with_the_certificate(
     assert [each.received for each in reports] == [before.isoformat(), before.isoformat(), begun.isoformat()]
 
 
+@pytest.mark.parametrize(
+    ("missing", "report"),
+    [
+        ("reports", {"folder": "reports"}),
+        ("mine", {"folder": ".", "template": "mine"}),
+        ("lab.p12", {"folder": ".", "signing": {"certificate": "lab.p12"}}),
+    ],
+)
+def test_a_verdict_says_why_it_has_no_report(site_folder: SiteFolder, missing: str, report: dict[str, Any]) -> None:
+    told: list[Event] = []
+    with_laboratory(site_folder, report=report)
+    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append) == []
+    path = str(site_folder.folder / missing)
+    assert told == [Message("certificate_not_made", {"path": path})]
+    assert f"No certificate was made: {path}, which" in sentence(event_text("certificate_not_made", {"path": path}))
+    (site_folder.folder / missing).touch() if "." in missing else (site_folder.folder / missing).mkdir()
+    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
+    assert len(told) == 1
+
+
 def test_a_station_asks_for_reports_of_its_verdicts(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -299,6 +320,8 @@ def test_a_station_asks_for_reports_of_its_verdicts(
     monkeypatch.setattr(subprocess, "Popen", lambda command, **options: started.append(command))
     start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)])
     assert not started
+    for name in ("reports", "mine"):
+        (site_folder.folder / name).mkdir()
     with_laboratory(site_folder, report={"folder": "reports", "language": "zh", "template": "mine"})
     start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)])
     automatic_report._started.clear()

@@ -88,5 +88,8 @@ def test_reports_of_a_station_with_a_certificate_are_signed(site_folder: SiteFol
     setup = prepare_run(site_folder.request("six_position"))
     section = ReportSection(folder="reports", signing=SigningSection(certificate="keys/seal.p12"))
     signed = replace(setup, station=setup.station.model_copy(update={"report": section}))
+    (site_folder.folder / "reports").mkdir()
+    (site_folder.folder / "keys").mkdir()
+    (site_folder.folder / "keys" / "seal.p12").touch()
     command = automatic_report.report_command(signed, Path("SN-000042_1.json"), lambda _: None)
     assert command[-2:] == ["--sign", str(site_folder.folder / "keys" / "seal.p12")]
