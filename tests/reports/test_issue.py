@@ -166,7 +166,7 @@ def test_another_result_of_the_same_log_needs_a_revision(gimbal: Made, capsys: p
     result["operator"] = "somebody else"
     gimbal.result_file.write_text(json.dumps(result), encoding="utf-8")
     assert report(gimbal.result_file, "-o", gimbal.folder / "second.pdf") == 2
-    assert "with another result, date, template" in " ".join(capsys.readouterr().err.split())
+    assert "with another result, date of issue" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.long
@@ -285,7 +285,9 @@ def test_the_date_of_receipt_stays_with_the_certificate(
     assert f"<dcc:receiptDate>{before}</dcc:receiptDate>" in xml
     assert f"Received {before}" in " ".join(pypdf.PdfReader(tmp_path / "first.pdf").pages[0].extract_text().split())
     assert issue("other", "--received", begun.isoformat()) == 2
-    assert "--revise" in capsys.readouterr().err
+    said = " ".join(capsys.readouterr().err.split())
+    assert "with another result, date of issue, date of receipt, template or version" in said
+    assert "--revise" in said
     assert issue("kept", "--revise", "spelling") == 0
     assert issue("revised", "--revise", "date of receipt", "--received", begun.isoformat()) == 0
     reports = read_reports(gimbal.result_file.parent)
