@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+import threading
 import tomllib
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -312,6 +313,19 @@ def test_a_verdict_says_why_it_has_no_report(site_folder: SiteFolder, missing: s
     (site_folder.folder / missing).touch() if "." in missing else (site_folder.folder / missing).mkdir()
     assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
     assert len(told) == 1
+
+
+def test_a_share_that_does_not_respond_delays_no_verdict(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    goes_on = threading.Event()
+    monkeypatch.setattr(automatic_report, "missing_report_places", lambda *_: [goes_on.wait()])
+    monkeypatch.setattr(automatic_report, "_SEARCH_S", 0.0)
+    with_laboratory(site_folder, report={"folder": "reports"})
+    told: list[Event] = []
+    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
+    goes_on.set()
+    assert told == []
 
 
 def test_a_station_asks_for_reports_of_its_verdicts(
