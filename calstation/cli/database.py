@@ -27,6 +27,7 @@ def exchange(
     from calstation.cli.show import say, show_line
     from calstation.database import Exchange, LogArchiver, exchange_once, read_state
     from calstation.database import watch as watch_folder
+    from calstation.errors import CalstationError
     from calstation.messages import event_text, sentence
 
     url, name, archive = _database_of(station)
@@ -53,6 +54,8 @@ def exchange(
         show_line(console, sentence(state.archive_error_text))
     for claim in state.claims:
         show_line(console, sentence(event_text(claim.message.id, claim.message.values)))
+    if state.logs_pending and state.archive_error is not None:
+        raise typer.Exit(CalstationError.exit_code)
 
 
 @database.command()

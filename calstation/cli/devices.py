@@ -11,7 +11,7 @@ from rich.console import Console
 
 from calstation.cli.errors import command_options
 from calstation.cli.show import check_json, ignore_progress, report, say
-from calstation.config import check, detect_kind, library, load_station, read_text
+from calstation.config import check, detect_kind, library, line_of, load_station, missing_report_places, read_text
 from calstation.connection import (
     LinkTestRequest,
     TableState,
@@ -28,6 +28,7 @@ from calstation.messages import Report, render, sentence
 from calstation.quality import due_certificates
 from calstation.records import SUFFIX, is_text
 from calstation.results import inspect_recording
+from calstation.schema import Problem
 
 _TESTS = {"table": check_table_link, "imu": check_imu_link}
 _MARKS = {"ok": "ok", "told": "", "look": "LOOK", "wrong": "WRONG"}
@@ -92,7 +93,9 @@ def check_command(path: Path, json: str | None) -> int:
     kind = detect_kind(path, text)
     problems = check(kind, text, path)
     if kind == "stations" and not problems:
-        problems = station_conflicts(text)
+        section = load_station(path)[1].report
+        missing = () if section is None else map(Problem.of, missing_report_places(section, path))
+        problems = [*station_conflicts(text), *(replace(each, line=line_of(text, each.place)) for each in missing)]
     rows = [{"line": p.line, "text": p.text} for p in problems]
     lines = [f"{path}:{problem.line}: {problem.text}" for problem in problems]
     valid = [say("cli.file_valid", path=path, kind=kind)]

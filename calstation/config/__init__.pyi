@@ -28,6 +28,7 @@ from .forms import cells_with_problem as cells_with_problem
 from .laboratory import InstrumentSection as InstrumentSection
 from .laboratory import LaboratorySection as LaboratorySection
 from .laboratory import ReportSection as ReportSection
+from .laboratory import missing_report_places as missing_report_places
 from .library import locate as locate
 from .library import pair_folder as pair_folder
 from .library import site_folder as site_folder

@@ -1,12 +1,14 @@
 """Sections of a station file about certificates: the laboratory, its instruments, and where reports are written."""
 
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field
 
 from calstation.records import InstrumentSection as InstrumentSection
 from calstation.records import LaboratorySection as LaboratorySection
-from calstation.schema import StrictModel
+from calstation.schema import EntryError, StrictModel
 
 
 class SigningSection(StrictModel):
@@ -25,3 +27,17 @@ class ReportSection(StrictModel):
     #: Folder with the site's own templates, relative to the station file; by default ``reports`` of the site's folder.
     template: str | None = Field(default=None, min_length=1)
     signing: SigningSection | None = None  #: None for reports without signatures.
+
+
+def missing_report_places(section: ReportSection, station: Path) -> Iterator[EntryError]:
+    """Yield errors for what `[report]` of the station file `station` names but does not exist: no report can be made.
+
+    The files may be on a share that is not mounted at present, so that this is no rule for reading the station file.
+    """
+    beside = station.absolute().parent
+    for entry in ("folder", "template"):
+        name = getattr(section, entry)
+        if name is not None and not (path := beside / Path(name).expanduser()).is_dir():
+            yield EntryError("station.no_report_place", "report", entry, path=path)
+    if section.signing is not None and not (path := beside / Path(section.signing.certificate).expanduser()).is_file():
+        yield EntryError("station.no_report_place", "report", "signing", "certificate", path=path)

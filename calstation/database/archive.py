@@ -13,6 +13,7 @@ from typing import Any
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
+from calstation.messages import Text, os_reason
 from calstation.records import sync_folder
 
 try:
@@ -39,22 +40,25 @@ class LogCopy:
     size: int  #: Number of bytes.
 
 
-def archive_log(log: Path, archive: str) -> LogCopy:
-    """Copy a closed log into a folder of an archive, unless the same bytes are already there.
+def archive_log(log: Path, archive: str, folder: str) -> LogCopy:
+    """Copy a closed log into a folder below an archive, unless the same bytes are already there.
 
     The copy gets its name after its bytes have been read back and compared, so that an interrupted copy leaves no file
-    of that name. Raises InputError, after which the copy can be tried again.
+    of that name. Raises InputError, after which the copy can be tried again; also if the archive is a local path that
+    does not exist, as an unmounted share must not become a local folder.
     """
-    url = f"{archive.rstrip('/')}/{log.name}"
+    url = f"{archive.rstrip('/')}/{folder}/{log.name}"
     try:
         files, path = _open(url)
+        if isinstance(files, LocalFileSystem) and not files.isdir(_open(archive)[1]):
+            raise InputError("database.archive_absent", archive=archive)
         with log.open("rb") as stream:
             place = path if isinstance(files, LocalFileSystem) else url  # absolute
             copy = LogCopy(place, _digest(stream), stream.tell())
         if not (files.exists(path) and _digest_at(files, path) == copy.file_sha256):
             _copy(log, files, path, copy)
     except _FAILURES as exc:
-        raise InputError("database.archive_failed", log=log.name, archive=archive, reason=str(exc)) from exc
+        raise InputError("database.archive_failed", log=log.name, archive=archive, reason=_reason(exc)) from exc
     return copy
 
 
@@ -70,7 +74,7 @@ def copy_to(url: str, target: Path, report: ProgressCallback) -> None:
                 report(copy.tell() / size)
         partial.replace(target)
     except _FAILURES as exc:
-        raise InputError("database.log_not_read", log=url, reason=str(exc)) from exc
+        raise InputError("database.log_not_read", log=url, reason=_reason(exc)) from exc
 
 
 def _copy(log: Path, files: AbstractFileSystem, path: str, copy: LogCopy) -> None:
@@ -103,6 +107,11 @@ def _open(url: str) -> tuple[AbstractFileSystem, str]:
     except (ValueError, ImportError) as exc:  # an unknown or missing file system
         raise InputError("database.no_archive", url=url, reason=str(exc)) from exc
     return files, path
+
+
+def _reason(error: Exception) -> Text | str:
+    """Return the reason for a failure; that of a storage service is its own words."""
+    return os_reason(error) if isinstance(error, OSError) and error.errno is not None else str(error)
 
 
 def _digest_at(files: AbstractFileSystem, path: str) -> str:

@@ -43,7 +43,7 @@ class LogArchiver:
             return False
         name = self._waiting[0]
         try:
-            copy = archive_log(self._log(name), f"{self._archive.rstrip('/')}/{self._outbox.id}")
+            copy = archive_log(self._log(name), self._archive, self._outbox.id)
             self._outbox.add_copy(name, copy.url, copy.file_sha256, copy.size)
         except CalstationError as error:
             self._failed.add(name)

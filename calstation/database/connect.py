@@ -77,7 +77,11 @@ def upgrade(url: str) -> bool:
     parsed = _parse(url)
     engine = _engine(parsed)
     try:
-        with engine.begin() as connection:
+        try:
+            connection = engine.connect()
+        except OperationalError as exc:
+            raise ConfigurationError("database.unreachable", database=public(parsed), reason=reason_of(exc)) from exc
+        with connection, connection.begin():
             configuration = _alembic()
             configuration.attributes["connection"] = connection
             if parsed.get_backend_name() == "postgresql":

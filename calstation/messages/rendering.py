@@ -19,6 +19,9 @@ Value = Any
 #: station and product, the run folder and the slot. Otherwise, and in the window, they are empty.
 COMMAND_OPTIONS = ("station_options", "out_option", "slot_option")
 
+#: How a sentence ends.
+_ENDS = (".", "?", "!", ".)", "。", "？", "！", "。）")
+
 _NO_DIGITS = str.maketrans("", "", string.digits)
 
 _OS_REASONS = {
@@ -72,11 +75,12 @@ class Rendered:
     source: str
     text: str
     remedy: str
+    language: Language = "en"
 
     @property
     def sentences(self) -> str:
         """What happened and what to do."""
-        return f"{self.text} {self.remedy}".strip()
+        return joined(self.text, self.remedy, self.language)
 
     @property
     def line(self) -> str:
@@ -97,12 +101,20 @@ def render(code: str, values: Mapping[str, Value], language: Language = "en", *,
         text, remedy = found.zh, found.zh_remedy
     else:
         text, remedy = found.text, found.window if window and found.window else found.remedy
-    return Rendered(source, form.vformat(text, (), values), form.vformat(remedy, (), values))
+    return Rendered(source, form.vformat(text, (), values), form.vformat(remedy, (), values), language)
 
 
 def sentence(message: Text, language: Language = "en", *, window: bool = False) -> str:
     """Render a message on one line."""
     return render(message.code, message.values, language, window=window).line
+
+
+def joined(text: str, remedy: str, language: Language) -> str:
+    """Join what happened and what to do, with a full stop between them if the text ends with a reason or a name."""
+    if not remedy:
+        return text
+    stop = "" if text.endswith(_ENDS) else "。" if language == "zh_CN" else "."
+    return f"{text}{stop} {remedy}"
 
 
 def term(family: str, name: str, language: Language = "en", **values: Value) -> str:

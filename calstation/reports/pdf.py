@@ -99,7 +99,7 @@ def templates(folder: Path | None) -> dict[str, bytes]:
         try:
             files |= {path.name: path.read_bytes() for path in sorted(place.iterdir()) if path.is_file()}
         except OSError as exc:
-            raise InputError("entry.unreadable", file=place, reason=os_reason(exc)) from exc
+            raise InputError("report.templates_unreadable", folder=place, reason=os_reason(exc)) from exc
     return files
 
 

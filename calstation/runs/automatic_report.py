@@ -6,13 +6,18 @@ import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from threading import Thread
 
-from calstation.config import ResolvedConfiguration, confirmation_required
+from calstation.config import ResolvedConfiguration, confirmation_required, missing_report_places
 from calstation.reports import station_request
+from calstation.schema import EntryError
 from calstation.sequencer import Emit, Message
 
 #: Program that runs several commands one after the other, so that the computer has one report at a time to make.
 _IN_TURN = "import json, subprocess, sys\nfor command in json.loads(sys.argv[1]):\n    subprocess.run(command)"
+
+#: Longest time that a share which does not respond delays the verdict, s; the report is then started all the same.
+_SEARCH_S = 2.0
 
 #: Processes that may outlive the engine; without a reference, Python would warn of them.
 _started: list[subprocess.Popen[bytes]] = []
@@ -23,7 +28,8 @@ logger = logging.getLogger(__name__)
 def report_command(setup: ResolvedConfiguration, result_file: Path, emit: Emit) -> list[str]:
     """Return the command that makes the report of a result, [] if the station does not ask for one.
 
-    A certificate that a second person must confirm is not made automatically; a message says that it waits.
+    A certificate that a second person must confirm is not made automatically; a message says that it waits. Another
+    one names the folder or file of the station file without which no certificate can be made.
     """
     section, source = setup.station.report, setup.sources.get("station")
     if section is None or section.folder is None or source is None:
@@ -31,6 +37,14 @@ def report_command(setup: ResolvedConfiguration, result_file: Path, emit: Emit) 
     if confirmation_required("certificate", setup.product, setup.station).second:
         logger.warning("no automatic report of %s: a second person must confirm its certificate", result_file)
         emit(Message("certificate_waits"))
+        return []
+    missing: list[EntryError] = []
+    search = Thread(target=lambda: missing.extend(missing_report_places(section, source.path)), daemon=True)
+    search.start()
+    search.join(_SEARCH_S)
+    if missing:
+        logger.warning("no automatic report of %s: %s", result_file, missing[0])
+        emit(Message("certificate_not_made", {"path": str(missing[0].values["path"])}))
         return []
     request = station_request(source.path, section, result_file)
     command = [sys.executable, "-m", "calstation", "report", str(request.source), "-o", str(request.out)]

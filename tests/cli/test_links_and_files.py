@@ -123,6 +123,24 @@ def test_ports_that_no_run_would_open_are_shown_with_their_remedy(
     assert remedy in done.out
 
 
+def test_folders_of_reports_that_do_not_exist_are_problems(calstation: Run, tmp_path: Path) -> None:
+    file = tmp_path / "station.toml"
+    report = {"folder": "certificates", "template": "mine", "signing": {"certificate": "lab.p12"}}
+    file.write_text(tomli_w.dumps({**STATION, "bench": {"seed": 1}, "report": report}), encoding="utf-8")
+    done = calstation("check", file)
+    assert done.code == 2
+    lines = file.read_text(encoding="utf-8").splitlines()
+    for entry, name in (("folder", "certificates"), ("template", "mine"), ("signing.certificate", "lab.p12")):
+        key = entry.rpartition(".")[2]
+        line = 1 + next(i for i, text in enumerate(lines) if text.startswith(f'{key} = "{name}"'))
+        said = f"{file}:{line}: report.{entry}: {tmp_path / name} does not exist. Create it or mount its share"
+        assert said in done.out
+    for name in ("certificates", "mine"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "lab.p12").touch()
+    assert calstation("check", file).code == 0
+
+
 def test_a_gravity_that_a_run_refuses_is_a_problem(calstation: Run, tmp_path: Path) -> None:
     file = tmp_path / "station.toml"
     site = {**STATION["site"], "gravity_mps2": 9.83}

@@ -31,7 +31,7 @@ def copy(source, target, length):
     os.kill(os.getpid(), signal.SIGKILL)
 
 shutil.copyfileobj = copy
-archive_log(Path(sys.argv[1]), sys.argv[2])
+archive_log(Path(sys.argv[1]), sys.argv[2], "line 1")
 """
 
 #: Program that archives a log where a file can have 1 MB.
@@ -44,7 +44,7 @@ from calstation.errors import InputError
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
 try:
-    archive_log(Path(sys.argv[1]), sys.argv[2])
+    archive_log(Path(sys.argv[1]), sys.argv[2], "line 1")
 except InputError as error:
     print(error.code)
 """
@@ -55,6 +55,14 @@ def log(tmp_path: Path) -> Path:
     path = tmp_path / "SN-000001_20261123T120000.h5"
     path.write_bytes(CONTENT)
     return path
+
+
+@pytest.fixture
+def archive(tmp_path: Path) -> Path:
+    """An archive in a folder, which exists as a mounted share does."""
+    made = tmp_path / "share"
+    made.mkdir()
+    return made
 
 
 @pytest.fixture
@@ -77,11 +85,10 @@ def archived(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_copies_a_log_into_a_folder_and_reads_it_back(log: Path, tmp_path: Path) -> None:
-    archive = tmp_path / "share" / "logs"
-    copy = archive_log(log, str(archive))
-    assert (copy.url, copy.file_sha256, copy.size) == (f"{archive}/{log.name}", DIGEST, len(CONTENT))
-    assert archived(archive) == [log.name]
+def test_copies_a_log_into_a_folder_and_reads_it_back(log: Path, archive: Path, tmp_path: Path) -> None:
+    copy = archive_log(log, str(archive), "line 1")
+    assert (copy.url, copy.file_sha256, copy.size) == (f"{archive}/line 1/{log.name}", DIGEST, len(CONTENT))
+    assert archived(archive / "line 1") == [log.name]
     copy_to(copy.url, tmp_path / "copy.h5", ignore_progress)
     assert (tmp_path / "copy.h5").read_bytes() == CONTENT
 
@@ -90,11 +97,11 @@ def test_copies_a_log_into_a_folder_and_reads_it_back(log: Path, tmp_path: Path)
 def test_copies_a_log_to_s3_and_reads_it_back(log: Path, bucket: str, tmp_path: Path) -> None:
     import s3fs
 
-    copy = archive_log(log, bucket)
-    assert copy.url == f"{bucket}/{log.name}"
-    assert archive_log(log, bucket) == copy
-    names = s3fs.S3FileSystem(skip_instance_cache=True).ls(bucket)
-    assert names == [f"calibration-logs/plant-2/{log.name}"]
+    copy = archive_log(log, bucket, "line 1")
+    assert copy.url == f"{bucket}/line 1/{log.name}"
+    assert archive_log(log, bucket, "line 1") == copy
+    names = s3fs.S3FileSystem(skip_instance_cache=True).ls(f"{bucket}/line 1")
+    assert names == [f"calibration-logs/plant-2/line 1/{log.name}"]
     fractions: list[float] = []
     copy_to(copy.url, tmp_path / "copy.h5", lambda fraction, *_: fractions.append(fraction))
     assert (tmp_path / "copy.h5").read_bytes() == CONTENT
@@ -102,54 +109,50 @@ def test_copies_a_log_to_s3_and_reads_it_back(log: Path, bucket: str, tmp_path: 
     assert len(fractions) > 2
 
 
-def test_does_not_copy_the_same_bytes_again_and_replaces_a_damaged_copy(log: Path, tmp_path: Path) -> None:
-    archive = tmp_path / "share"
-    copy = archive_log(log, str(archive))
-    there = archive / log.name
+def test_does_not_copy_the_same_bytes_again_and_replaces_a_damaged_copy(log: Path, archive: Path) -> None:
+    copy = archive_log(log, str(archive), "line 1")
+    there = archive / "line 1" / log.name
     stamp = there.stat()
-    assert archive_log(log, str(archive)) == copy
+    assert archive_log(log, str(archive), "line 1") == copy
     assert (there.stat().st_ino, there.stat().st_mtime_ns) == (stamp.st_ino, stamp.st_mtime_ns)
     there.write_bytes(CONTENT[:-1] + b"x")
-    assert archive_log(log, str(archive)) == copy
+    assert archive_log(log, str(archive), "line 1") == copy
     assert there.read_bytes() == CONTENT
 
 
 def test_a_copy_that_reads_back_differently_gets_no_name(
-    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    log: Path, archive: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import shutil
 
-    archive = tmp_path / "share"
     with monkeypatch.context() as patch:
         patch.setattr(shutil, "copyfileobj", lambda source, target, length: target.write(source.read()[:-1]))
         with pytest.raises(InputError) as refused:
-            archive_log(log, str(archive))
+            archive_log(log, str(archive), "line 1")
     assert refused.value.code == "database.copy_damaged"
-    assert archived(archive) == []
-    archive_log(log, str(archive))
-    assert archived(archive) == [log.name]
+    assert archived(archive / "line 1") == []
+    archive_log(log, str(archive), "line 1")
+    assert archived(archive / "line 1") == [log.name]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 @pytest.mark.parametrize("after", [0, 1_000_000, len(CONTENT)])
-def test_a_killed_copy_leaves_no_file_of_that_name(log: Path, tmp_path: Path, after: int) -> None:
-    archive = tmp_path / "share"
+def test_a_killed_copy_leaves_no_file_of_that_name(log: Path, archive: Path, after: int) -> None:
     command = [sys.executable, "-c", KILLED.format(after=after), str(log), str(archive)]
     assert subprocess.run(command, timeout=120).returncode == -signal.SIGKILL
-    assert log.name not in archived(archive)
-    archive_log(log, str(archive))
-    assert archived(archive) == [log.name]
-    assert (archive / log.name).read_bytes() == CONTENT
+    assert log.name not in archived(archive / "line 1")
+    archive_log(log, str(archive), "line 1")
+    assert archived(archive / "line 1") == [log.name]
+    assert (archive / "line 1" / log.name).read_bytes() == CONTENT
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit of file sizes")
-def test_a_full_archive_is_an_error_and_leaves_nothing(log: Path, tmp_path: Path) -> None:
-    archive = tmp_path / "share"
+def test_a_full_archive_is_an_error_and_leaves_nothing(log: Path, archive: Path) -> None:
     command = [sys.executable, "-c", FULL, str(log), str(archive)]
     assert (
         subprocess.run(command, timeout=120, capture_output=True, text=True).stdout.strip() == "database.archive_failed"
     )
-    assert archived(archive) == []
+    assert archived(archive / "line 1") == []
 
 
 def test_an_archive_that_is_not_there_is_an_error(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,14 +162,17 @@ def test_an_archive_that_is_not_there_is_an_error(log: Path, tmp_path: Path, mon
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
     monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")
     for archive, code in (
-        (str(tmp_path / "share" / "logs"), "archive_failed"),
+        (str(tmp_path / "share"), "archive_absent"),
+        (str(tmp_path / "unmounted" / "logs"), "archive_absent"),
         ("s3://calibration-logs", "archive_failed"),
         ("tape://logs", "no_archive"),
     ):
         with pytest.raises(InputError) as failed:
-            archive_log(log, archive)
+            archive_log(log, archive, "line 1")
         assert failed.value.code == f"database.{code}"
+    assert not (tmp_path / "unmounted").exists()
     for url in (str(tmp_path / "gone.h5"), "s3://calibration-logs/gone.h5"):
         with pytest.raises(InputError) as failed:
             copy_to(url, tmp_path / "copy.h5", ignore_progress)
         assert failed.value.code == "database.log_not_read"
+        assert "Errno" not in str(failed.value)

@@ -34,6 +34,14 @@ def folder(tmp_path: Path) -> Path:
     return made
 
 
+@pytest.fixture
+def archive(tmp_path: Path) -> Path:
+    """Folder of the archive, which exists as a mounted share does."""
+    made = tmp_path / "archive"
+    made.mkdir()
+    return made
+
+
 def station_file(folder: Path, url: str) -> Path:
     """The virtual bench as a station that shares its records."""
     shipped = library.find("stations", "virtual_bench").read_text(encoding="utf-8")
@@ -56,8 +64,7 @@ def received(folder: Path) -> dict[str, RunRecord]:
     return {run.name: run.record for run in RunIndex(folder).find(RunFilter())}
 
 
-def test_logs_are_archived_and_read_by_another_station(url: str, folder: Path, tmp_path: Path) -> None:
-    archive = tmp_path / "archive"
+def test_logs_are_archived_and_read_by_another_station(url: str, folder: Path, archive: Path, tmp_path: Path) -> None:
     outbox = Outbox(folder)
     watch(
         folder,
@@ -128,7 +135,6 @@ def test_a_result_is_not_fetched_without_its_database(folder: Path, tmp_path: Pa
 @pytest.mark.long
 def test_an_absent_archive_stops_nothing_and_is_tried_again(url: str, folder: Path, tmp_path: Path) -> None:
     share = tmp_path / "share"
-    share.write_text("not mounted")
     outbox = Outbox(folder)
     watch(
         folder, url, "line 1", until(lambda: read_state(folder).archive_error is not None), archive=str(share / "logs")
@@ -136,8 +142,9 @@ def test_an_absent_archive_stops_nothing_and_is_tried_again(url: str, folder: Pa
     state = read_state(folder)
     assert (state.pending, state.error, state.logs_pending) == (0, None, 2)
     assert state.archive_error is not None
-    assert state.archive_error["code"] == "database.archive_failed"
-    share.unlink()
+    assert state.archive_error["code"] == "database.archive_absent"
+    assert not share.exists()
+    (share / "logs").mkdir(parents=True)
     watch(folder, url, "line 1", until(lambda: len(outbox.copies()) == 2), archive=str(share / "logs"))
     eventually(lambda: read_state(folder).logs_pending == 0)
     assert read_state(folder).archive_error is None
@@ -178,22 +185,19 @@ def test_the_state_of_an_archive_ends_with_the_archive(url: str, folder: Path, t
 
 
 def test_each_log_is_opened_once_for_all_copies(
-    url: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    url: str, folder: Path, archive: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened = []
     monkeypatch.setattr("calstation.database.archiver.being_written", lambda log: opened.append(log.name))
     Outbox(folder).fill()
-    archiver = LogArchiver(folder, str(tmp_path / "archive"))
+    archiver = LogArchiver(folder, str(archive))
     assert [archiver.copy_next() for _ in range(4)] == [True, True, False, False]
     assert opened == ["a.h5", "b.h5"]
 
 
-def test_a_log_that_cannot_be_copied_does_not_hold_up_the_others(
-    url: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_log_that_cannot_be_copied_does_not_hold_up_the_others(url: str, folder: Path, archive: Path) -> None:
     exchange = Exchange(folder, url, "line 1")
     exchange.exchange()
-    archive = tmp_path / "archive"
     (archive / exchange.outbox.id / "a.h5").mkdir(parents=True)  # in the way
     archiver = LogArchiver(folder, str(archive))
     assert not archiver.copy_next()
@@ -204,13 +208,22 @@ def test_a_log_that_cannot_be_copied_does_not_hold_up_the_others(
     exchange.close()
 
 
-def test_the_command_archives_all_logs_at_once(
+def test_the_command_archives_all_logs_at_once_and_says_that_the_archive_is_absent(
     url: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    station = station_file(folder, url)
+    station, archive = station_file(folder, url), tmp_path / "archive"
     with station.open("a", encoding="utf-8") as file:
-        file.write(f'archive = "{tmp_path / "archive"}"\n')
-    assert run_app(["database", "exchange", "--station", str(station), "--out", str(folder)]) == 0
+        file.write(f'archive = "{archive}"\n')
+    command = ["database", "exchange", "--station", str(station), "--out", str(folder)]
+    assert run_app(command) == 2
+    exchanged = "All runs of the folder are in the shared database."
+    assert " ".join(capsys.readouterr().err.split()) == (
+        f"{exchanged} Program: The archive {archive} does not exist, so logs wait to be copied into it. "
+        "Mount its share or create the folder; a window or a service tries again by itself."
+    )
+    assert not archive.exists()
+    archive.mkdir()
+    assert run_app(command) == 0
     outbox = Outbox(folder)
     assert (outbox.pending, sorted(outbox.copies())) == (0, ["a", "b"])
-    assert capsys.readouterr().err == "All runs of the folder are in the shared database.\n"
+    assert capsys.readouterr().err == f"{exchanged}\n"

@@ -1,5 +1,6 @@
 """The migrations make exactly the declared tables, on PostgreSQL and SQLite, forwards and backwards."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -89,6 +90,27 @@ def test_an_unreachable_database_is_named_without_its_password(monkeypatch: pyte
         connect("postgresql+psycopg://line@127.0.0.1:1/none")
     assert "line@127.0.0.1" in str(caught.value)
     assert "geheim" not in str(caught.value)
+
+
+@pytest.mark.parametrize("use", [connect, upgrade])
+@pytest.mark.parametrize("away", ["server", "database", "folder"])
+def test_the_remedy_of_a_database_that_is_away_is_not_about_rights(
+    use: Callable[[str], object], away: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    url = f"sqlite:///{tmp_path / 'unmounted' / 'x.sqlite'}"
+    if away == "server":
+        url = "postgresql+psycopg://line@127.0.0.1:1/none"
+    elif away == "database":
+        url = request.getfixturevalue("postgres").url("unknown")
+    with raises_code(ConfigurationError, "database.unreachable") as caught:
+        use(url)
+    assert ". Check network, server, port, name of the database, user and password; the folder of" in str(caught.value)
+
+
+def test_a_file_that_is_no_database_is_not_upgraded(tmp_path: Path) -> None:
+    (tmp_path / "x.sqlite").write_text("this is no database, but a text that is long enough for its header" * 10)
+    with raises_code(ConfigurationError, "database.not_upgraded"):
+        upgrade(f"sqlite:///{tmp_path / 'x.sqlite'}")
 
 
 @pytest.mark.parametrize(

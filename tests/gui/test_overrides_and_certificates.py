@@ -184,3 +184,16 @@ def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
     events = events_of(operator)
     (event,) = [each for each in events if each.event == "certificate"]
     assert (event.by, event.confirmed_by) == ("B0001", "B0002")
+
+
+@pytest.mark.long
+def test_a_run_says_that_the_folder_of_its_certificate_is_missing(operator: Operator) -> None:
+    use(operator, {}, report={"folder": "unmounted"})
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(lambda: operator.verdict)
+    operator.until_ended()
+    missing = operator.site_folder.station.parent / "unmounted"
+    for page in ("engineer_page", "operator_page"):
+        operator.window.show_page(page)
+        operator.until(lambda: f"No certificate was made: {missing}, which [report]" in operator.says())

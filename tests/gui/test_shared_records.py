@@ -121,7 +121,9 @@ def test_what_waits_is_shown_until_it_is_sent(
     assert waiting in operator.says()
     operator.window.show_page("operator_page")
 
+    assert "does not exist, so logs wait to be copied into it" in label.toolTip()
     (tmp_path / "share").unlink()
+    (tmp_path / "share").mkdir()
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     site_folder.write(station={"records": {"database": url, "archive": str(tmp_path / "share")}})
     operator.window.app.set_station(site_folder.station)

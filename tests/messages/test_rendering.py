@@ -57,6 +57,14 @@ def test_messages_stand_inside_messages_and_travel_as_json() -> None:
     assert render("program.internal", values, "zh_CN").text == "程序内部错误：磁盘已满。"
 
 
+def test_a_full_stop_separates_a_reason_at_the_end_from_the_remedy() -> None:
+    missing = CalstationError("signing.unreadable", file="lab.p12", reason=Text("os.not_found"))
+    assert "cannot be read: no such file or folder. " in str(missing)
+    assert "文件或文件夹不存在。 " in missing.render("zh_CN").line
+    assert str(CalstationError("database.no_url")).count(". ") == 1
+    assert ". " not in render("database.refused", {"database": "x", "reason": "y"}).text
+
+
 def test_a_reason_that_the_catalogue_lacks_keeps_the_systems_words() -> None:
     assert render("program.internal", {"detail": os_reason(OSError(9999, "odd"))}).text == "Internal error: odd."
 

@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+import threading
 import tomllib
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -15,6 +16,7 @@ import tomli_w
 from calstation.cli.app import run_app
 from calstation.config import resolve_configuration
 from calstation.config.library import shipped_folder
+from calstation.messages import event_text, sentence
 from calstation.records import audit_path, open_log, read_reports, reports_path
 from calstation.reports import issue
 from calstation.reports.content import certificate_number
@@ -165,7 +167,7 @@ def test_another_result_of_the_same_log_needs_a_revision(gimbal: Made, capsys: p
     result["operator"] = "somebody else"
     gimbal.result_file.write_text(json.dumps(result), encoding="utf-8")
     assert report(gimbal.result_file, "-o", gimbal.folder / "second.pdf") == 2
-    assert "with another result, date, template" in " ".join(capsys.readouterr().err.split())
+    assert "with another result, date of issue" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.long
@@ -284,11 +286,46 @@ def test_the_date_of_receipt_stays_with_the_certificate(
     assert f"<dcc:receiptDate>{before}</dcc:receiptDate>" in xml
     assert f"Received {before}" in " ".join(pypdf.PdfReader(tmp_path / "first.pdf").pages[0].extract_text().split())
     assert issue("other", "--received", begun.isoformat()) == 2
-    assert "--revise" in capsys.readouterr().err
+    said = " ".join(capsys.readouterr().err.split())
+    assert "with another result, date of issue, date of receipt, template or version" in said
+    assert "--revise" in said
     assert issue("kept", "--revise", "spelling") == 0
     assert issue("revised", "--revise", "date of receipt", "--received", begun.isoformat()) == 0
     reports = read_reports(gimbal.result_file.parent)
     assert [each.received for each in reports] == [before.isoformat(), before.isoformat(), begun.isoformat()]
+
+
+@pytest.mark.parametrize(
+    ("missing", "report"),
+    [
+        ("reports", {"folder": "reports"}),
+        ("mine", {"folder": ".", "template": "mine"}),
+        ("lab.p12", {"folder": ".", "signing": {"certificate": "lab.p12"}}),
+    ],
+)
+def test_a_verdict_says_why_it_has_no_report(site_folder: SiteFolder, missing: str, report: dict[str, Any]) -> None:
+    told: list[Event] = []
+    with_laboratory(site_folder, report=report)
+    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append) == []
+    path = str(site_folder.folder / missing)
+    assert told == [Message("certificate_not_made", {"path": path})]
+    assert f"No certificate was made: {path}, which" in sentence(event_text("certificate_not_made", {"path": path}))
+    (site_folder.folder / missing).touch() if "." in missing else (site_folder.folder / missing).mkdir()
+    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
+    assert len(told) == 1
+
+
+def test_a_share_that_does_not_respond_delays_no_verdict(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    goes_on = threading.Event()
+    monkeypatch.setattr(automatic_report, "missing_report_places", lambda *_: [goes_on.wait()])
+    monkeypatch.setattr(automatic_report, "_SEARCH_S", 0.0)
+    with_laboratory(site_folder, report={"folder": "reports"})
+    told: list[Event] = []
+    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
+    goes_on.set()
+    assert told == []
 
 
 def test_a_station_asks_for_reports_of_its_verdicts(
@@ -299,6 +336,8 @@ def test_a_station_asks_for_reports_of_its_verdicts(
     monkeypatch.setattr(subprocess, "Popen", lambda command, **options: started.append(command))
     start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)])
     assert not started
+    for name in ("reports", "mine"):
+        (site_folder.folder / name).mkdir()
     with_laboratory(site_folder, report={"folder": "reports", "language": "zh", "template": "mine"})
     start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)])
     automatic_report._started.clear()

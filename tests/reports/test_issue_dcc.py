@@ -83,10 +83,27 @@ def test_a_certificate_that_cannot_sign_writes_nothing(
     assert not pdf.exists()
 
 
+@pytest.mark.parametrize("option", ["--sign", "--templates"])
+def test_a_missing_file_of_an_option_is_named_with_the_option(
+    result_file: Path, tmp_path: Path, option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pdf, missing = tmp_path / "report.pdf", tmp_path / "missing.p12"
+    assert run_app(["report", str(result_file), "-o", str(pdf), option, str(missing)]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"{missing}" in said
+    assert "cannot be read: no such file or folder. Give a " in said
+    assert f"that exists and can be read with {option} " in said
+    assert "[report" not in said
+    assert not pdf.exists()
+
+
 def test_reports_of_a_station_with_a_certificate_are_signed(site_folder: SiteFolder) -> None:
     """A relative path is beside the station file."""
     setup = prepare_run(site_folder.request("six_position"))
     section = ReportSection(folder="reports", signing=SigningSection(certificate="keys/seal.p12"))
     signed = replace(setup, station=setup.station.model_copy(update={"report": section}))
+    (site_folder.folder / "reports").mkdir()
+    (site_folder.folder / "keys").mkdir()
+    (site_folder.folder / "keys" / "seal.p12").touch()
     command = automatic_report.report_command(signed, Path("SN-000042_1.json"), lambda _: None)
     assert command[-2:] == ["--sign", str(site_folder.folder / "keys" / "seal.p12")]

@@ -178,15 +178,16 @@ class EngineerPage(Page):
     def _running_changed(self, running: bool) -> None:
         """After a run, clear its serial number and restore the product's stages, so that no later run is partial.
 
-        Show whether its certificate waits for two people.
+        Show whether its certificate waits for two people, or could not be made.
         """
         if not running and self.app.engine_link.operation is None:
             self._header.serial_edit.clear()
             found = self._options
             if found is not None and found.offered and self.choice.parts.stages != found.stages:
                 self.choice.parts.offer(found.offered, found.stages)
-            if ("certificate_waits", {}) in self.app.run.unit.remarks:
-                self.notice.ask("caution", lambda: event_sentence("certificate_waits", {}), str)
+            for name, values in self.app.run.unit.remarks:
+                if name in ("certificate_waits", "certificate_not_made"):
+                    self.notice.ask("caution", partial(event_sentence, name, values), str)
         self._update()
 
     def _drop_question(self) -> None:

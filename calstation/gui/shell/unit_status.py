@@ -38,6 +38,7 @@ _REMARKS = (
     "latitude_untold",
     "handover_waiting",
     "certificate_waits",
+    "certificate_not_made",
 )
 
 #: Name of the last row, in which the registers are written and verified.

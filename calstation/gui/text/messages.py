@@ -48,7 +48,7 @@ class ErrorText:
     @property
     def sentences(self) -> str:
         """The reason followed by the remedy."""
-        return f"{self.reason} {self.remedy}".strip()
+        return rendering.joined(self.reason, self.remedy, language.current())
 
 
 def say(code: str, **values: Any) -> str:
