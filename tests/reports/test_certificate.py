@@ -172,7 +172,7 @@ def test_a_unit_of_a_batch_says_where_it_was_and_with_which_others(made: Made) -
     wanted = {
         "en": (
             "UnitinslotA2ofbatchB20261123T0630-7F.",
-            "furtherunitsonthesametable(2),serialnumbersSN-000041,SN-000043.",
+            "Calibratedonthesametableatthesametimeas:SN-000041,SN-000043(2).",
             "bodyaxis−ywasalongplatformxandbodyaxis+zalongplatformz",
             "inbodyaxesx,y,z:(0.250,−0.100,0.000)m",
         ),
@@ -199,7 +199,7 @@ def test_the_digital_certificate_states_the_arrangement_of_a_batch_only(made: Ma
     xml = write_dcc(in_batch(made).certificate)
     assert xml == write_dcc(in_batch(made).certificate)
     text = xml.decode()
-    assert "Unit in slot A2 of batch B20261123T0630-7F. Calibrated together" in text
+    assert "Unit in slot A2 of batch B20261123T0630-7F. Calibrated on the same table" in text
     assert "批次 B20261123T0630-7F 的装夹位 A2。与同一" in text
 
 
