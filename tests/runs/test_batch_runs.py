@@ -215,6 +215,7 @@ def test_the_reports_of_a_batch_are_made_after_the_run_one_after_the_other(
     station = tomllib.loads(site_folder.station.read_text(encoding="utf-8"))
     station["report"] = {"folder": "reports"}
     site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+    (site_folder.station.parent / "reports").mkdir()
     started: list[tuple[list[list[str]], int]] = []
 
     def start(commands: Iterable[list[str]]) -> None:
