@@ -35,7 +35,7 @@ from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, lo
 from calstation.errors import ConfigurationError
 from calstation.estimation import RepeatedSchedule
 from calstation.estimation.common import BIAS_SIGMAS, SLOWEST, SolveContext, without_gravity
-from calstation.physics import INDEX, NAMES, PARAMETERS, GimbalTurn, Step, group_indices
+from calstation.physics import INDEX, NAMES, PARAMETERS, GimbalTurn, Step, entry_of, group_indices
 from calstation.records import (
     FileSection,
     ImuSection,
@@ -227,7 +227,7 @@ class ResolvedConfiguration:
         last = {name: stage for stage in self.stages for name in method(stage).estimates(context) if name in INDEX}
         found = {}
         for name, stage in last.items():
-            limit = limits.get(name, limits.get(PARAMETERS[INDEX[name]].group))
+            limit = entry_of(limits, name)
             sigma = limit.sigma_limit(stage) if limit is not None else None
             if sigma is not None:
                 found[name] = sigma

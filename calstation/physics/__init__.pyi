@@ -31,9 +31,11 @@ from .parameters import OBSERVABLE as OBSERVABLE
 from .parameters import PAIR_PARAMETERS as PAIR_PARAMETERS
 from .parameters import PARAMETERS as PARAMETERS
 from .parameters import EffectName as EffectName
+from .parameters import entry_of as entry_of
 from .parameters import further_parameter as further_parameter
 from .parameters import group_indices as group_indices
 from .parameters import group_matrix as group_matrix
+from .parameters import group_of as group_of
 from .parameters import group_vector as group_vector
 from .parameters import named as named
 from .parameters import pair_name as pair_name

@@ -8,11 +8,13 @@ Values are relative to the nominal scale in the IMU's profile.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
 from calstation.physics.arrays import FloatArray
+
+T = TypeVar("T")
 
 AXES = "xyz"
 #: Channels of an IMU, in the order of its samples.
@@ -117,6 +119,17 @@ def pair_name(name: str, number: int) -> str:
 def further_parameter(name: str) -> FurtherParameter | None:
     """Return the parameter outside the 30 for a name, of a pair also with IMU number; None if the name is unknown."""
     return _FURTHER.get(name.translate(_NO_DIGITS))
+
+
+def group_of(name: str) -> str:
+    """Return the group of a parameter, one of the 30 or a further one; the name itself if it is unknown."""
+    parameter = PARAMETERS[INDEX[name]] if name in INDEX else further_parameter(name)
+    return name if parameter is None else parameter.group
+
+
+def entry_of(entries: Mapping[str, T], name: str) -> T | None:
+    """Return the entry of a parameter among entries of parameters and groups: its own, else that of its group."""
+    return entries.get(name, entries.get(group_of(name)))
 
 
 _NO_DIGITS = str.maketrans("", "", "0123456789")

@@ -13,7 +13,7 @@ import numpy as np
 from calstation.config import ProductConfig, library, load_product
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
-from calstation.physics import INDEX, PARAMETERS, FloatArray, further_parameter
+from calstation.physics import INDEX, FloatArray, entry_of, further_parameter
 from calstation.quality.capability import Capability, capability
 from calstation.quality.charts import (
     RULES,
@@ -176,12 +176,7 @@ def last_of_each_unit(runs: RunColumns, rows: Sequence[int]) -> list[int]:
 
 def limit_interval(product: ProductConfig, parameter: str) -> tuple[float, float] | None:
     """Return the lowest and highest value of a parameter that a product permits, SI; None without a limit."""
-    if parameter in INDEX:
-        group = PARAMETERS[INDEX[parameter]].group
-    else:
-        further = further_parameter(parameter)
-        group = further.group if further else ""
-    limit = product.limits.get(parameter, product.limits.get(group))
+    limit = entry_of(product.limits, parameter)
     return None if limit is None else limit.interval
 
 

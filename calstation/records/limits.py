@@ -18,6 +18,7 @@ from calstation.physics import (
     OBSERVABLE,
     PAIR_PARAMETERS,
     PARAMETERS,
+    entry_of,
     further_parameter,
 )
 from calstation.schema import EntryError, StrictModel, near_miss
@@ -382,14 +383,13 @@ def check_limits(
         if name in lost:
             continue
         i = INDEX[name]
-        limit = limits.get(name, limits.get(PARAMETERS[i].group))
+        limit = entry_of(limits, name)
         if limit is not None:
             estimate = Estimate(float(belief.mean[i]), float(sigma[i]), PARAMETERS[i].unit)
             checks += _check_estimate(name, estimate, limit, limit.sigma_limit(stage), near, rule)
     for s in solutions:
         for name, estimate in s.found.items():
-            parameter = further_parameter(name)
-            limit = limits.get(name, limits.get(parameter.group if parameter else ""))
+            limit = entry_of(limits, name)
             if limit is not None:
                 checks += _check_estimate(name, estimate, limit, limit.sigma_below, near, rule)
     last = solutions[-1]  # its test for effects uses all stages

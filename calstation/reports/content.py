@@ -15,11 +15,9 @@ from calstation.messages import Text
 from calstation.physics import (
     AXES,
     DEFAULT_ORIENTATION,
-    INDEX,
-    PARAMETERS,
     FloatArray,
     compose,
-    further_parameter,
+    entry_of,
 )
 from calstation.records import InstrumentSection, LaboratorySection, Limit, LogMeta
 from calstation.reports.budget import Budget
@@ -206,7 +204,7 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
     judged = {} if result.conformity is None else result.conformity.parameters
     rows = []
     for name, found in result.parameters.items():
-        limit = limits.get(name, limits.get(group_of(name), Limit()))
+        limit = entry_of(limits, name) or Limit()
         decision = decisions.get(name, "not_judged") if result.judged else "not_judged"
         rows.append(
             Quantity(
@@ -232,12 +230,6 @@ def _risk(decision: Decision, judged: ParameterConformity | None) -> float | Non
     if judged is None or decision != ("passed" if judged.accepted else "failed"):
         return None
     return judged.probability
-
-
-def group_of(name: str) -> str:
-    """Return the group of a parameter, or the name itself if it is unknown."""
-    parameter = PARAMETERS[INDEX[name]] if name in INDEX else further_parameter(name)
-    return name if parameter is None else parameter.group
 
 
 def _remaining(result: Result, meta: LogMeta) -> tuple[Mapping[str, float], Mapping[str, float]]:

@@ -15,9 +15,9 @@ from lxml.builder import ElementMaker
 
 from calstation import __version__
 from calstation.messages import Language, Text, known, parameter_name, render, term
-from calstation.physics import INDEX, pair_name
+from calstation.physics import INDEX, group_of, pair_name
 from calstation.records import InstrumentSection, context_from_meta
-from calstation.reports.content import Certificate, Quantity, arrangement, group_of
+from calstation.reports.content import Certificate, Quantity, arrangement
 from calstation.reports.dsi import dsi_unit, joint_list, real, real_list
 
 SCHEMA_VERSION = "3.3.0"

@@ -16,12 +16,13 @@ from calstation.physics import (
     NOISE_DISPLAY,
     display,
     display_by_unit,
+    group_of,
     unit_of_parameter,
 )
 from calstation.records import COVERAGE_FACTOR, Check, context_from_meta
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import SOURCES
-from calstation.reports.content import Certificate, Quantity, arrangement, group_of, performed
+from calstation.reports.content import Certificate, Quantity, arrangement, performed
 from calstation.reports.deviations import deviations
 from calstation.reports.numbers import NONE, check_unit, exact, in_display, interval, percentage, rounded, short
 from calstation.results import Verification, plain

@@ -11,14 +11,14 @@ which is N(y, σ²) where the data determine the parameter. A unit's own previou
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from scipy.special import ndtr, owens_t
 
 from calstation.estimation import Solution
 from calstation.estimation.common import Belief
-from calstation.physics import INDEX, PARAMETERS, further_parameter
+from calstation.physics import INDEX, entry_of
 from calstation.records import Check, ConformitySection, LogMeta, Rule, acceptance_interval
 from calstation.results.result import Conformity, ParameterConformity
 
@@ -120,7 +120,7 @@ def conformity(
     for check in checks:
         if check.kind == "within" and isinstance(check.limit, tuple):
             name = check.subject
-            measured, spread = _measurement(meta, name, prior, solutions), _spread(section.spread, name)
+            measured, spread = _measurement(meta, name, prior, solutions), entry_of(section.spread, name)
             if measured.sigma == 0.0:
                 continue  # fixed, not measured
             outside = probability_outside(measured, check.limit, spread)
@@ -141,12 +141,6 @@ def conformity(
 
 def _section(meta: LogMeta) -> ConformitySection:
     return (meta.product.conformity if meta.product is not None else None) or ConformitySection()
-
-
-def _spread(spread: Mapping[str, float], name: str) -> float | None:
-    """Return the spread of a parameter: its own or that of its group."""
-    known = PARAMETERS[INDEX[name]] if name in INDEX else further_parameter(name)
-    return spread.get(name, spread.get("" if known is None else known.group))
 
 
 def _measurement(meta: LogMeta, name: str, prior: Belief, solutions: Sequence[Solution]) -> Measurement:

@@ -9,6 +9,7 @@ from calstation.physics.parameters import (
     INDEX,
     NAMES,
     PARAMETERS,
+    entry_of,
     group_indices,
     group_matrix,
     group_vector,
@@ -64,6 +65,22 @@ def test_vectors_and_indices_of_groups_cover_every_parameter_once():
     values = np.arange(30.0)
     assert sorted(i for group in GROUPS for i in group_indices(group)) == list(range(30))
     assert group_vector(values, "outer_lever").tolist() == [27.0, 28.0, 29.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "entry"),
+    [
+        ("gyro_bias_x", 1),
+        ("gyro_bias_y", 2),
+        ("secondary3_gyro_matrix_xy", 3),
+        ("time_skew", 4),
+        ("accel_bias_x", None),
+        ("unknown", None),
+    ],
+)
+def test_the_entry_of_a_parameter_is_its_own_else_that_of_its_group(name, entry):
+    entries = {"gyro_bias_x": 1, "gyro_bias": 2, "secondary_gyro_matrix": 3, "time_skew": 4}
+    assert entry_of(entries, name) == entry
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from calstation.devices.profiles.imu_sections import (
 )
 from calstation.devices.profiles.registers import RegisterEntry, check_registers
 from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.physics import GROUPS, NAMES, PARAMETERS, EffectName, FloatArray
+from calstation.physics import GROUPS, NAMES, PARAMETERS, EffectName, FloatArray, entry_of
 from calstation.schema import EntryError, StrictModel, entry, load_once, near_miss
 
 #: The section that each protocol requires.
@@ -216,7 +216,7 @@ class ImuProfile(StrictModel):
 
     def prior_sigmas(self) -> dict[str, float]:
         """Return the prior standard deviation, SI, of each parameter that has a prior, by name."""
-        found = {p.name: self.prior.get(p.name, self.prior.get(p.group)) for p in PARAMETERS}
+        found = {p.name: entry_of(self.prior, p.name) for p in PARAMETERS}
         return {name: prior.sigma for name, prior in found.items() if prior is not None}
 
     def change_sigmas(self, years: float) -> FloatArray:
@@ -224,7 +224,7 @@ class ImuProfile(StrictModel):
         priors = self.prior_sigmas()
         changes = []
         for parameter in PARAMETERS:
-            found = self.stability.get(parameter.name, self.stability.get(parameter.group, Stability()))
+            found = entry_of(self.stability, parameter.name) or Stability()
             prior = priors.get(parameter.name, parameter.prior_sigma)
             power_up = _POWER_UP * prior if found.power_up is None else found.power_up
             year = _YEAR * prior if found.year is None else found.year
