@@ -61,9 +61,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A site's folder for tests without their own: its audit trail is not that of the user."""
+    """A site's folder for tests without their own: its audit trail is not that of the user. PINs cost little time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CALSTATION_HOME", str(tmp_path_factory.mktemp("home")))
+        patch.setattr("calstation.config.access._N", 2**10)
         yield
 
 

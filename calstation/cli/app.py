@@ -353,7 +353,10 @@ def pin(
 @app.command()
 def report(
     source: Annotated[Path, typer.Argument(metavar="RESULT.json|LOG", help="Result of a run, its log, or any log.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="PDF to write.", metavar="FILE.pdf")],
+    out: Annotated[
+        Path,
+        typer.Option("-o", "--out", help="PDF to write, or folder for one named after it.", metavar="FILE.pdf"),
+    ],
     language: Annotated[str, typer.Option(help="en or zh.")] = "en",
     issued: Annotated[
         str | None, typer.Option(help="Date of issue; default: the day of the result.", metavar="YYYY-MM-DD")

@@ -26,12 +26,22 @@ def ask_person(badge: str, *, pin: bool = True) -> Person:
     return Person(badge, _ask(say("cli.ask_pin", badge=badge)) if pin else "")
 
 
+def ask_people(
+    by: str | None, confirmed_by: str | None, default: str, *, pin: bool = False
+) -> tuple[Person, Person | None]:
+    """Return the person who acts, by default `default`, and the one who confirms it, None if nobody does.
+
+    Whoever is named proves it with a PIN; `default` only if `pin` is set or somebody confirms.
+    """
+    first = ask_person(by or default, pin=pin or bool(by) or confirmed_by is not None)
+    return first, None if confirmed_by is None else ask_person(confirmed_by)
+
+
 def override_command(result: Path, reason: str, by: str | None, confirmed_by: str | None, json: str | None) -> int:
     """Release the unit of a failed result."""
     check_json(json)
     override_required(ignore_progress, result)
-    first = ask_person(by or computer_user() or "")
-    second = None if confirmed_by is None else ask_person(confirmed_by)
+    first, second = ask_people(by, confirmed_by, computer_user() or "", pin=True)
     released = override_result(ignore_progress, result, reason, first, second)
     people = f"{released.by}{f', {released.confirmed_by}' if released.confirmed_by else ''}"
     report(released.model_dump(), json, [say("cli.released", result=result, people=people)])
@@ -42,11 +52,9 @@ def confirm_registers(operation: RegisterOperation, by: str | None, confirmed_by
     """Return a register operation with the people who are responsible for it. Raises ConfigurationError."""
     station, product = load_station(operation.request.station)[1], load_product(operation.request.product)[1]
     needed = confirmation_required("registers", product, station)
-    pin = needed.pin or confirmed_by is not None
-    first = ask_person(by or operation.request.operator or "", pin=pin)
-    second = None if confirmed_by is None else ask_person(confirmed_by)
+    first, second = ask_people(by, confirmed_by, operation.request.operator or "", pin=needed.pin)
     people = confirm("registers", product, station, first, second)
-    return replace(operation, request=replace(operation.request, operator=people.by), confirmed_by=people.confirmed_by)
+    return replace(operation, request=replace(operation.request, operator=people.by), people=people)
 
 
 def confirm_override(request: RunRequest, confirmed_by: str | None) -> RunRequest:
@@ -58,8 +66,7 @@ def confirm_override(request: RunRequest, confirmed_by: str | None) -> RunReques
     second_required = confirmation_required("override", product, station).second
     if not (pin_known(station) or second_required or confirmed_by is not None):
         return request
-    first = ask_person(request.operator or computer_user() or "")
-    second = None if confirmed_by is None else ask_person(confirmed_by)
+    first, second = ask_people(request.operator, confirmed_by, computer_user() or "", pin=True)
     return replace(request, overridden_by=confirm("override", product, station, first, second))
 
 

@@ -1,13 +1,12 @@
 """`report`: the calibration certificate of a result."""
 
-from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from calstation.cli.confirmation import ask_person
+from calstation.cli.confirmation import ask_people
 from calstation.cli.show import say, show_line
 from calstation.config import computer_user
 from calstation.errors import ConfigurationError
@@ -35,13 +34,13 @@ def report_command(
     if language not in LANGUAGES:
         raise ConfigurationError("cli.unknown_choice", option="--language", value=language, choices=list(LANGUAGES))
     for file in (out, dcc):
-        if file is not None and (file.is_dir() or not file.absolute().parent.is_dir()):
+        if file is not None and not file.absolute().parent.is_dir():
             raise ConfigurationError("cli.out_unwritable", path=file)
+    if dcc is not None and dcc.is_dir():
+        raise ConfigurationError("cli.out_unwritable", path=dcc)
     days = _day(issued), _day(received)
-    request = ReportRequest(source, out, LANGUAGES[language], *days, revise, templates, dcc, sign)
-    if by is not None or confirmed_by is not None:
-        first = ask_person(by or computer_user() or "", pin=confirmed_by is not None)
-        request = replace(request, first=first, second=None if confirmed_by is None else ask_person(confirmed_by))
+    people = (None, None) if by == "" else ask_people(by, confirmed_by, computer_user() or "-")
+    request = ReportRequest(source, out, LANGUAGES[language], *days, revise, templates, dcc, sign, *people)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -51,8 +50,8 @@ def report_command(
             stage = term("stage", note) if note else ""
             bar.update(task, completed=fraction, description=f"{say('cli.report_budget')} {stage}".strip())
 
-        certificate = issue_report(show, request)
-    values = {"file": out, "number": certificate.identification, "issued": certificate.issued.isoformat()}
+        certificate, pdf = issue_report(show, request)
+    values = {"file": pdf, "number": certificate.identification, "issued": certificate.issued.isoformat()}
     show_line(console, say("cli.report_written", **values, verdict=term("report_verdict", certificate.verdict)))
     return 0
 

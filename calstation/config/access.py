@@ -23,8 +23,8 @@ from calstation.messages import os_reason
 from calstation.records import AuditEventName, append_audit, locked, write_atomic
 from calstation.schema import StrictModel, validate
 
-#: Minimum number of characters of a PIN.
-SHORTEST = 4
+#: Minimum number of characters of a new PIN.
+SHORTEST = 6
 
 #: Number of wrong PINs before the first delay.
 _FREE_FAILURES = 2
@@ -35,8 +35,9 @@ _LONGEST_DELAY = 300.0
 #: Longest time to wait for another program that checks or sets a PIN, s.
 _LOCKED_WITHIN = 10.0
 
-#: Cost of scrypt (RFC 7914): 8 MiB and about 20 ms.
-_N, _R, _P = 2**13, 8, 1
+#: Cost of scrypt (RFC 7914) for new PINs, one of those that the OWASP Password Storage Cheat Sheet of 2025 recommends:
+#: 32 MiB and about 0.2 s. A stored PIN keeps the cost with which it was set.
+_N, _R, _P = 2**15, 8, 3
 
 
 class _Stored(StrictModel):
@@ -115,7 +116,7 @@ def _wait(stored: _Stored) -> float:
 
 
 def _hash(pin: str, salt: bytes, n: int, r: int, p: int) -> bytes:
-    return hashlib.scrypt(pin.encode(), salt=salt, n=n, r=r, p=p, maxmem=2**27, dklen=32)
+    return hashlib.scrypt(pin.encode(), salt=salt, n=n, r=r, p=p, maxmem=2**28, dklen=32)
 
 
 @contextmanager

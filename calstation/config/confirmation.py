@@ -18,7 +18,7 @@ class Person:
     """A person who acts or confirms; without engineers at the station, a name and the site's PIN."""
 
     badge: str
-    pin: str = field(default="", repr=False)
+    pin: str = field(default="", repr=False)  #: "" if it was not asked for.
 
     def __post_init__(self) -> None:
         """Remove control characters, which some badge readers send."""
@@ -59,7 +59,7 @@ def confirm(
     ----------
     action : the action
     product, station : they say whether a second person is required, and who the engineers are
-    first : person who acts
+    first : person who acts; a PIN is checked also where none is required
     second : person who confirms; checked also where none is required
 
     Raises
@@ -70,7 +70,7 @@ def confirm(
     needed = confirmation_required(action, product, station)
     if not first.badge:
         raise ConfigurationError("confirmation.no_person")
-    if not needed.pin and second is None:
+    if not needed.pin and second is None and not first.pin:
         return Confirmation(first.badge)
     if (needed.second or second is not None) and not needed.badge:  # one PIN of the site is no proof of two people
         raise ConfigurationError("confirmation.no_engineers", station=station.name, product=product.name)
@@ -80,7 +80,7 @@ def confirm(
         raise ConfigurationError("confirmation.same_person", badge=first.badge)
     for person in filter(None, (first, second)):
         _identify(person, _engineers(station))
-    return Confirmation(first.badge, None if second is None else second.badge)
+    return Confirmation(first.badge, None if second is None else second.badge, "personal" if needed.badge else "site")
 
 
 def _engineers(station: StationConfig) -> list[str]:

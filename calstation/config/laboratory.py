@@ -23,7 +23,8 @@ class ReportSection(StrictModel):
 
     #: Existing folder, relative to the station file, that receives a report of every verdict; None for no such reports.
     folder: str | None = Field(default=None, min_length=1)
-    language: Literal["en", "zh"] = "en"
+    #: None for English, and for the language of the window where it issues one.
+    language: Literal["en", "zh"] | None = None
     #: Folder with the site's own templates, relative to the station file; by default ``reports`` of the site's folder.
     template: str | None = Field(default=None, min_length=1)
     signing: SigningSection | None = None  #: None for reports without signatures.

@@ -20,8 +20,10 @@ def plain_text(entered: str) -> str:
 class Confirmation:
     """Badges of the person who acts and of the one who confirmed it, as the audit trail names them."""
 
-    by: str
+    by: str  #: "" for the program.
     confirmed_by: str | None = None
+    #: Proof of identity: the personal PIN of each badge; or the site's PIN, which proves no name; None without a PIN.
+    pin: Literal["personal", "site"] | None = None
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ class RegisterOperation:
     source: str = ""  #: Origin of the values.
     transfer: str | None = None  #: The transfer to undo; None for the latest.
     at_rest: bool = False  #: Whether to verify the output at rest, without moving the table.
-    confirmed_by: str | None = None  #: Second engineer who confirmed the operation, see `calstation.config.confirm`.
+    people: Confirmation | None = None  #: See `calstation.config.confirm`; None for the operator, without a PIN.
 
 
 def computer_user() -> str | None:

@@ -2,8 +2,10 @@ from .audit import AUDIT_EVENTS as AUDIT_EVENTS
 from .audit import AuditEvent as AuditEvent
 from .audit import AuditEventName as AuditEventName
 from .audit import AuditTrail as AuditTrail
+from .audit import AuditWriter as AuditWriter
 from .audit import append_audit as append_audit
 from .audit import audit_path as audit_path
+from .audit import audit_writer as audit_writer
 from .audit import read_audit as read_audit
 from .checked_lines import DamagedLineError as DamagedLineError
 from .checked_lines import Line as Line
@@ -81,6 +83,8 @@ from .raw_read import solved_stages as solved_stages
 from .raw_read import step_labels as step_labels
 from .reports import IssuedReport as IssuedReport
 from .reports import append_report as append_report
+from .reports import audit_values as audit_values
+from .reports import issued_reports as issued_reports
 from .reports import read_reports as read_reports
 from .reports import reports_locked as reports_locked
 from .reports import reports_path as reports_path

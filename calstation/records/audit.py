@@ -10,6 +10,8 @@ import hashlib
 import json
 import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -87,10 +89,42 @@ def audit_path(folder: Path) -> Path:
     return folder / "audit.jsonl"
 
 
+class AuditWriter:
+    """An audit trail that is locked for other programs."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def trail(self) -> AuditTrail:
+        """Read and verify the trail. Raises InputError."""
+        return read_audit(self._path)
+
+    def append(
+        self, event: AuditEventName, by: str, why: str = "", *, confirmed_by: str | None = None, **values: Any
+    ) -> AuditEvent:
+        """Append an event, see `append_audit`. Raises OSError."""
+        return _append(self._path, event, by, why, confirmed_by, values)
+
+
+@contextmanager
+def audit_writer(folder: Path) -> Iterator[AuditWriter]:
+    """Lock the audit trail of a site, to append what depends on its content.
+
+    Raises ConfigurationError if it cannot be written, or another program keeps it locked.
+    """
+    path = audit_path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with locked(folder / ".audit.lock", _LOCKED_WITHIN):
+            yield AuditWriter(path)
+    except OSError as exc:
+        raise ConfigurationError("audit.unwritable", file=path, reason=os_reason(exc)) from exc
+
+
 def append_audit(
     folder: Path, event: AuditEventName, by: str, why: str = "", *, confirmed_by: str | None = None, **values: Any
-) -> None:
-    """Append an event to the audit trail of a site and write it to disk.
+) -> AuditEvent:
+    """Append an event to the audit trail of a site, write it to disk and return it.
 
     Parameters
     ----------
@@ -105,13 +139,8 @@ def append_audit(
     ------
     ConfigurationError : if the file cannot be written, or another program keeps it locked.
     """
-    path = audit_path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with locked(folder / ".audit.lock", _LOCKED_WITHIN):
-            _append(path, event, by, why, confirmed_by, values)
-    except OSError as exc:
-        raise ConfigurationError("audit.unwritable", file=path, reason=os_reason(exc)) from exc
+    with audit_writer(folder) as audit:
+        return audit.append(event, by, why, confirmed_by=confirmed_by, **values)
 
 
 def read_audit(path: Path) -> AuditTrail:
@@ -124,7 +153,7 @@ def read_audit(path: Path) -> AuditTrail:
         raise InputError("result.unreadable", file=path, reason=os_reason(exc)) from exc
 
 
-def _append(path: Path, event: str, by: str, why: str, confirmed_by: str | None, values: dict[str, Any]) -> None:
+def _append(path: Path, event: str, by: str, why: str, confirmed_by: str | None, values: dict[str, Any]) -> AuditEvent:
     content = path.read_bytes() if path.exists() else b""
     *lines, rest = content.split(b"\n")
     last = next(filter(None, map(_parsed, reversed([*lines, rest]))), None)
@@ -136,14 +165,16 @@ def _append(path: Path, event: str, by: str, why: str, confirmed_by: str | None,
             fragment = {"line": len(lines) + 1, "sha256": hashlib.sha256(rest).hexdigest()}
             note, previous = _line(INTERRUPTED, "", "", None, fragment, previous)
             data += note
-    data += _line(event, by, why, confirmed_by, values, previous)[0]
+    line = _line(event, by, why, confirmed_by, values, previous)[0]
+    data += line
     if not content:
         write_atomic(path, data)
-        return
-    with path.open("ab") as stream:
-        stream.write(data)
-        stream.flush()
-        os.fsync(stream.fileno())
+    else:
+        with path.open("ab") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+    return AuditEvent.model_validate_json(line)
 
 
 def _line(

@@ -1,13 +1,19 @@
-"""Record of issued reports beside the runs: one file, to which each report appends a checked line."""
+"""Record of issued reports: a checked line in a file beside the runs, and an event of the site's audit trail.
+
+The file belongs to the logs: it shows their reports to everyone who uses the folder. The audit trail belongs to the
+site: it shows the reports of a log that was copied, and of a file that lost its last lines.
+"""
 
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from calstation.errors import InputError
 from calstation.messages import os_reason
+from calstation.records.audit import AuditEvent, AuditEventName, AuditTrail
 from calstation.records.checked_lines import DamagedLineError, append_line, read_lines
 from calstation.records.files import locked
 
@@ -23,9 +29,10 @@ class IssuedReport:
     revision: int  #: 0 for the first issue.
     issued: str  #: Date of issue, ISO 8601.
     reason: str | None  #: Reason for a revision.
-    content_sha256: str  #: Digest of result, configuration, program version and templates.
+    content_sha256: str  #: Digest of result, configuration, program version and templates; "" if it is unknown.
     software: str  #: Version of the program.
     received: str | None = None  #: Date of receipt of the unit, ISO 8601; None if it was not stated.
+    authorised: tuple[str, ...] = ()  #: Names of those who issued it and proved their identity with their own PIN.
 
     @property
     def identification(self) -> str:
@@ -34,6 +41,8 @@ class IssuedReport:
 
 
 _RECORD = TypeAdapter(IssuedReport)
+#: Event of an issued report in the audit trail.
+_EVENT: AuditEventName = "certificate"
 
 
 def reports_path(folder: Path) -> Path:
@@ -62,3 +71,35 @@ def read_reports(folder: Path) -> list[IssuedReport]:
         raise InputError("report.record_damaged", file=path, line=exc.number, why=exc.why) from exc
     except ValueError as exc:
         raise InputError("result.resolves_unknown", file=path) from exc
+
+
+def issued_reports(folder: Path, trail: AuditTrail, number: str) -> list[IssuedReport]:
+    """Return the reports with a number that are recorded beside the logs of a folder or in the site's audit trail.
+
+    They are in the order of their revisions. Two with the same revision have different content: one was issued for a
+    copy of the log. Raises InputError if the record beside the logs cannot be read.
+    """
+    events = (_from_event(event) for event in trail.events if event.event == _EVENT)
+    same = [each for each in (*read_reports(folder), *events) if each is not None and each.number == number]
+    known = {each.revision for each in same if each.content_sha256}
+    different = dict.fromkeys(each for each in same if each.content_sha256 or each.revision not in known)
+    return sorted(different, key=lambda each: each.revision)
+
+
+def audit_values(report: IssuedReport) -> dict[str, Any]:
+    """Return the values of the event of a report; its reason is that of the event."""
+    return {name: value for name, value in asdict(report).items() if name != "reason"}
+
+
+def _from_event(event: AuditEvent) -> IssuedReport | None:
+    """Return the report of an event; None for an unknown content."""
+    values = event.values
+    if "content_sha256" not in values:  # of an earlier version of the program
+        number, mark, revision = str(values.get("certificate", "")).rpartition("-R")
+        number, revision = (number, revision) if mark and revision.isdecimal() else (f"{number}{mark}{revision}", "0")
+        return IssuedReport(number, int(revision), event.utc[:10], event.why or None, "", "")
+    known = {field.name: values[field.name] for field in fields(IssuedReport) if field.name in values}
+    try:
+        return _RECORD.validate_python({**known, "reason": event.why or None})
+    except ValidationError:
+        return None

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from calstation.config import (
+    Confirmation,
     RegisterOperation,
     ResolvedConfiguration,
     confirmation_required,
@@ -101,13 +102,15 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
 
 def _audit(operation: RegisterOperation, setup: ResolvedConfiguration) -> None:
     """Append the operation to the audit trail before it begins. Raises ConfigurationError if it is not confirmed."""
-    if confirmation_required("registers", setup.product, setup.station).second and operation.confirmed_by is None:
+    people = operation.people or Confirmation(operation.request.operator or "")
+    if confirmation_required("registers", setup.product, setup.station).second and people.confirmed_by is None:
         raise ConfigurationError("confirmation.registers_required", product=setup.product.name)
     append_audit(
         site_folder(),
         "registers",
-        operation.request.operator or "",
-        confirmed_by=operation.confirmed_by,
+        people.by,
+        confirmed_by=people.confirmed_by,
+        pin=people.pin,
         serial=operation.request.serial,
         what=operation.what,
         source=operation.source or operation.transfer or "",

@@ -4,10 +4,11 @@ from .content import Quantity as Quantity
 from .content import build_certificate as build_certificate
 from .content import certificate_number as certificate_number
 from .dcc import write_dcc as write_dcc
+from .issue import IssueState as IssueState
 from .issue import ReportRequest as ReportRequest
-from .issue import certificate_required as certificate_required
 from .issue import issue_certificate as issue_certificate
 from .issue import issue_report as issue_report
+from .issue import issue_state as issue_state
 from .issue import station_request as station_request
 from .label import label_template as label_template
 from .label import print_label as print_label

@@ -10,8 +10,9 @@ from calstation.estimation.common import RestResiduals, SampleBlock
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, entry, event_text, known, values_from_json
 from calstation.physics import FloatArray
-from calstation.records import Log
+from calstation.records import Log, LogMeta
 from calstation.reports.budget import Budget, solve_again, uncertainty_budget
+from calstation.reports.source import ROUNDING
 from calstation.results import (
     Parameter,
     Result,
@@ -20,12 +21,11 @@ from calstation.results import (
     one_blas_thread,
     solved_parameters,
     stage_diagnostics,
+    with_states,
 )
 
 #: Fractions of the job's progress: after the first solution, and after the residuals.
 _SOLVED, _RESIDUALS = 0.2, 0.25
-#: Largest difference of a value between two computers or versions of the program, in sigmas.
-_ROUNDING = 1e-3
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class Analysis:
 class _Watch:
     """Collects the sigmas of a chain while it is fed."""
 
-    def __init__(self, log: Log, result: Result) -> None:
-        self.chain = StageChain(log.meta)
-        self._rate, self._first = log.meta.imu.sample_rate_hz, result.log.first_seq
+    def __init__(self, meta: LogMeta, result: Result) -> None:
+        self.chain = StageChain(meta)
+        self._rate, self._first = meta.imu.sample_rate_hz, result.log.first_seq
         self._length = max(result.log.last_seq - self._first, 1)
         self.time: list[float] = []
         self.sigma: list[FloatArray] = []
@@ -76,20 +76,21 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
 
     Raises InputError, also if the log does not give the values or the verdict of the result.
     """
-    watch = _Watch(log, result)
+    meta, _ = with_states(log.meta, tuple(result.states_added))
+    watch = _Watch(meta, result)
 
     def look(done: float, stage: str) -> None:
         report(_SOLVED * done, note=stage)
         watch.look(done, stage)
 
-    chain = solve_again(log, result, log.meta, look, watch.chain, watch.see)
+    chain = solve_again(log, result, meta, look, watch.chain, watch.see)
     watch.end()
     _check(result, log, chain)
     with one_blas_thread():
         diagnosed = stage_diagnostics(log, chain, result.log.first_seq, result.log.last_seq)
     report(_RESIDUALS)
     budget = uncertainty_budget(
-        log, result, chain, lambda done, stage: report(_RESIDUALS + (1.0 - _RESIDUALS) * done, note=stage)
+        log, result, meta, chain, lambda done, stage: report(_RESIDUALS + (1.0 - _RESIDUALS) * done, note=stage)
     )
     return Analysis(
         np.array(watch.time),
@@ -119,7 +120,7 @@ def _check(result: Result, log: Log, chain: StageChain) -> None:
 
 def _agree(row: Parameter, found: Parameter) -> bool:
     """Whether value and sigma agree within a thousandth of sigma."""
-    tolerance = _ROUNDING * found.sigma
+    tolerance = ROUNDING * found.sigma
     pairs = ((row.value, found.value), (row.sigma, found.sigma))
     return all(np.isclose(a, b, rtol=0.0, atol=tolerance, equal_nan=True) for a, b in pairs)
 

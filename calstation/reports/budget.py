@@ -48,8 +48,8 @@ class Budget:
     variance: Mapping[str, Mapping[str, float]]
 
 
-def uncertainty_budget(log: Log, result: Result, base: StageChain, progress: BudgetProgress) -> Budget:
-    """Return the budget of a result; `base` is the chain that solved its log. Raises InputError.
+def uncertainty_budget(log: Log, result: Result, meta: LogMeta, base: StageChain, progress: BudgetProgress) -> Budget:
+    """Return the budget of a result; the chain `base` solved its log with the configuration `meta`. Raises InputError.
 
     The log is solved once more for every source.
     """
@@ -59,7 +59,7 @@ def uncertainty_budget(log: Log, result: Result, base: StageChain, progress: Bud
     total = np.array(list(before.values()))
     parts: dict[str, FloatArray] = {}
     for number, source in enumerate(changes):
-        chain = solve_again(log, result, _changed(log.meta, source), partial(_part, progress, number, len(changes)))
+        chain = solve_again(log, result, _changed(meta, source), partial(_part, progress, number, len(changes)))
         after = _variances(chain)
         parts[source] = (np.array([after[name] for name in names]) - total) / _STEP
     # A change of the estimate with gravity adds its square, whatever the other sources are.

@@ -70,6 +70,7 @@ class Certificate:
     verdict: Verdict
     rule: str  #: Decision rule, see `calstation.results.conformity`.
     received: date | None = None  #: Date of receipt of the unit; None if it was not stated.
+    authorised: tuple[str, ...] = ()  #: Names of those who issued it and proved their identity with their own PIN.
 
     @property
     def identification(self) -> str:

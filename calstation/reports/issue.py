@@ -2,6 +2,9 @@
 
 import hashlib
 import json
+import os
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from pathlib import Path
@@ -11,8 +14,9 @@ from calstation.config import (
     Confirmation,
     ConfirmationRequired,
     Person,
+    ProductConfig,
     ReportSection,
-    computer_user,
+    StationConfig,
     confirm,
     confirmation_required,
     load_station,
@@ -26,23 +30,25 @@ from calstation.records import (
     IssuedReport,
     Log,
     LogMeta,
-    append_audit,
     append_report,
-    open_log,
-    read_reports,
+    audit_path,
+    audit_values,
+    audit_writer,
+    issued_reports,
+    read_audit,
     reports_locked,
-    write_atomic,
 )
 from calstation.reports.analysis import analyse
 from calstation.reports.content import Certificate, build_certificate, certificate_number, earliest_issue, performed
 from calstation.reports.dcc import write_dcc
 from calstation.reports.deviations import deviations
-from calstation.reports.pdf import Attachment, templates, typeset
+from calstation.reports.pdf import Attachment, typeset, used_templates
 from calstation.reports.signing import load_signer, sign_pdf, sign_xml
-from calstation.results import Result, find_log, load_result, resolve, run_files, stored_result
+from calstation.reports.source import load_source, read_source
+from calstation.results import Result, run_files
 
-#: Fraction of the job's progress before the PDF is typeset.
-_ANALYSED = 0.97
+#: Fractions of the job's progress before the samples are analysed, and before the PDF is typeset.
+_READ, _ANALYSED = 0.1, 0.97
 
 
 @dataclass(frozen=True)
@@ -50,7 +56,7 @@ class ReportRequest:
     """What a report is made of and how."""
 
     source: Path  #: Result JSON, or a log.
-    out: Path  #: PDF to write.
+    out: Path  #: PDF to write, or the folder for a file with the name of the certificate.
     language: Language = "en"
     issued: date | None = None  #: Date of issue; None for the day of `earliest_issue`.
     received: date | None = None  #: Date of receipt of the unit; None for that of the last issue, if it had one.
@@ -58,7 +64,7 @@ class ReportRequest:
     templates: Path | None = None  #: Folder of templates that take precedence over those of the site.
     dcc: Path | None = None  #: XML to write: the digital calibration certificate, which is also in the PDF.
     signing: Path | None = None  #: PKCS #12 file to sign both with; None for no signatures.
-    first: Person | None = None  #: Who issues it; None for the computer's user.
+    first: Person | None = None  #: Who issues it; None for the program.
     second: Person | None = None  #: Who confirms a new certificate, where the product requires it.
 
     def __post_init__(self) -> None:
@@ -67,100 +73,156 @@ class ReportRequest:
             object.__setattr__(self, "revise", plain_text(self.revise))
 
 
-def station_request(station: Path, section: ReportSection | None, result_file: Path) -> ReportRequest:
+@dataclass(frozen=True)
+class IssueState:
+    """What a station asks for, and what is known of the certificate of a result before it is made.
+
+    last : the last certificate with its number; None if none was issued, or the number is not known before the log is
+        solved
+    changed : whether result, templates or program differ from those of the last one, so that it cannot be printed again
+    pdf : the file of the last one in the language of the request; None if it is missing
+    """
+
+    request: ReportRequest
+    required: ConfirmationRequired
+    last: IssuedReport | None = None
+    changed: bool = False
+    pdf: Path | None = None
+
+
+def station_request(
+    station: Path, section: ReportSection | None, result_file: Path, language: Language = "en"
+) -> ReportRequest:
     """Return the request for the report of a result as the `[report]` section of a station file asks for it.
 
-    Without a folder, the PDF is written to ``certificates`` beside the folder of the runs.
+    Without a folder, the PDF is written to ``certificates`` beside the folder of the runs; without a language, in
+    `language`.
     """
     section, beside = section or ReportSection(), station.absolute().parent
     folder = (
         result_file.absolute().parent.parent / "certificates" if section.folder is None else _at(beside, section.folder)
     )
+    if section.language is not None:
+        language = "zh_CN" if section.language == "zh" else "en"
     return ReportRequest(
         result_file.absolute(),
-        folder / f"{result_file.stem}.pdf",
-        "zh_CN" if section.language == "zh" else "en",
+        folder,
+        language,
         templates=None if section.template is None else _at(beside, section.template),
         signing=None if section.signing is None else _at(beside, section.signing.certificate),
     )
-
-
-def issue_certificate(
-    report: ProgressCallback, result_file: Path, station: Path | None, first: Person, second: Person | None
-) -> Path:
-    """Job: issue the report of a result as the station asks for it, and return the PDF.
-
-    `first` issues it, `second` confirms it where the product requires it.
-
-    Raises InputError or ConfigurationError.
-    """
-    path, config = load_station(station)
-    request = replace(station_request(path, config.report, result_file), first=first, second=second)
-    if config.report is None or config.report.folder is None:
-        try:
-            request.out.parent.mkdir(exist_ok=True)
-        except OSError as exc:
-            raise InputError("report.unwritable", file=request.out.parent, reason=os_reason(exc)) from exc
-    issue_report(report, request)
-    return request.out
 
 
 def _at(folder: Path, name: str) -> Path:
     return folder / Path(name).expanduser()
 
 
-def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificate:
+def issue_state(report: ProgressCallback, result_file: Path, station: Path | None, language: Language) -> IssueState:
+    """Job: return how a station issues the certificate of a result, and the last one that was issued.
+
+    `language` is that of certificates where the station file names none. Raises InputError or ConfigurationError.
+    """
+    path, config = load_station(station)
+    request = station_request(path, config.report, result_file, language)
+    result, log = read_source(request.source)
+    files = _files(log.meta, request.source)
+    required = ConfirmationRequired(pin=False, badge=False, second=False)
+    if files is not None:
+        required = confirmation_required("certificate", *files)
+    same = [] if result is None else _issued(log, certificate_number(result))
+    if not same:
+        return IssueState(request, required)
+    result, log = load_source(report, request.source)
+    changed = _reprinted(same, _digest(result, log.meta, request.templates)) is None
+    pdf = request.out / pdf_name(same[-1].identification, request.language)
+    return IssueState(request, required, same[-1], changed, pdf if pdf.is_file() else None)
+
+
+def pdf_name(identification: str, language: Language) -> str:
+    """Return the name of the PDF of a certificate in a language."""
+    return f"{identification}{'_zh' if language == 'zh_CN' else ''}.pdf"
+
+
+def issue_certificate(report: ProgressCallback, request: ReportRequest) -> Path:
+    """Job: issue a report into the folder of the request, and return the PDF. Raises InputError or ConfigurationError.
+
+    The folder ``certificates`` beside the runs is made if it is missing.
+    """
+    if request.out == request.source.parent.parent / "certificates":
+        try:
+            request.out.mkdir(exist_ok=True)
+        except OSError as exc:
+            raise InputError("report.unwritable", file=request.out, reason=os_reason(exc)) from exc
+    return issue_report(report, request)[1]
+
+
+def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Certificate, Path]:
     """Job: record the report of a result or log in the audit trail and beside the log, then write it.
 
-    The same result gives the same bytes in one language, unless they are signed. A certificate that was issued keeps
-    its number, revision and date; another result, date or reason needs a revision. Raises InputError or
-    ConfigurationError.
+    Returns the certificate and its PDF. The same result gives the same bytes in one language, unless they are signed. A
+    certificate that was issued keeps its number, revision and date; another result, date or reason needs a revision.
+    Raises InputError or ConfigurationError.
     """
     signer = None if request.signing is None else load_signer(request.signing)
-    result, log = load_source(request.source)
-    certificate, last, record = _numbered(result, log, request)
-    people = None if record is None else _confirmed(result, log.meta, request)
-    analysis = analyse(lambda done, remaining_s=None, note="": report(_ANALYSED * done, note=note), log, result)
+    result, log = load_source(lambda done, *_, note="": report(_READ * done, note=note), request.source)
+    certificate, before, record = _numbered(result, log, request)
+    people = None if record is None else _confirmed(log.meta, request)
+    if record is not None and people is not None:
+        record = replace(record, authorised=people.names)
+        certificate = replace(certificate, authorised=people.names)
+    share = _ANALYSED - _READ
+    analysis = analyse(lambda done, *_, note="": report(_READ + share * done, note=note), log, result)
     certificate = replace(certificate, budget=analysis.budget)
     dcc = write_dcc(certificate, deviations(certificate, analysis))
     dcc = dcc if signer is None else sign_xml(dcc, signer)
     digital = Attachment(f"{certificate.identification}.xml", "application/xml", dcc, "alternative")
     files = [digital, *attachments(certificate)]
     pdf = typeset(certificate, analysis, request.language, files, request.templates)
-    written = {request.out: pdf if signer is None else sign_pdf(pdf, signer)}
+    out = request.out
+    if out.is_dir():
+        out = out / pdf_name(certificate.identification, request.language)
+    written = {out: pdf if signer is None else sign_pdf(pdf, signer)}
     if request.dcc is not None:
         written[request.dcc] = dcc
     missing = {path: content for path, content in written.items() if not _is_written(path, content)}
     if record is not None and people is not None:
-        _record(log.path.absolute().parent, certificate, last, record, people)
+        _record(log, certificate, before, record, people.confirmation)
     for path, content in missing.items():
         _write(path, content)
     report(1.0)
-    return certificate
+    return certificate, out
 
 
-def certificate_required(report: ProgressCallback, result_file: Path) -> ConfirmationRequired:
-    """Job: return what issuing a certificate of a result requires. Raises InputError."""
-    result, log = load_source(result_file)
-    if not _has_product(log.meta):
-        return ConfirmationRequired(pin=False, badge=False, second=False)
-    return confirmation_required("certificate", *run_files(result, result_file, log.meta.profiles))
+@dataclass(frozen=True)
+class _People:
+    """Who issues a certificate, and the names of those who proved it with their own PIN."""
+
+    confirmation: Confirmation
+    names: tuple[str, ...] = ()
 
 
-def _confirmed(result: Result, meta: LogMeta, request: ReportRequest) -> Confirmation:
+def _confirmed(meta: LogMeta, request: ReportRequest) -> _People:
     """Return who issues a certificate.
 
     Raises ConfigurationError if one or two people must prove their identity, or InputError if that is unknown.
     """
-    first = request.first or Person(computer_user() or "-")
-    if not _has_product(meta):
-        return Confirmation(first.badge)
-    return confirm("certificate", *run_files(result, request.source, meta.profiles), first, request.second)
+    files = _files(meta, request.source)
+    if files is None:
+        return _People(Confirmation("" if request.first is None else request.first.badge))
+    product, station = files
+    if request.first is None and not confirmation_required("certificate", product, station).second:
+        return _People(Confirmation(""))
+    found = confirm("certificate", product, station, request.first or Person(""), request.second)
+    names: Mapping[str, str] = {} if station.sign_in is None else station.sign_in.names
+    people = (found.by, found.confirmed_by) if found.pin == "personal" else ()
+    return _People(found, tuple(names.get(badge, badge) for badge in people if badge is not None))
 
 
-def _has_product(meta: LogMeta) -> bool:
-    """Whether a log is of a product; a recording of another program may be of none."""
-    return meta.product is not None or bool(meta.profiles)
+def _files(meta: LogMeta, path: Path) -> tuple[ProductConfig, StationConfig] | None:
+    """Return product and station of a log; None if it is of no product, as a recording of another program may be."""
+    if meta.product is None and not meta.profiles:
+        return None
+    return run_files((meta.run.files if meta.run is not None else None) or {}, path, meta.profiles)
 
 
 def attachments(certificate: Certificate) -> list[Attachment]:
@@ -170,93 +232,114 @@ def attachments(certificate: Certificate) -> list[Attachment]:
     return [Attachment(name, "application/json", content.encode(), "source")]
 
 
-def load_source(path: Path) -> tuple[Result, Log]:
-    """Read a result file and open its log, or open a log, which is solved if it has no result. Raises InputError."""
-    if path.suffix == ".json":
-        result = load_result(path)
-        if not result.tested:
-            raise InputError("report.untested", file=path)
-        found = find_log(result, path)
-        if found is None:
-            raise InputError("report.no_log", file=path, log=result.log.file)
-        log = open_log(found)
-        if result.log.sha256 and log.facts().sha256 != result.log.sha256:
-            raise InputError("report.other_log", file=path, log=found)
-    else:
-        log = open_log(path)
-        result = stored_result(log) or resolve(path).result
-    # The folder of the log is no part of the report.
-    section = result.log.model_copy(update={"file": log.path.name})
-    return result.model_copy(update={"log": section}), log
-
-
 def _numbered(
     result: Result, log: Log, request: ReportRequest
-) -> tuple[Certificate, IssuedReport | None, IssuedReport | None]:
-    """Return the certificate with its revision and date, the last record of it, and its own if it is not yet issued."""
+) -> tuple[Certificate, list[IssuedReport], IssuedReport | None]:
+    """Return the certificate with its revision and date, all records of its number, and a new one of a new issue."""
+    _check_dates(result, request)
     number, digest = certificate_number(result), _digest(result, log.meta, request.templates)
-    same = _issued(log.path.absolute().parent, number)
+    same = _issued(log, number)
     last = same[-1] if same else None
     known = None if last is None else date.fromisoformat(last.issued)
-    earliest = earliest_issue(result)
+    certificate = build_certificate(result, log.meta, issued=request.issued or known)
+    if request.revise is None and last is not None:
+        issued, received = (None if day is None else day.isoformat() for day in (request.issued, request.received))
+        reprinted = _reprinted(same, digest, issued, received)
+        if reprinted is not None:
+            return _revised(certificate, reprinted, same), same, None
+        if any(_is_same(each, digest, issued, received) for each in same if each.revision < last.revision):
+            values = {"number": number, "successor": last.identification, "date": last.issued, "why": last.reason or ""}
+            raise InputError("report.superseded", **values)
+        raise InputError("report.already_issued", number=last.identification, date=last.issued)
+    if request.revise is None:
+        issue_date, reason, revision = certificate.issued, None, 0
+    elif last is None:
+        raise InputError("report.nothing_to_revise", number=number)
+    else:
+        # A revision is made today, not on the day of the run.
+        issue_date = request.issued or max(_today(), earliest_issue(result) or _today())
+        reason, revision = request.revise.strip(), last.revision + 1
+    received = last.received if last is not None else None
+    if request.received is not None:
+        received = request.received.isoformat()
+    record = IssuedReport(number, revision, issue_date.isoformat(), reason, digest, __version__, received)
+    return _revised(certificate, record, same), same, record
+
+
+def _check_dates(result: Result, request: ReportRequest) -> None:
+    """Raise InputError for a date of issue or receipt that cannot be, or a revision without a reason."""
+    earliest, today = earliest_issue(result), _today()
     if request.issued is not None and earliest is not None and request.issued < earliest:
         raise InputError("report.issued_too_early", date=request.issued.isoformat(), earliest=earliest.isoformat())
+    if request.issued is not None and request.issued > today:
+        raise InputError("report.issued_in_future", date=request.issued.isoformat(), today=today.isoformat())
     begun = performed(result)
     if request.received is not None and begun is not None and request.received > begun[0].date():
         raise InputError("report.received_late", date=request.received.isoformat(), begun=begun[0].date().isoformat())
     if request.revise is not None and not request.revise.strip():
         raise InputError("report.no_reason")
-    certificate = build_certificate(result, log.meta, issued=request.issued or known)
-    if request.revise is None and last is not None:
-        asked = None if request.issued is None else request.issued.isoformat()
-        received = None if request.received is None else request.received.isoformat()
-        for each, before in zip(reversed(same), [*reversed(same[:-1]), None], strict=True):
-            if each.content_sha256 == digest and asked in (None, each.issued) and received in (None, each.received):
-                return _revised(certificate, each, before), last, None
-        raise InputError("report.already_issued", number=last.identification, date=last.issued)
-    if request.revise is None:
-        issued, reason, revision = certificate.issued, None, 0
-    elif last is None:
-        raise InputError("report.nothing_to_revise", number=number)
-    else:
-        # A revision is made today, not on the day of the run.
-        today = datetime.now(UTC).date()
-        issued = request.issued or max(today, earliest or today)
-        reason, revision = request.revise.strip(), last.revision + 1
-    received = last.received if last is not None else None
-    if request.received is not None:
-        received = request.received.isoformat()
-    record = IssuedReport(number, revision, issued.isoformat(), reason, digest, __version__, received)
-    return _revised(certificate, record, last), last, record
 
 
-def _issued(folder: Path, number: str) -> list[IssuedReport]:
-    return [each for each in read_reports(folder) if each.number == number]
+def _today() -> date:
+    return datetime.now(UTC).date()
+
+
+def _issued(log: Log, number: str) -> list[IssuedReport]:
+    """Return the records of a number beside the log and in the site's audit trail, see `issued_reports`."""
+    return issued_reports(log.path.absolute().parent, read_audit(audit_path(site_folder())), number)
+
+
+def _reprinted(
+    same: list[IssuedReport], digest: str, issued: str | None = None, received: str | None = None
+) -> IssuedReport | None:
+    """Return the last revision if it was issued with this content and these dates; None if it was not.
+
+    A superseded certificate is never printed again, because it would pass for a valid one; nor is one of which a copy
+    of the log has another with the same revision.
+    """
+    latest = [each for each in same if each.revision == same[-1].revision]
+    return latest[0] if len(latest) == 1 and _is_same(latest[0], digest, issued, received) else None
+
+
+def _is_same(each: IssuedReport, digest: str, issued: str | None, received: str | None) -> bool:
+    return each.content_sha256 == digest and issued in (None, each.issued) and received in (None, each.received)
 
 
 def _record(
-    folder: Path, certificate: Certificate, last: IssuedReport | None, record: IssuedReport, people: Confirmation
+    log: Log, certificate: Certificate, before: list[IssuedReport], record: IssuedReport, people: Confirmation
 ) -> None:
     """Write the issue of a certificate to the audit trail, then to the record of issued reports.
 
-    Raises InputError if another program has issued the next revision since `last`, or ConfigurationError.
+    Raises InputError if another program has issued the same or the next revision since `before` was read, or
+    ConfigurationError.
     """
-    reason, result = record.reason or "", certificate.result
+    folder, result = log.path.absolute().parent, certificate.result
     about = {"serial": result.serial, "certificate": certificate.identification, "verdict": certificate.verdict}
+    about |= {"log_sha256": result.log.sha256, **audit_values(record)}
     try:
         with reports_locked(folder):
-            now = next(reversed(_issued(folder, record.number)), None)
-            if now == record and record.reason is None:
-                return  # the same first issue
-            if now != last:
-                raise InputError("report.issued_meanwhile", number=record.number)
-            append_audit(site_folder(), "certificate", people.by, reason, confirmed_by=people.confirmed_by, **about)
+            with audit_writer(site_folder()) as audit:
+                now = issued_reports(folder, audit.trail(), record.number)
+                if now == [record] and not before:
+                    return  # the same first issue
+                if now != before:
+                    raise InputError("report.issued_meanwhile", number=record.number)
+                audit.append(
+                    "certificate",
+                    people.by,
+                    record.reason or "",
+                    confirmed_by=people.confirmed_by,
+                    pin=people.pin,
+                    **about,
+                )
             append_report(folder, record)
     except OSError as exc:
         raise InputError("report.unwritable", file=folder, reason=os_reason(exc)) from exc
 
 
-def _revised(certificate: Certificate, record: IssuedReport, before: IssuedReport | None) -> Certificate:
+def _revised(certificate: Certificate, record: IssuedReport, same: list[IssuedReport]) -> Certificate:
+    """Return a certificate with number, dates and people of its record; `same` are all records of its number."""
+    before = next((each for each in reversed(same) if each.revision < record.revision), None)
     return replace(
         certificate,
         revision=record.revision,
@@ -264,6 +347,7 @@ def _revised(certificate: Certificate, record: IssuedReport, before: IssuedRepor
         reason=record.reason,
         issued=date.fromisoformat(record.issued),
         received=None if record.received is None else date.fromisoformat(record.received),
+        authorised=record.authorised,
     )
 
 
@@ -271,7 +355,7 @@ def _digest(result: Result, meta: LogMeta, folder: Path | None) -> str:
     """Return the digest of all that a certificate is made of: result, configuration, program and templates."""
     content = json.dumps(result.to_json(), sort_keys=True) + meta.to_json() + __version__
     digest = hashlib.sha256(content.encode())
-    for name, template in sorted(templates(folder).items()):
+    for name, template in sorted(used_templates(folder).items()):
         digest.update(name.encode() + hashlib.sha256(template).digest())
     return digest.hexdigest()
 
@@ -289,7 +373,18 @@ def _is_written(path: Path, content: bytes) -> bool:
 
 
 def _write(path: Path, content: bytes) -> None:
+    """Create a file. Raises InputError, also if another program has created it meanwhile."""
     try:
-        write_atomic(path, content)
+        with path.open("xb") as stream:
+            try:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            except BaseException:
+                with suppress(OSError):
+                    path.unlink()
+                raise
+    except FileExistsError as exc:
+        raise InputError("report.exists", file=path) from exc
     except OSError as exc:
         raise InputError("report.unwritable", file=path, reason=os_reason(exc)) from exc

@@ -17,6 +17,8 @@ from calstation.reports.document import document
 
 #: Folder of the templates among shipped files and in the site's own folder.
 FOLDER = "reports"
+#: Template of the document.
+_MAIN = "certificate.typ"
 #: Chinese fonts in the order of preference.
 CHINESE_FONTS = (
     "Noto Serif CJK SC",
@@ -59,7 +61,7 @@ def typeset(
     import typst
 
     data = json.dumps(document(certificate, analysis, language), ensure_ascii=False, sort_keys=True)
-    files = templates(folder)
+    files = used_templates(folder)
     chinese = _chinese_font(language, data)
     inputs = {
         "data": data,
@@ -78,7 +80,7 @@ def typeset(
         ),
     }
     issued = datetime.combine(certificate.issued, time(), UTC)
-    main: Any = {"main.typ": files.pop("certificate.typ"), **files}
+    main: Any = {"main.typ": files.pop(_MAIN), **files}
     try:
         pdf = typst.compile(
             main, sys_inputs=inputs, pdf_standards=["a-3b"], timestamp=int(issued.timestamp()), format="pdf"
@@ -90,8 +92,23 @@ def typeset(
     return pdf
 
 
-def templates(folder: Path | None) -> dict[str, bytes]:
-    """Return the files of the templates by name. Raises InputError."""
+def used_templates(folder: Path | None) -> dict[str, bytes]:
+    """Return the files that the document uses by name: the main template, and what used files name in full.
+
+    Raises InputError.
+    """
+    files = _templates(folder)
+    used: dict[str, bytes] = {}
+    waiting = [_MAIN]
+    while waiting:
+        name = waiting.pop()
+        used[name] = files[name]
+        waiting += [other for other in files if other not in (*used, *waiting) and other.encode() in used[name]]
+    return used
+
+
+def _templates(folder: Path | None) -> dict[str, bytes]:
+    """Return the files in the folders of templates by name. Raises InputError."""
     files: dict[str, bytes] = {}
     for place in (library.shipped_folder() / FOLDER, library.site_folder() / FOLDER, folder):
         if place is None or (place != folder and not place.is_dir()):

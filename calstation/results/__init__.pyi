@@ -36,6 +36,7 @@ from .offline import export_runs as export_runs
 from .offline import offline_solve as offline_solve
 from .override import override_required as override_required
 from .override import override_result as override_result
+from .override import recorded_release as recorded_release
 from .override import run_files as run_files
 from .pairs import PairCheckResult as PairCheckResult
 from .pairs import PairConsumer as PairConsumer
@@ -58,6 +59,7 @@ from .resolving import resolve_log as resolve_log
 from .resolving import resolve_with_state as resolve_with_state
 from .resolving import stored_result as stored_result
 from .resolving import warm_up as warm_up
+from .resolving import with_states as with_states
 from .result import SCHEMA as SCHEMA
 from .result import CyclePhase as CyclePhase
 from .result import Override as Override

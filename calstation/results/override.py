@@ -3,7 +3,6 @@
 import json
 import tomllib
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TypeVar
 
@@ -22,7 +21,7 @@ from calstation.config import (
 )
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
-from calstation.records import append_audit, open_log
+from calstation.records import AuditEvent, FileSection, audit_path, audit_writer, open_log, read_audit
 from calstation.results.resolving import find_log
 from calstation.results.result import Override, Result, load_result, write_json
 from calstation.schema import validate
@@ -50,18 +49,30 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
     InputError : if there is no failed run to release, or the reason is missing
     ConfigurationError : see `calstation.config.confirm`; or the audit trail or the result cannot be written
     """
-    result = _failed(path)
     why = plain_text(why)
     if not why:
         raise InputError("override.no_reason")
-    people = confirm("override", *_files(result, path), first, second)
-    now = datetime.now(UTC).isoformat(timespec="seconds")
-    override = Override(by=people.by, confirmed_by=people.confirmed_by, why=why, utc=now)
-    about = {"serial": result.serial, "result": path.name, "log_sha256": result.log.sha256}
-    append_audit(site_folder(), "override", people.by, override.why, confirmed_by=people.confirmed_by, **about)
-    content = json.loads(path.read_text(encoding="utf-8"))
-    write_json(path, {**content, "override": override.model_dump()})
+    people = confirm("override", *_files(_failed(path), path), first, second)
+    with audit_writer(site_folder()) as audit:  # of two releases at the same time, the second finds that of the first
+        result = _failed(path)
+        about = {"serial": result.serial, "result": path.name, "log_sha256": result.log.sha256, "pin": people.pin}
+        event = audit.append("override", people.by, why, confirmed_by=people.confirmed_by, **about)
+        override = _override(event)
+        content = json.loads(path.read_text(encoding="utf-8"))
+        write_json(path, {**content, "override": override.model_dump()})
     return override
+
+
+def recorded_release(result: Result) -> bool:
+    """Whether the site's audit trail is intact and has the release of a result. Raises InputError."""
+    trail = read_audit(audit_path(site_folder()))
+    events = (event for event in trail.events if event.event == "override")
+    same = (event for event in events if event.values.get("log_sha256") == result.log.sha256)
+    return trail.first_bad is None and any(result.override == _override(event) for event in same)
+
+
+def _override(event: AuditEvent) -> Override:
+    return Override(by=event.by, confirmed_by=event.confirmed_by, why=event.why, utc=event.utc)
 
 
 def _failed(path: Path) -> Result:
@@ -76,25 +87,27 @@ def _failed(path: Path) -> Result:
 
 def _files(result: Result, path: Path) -> tuple[ProductConfig, StationConfig]:
     log = find_log(result, path)
-    return run_files(result, path, {} if log is None else open_log(log).meta.profiles)
+    return run_files(result.configuration, path, {} if log is None else open_log(log).meta.profiles)
 
 
-def run_files(result: Result, path: Path, texts: Mapping[str, str]) -> tuple[ProductConfig, StationConfig]:
+def run_files(
+    files: Mapping[str, FileSection], path: Path, texts: Mapping[str, str]
+) -> tuple[ProductConfig, StationConfig]:
     """Return product and station of a run: the product as it was then, the station as it is now if the site has it.
 
-    `texts` are those of the files in its log, by kind. Raises InputError if a file is neither there nor at the site.
+    `files` names the files of the run, `texts` are the texts in its log, both by kind. Raises InputError if a file is
+    neither there nor at the site; the error names `path`.
     """
-    product = _file("product", ProductConfig, result, path, texts.get("product"))
-    station = result.configuration.get("station")
+    product = _file("product", ProductConfig, files.get("product"), path, texts.get("product"))
+    station = files.get("station")
     known = station is not None and station.name in library.names("stations")
-    return product, _file("station", StationConfig, result, path, None if known else texts.get("station"))
+    return product, _file("station", StationConfig, station, path, None if known else texts.get("station"))
 
 
-def _file(kind: str, model: type[T], result: Result, path: Path, text: str | None) -> T:
+def _file(kind: str, model: type[T], used: FileSection | None, path: Path, text: str | None) -> T:
     """Parse the text of a file of a run; without it, the file of that name in the library. Raises InputError."""
     if text is not None:
         return validate(model, tomllib.loads(text), path, InputError)
-    used = result.configuration.get(kind)
     if used is None or used.name not in library.names(f"{kind}s"):
         raise InputError("override.no_files", file=path, kind=kind)
     found = library.find(f"{kind}s", used.name)

@@ -75,7 +75,7 @@ def resolve(
     Raises InputError or ConfigurationError if the log cannot be used or solved.
     """
     log = open_log(path)
-    meta, added = _with_states(log.meta, states)
+    meta, added = with_states(log.meta, states)
     resolved = resolve_log(
         log, meta, stages, first_seq, last_seq, progress, residuals=residuals, added=added, diagnostics=diagnostics
     )
@@ -173,7 +173,7 @@ def _record_of(path: Path, result: Result, stored: Result | None) -> ResolveReco
     )
 
 
-def _with_states(meta: LogMeta, states: tuple[EffectName, ...]) -> tuple[LogMeta, list[EffectName]]:
+def with_states(meta: LogMeta, states: tuple[EffectName, ...]) -> tuple[LogMeta, list[EffectName]]:
     """Return the configuration of a log with more states in its model, and those that it did not have."""
     held = meta.model.states if meta.model is not None else []
     added = [state for state in dict.fromkeys(states) if state not in held]

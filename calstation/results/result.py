@@ -276,7 +276,7 @@ class Result(_Section):
         """Read a result JSON. Raises ValueError for anything else."""
         try:
             return cls.model_validate(data)
-        except (KeyError, TypeError, AttributeError) as exc:  # pydantic passes on those of a malformed check
+        except (LookupError, TypeError, AttributeError) as exc:  # pydantic passes on those of a malformed check
             raise ValueError(f"malformed check: {exc!r}") from exc
 
     def to_json(self) -> dict[str, Any]:

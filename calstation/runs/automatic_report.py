@@ -48,7 +48,7 @@ def report_command(setup: ResolvedConfiguration, result_file: Path, emit: Emit) 
         return []
     request = station_request(source.path, section, result_file)
     command = [sys.executable, "-m", "calstation", "report", str(request.source), "-o", str(request.out)]
-    command += ["--language", section.language]
+    command += ["--language", "zh" if request.language == "zh_CN" else "en", "--by", ""]  # by the program
     for option, path in (("--templates", request.templates), ("--sign", request.signing)):
         command += [] if path is None else [option, str(path)]
     return command

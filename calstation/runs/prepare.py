@@ -237,6 +237,7 @@ def _with_standards(setup: ResolvedConfiguration, history: History) -> ResolvedC
         people.by,
         request.override_standard or "",
         confirmed_by=people.confirmed_by,
+        pin=people.pin,
         overridden=overridden,
         **values,
     )

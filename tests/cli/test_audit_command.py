@@ -21,14 +21,14 @@ def test_saved_files_and_pins_are_events(calstation, home: Path) -> None:
     versions.save("products", "nav_a", SHIPPED.replace("turns = 2", "turns = 3"), "wang")
     (home / "products" / "nav_a.toml").write_text(SHIPPED.replace("turns = 2", "turns = 4"), encoding="utf-8")
     versions.restore("products", "nav_a", 1, "li")
-    access.set_pin("", "2468")
-    access.set_pin("2468", "1357")
+    access.set_pin("", "246813")
+    access.set_pin("246813", "135792")
     events = calstation("audit", "--json", "-").json["events"]
     assert [(each["event"], each["values"].get("version")) for each in events] == [
         ("file_saved", 2), ("file_changed_outside", 3), ("file_saved", 4), ("pin_set", None), ("pin_changed", None),
     ]  # fmt: skip
     assert events[0]["by"] == "wang"
-    assert "2468" not in audit_path(home).read_text("utf-8")
+    assert "246813" not in audit_path(home).read_text("utf-8")
 
 
 def test_events_are_filtered(calstation, home: Path) -> None:

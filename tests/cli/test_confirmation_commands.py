@@ -36,11 +36,11 @@ def test_a_unit_is_released_by_two(calstation, answers: dict[str, str], failed: 
 
 
 def test_pins_are_set_and_changed(calstation, answers: dict[str, str], home: Path) -> None:
-    answers |= {"The engineer's PIN of this site": "0000", "New PIN": "3333", "Present PIN": "3333"}
+    answers |= {"The engineer's PIN of this site": "000000", "New PIN": "333333", "Present PIN": "333333"}
     assert calstation("pin", "--badge", "B0003").code == 0
-    assert access.check("3333", "B0003")
-    answers["New PIN"] = "4444"
+    assert access.check("333333", "B0003")
+    answers["New PIN"] = "444444"
     assert calstation("pin", "--badge", "B0003").code == 0
-    assert access.check("4444", "B0003")
+    assert access.check("444444", "B0003")
     assert calstation("pin").code == 2, "the present PIN of the site is another"
     assert [each.event for each in read_audit(audit_path(home)).events][-2:] == ["pin_set", "pin_changed"]

@@ -1,5 +1,6 @@
 """The engineer's PIN is set, checked and changed, never stored in plain text, and delayed after wrong PINs."""
 
+import hashlib
 import json
 import stat
 import sys
@@ -12,6 +13,9 @@ from calstation.config import access
 from calstation.errors import ConfigurationError
 from calstation.records import audit_path, read_audit
 from tests.helpers import raises_code
+
+#: As recommended by OWASP; the fixtures of other tests make it smaller.
+COST = (2**15, 8, 3)
 
 
 class Clock:
@@ -40,29 +44,46 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 def test_only_the_pin_that_was_set_is_accepted() -> None:
     assert not access.has_pin()
-    assert not access.check("2468")
-    access.set_pin("", "2468")
+    assert not access.check("246813")
+    access.set_pin("", "246813")
     assert access.has_pin()
-    assert access.check("2468")
-    assert not access.check("1357")
+    assert access.check("246813")
+    assert not access.check("135792")
     assert not access.check("")
-    assert access.check("2468")
+    assert access.check("246813")
 
 
 def test_changing_a_pin_needs_the_present_one(home: Path) -> None:
-    access.set_pin("", "2468")
+    access.set_pin("", "246813")
     with raises_code(ConfigurationError, "access.wrong_pin"):
-        access.set_pin("0000", "1357")
-    access.set_pin("2468", "ключ 密码")
+        access.set_pin("000000", "135792")
+    access.set_pin("246813", "ключ 密码")
     assert access.check("ключ 密码")
-    assert not access.check("2468")
+    assert not access.check("246813")
     assert {path.name for path in home.iterdir()} == {"engineer.json", "audit.jsonl", ".audit.lock", ".pin.lock"}
 
 
 def test_a_short_pin_is_refused() -> None:
     with raises_code(ConfigurationError, "access.pin_too_short"):
-        access.set_pin("", "123")
+        access.set_pin("", "12345")
     assert not access.has_pin()
+
+
+def test_a_pin_of_an_earlier_version_keeps_its_cost_until_it_is_changed(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was set with four characters."""
+    monkeypatch.setattr(access, "_N", COST[0])
+    digest = hashlib.scrypt(b"2468", salt=bytes(16), n=2**13, r=8, p=1, dklen=32)
+    stored = {"salt": bytes(16).hex(), "hash": digest.hex(), "n": 2**13, "r": 8, "p": 1}
+    home.mkdir(exist_ok=True)
+    (home / "engineer.json").write_text(json.dumps(stored), encoding="utf-8")
+    assert access.check("2468")
+    assert not access.check("2469")
+    access.set_pin("2468", "246813")
+    changed = json.loads((home / "engineer.json").read_text("utf-8"))
+    assert (changed["n"], changed["r"], changed["p"]) == COST
+    assert access.check("246813")
 
 
 def test_pins_are_stored_as_salted_hashes(home: Path) -> None:
@@ -76,33 +97,33 @@ def test_pins_are_stored_as_salted_hashes(home: Path) -> None:
 
 
 def test_delays_grow_with_wrong_pins_and_survive_a_restart(clock: Clock) -> None:
-    access.set_pin("", "2468")
+    access.set_pin("", "246813")
     delays = []
     for _ in range(14):
-        assert not access.check("0000")
+        assert not access.check("000000")
         delays.append(access.wait())
         clock.now += access.wait()
     assert delays[:6] == [0.0, 0.0, 1.0, 2.0, 4.0, 8.0]
     assert delays[-1] == 300.0
-    assert access.check("2468")
+    assert access.check("246813")
     assert access.wait() == 0.0
 
 
 def test_no_pin_is_accepted_during_the_delay(clock: Clock) -> None:
-    access.set_pin("", "2468")
+    access.set_pin("", "246813")
     for _ in range(3):
-        access.check("0000")
+        access.check("000000")
     assert access.wait() == 1.0
-    assert not access.check("2468")
+    assert not access.check("246813")
     with raises_code(ConfigurationError, "access.wrong_pin_wait") as caught:
-        access.set_pin("2468", "1357")
+        access.set_pin("246813", "135792")
     assert caught.value.values == {"seconds": 1.0}
     clock.now += 1.0
-    assert access.check("2468")
+    assert access.check("246813")
 
 
 def test_wrong_pins_tried_at_the_same_time_all_count(home: Path, clock: Clock) -> None:
-    access.set_pin("", "2468")
+    access.set_pin("", "246813")
     with ThreadPoolExecutor(8) as pool:
         assert not any(pool.map(access.check, [f"{number:04d}" for number in range(16)]))
     assert json.loads((home / "engineer.json").read_text("utf-8"))["failures"] == 3
@@ -110,31 +131,31 @@ def test_wrong_pins_tried_at_the_same_time_all_count(home: Path, clock: Clock) -
 
 
 def test_a_pin_is_not_set_without_the_audit_trail(home: Path) -> None:
-    access.set_pin("", "2468")
+    access.set_pin("", "246813")
     (home / "audit.jsonl").rename(home / "kept")
     (home / "audit.jsonl").mkdir()
     with raises_code(ConfigurationError, "audit.unwritable"):
-        access.set_pin("2468", "1357")
-    assert access.check("2468")
+        access.set_pin("246813", "135792")
+    assert access.check("246813")
     (home / "audit.jsonl").rmdir()
     (home / "kept").rename(home / "audit.jsonl")
     assert [each.event for each in read_audit(audit_path(home)).events] == ["pin_set"]
 
 
 def test_a_clock_set_back_costs_one_delay(clock: Clock) -> None:
-    access.set_pin("", "2468")
+    access.set_pin("", "246813")
     for _ in range(3):
-        access.check("0000")
+        access.check("000000")
     clock.now -= 1e7
     assert access.wait() == 1.0
 
 
 @pytest.mark.parametrize("text", ["", "{", '{"salt": "x"}'])
 def test_a_damaged_file_is_an_error(home: Path, text: str) -> None:
-    access.set_pin("", "2468")
+    access.set_pin("", "246813")
     (home / "engineer.json").write_text(text, encoding="utf-8")
     assert access.has_pin()
     with pytest.raises(ConfigurationError, match=r"engineer\.json"):
-        access.check("2468")
+        access.check("246813")
     with pytest.raises(ConfigurationError, match=r"engineer\.json"):
-        access.set_pin("2468", "1357")
+        access.set_pin("246813", "135792")

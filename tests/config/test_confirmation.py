@@ -22,16 +22,16 @@ from calstation.errors import ConfigurationError
 from calstation.records import audit_path, read_audit
 from tests.helpers import raises_code
 
-LI, WANG, ZHAO = Person("B0001", "1111"), Person("B0002", "2222"), Person("B0003", "3333")
+LI, WANG, ZHAO = Person("B0001", "111111"), Person("B0002", "222222"), Person("B0003", "333333")
 
 
 @pytest.fixture(autouse=True)
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A site with a PIN, and personal PINs of two engineers."""
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
-    access.set_pin("", "0000")
+    access.set_pin("", "000000")
     for person in (LI, WANG):
-        access.set_pin("0000", person.pin, person.badge)
+        access.set_pin("000000", person.pin, person.badge)
     return tmp_path
 
 
@@ -49,7 +49,7 @@ def station(*engineers: str) -> StationConfig:
 
 def test_two_engineers_with_their_pins_confirm() -> None:
     both = station("B0001", "B0002")
-    assert confirm("override", product("override"), both, LI, WANG) == Confirmation("B0001", "B0002")
+    assert confirm("override", product("override"), both, LI, WANG) == Confirmation("B0001", "B0002", "personal")
     assert confirmation_required("override", product("override"), both).second
 
 
@@ -59,12 +59,12 @@ def test_two_engineers_with_their_pins_confirm() -> None:
         (LI, None, "second_missing"),
         (LI, LI, "same_person"),
         (LI, Person("B0001", "other"), "same_person"),
-        (LI, Person("B0002", "1111"), "wrong_pin"),
-        (Person("B0001", "2222"), WANG, "wrong_pin"),
+        (LI, Person("B0002", "111111"), "wrong_pin"),
+        (Person("B0001", "222222"), WANG, "wrong_pin"),
         (LI, ZHAO, "no_pin"),
-        (LI, Person("B0009", "1111"), "not_engineer"),
-        (Person("wang", "0000"), WANG, "not_engineer"),
-        (Person(" ", "0000"), WANG, "no_person"),
+        (LI, Person("B0009", "111111"), "not_engineer"),
+        (Person("wang", "000000"), WANG, "not_engineer"),
+        (Person(" ", "000000"), WANG, "no_person"),
     ],
 )
 def test_anyone_else_is_refused(first: Person, second: Person | None, code: str) -> None:
@@ -74,46 +74,55 @@ def test_anyone_else_is_refused(first: Person, second: Person | None, code: str)
 
 def test_a_station_without_engineers_cannot_confirm_by_two() -> None:
     with raises_code(ConfigurationError, "confirmation.no_engineers"):
-        confirm("certificate", product("certificate"), station(), Person("wang", "0000"), Person("li", "0000"))
+        confirm("certificate", product("certificate"), station(), Person("wang", "000000"), Person("li", "000000"))
 
 
 @pytest.mark.parametrize("action", ["override", "registers", "certificate"])
 def test_two_names_with_the_pin_of_the_site_are_not_two_people(action: Any) -> None:
     with raises_code(ConfigurationError, "confirmation.no_engineers"):
-        confirm(action, product(), station(), Person("wang", "0000"), Person("li", "0000"))
+        confirm(action, product(), station(), Person("wang", "000000"), Person("li", "000000"))
 
 
 def test_where_nothing_is_required_only_a_release_needs_a_pin() -> None:
     assert confirm("certificate", product(), station(), Person("wang")) == Confirmation("wang")
     assert confirm("registers", product("override"), station("B0001"), Person("wang")) == Confirmation("wang")
-    assert confirm("override", product(), station(), Person("wang", "0000")) == Confirmation("wang")
+    assert confirm("override", product(), station(), Person("wang", "000000")) == Confirmation("wang", pin="site")
     with raises_code(ConfigurationError, "confirmation.wrong_pin"):
-        confirm("override", product(), station(), Person("wang", "9999"))
-    assert confirm("override", product(), station("B0001"), LI) == Confirmation("B0001")
+        confirm("override", product(), station(), Person("wang", "999999"))
+    assert confirm("override", product(), station("B0001"), LI) == Confirmation("B0001", pin="personal")
+
+
+def test_a_pin_that_nothing_requires_proves_the_name_or_is_refused() -> None:
+    assert confirm("certificate", product(), station("B0001"), LI) == Confirmation("B0001", pin="personal")
+    assert confirm("certificate", product(), station(), Person("wang", "000000")) == Confirmation("wang", pin="site")
+    with raises_code(ConfigurationError, "confirmation.wrong_pin"):
+        confirm("registers", product(), station("B0001"), Person("B0001", "999999"))
+    with raises_code(ConfigurationError, "confirmation.not_engineer"):
+        confirm("certificate", product(), station("B0001"), Person("Dr A. Example", "000000"))
 
 
 def test_a_second_person_who_is_not_required_is_checked_all_the_same() -> None:
     both = station("B0001", "B0002")
-    assert confirm("certificate", product(), both, LI, WANG) == Confirmation("B0001", "B0002")
+    assert confirm("certificate", product(), both, LI, WANG) == Confirmation("B0001", "B0002", "personal")
     with raises_code(ConfigurationError, "confirmation.wrong_pin"):
-        confirm("certificate", product(), both, LI, Person("B0002", "1111"))
+        confirm("certificate", product(), both, LI, Person("B0002", "111111"))
 
 
 def test_after_several_wrong_pins_the_error_says_how_long_to_wait() -> None:
     for code in ("confirmation.wrong_pin", "confirmation.wrong_pin", "confirmation.wrong_pin_wait"):
         with raises_code(ConfigurationError, code):
-            confirm("override", product(), station("B0001"), Person("B0001", "9999"))
+            confirm("override", product(), station("B0001"), Person("B0001", "999999"))
 
 
 def test_the_first_pin_of_a_badge_needs_the_sites_pin_and_later_ones_its_own(home: Path) -> None:
     with raises_code(ConfigurationError, "access.wrong_pin"):
-        access.set_pin("1111", "3333", "B0003")
-    access.set_pin("1111", "4444", "B0001")
-    assert access.check("4444", "B0001")
-    assert not access.check("4444", "B0002")
-    assert access.check("0000")
+        access.set_pin("111111", "333333", "B0003")
+    access.set_pin("111111", "444444", "B0001")
+    assert access.check("444444", "B0001")
+    assert not access.check("444444", "B0002")
+    assert access.check("000000")
     with raises_code(ConfigurationError, "access.wrong_pin"):
-        access.set_pin("0000", "5555", "B0002")
+        access.set_pin("000000", "555555", "B0002")
     events = read_audit(audit_path(home)).events
     assert [(each.event, each.values.get("badge")) for each in events] == [
         ("pin_set", None), ("pin_set", "B0001"), ("pin_set", "B0002"), ("pin_changed", "B0001"),
@@ -123,12 +132,12 @@ def test_the_first_pin_of_a_badge_needs_the_sites_pin_and_later_ones_its_own(hom
 def test_a_badge_has_no_pin_before_the_site_has(home: Path) -> None:
     (home / "engineer.json").unlink()
     with raises_code(ConfigurationError, "access.no_site_pin"):
-        access.set_pin("", "3333", "B0003")
+        access.set_pin("", "333333", "B0003")
 
 
 def test_a_badge_is_no_path(home: Path) -> None:
-    access.set_pin("0000", "3333", "../up/x")
-    assert access.check("3333", "../up/x")
+    access.set_pin("000000", "333333", "../up/x")
+    assert access.check("333333", "../up/x")
     assert {path.parent for path in home.rglob("*.json")} == {home, home / "engineers"}
 
 
@@ -142,4 +151,4 @@ def test_an_engineer_has_a_badge_of_the_station(entries: dict[str, Any]) -> None
 
 
 def test_a_pin_is_not_shown() -> None:
-    assert "1111" not in repr(LI)
+    assert "111111" not in repr(LI)

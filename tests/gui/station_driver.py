@@ -9,7 +9,7 @@ from pytestqt.qtbot import QtBot
 from calstation.gui.settings.page import StationPage
 from calstation.gui.shell.context import AppContext
 
-PIN = "2468"
+PIN = "246813"
 
 
 class PageDriver:

@@ -113,7 +113,7 @@ def test_an_engineer_takes_the_values_into_the_profile(page: OfflinePage, operat
     assert "Only an engineer" in take.toolTip()
     operator.window.app.role.ask()
     for name in ("pin_edit", "pin_again_edit"):
-        qtbot.keyClicks(operator.widget(name, QLineEdit), "2468")
+        qtbot.keyClicks(operator.widget(name, QLineEdit), "246813")
     operator.press("unlock_button")
     operator.press("take_noise_button")
     assert page.notice.title_label.text() == "Save as a new version of the IMU profile bench_nav?"

@@ -57,7 +57,7 @@ class Engineer(Operator):
         """Set the first PIN of the site."""
         self.press("unlock_schedule_button")
         for name in ("pin_edit", "pin_again_edit"):
-            self.qtbot.keyClicks(self.widget(name, QLineEdit), "2468")
+            self.qtbot.keyClicks(self.widget(name, QLineEdit), "246813")
         self.press("unlock_button")
         assert self.window.app.role.engineer
         return self
@@ -228,7 +228,7 @@ def test_only_an_engineer_chooses_parts(engineer: Engineer) -> None:
         engineer.window.app.role.lock()
         assert engineer.page.choice.parts.stages == STAGES
         assert engineer.widget("engineer_start_button", QPushButton).text() == "START"
-        engineer.window.app.role.unlock("2468")
+        engineer.window.app.role.unlock("246813")
 
 
 @pytest.mark.long
@@ -339,7 +339,7 @@ def test_a_question_is_dropped_when_what_it_is_about_changes(engineer: Engineer)
     engineer.tick("stage_check_rate")
     engineer.page.choice.parts.select("rate")
     engineer.type("schedule_rate_dwell_s", "6.5")
-    lock_and_unlock = (app.role.lock, lambda: app.role.unlock("2468"))
+    lock_and_unlock = (app.role.lock, lambda: app.role.unlock("246813"))
     for changes in (
         lock_and_unlock,
         (app.station_changed.emit,),
@@ -477,7 +477,7 @@ def test_registers_are_read_compared_and_written_after_confirmation(engineer: En
     engineer.show_view(5)
     engineer.window.app.role.lock()
     assert "PIN" in engineer.why_not("write_registers_button")
-    engineer.window.app.role.unlock("2468")
+    engineer.window.app.role.unlock("246813")
     engineer.until(lambda: engineer.page.registers.target is not None)
     assert "Read the unit first" in engineer.why_not("write_registers_button")
     assert engineer.widget("write_reason_label", QLabel).text() == engineer.why_not("write_registers_button")
@@ -594,7 +594,7 @@ def test_registers_of_another_unit_are_refused_beside_the_button(engineer: Engin
 def test_two_engineers_confirm_a_write_where_the_product_requires_it(engineer: Engineer) -> None:
     ask_to_write(engineer)
     for badge in ("B0001", "B0002"):
-        access.set_pin("2468", badge, badge)
+        access.set_pin("246813", badge, badge)
     flash = str(engineer.site_folder.folder / "flash.bin")
     sign_in = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
     engineer.site_folder.write(

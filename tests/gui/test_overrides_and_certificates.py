@@ -20,7 +20,7 @@ from tests.gui.conftest import RESULT, SERIAL, Operator
 pytestmark = pytest.mark.timeout(240)
 ENGINEERS = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
 PEOPLE = ("badge", "pin", "second_badge", "second_pin")
-PINS = {"B0001": "1111", "B0002": "2222"}
+PINS = {"B0001": "111111", "B0002": "222222"}
 OVERDUE = [{"name": "Rate table A", "kind": "table", "due": date(2021, 3, 2)}]
 ONE_STAGE = {"stages": ["six_position"]}
 
@@ -57,13 +57,13 @@ def refused(operator: Operator) -> None:
 @pytest.mark.long
 def test_an_engineer_overrides_an_overdue_certificate(operator: Operator) -> None:
     use(operator, {}, instruments=OVERDUE)
-    access.set_pin("", "0000")
+    access.set_pin("", "000000")
     refused(operator)
-    fill(operator, "override", reason="table is at the laboratory", badge="Li Na", pin="9999")
+    fill(operator, "override", reason="table is at the laboratory", badge="Li Na", pin="999999")
     operator.press("override_confirm_button")
     assert "PIN" in operator.says()
     assert not operator.window.app.engine_link.running, "a wrong PIN starts nothing"
-    fill(operator, "override", pin="0000")
+    fill(operator, "override", pin="000000")
     operator.press("override_confirm_button")
     operator.until(lambda: operator.verdict)
     assert operator.verdict == "PASS", operator.says()
@@ -82,17 +82,17 @@ def test_an_engineer_overrides_an_overdue_certificate(operator: Operator) -> Non
 @pytest.mark.long
 def test_a_second_engineer_confirms_it_where_the_product_requires_two(operator: Operator) -> None:
     use(operator, {"confirmation": {"required_for": ["override"]}}, instruments=OVERDUE, sign_in=ENGINEERS)
-    access.set_pin("", "0000")
+    access.set_pin("", "000000")
     for badge, pin in PINS.items():
-        access.set_pin("0000", pin, badge)
+        access.set_pin("000000", pin, badge)
     edit = operator.widget("operator_edit", QLineEdit)
     operator.qtbot.keyClicks(edit, "B0003\r")
     refused(operator)
-    people = {"badge": "B0001", "pin": "1111", "second_badge": "B0001", "second_pin": "1111"}
+    people = {"badge": "B0001", "pin": "111111", "second_badge": "B0001", "second_pin": "111111"}
     fill(operator, "override", reason="table is at the laboratory", **people)
     operator.press("override_confirm_button")
     assert not operator.window.app.engine_link.running, "one engineer is not two"
-    fill(operator, "override", pin="1111", second_badge="B0002", second_pin="2222")
+    fill(operator, "override", pin="111111", second_badge="B0002", second_pin="222222")
     operator.press("override_confirm_button")
     operator.until(lambda: operator.verdict)
     assert operator.verdict == "PASS", operator.says()
@@ -165,9 +165,9 @@ def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
     report = {"folder": "reports", "language": "en"}
     (operator.site_folder.station.parent / "reports").mkdir(exist_ok=True)
     use(operator, {"confirmation": {"required_for": ["certificate"]}}, sign_in=ENGINEERS, report=report)
-    access.set_pin("", "0000")
+    access.set_pin("", "000000")
     for badge, pin in PINS.items():
-        access.set_pin("0000", pin, badge)
+        access.set_pin("000000", pin, badge)
     operator.qtbot.keyClicks(operator.widget("operator_edit", QLineEdit), "B0001\r")
     operator.scan(SERIAL)
     operator.press("start_button")
@@ -178,7 +178,7 @@ def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
         operator.until(lambda: "The certificate waits for two people" in operator.says())
     operator.press("certificate_button")
     operator.until(lambda: operator.widget("certificate_button_panel").isVisible())
-    fill(operator, "certificate_button", badge="B0001", pin="1111", second_badge="B0002", second_pin="2222")
+    fill(operator, "certificate_button", badge="B0001", pin="111111", second_badge="B0002", second_pin="222222")
     operator.press("certificate_button_confirm_button")
     operator.until(lambda: "The certificate was issued" in operator.says())
     events = events_of(operator)

@@ -14,7 +14,7 @@ from calstation.sequencer import StateChanged, Verdict
 from tests.gui.conftest import RESULT, SERIAL, Operator
 
 ENGINEERS = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
-PINS = {"B0001": "1111", "B0002": "2222"}
+PINS = {"B0001": "111111", "B0002": "222222"}
 
 
 @pytest.fixture
@@ -22,9 +22,9 @@ def failed(operator: Operator) -> Path:
     """The result of a run that failed, of a product that requires two engineers."""
     site = operator.site_folder
     site.write({"confirmation": {"required_for": ["override", "registers"]}}, {"sign_in": ENGINEERS})
-    access.set_pin("", "0000")
+    access.set_pin("", "000000")
     for badge, pin in PINS.items():
-        access.set_pin("0000", pin, badge)
+        access.set_pin("000000", pin, badge)
     site.runs.mkdir(exist_ok=True)
     row = {"value": 3e-5, "sigma": 1e-8, "unit": "rad/s", "stage": "rate"}
     check = {"name": "gyro_bias_x within", "value": 3e-5, "limit": [-1.5e-5, 1.5e-5], "unit": "rad/s", "passed": False}
@@ -80,15 +80,15 @@ def test_two_engineers_release_a_unit_on_the_history_page(operator: Operator, fa
     assert "released" not in texts(operator)
     open_panel(operator, "history_release")
     confirm = operator.widget("history_release_confirm_button", QPushButton)
-    people = {"badge": "B0001", "pin": "1111", "second_badge": "B0002"}
+    people = {"badge": "B0001", "pin": "111111", "second_badge": "B0002"}
     fill(operator, "history_release", reason="label scratched", **people)
     assert (confirm.isEnabled(), confirm.toolTip()) == (False, "Fill in every field")
-    fill(operator, "history_release", second_pin="1111")
+    fill(operator, "history_release", second_pin="111111")
     operator.press("history_release_confirm_button")
     error = operator.widget("history_release_error_label", QLabel)
     operator.until(lambda: "The PIN of B0002 is wrong." in error.text())
     assert "override" not in json.loads(failed.read_text("utf-8"))
-    fill(operator, "history_release", pin="1111", second_pin="2222")
+    fill(operator, "history_release", pin="111111", second_pin="222222")
     operator.press("history_release_confirm_button")
     operator.until(lambda: "FAIL, released" in texts(operator))
     operator.until_no_job()
@@ -107,7 +107,7 @@ def test_a_release_can_be_cancelled(operator: Operator, failed: Path) -> None:
     before = failed.read_bytes()
     open_history(operator)
     open_panel(operator, "history_release")
-    fill(operator, "history_release", reason="label scratched", badge="B0001", pin="1111")
+    fill(operator, "history_release", reason="label scratched", badge="B0001", pin="111111")
     operator.press("history_release_cancel_button")
     assert not operator.widget("history_release_panel").isVisible()
     open_panel(operator, "history_release")
@@ -129,8 +129,8 @@ def test_a_unit_is_released_on_the_engineer_page_and_the_operator_page_follows(
     operator.window.app.open_run.emit(failed)
     operator.until(lambda: operator.widget("engineer_release_button", QPushButton).isVisible())
     open_panel(operator, "engineer_release")
-    second = {"second_badge": "B0002", "second_pin": "2222"}
-    fill(operator, "engineer_release", reason="agreed", badge="B0001", pin="1111", **second)
+    second = {"second_badge": "B0002", "second_pin": "222222"}
+    fill(operator, "engineer_release", reason="agreed", badge="B0001", pin="111111", **second)
     operator.press("engineer_release_confirm_button")
     operator.until(lambda: f"{SERIAL}  ·  FAIL, released" in operator.says())
     operator.window.show_page("operator_page")

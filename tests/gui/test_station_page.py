@@ -686,14 +686,14 @@ def test_changing_the_pin_requires_the_current_pin(page_driver: PageDriver) -> N
         page_driver.press("change_pin_button")
         return str(message.text())
 
-    assert change("1111", "13579", "13578") == "The two are not the same."
-    assert change(PIN, "135", "135") == "Too short: at least 4 characters."
-    assert change("1111", "13579", "13579") == "The present PIN is wrong. Try again."
+    assert change("111111", "135792", "135798") == "The two are not the same."
+    assert change(PIN, "13579", "13579") == "Too short: at least 6 characters."
+    assert change("111111", "135792", "135792") == "The present PIN is wrong. Try again."
     assert role.check(PIN)
-    assert change(PIN, "13579", "13579") == "The PIN has been changed."
-    assert role.check("13579")
+    assert change(PIN, "135792", "135792") == "The PIN has been changed."
+    assert role.check("135792")
     (library.site_folder() / "engineer.json").write_text("{", encoding="utf-8")
-    assert "engineer.json cannot be read" in change("13579", "2468", "2468")
+    assert "engineer.json cannot be read" in change("135792", "246813", "246813")
 
 
 def test_an_engineers_own_pin_needs_the_pin_of_the_site_first(page_driver: PageDriver) -> None:
@@ -701,10 +701,10 @@ def test_an_engineers_own_pin_needs_the_pin_of_the_site_first(page_driver: PageD
     page_driver.type("pin_badge_edit", "B0003")
     old = page_driver.find(QLineEdit, "old_pin_edit")
     assert old.placeholderText() == "the PIN of this site"
-    for name, text in (("old_pin_edit", PIN), ("new_pin_edit", "3333"), ("new_pin_again_edit", "3333")):
+    for name, text in (("old_pin_edit", PIN), ("new_pin_edit", "333333"), ("new_pin_again_edit", "333333")):
         page_driver.type(name, text)
     page_driver.press("change_pin_button")
     assert page_driver.page.personal.pin_message.text() == "The PIN has been changed."
-    assert role.check("3333", "B0003")
+    assert role.check("333333", "B0003")
     assert role.check(PIN)
     assert old.placeholderText() == ""

@@ -285,7 +285,7 @@ def test_one_more_attempt_of_a_unit_and_the_repetition_of_another_are_asked_one_
     hardware.press("start_button")
     assert "Set aside: SN-000001\n" in hardware.says()
     hardware.press("cancel_choice")
-    app.role.set_first_pin("2468")
+    app.role.set_first_pin("246813")
     hardware.press("start_button")
     assert "Allow one more attempt?" in hardware.says()
     hardware.press("beyond_choice")

@@ -79,12 +79,12 @@ def test_first_pin_is_set_and_a_wrong_one_refused(window: MainWindow, qtbot: QtB
 
     press(lock)
     assert again.isVisible()
-    qtbot.keyClicks(pin, "2468")
-    qtbot.keyClicks(again, "2469")
+    qtbot.keyClicks(pin, "246813")
+    qtbot.keyClicks(again, "246819")
     qtbot.keyClick(again, Qt.Key.Key_Return)
     assert not role.engineer
     again.clear()
-    qtbot.keyClicks(again, "2468")
+    qtbot.keyClicks(again, "246813")
     qtbot.keyClick(again, Qt.Key.Key_Return)
     assert role.engineer
     assert not pin.isVisible()
@@ -93,11 +93,11 @@ def test_first_pin_is_set_and_a_wrong_one_refused(window: MainWindow, qtbot: QtB
 
     press(lock)
     assert not again.isVisible()
-    qtbot.keyClicks(pin, "1111")
+    qtbot.keyClicks(pin, "111111")
     qtbot.keyClick(pin, Qt.Key.Key_Return)
     assert not role.engineer
     assert "The PIN is wrong." in [label.text() for label in window.findChildren(QLabel) if label.isVisible()]
-    for digit in "2468":
+    for digit in "246813":
         (key,) = [b for b in window.findChildren(QPushButton) if b.text() == digit and b.isVisible()]
         if digit == "2":
             pin.clear()
@@ -110,7 +110,7 @@ def test_a_damaged_file_of_the_pin_is_explained(window: MainWindow, qtbot: QtBot
     (site_folder.home / "engineer.json").write_text("{", encoding="utf-8")
     qtbot.mouseClick(window.findChild(QPushButton, "role_button"), Qt.MouseButton.LeftButton)
     pin = window.findChild(QLineEdit, "pin_edit")
-    qtbot.keyClicks(pin, "2468")
+    qtbot.keyClicks(pin, "246813")
     qtbot.keyClick(pin, Qt.Key.Key_Return)
     assert not window.app.role.engineer
     (told,) = [label.text() for label in window.findChildren(QLabel) if "engineer.json" in label.text()]

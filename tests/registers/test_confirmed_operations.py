@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.config import RunRequest
+from calstation.config import Confirmation, RunRequest
 from calstation.config import site_folder as site
 from calstation.errors import ConfigurationError, InputError
 from calstation.records import audit_path, read_audit
@@ -18,6 +18,7 @@ from tests.site_folder import SiteFolder
 
 SERIAL = "SN-000042"
 VALUES = {"gyro_bias_x": 1e-6}
+BOTH = Confirmation("B0001", "B0002", "personal")
 
 
 @pytest.fixture(autouse=True)
@@ -30,7 +31,7 @@ def test_a_write_by_hand_is_in_the_audit_trail(site_folder: SiteFolder) -> None:
     errands.write(VALUES, at_rest=True)
     (event,) = read_audit(audit_path(site())).events
     assert (event.event, event.by, event.confirmed_by) == ("registers", "wang", None)
-    assert event.values == {"serial": SERIAL, "what": "write", "source": "x.h5", "station": "test bench"}
+    assert event.values == {"serial": SERIAL, "what": "write", "source": "x.h5", "station": "test bench", "pin": None}
 
 
 def test_without_the_second_engineer_nothing_is_written(site_folder: SiteFolder) -> None:
@@ -40,10 +41,10 @@ def test_without_the_second_engineer_nothing_is_written(site_folder: SiteFolder)
         Errands(request).write(VALUES, at_rest=True)
     assert not journal.history(request.out, SERIAL)
     assert not read_audit(audit_path(site())).events
-    Errands(request).do("write", VALUES, at_rest=True, confirmed_by="B0002")
+    Errands(request).do("write", VALUES, at_rest=True, people=BOTH)
     assert journal.history(request.out, SERIAL)[-1].closing == "done"
     (event,) = read_audit(audit_path(site())).events
-    assert (event.by, event.confirmed_by) == ("B0001", "B0002")
+    assert (event.by, event.confirmed_by, event.values["pin"]) == ("B0001", "B0002", "personal")
 
 
 def another_product(site_folder: SiteFolder) -> Path:
@@ -60,7 +61,7 @@ def test_another_product_does_not_spare_the_second_engineer(
 ) -> None:
     site_folder.write({"confirmation": {"required_for": ["registers"]}})
     request = site_folder.request()
-    Errands(request).do("write", VALUES, at_rest=True, confirmed_by="B0002")
+    Errands(request).do("write", VALUES, at_rest=True, people=BOTH)
     lenient = another_product(site_folder)
     with raises_code(InputError, "transfer.other_product"):
         Errands(replace(request, product=lenient)).do("restore", at_rest=True)

@@ -24,7 +24,7 @@ def test_the_operator_and_a_reason_of_a_run() -> None:
 
 
 def test_a_badge_and_the_reasons_of_a_release_and_a_revision(failed: Path) -> None:
-    people = Person(ENTERED, "1111"), Person("B0002\x03", "2222")
+    people = Person(ENTERED, "111111"), Person("B0002\x03", "222222")
     made = override_result(ignore_progress, failed, "scratch\x0bonly", *people)
     assert (made.by, made.confirmed_by, made.why) == ("B0001", "B0002", "scratch only")
     assert load_result(failed).override == made

@@ -5,7 +5,7 @@ import shutil
 import subprocess
 import threading
 import tomllib
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +14,18 @@ import pytest
 import tomli_w
 
 from calstation.cli.app import run_app
-from calstation.config import resolve_configuration
+from calstation.config import Person, access, resolve_configuration
 from calstation.config.library import shipped_folder
 from calstation.messages import event_text, sentence
-from calstation.records import audit_path, open_log, read_reports, reports_path
+from calstation.records import append_audit, audit_path, open_log, read_audit, read_reports, reports_path
 from calstation.reports import issue
 from calstation.reports.content import certificate_number
 from calstation.reports.pdf import typeset
-from calstation.results import Result
+from calstation.results import Result, override_result
 from calstation.runs import automatic_report
 from calstation.runs.automatic_report import report_command, start_reports
 from calstation.sequencer import Event, Message
+from tests.helpers import ignore_progress
 from tests.reports.certificates import Made, make, with_laboratory
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
@@ -42,6 +43,17 @@ def gimbal(shared_runs: SharedRuns, tmp_path: Path) -> Made:
 
 def report(*arguments: object) -> int:
     return run_app(["report", *map(str, arguments)])
+
+
+def copied(result_file: Path, folder: Path) -> Path:
+    """A copy of a result and its log in another folder."""
+    folder.mkdir()
+    log = shutil.copy(result_file.with_suffix(".h5"), folder)
+    result = json.loads(result_file.read_text(encoding="utf-8"))
+    result["log"]["file"] = str(log)
+    copy = folder / result_file.name
+    copy.write_text(json.dumps(result), encoding="utf-8")
+    return copy
 
 
 def first_page(path: Path) -> str:
@@ -67,13 +79,14 @@ def test_a_result_and_its_log_give_the_same_certificate_once(gimbal: Made, capsy
 
 @pytest.mark.long
 def test_another_date_needs_a_revision_which_names_what_it_replaces(
-    gimbal: Made, capsys: pytest.CaptureFixture[str]
+    gimbal: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = gimbal.folder / "first.pdf"
     assert report(gimbal.result_file, "-o", out, "--revise", "too early") == 2
     assert "has not been issued yet" in capsys.readouterr().err
     assert report(gimbal.result_file, "-o", out) == 0
     revised, again = gimbal.folder / "revised.pdf", gimbal.folder / "again.pdf"
+    monkeypatch.setattr(issue, "_today", lambda: date(2030, 1, 3))
     assert report(gimbal.result_file, "-o", revised, "--issued", "2030-01-02") == 2
     assert '--revise "REASON"' in capsys.readouterr().err
     assert report(gimbal.result_file, "-o", revised, "--issued", "2030-01-02", "--revise", "Wrong customer") == 0
@@ -86,7 +99,84 @@ def test_another_date_needs_a_revision_which_names_what_it_replaces(
     assert again.read_bytes() == revised.read_bytes()
     assert report(gimbal.result_file, "-o", gimbal.folder / "r2.pdf", "--revise", "Once more") == 0
     last = read_reports(gimbal.result_file.parent)[-1]
-    assert (last.revision, last.issued) == (2, datetime.now(UTC).date().isoformat())
+    assert (last.revision, last.issued) == (2, "2030-01-03")
+
+
+@pytest.mark.long
+def test_a_superseded_certificate_is_not_printed_again(
+    gimbal: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = ("--issued", gimbal.certificate.issued.isoformat())
+    assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf", *first) == 0
+    assert report(gimbal.result_file, "-o", gimbal.folder / "r1.pdf", "--revise", "Wrong customer") == 0
+    monkeypatch.setattr(issue, "_today", lambda: date(2031, 1, 1))
+    assert report(gimbal.result_file, "-o", gimbal.folder / "r2.pdf", "--revise", "Wrong address") == 0
+    assert report(gimbal.result_file, "-o", gimbal.folder / "copy.pdf", *first) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    number = gimbal.result_file.stem
+    assert f"{number} is not printed again: {number}-R2 of 2031-01-01 replaces it (Wrong address)" in said
+    assert not (gimbal.folder / "copy.pdf").exists()
+
+
+def test_no_certificate_is_dated_after_today(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+    assert report(gimbal.result_file, "-o", gimbal.folder / "x.pdf", "--issued", "2099-12-31") == 2
+    assert "cannot be issued on 2099-12-31: today is" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("lost", ["another folder", "the last line"])
+def test_the_audit_trail_shows_a_certificate_that_the_folder_does_not(
+    gimbal: Made, lost: str, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A log that was copied, or whose record lost its line, keeps its certificate."""
+    first, again = gimbal.folder / "first.pdf", gimbal.folder / "again.pdf"
+    assert report(gimbal.result_file, "-o", first) == 0
+    result_file = gimbal.result_file
+    if lost == "another folder":
+        result_file = copied(gimbal.result_file, gimbal.folder / "copy")
+    else:
+        reports_path(result_file.parent).unlink()
+    assert report(result_file, "-o", again) == 0
+    assert again.read_bytes() == first.read_bytes()
+    assert report(result_file, "-o", gimbal.folder / "other.pdf", "--received", "2020-01-02") == 2
+    assert "was issued on" in " ".join(capsys.readouterr().err.split())
+    (event,) = [each for each in read_audit(audit_path(home)).events if each.event == "certificate"]
+    values = event.values
+    assert (values["number"], values["revision"], values["issued"]) == (
+        result_file.stem, 0, gimbal.certificate.issued.isoformat(),
+    )  # fmt: skip
+    assert len(str(values["content_sha256"])) == 64
+
+
+@pytest.mark.long
+def test_two_copies_of_a_log_with_other_certificates_need_a_revision(
+    gimbal: Made, home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One was issued at another site, on another date of receipt."""
+    assert report(gimbal.result_file, "-o", gimbal.folder / "here.pdf") == 0
+    copy = copied(gimbal.result_file, gimbal.folder / "copy")
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "other site"))
+    assert report(copy, "-o", gimbal.folder / "there.pdf", "--received", "2020-01-02") == 0
+    monkeypatch.setenv("CALSTATION_HOME", str(home))
+    assert report(copy, "-o", gimbal.folder / "again.pdf") == 2
+    assert '--revise "REASON"' in capsys.readouterr().err
+    assert report(copy, "-o", gimbal.folder / "r1.pdf", "--revise", "Issued twice") == 0
+    assert "-R1" in first_page(gimbal.folder / "r1.pdf")
+
+
+@pytest.mark.long
+def test_a_certificate_of_an_earlier_version_is_known_from_the_audit_trail_and_the_folder(
+    gimbal: Made, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its event has no digest; the line beside the log has."""
+    assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
+    audit_path(home).unlink()
+    number = gimbal.result_file.stem
+    append_audit(home, "certificate", "wang", serial="SN-000042", certificate=number, verdict="passed")
+    assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
+    reports_path(gimbal.result_file.parent).unlink()
+    assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 2
+    assert f"{number} was issued on" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.long
@@ -141,33 +231,43 @@ def test_nothing_is_issued_without_its_audit_event(
     assert not read_reports(gimbal.result_file.parent)
 
 
-@pytest.mark.long
-def test_no_certificate_is_dated_before_its_run_or_release(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
-    out = gimbal.folder / "first.pdf"
-    assert report(gimbal.result_file, "-o", out, "--issued", "2001-01-01") == 2
+def test_no_certificate_is_dated_before_its_run(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+    assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf", "--issued", "2001-01-01") == 2
     assert "cannot be issued on 2001-01-01" in " ".join(capsys.readouterr().err.split())
-    result = json.loads(gimbal.result_file.read_text(encoding="utf-8"))
-    release = {"by": "B0001", "why": "shock test", "utc": "2031-05-06T07:08:09+00:00"}
-    gimbal.result_file.write_text(json.dumps({**result, "override": release}), encoding="utf-8")
-    assert report(gimbal.result_file, "-o", out, "--issued", "2030-01-01") == 2
-    assert "2031-05-06" in capsys.readouterr().err
-    assert report(gimbal.result_file, "-o", out) == 0
-    assert read_reports(gimbal.result_file.parent)[0].issued == "2031-05-06"
-    assert report(gimbal.result_file, "-o", gimbal.folder / "r1.pdf", "--revise", "  ") == 2
-    assert "The revision has no reason" in capsys.readouterr().err
-    assert report(gimbal.result_file, "-o", gimbal.folder / "r1.pdf", "--revise", " Wrong customer ") == 0
-    (_, last) = read_reports(gimbal.result_file.parent)
-    assert (last.issued, last.reason) == ("2031-05-06", "Wrong customer")
+
+
+class Later(datetime):
+    """Some years later."""
+
+    @classmethod
+    def now(cls, tz: Any = None) -> "Later":
+        return cls(2031, 5, 6, 7, 8, 9, tzinfo=UTC)
 
 
 @pytest.mark.long
-def test_another_result_of_the_same_log_needs_a_revision(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
-    assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
-    result = json.loads(gimbal.result_file.read_text(encoding="utf-8"))
-    result["operator"] = "somebody else"
-    gimbal.result_file.write_text(json.dumps(result), encoding="utf-8")
-    assert report(gimbal.result_file, "-o", gimbal.folder / "second.pdf") == 2
+def test_a_release_after_the_certificate_needs_a_revision_of_its_day_or_later(
+    shared_runs: SharedRuns, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = make(shared_runs, tmp_path / "site", "failed")
+    result_file = copied(made.result_file, made.folder / "copy")
+    assert report(result_file, "-o", made.folder / "first.pdf") == 0
+    monkeypatch.setattr("calstation.records.audit.datetime", Later)
+    access.set_pin("", "000000")
+    override_result(ignore_progress, result_file, "shock test", Person("wang", "000000"), None)
+    out = made.folder / "r1.pdf"
+    assert report(result_file, "-o", out) == 2
     assert "with another result, date of issue" in " ".join(capsys.readouterr().err.split())
+    assert report(result_file, "-o", out, "--revise", "released", "--issued", "2030-01-01") == 2
+    assert "2031-05-06" in capsys.readouterr().err
+    assert report(result_file, "-o", out, "--revise", "  ") == 2
+    assert "The revision has no reason" in capsys.readouterr().err
+    assert report(result_file, "-o", out, "--revise", " released ") == 0
+    (_, last) = read_reports(result_file.parent)
+    assert (last.issued, last.reason) == ("2031-05-06", "released")
+    text = " ".join(" ".join(page.extract_text() for page in pypdf.PdfReader(out).pages).split())
+    assert "released although it failed, by wang on 2031-05-06: shock test" in text
+    assert report(result_file.with_suffix(".h5"), "-o", made.folder / "log.pdf") == 2
+    assert "is not printed again" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.long
@@ -177,6 +277,8 @@ def test_other_templates_or_another_version_need_a_revision(
     assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
     folder, other = gimbal.folder / "templates", gimbal.folder / "other.pdf"
     folder.mkdir()
+    (folder / "note.txt").write_text("of no use to the document", encoding="utf-8")
+    assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf", "--templates", folder) == 0
     texts = (shipped_folder() / "reports" / "texts.toml").read_text(encoding="utf-8")
     (folder / "texts.toml").write_text(texts.replace("Calibration certificate", "Works certificate"), encoding="utf-8")
     assert report(gimbal.result_file, "-o", other, "--templates", folder) == 2
@@ -349,6 +451,6 @@ def test_a_station_asks_for_reports_of_its_verdicts(
     ((_, _, _, *command),) = started
     folder = site_folder.folder
     assert command == [
-        *("report", str(Path("SN_1.json").absolute()), "-o", str(folder / "reports" / "SN_1.pdf")),
-        *("--language", "zh", "--templates", str(folder / "mine")),
+        *("report", str(Path("SN_1.json").absolute()), "-o", str(folder / "reports")),
+        *("--language", "zh", "--by", "", "--templates", str(folder / "mine")),
     ]

@@ -10,8 +10,9 @@ import tomli_w
 
 from calstation.cli.app import run_app
 from calstation.config import ConfirmationRequired
-from calstation.reports import certificate_required
+from calstation.reports import issue_state
 from calstation.sequencer.events import Verdict
+from tests.helpers import ignore_progress
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
 
@@ -81,7 +82,7 @@ def test_no_copy_or_export_gets_a_certificate_without_the_second_person(
 def test_the_window_asks_for_the_second_person_for_each_of_them(
     result_file: Path, source: Callable[[Path], Path]
 ) -> None:
-    assert certificate_required(lambda *args, **more: None, source(result_file)).second
+    assert issue_state(ignore_progress, source(result_file), None, "en").required.second
 
 
 def test_a_recording_of_no_product_needs_nobody(result_file: Path) -> None:
@@ -91,5 +92,5 @@ def test_a_recording_of_no_product_needs_nobody(result_file: Path) -> None:
     del meta["product"]
     toml.write_text(tomli_w.dumps(meta), encoding="utf-8")
     nobody = ConfirmationRequired(pin=False, badge=False, second=False)
-    assert certificate_required(lambda *args, **more: None, csv) == nobody
+    assert issue_state(ignore_progress, csv, None, "en").required == nobody
     assert run_app(["report", str(csv), "-o", str(csv.with_suffix(".pdf"))]) == 0

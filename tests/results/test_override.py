@@ -2,18 +2,20 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from calstation.config import Person, access, library
+from calstation.config import Confirmation, Person, access, confirm, library
 from calstation.errors import ConfigurationError, InputError
 from calstation.records import audit_path, read_audit
 from calstation.records.run_index import RunFilter
 from calstation.results import History, load_result, override_required, override_result
+from calstation.results import override as override_module
 from tests.helpers import ignore_progress, raises_code
 from tests.results.test_history import write
 
-LI, WANG = Person("B0001", "1111"), Person("B0002", "2222")
+LI, WANG = Person("B0001", "111111"), Person("B0002", "222222")
 SIGN_IN = '\n[sign_in]\nbadge_pattern = "B[0-9]{4}"\nengineers = ["B0001", "B0002"]\n'
 TWO = '\n[confirmation]\nrequired_for = ["override"]\n'
 
@@ -28,9 +30,9 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         text = (shipped / kind / f"{name}.toml").read_text("utf-8")
         (home / kind).mkdir(parents=True)
         (home / kind / f"{name}.toml").write_text(text + more, encoding="utf-8")
-    access.set_pin("", "0000")
+    access.set_pin("", "000000")
     for person in (LI, WANG):
-        access.set_pin("0000", person.pin, person.badge)
+        access.set_pin("000000", person.pin, person.badge)
     return home
 
 
@@ -86,6 +88,25 @@ def test_only_a_failed_run_is_released_once_and_with_a_reason(failed: Path) -> N
         release(failed)
     with raises_code(InputError, "override.not_failed"):
         release(write(failed.parent, "b", "SN-2", "passed", 2))
+
+
+def test_of_two_releases_at_the_same_time_one_is_refused(
+    home: Path, failed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other one begins and ends while the PINs of this one are checked."""
+
+    def meanwhile(*people: Any) -> Confirmation:
+        monkeypatch.setattr(override_module, "confirm", confirm)
+        release(failed, "first")
+        return confirm(*people)
+
+    monkeypatch.setattr(override_module, "confirm", meanwhile)
+    with raises_code(InputError, "override.already"):
+        release(failed, "second")
+    override = load_result(failed).override
+    assert override is not None
+    assert override.why == "first"
+    assert [each.why for each in read_audit(audit_path(home)).events if each.event == "override"] == ["first"]
 
 
 def test_without_log_and_files_nobody_can_release(failed: Path) -> None:

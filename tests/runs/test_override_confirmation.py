@@ -37,7 +37,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     def prompt(question: str, **options: object) -> str:
         questions.append(question)
-        return "0000"
+        return "000000"
 
     monkeypatch.setattr(typer, "prompt", prompt)
     return questions
@@ -61,7 +61,7 @@ def events(home: Path, name: str) -> list[AuditEvent]:
 def test_at_a_site_with_a_pin_a_reason_alone_does_not_allow_a_run(
     site_folder: SiteFolder, home: Path, asked: list[str]
 ) -> None:
-    access.set_pin("", "0000")
+    access.set_pin("", "000000")
     request = overdue(site_folder)
     with raises_code(ConfigurationError, "confirmation.standard_required"):
         prepared(site_folder, request)
@@ -72,7 +72,7 @@ def test_at_a_site_with_a_pin_a_reason_alone_does_not_allow_a_run(
     prepared(site_folder, confirmed)
     (event,) = events(home, "standard_overridden")
     assert (event.by, event.why) == ("tester", "table is at the laboratory")
-    access.set_pin("0000", "1111")
+    access.set_pin("000000", "111111")
     with raises_code(ConfigurationError, "confirmation.wrong_pin"):
         confirm_override(request, None)
 
@@ -84,8 +84,8 @@ def test_a_station_with_engineers_asks_for_the_pin_of_one(site_folder: SiteFolde
     request = replace(request, operator="B0001")
     with raises_code(ConfigurationError, "confirmation.standard_required"):
         prepared(site_folder, request)
-    access.set_pin("", "9999")
-    access.set_pin("9999", "0000", "B0001")
+    access.set_pin("", "999999")
+    access.set_pin("999999", "000000", "B0001")
     prepared(site_folder, confirm_override(request, None))
 
 

@@ -213,7 +213,7 @@ class RegistersView(QWidget):
             dict(target.values),
             Path(result.log.file).name,
             at_rest=at_rest,
-            confirmed_by=None if people is None else people.confirmed_by,
+            people=people,
         )
         self._incomplete = ""
         self._error = None

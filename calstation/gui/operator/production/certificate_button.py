@@ -1,25 +1,27 @@
-"""The button that issues the calibration certificate of a result."""
+"""The button that issues the calibration certificate of a result, or opens the one that was issued."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QPushButton
 
-from calstation.config import ConfirmationRequired, Person, computer_user
+from calstation.config import Person, computer_user
 from calstation.gui.shell import AppContext, PeoplePanel
-from calstation.gui.text import bind
+from calstation.gui.text import bind, language
 from calstation.gui.widgets import Choice, JobWatch, NoticeBar
-from calstation.reports import certificate_required, issue_certificate
+from calstation.reports import IssueState, issue_certificate, issue_state
 from calstation.results import Result
 
 
 class CertificateButton(QPushButton):
     """Visible for a result with parameters; the notice bar shows the certificate or why there is none.
 
-    The owner lays out `panel`, which asks for two people where the product requires them. `then` is called after the
-    notice has been closed.
+    A certificate that was issued is opened; the notice then offers a revision. The owner lays out `panel`, which asks
+    for the reason of a revision, and for two people where the product requires them. `then` is called after the notice
+    has been closed.
     """
 
     def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
@@ -55,20 +57,53 @@ class CertificateButton(QPushButton):
         self.setText(self._text())
 
     def _ask(self) -> None:
-        self._asking.watch(self._app.job_queue.submit(certificate_required, self._result_file))
-
-    def _begin(self, required: ConfirmationRequired) -> None:
-        app = self._app
-        by = (app.badge if required.badge else app.operator or computer_user()) or ""
-        if required.second:
-            self.panel.ask(lambda: self.tr("Issue a certificate?"), required, self._issue, by=by, reason=False)
-        else:
-            self._issue("", Person(by or computer_user() or "-"), None)
-
-    def _issue(self, _: str, first: Person, second: Person | None) -> None:
         self.panel.hide()
-        work = issue_certificate, self._result_file, self._app.station_path, first, second
-        self.watch.watch(self._app.job_queue.submit(*work))
+        work = issue_state, self._result_file, self._app.station_path, language.current()
+        self._asking.watch(self._app.job_queue.submit(*work))
+
+    def _begin(self, state: IssueState) -> None:
+        if state.last is None and state.required.second:
+            self._ask_people(lambda: self.tr("Issue a certificate?"), state)
+        elif state.last is None or (state.pdf is None and not state.changed):
+            self._issue(state, Person(self._by(state) or computer_user() or "-"))
+        else:
+            self._show_issued(state)
+
+    def _show_issued(self, state: IssueState) -> None:
+        last = state.last
+        assert last is not None
+        changed = state.changed
+        if state.pdf is not None:
+            self._open(state.pdf)
+        self._notice.ask(
+            "none" if state.pdf is not None and not changed else "caution",
+            lambda: self.tr("Certificate {0} was issued on {1}").format(last.identification, last.issued),
+            lambda: self.tr("Its result, its templates or the program have changed since.") if changed else "",
+            (
+                Choice("certificate_close_button", lambda: self.tr("Close"), self._then),
+                Choice("certificate_revise_button", lambda: self.tr("Issue a revision…"), lambda: self._revise(state)),
+            ),
+        )
+
+    def _revise(self, state: IssueState) -> None:
+        last = state.last
+        assert last is not None
+        title = lambda: self.tr("Why is certificate {0} revised?").format(last.identification)  # noqa: E731
+        self._ask_people(title, state, reason=True)
+
+    def _ask_people(self, title: Callable[[], str], state: IssueState, *, reason: bool = False) -> None:
+        def confirmed(why: str, first: Person, second: Person | None) -> None:
+            self.panel.hide()
+            self._issue(state, first, second, why if reason else None)
+
+        self.panel.ask(title, state.required, confirmed, by=self._by(state), reason=reason)
+
+    def _by(self, state: IssueState) -> str:
+        return (self._app.badge if state.required.badge else self._app.operator or computer_user()) or ""
+
+    def _issue(self, state: IssueState, first: Person, second: Person | None = None, revise: str | None = None) -> None:
+        request = replace(state.request, first=first, second=second, revise=revise)
+        self.watch.watch(self._app.job_queue.submit(issue_certificate, request))
 
     def _issued(self, pdf: Path) -> None:
         self._notice.ask(

@@ -1,0 +1,154 @@
+"""The result that a certificate states: nothing of a result file is taken on trust that its log can show.
+
+The file of a run must be the result that the run stored in its log. A release that came later must be in the audit
+trail of the site. A log that was solved again is solved once more, and the file must say what comes out.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from calstation import __version__
+from calstation.errors import InputError
+from calstation.jobs import ProgressCallback
+from calstation.records import Log, open_log
+from calstation.results import (
+    Result,
+    find_log,
+    load_result,
+    recorded_release,
+    resolve_log,
+    stored_result,
+    with_states,
+)
+
+#: Largest difference of a value between two computers, in sigmas or relative to the largest number of its row.
+ROUNDING = 1e-3
+
+#: What is added to the file of a run later: a release, which the audit trail must have, and the decision not to resume
+#: an interrupted run, which no certificate states.
+_LATER = ("override", "closed_utc", "closed_by")
+#: What the certificate of a log that was solved again does not print, but attaches as it was solved for it. Its numbers
+#: have no common scale of rounding.
+_ONLY_ATTACHED = ("details", "observability")
+
+
+def load_source(report: ProgressCallback, path: Path) -> tuple[Result, Log]:
+    """Return the result of a result file, proved by its log, or that of a log, and the log.
+
+    Raises InputError, also if the file says anything else than its log.
+    """
+    result, log = read_source(path)
+    if result is None or result.outcome == "resolved":
+        result = _solved_again(report, path, result, log)
+    elif path.suffix == ".json":
+        result = _of_run(path, result, log)
+    # The folder of the log is no part of the report.
+    section = result.log.model_copy(update={"file": log.path.name})
+    return result.model_copy(update={"log": section}), log
+
+
+def read_source(path: Path) -> tuple[Result | None, Log]:
+    """Read a result file and open its log, or open a log with the result of its run, None if it has none.
+
+    Nothing but the digest of the log is checked. Raises InputError.
+    """
+    if path.suffix != ".json":
+        log = open_log(path)
+        return stored_result(log), log
+    result = load_result(path)
+    if not result.tested:
+        raise InputError("report.untested", file=path)
+    found = find_log(result, path)
+    if found is None:
+        raise InputError("report.no_log", file=path, log=result.log.file)
+    log = open_log(found)
+    if log.facts().sha256 != result.log.sha256:
+        raise InputError("report.other_log", file=path, log=found)
+    return result, log
+
+
+def _of_run(path: Path, result: Result, log: Log) -> Result:
+    """Return the result in the log of a run with the release that the file and the audit trail have."""
+    stored = stored_result(log)
+    if stored is None:
+        raise InputError("report.no_result_in_log", file=path, log=log.path)
+    _require_same(path, log, _content(path, _LATER), log.results[-1], 0.0)
+    if result.override is None:
+        return stored
+    if not recorded_release(result):
+        raise InputError("report.release_unknown", file=path, by=result.override.by)
+    return stored.model_copy(update={"override": result.override})
+
+
+def _solved_again(report: ProgressCallback, path: Path, result: Result | None, log: Log) -> Result:
+    """Solve a log as it was solved for a result file, None for a log without a result, and compare both."""
+    facts = log.facts()
+
+    def progress(stage: str, seq: int, done: float) -> None:
+        report(max(0.0, (seq - facts.first_seq) / max(facts.last_seq - facts.first_seq, 1)), note=stage)
+
+    if result is None:
+        return resolve_log(log, log.meta, progress=progress).result
+    version = "?" if result.software is None else result.software.version
+    if version != __version__:
+        raise InputError("report.solved_by_other_version", file=path, log=log.path, version=version)
+    span = result.log.first_seq, result.log.last_seq
+    stages = None if result.missing_data else tuple(result.stages)
+    meta, added = with_states(log.meta, tuple(result.states_added))
+    found = resolve_log(log, meta, stages, *span, progress, added=added).result
+    printed = {key: value for key, value in found.to_json().items() if key not in _ONLY_ATTACHED}
+    _require_same(path, log, _content(path, _ONLY_ATTACHED), printed, ROUNDING)
+    return found
+
+
+def _content(path: Path, omitted: tuple[str, ...]) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return {key: value for key, value in content.items() if key not in omitted}
+
+
+def _require_same(
+    path: Path, log: Log, content: Mapping[str, Any], expected: Mapping[str, Any], rounding: float
+) -> None:
+    """Raise InputError if a file differs from what is expected of it by more than rounding; the log may have moved."""
+    log_section = {**expected["log"], "file": content["log"]["file"]}
+    found = difference(content, {**expected, "log": log_section}, rounding)
+    if found is not None:
+        raise InputError("report.other_result", file=path, log=log.path, entry=found)
+
+
+def difference(one: Any, other: Any, rounding: float, scale: float = 0.0) -> str | None:
+    """Return the first entry in which two JSON values differ, such as ``checks.2.value``; None if they agree.
+
+    Numbers agree within `rounding` times the `sigma` beside them, or else times the largest number of their row; whole
+    numbers are exact.
+    """
+    if isinstance(one, dict) and isinstance(other, dict):
+        pairs = {key: (one.get(key, ...), other.get(key, ...)) for key in (*other, *one)}
+        scale = _scale(other)
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        pairs = {str(k): pair for k, pair in enumerate(zip(one, other, strict=True))}
+        scale = _scale(dict(enumerate(other)))
+    else:
+        floats = isinstance(one, float) and isinstance(other, float)
+        same = floats and math.isclose(one, other, rel_tol=0.0, abs_tol=rounding * scale)
+        return None if same or (one == other and type(one) is type(other)) else ""
+    for key, (a, b) in pairs.items():
+        found = difference(a, b, rounding, scale)
+        if found is not None:
+            return f"{key}.{found}".removesuffix(".")
+    return None
+
+
+def _scale(row: Mapping[Any, Any]) -> float:
+    """Return the size with which the rounding of the numbers of a row is compared."""
+    if _is_number(row.get("sigma")):
+        return float(row["sigma"])
+    numbers = (part for value in row.values() for part in (value if isinstance(value, list) else [value]))
+    return max((abs(number) for number in numbers if _is_number(number)), default=0.0)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
