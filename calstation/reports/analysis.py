@@ -39,6 +39,7 @@ class Analysis:
     before: FloatArray  #: Standard deviations of the 30 parameters before the first stage, SI, shape (30,).
     after: FloatArray  #: The same after the last stage.
     budget: Budget
+    effects_tested: bool  #: Whether the data were tested for effects outside the error model.
     spoilt: int  #: Number of samples that were marked invalid.
     warnings: tuple[Text, ...]  #: Warnings during the run, from the events of the log.
     identified: Mapping[str, str]  #: Names and serial numbers that table and IMU reported; empty if unknown.
@@ -100,6 +101,7 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
         chain.prior.sigma,
         chain.solutions[-1].belief.sigma,
         budget,
+        chain.effects_tested,
         watch.spoilt,
         tuple(_warnings(log)),
         next((e["values"] for e in log.events if e.get("event") == "Message" and e.get("id") == "identified"), {}),

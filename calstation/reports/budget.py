@@ -15,7 +15,7 @@ import numpy as np
 from calstation.estimation.common import SampleBlock
 from calstation.physics import INDEX, PARAMETERS, FloatArray
 from calstation.records import ImuSection, Log, LogMeta, PriorSection, estimated_stage, prior_from_meta
-from calstation.results import Result, StageChain, solve
+from calstation.results import Result, StageChain, solve, solved_parameters
 
 #: Callback that gets the finished fraction and the stage.
 BudgetProgress = Callable[[float, str], None]
@@ -24,6 +24,8 @@ BudgetProgress = Callable[[float, str], None]
 _PIECES = 160
 #: Relative change of a source's variance for its derivative.
 _STEP = 1e-3
+#: Error of the latitude whose effect is stated, °.
+LATITUDE_ERROR_DEG = 0.01
 
 #: Entries of an IMU whose squares are variances of a source.
 _OF_IMU = {
@@ -46,12 +48,14 @@ class Budget:
 
     #: Variance from each source by quantity, SI squared; the sum is the variance of the quantity.
     variance: Mapping[str, Mapping[str, float]]
+    #: Change of each quantity with an error of the latitude of `LATITUDE_ERROR_DEG`, SI; not in its variance.
+    latitude: Mapping[str, float]
 
 
 def uncertainty_budget(log: Log, result: Result, meta: LogMeta, base: StageChain, progress: BudgetProgress) -> Budget:
     """Return the budget of a result; the chain `base` solved its log with the configuration `meta`. Raises InputError.
 
-    The log is solved once more for every source.
+    The log is solved once more for every source, and for another latitude.
     """
     changes = [source for source in SOURCES if source not in ("gravity", "other")]
     before = _variances(base)
@@ -59,7 +63,7 @@ def uncertainty_budget(log: Log, result: Result, meta: LogMeta, base: StageChain
     total = np.array(list(before.values()))
     parts: dict[str, FloatArray] = {}
     for number, source in enumerate(changes):
-        chain = solve_again(log, result, _changed(meta, source), partial(_part, progress, number, len(changes)))
+        chain = solve_again(log, result, _changed(meta, source), partial(_part, progress, number, len(changes) + 1))
         after = _variances(chain)
         parts[source] = (np.array([after[name] for name in names]) - total) / _STEP
     # A change of the estimate with gravity adds its square, whatever the other sources are.
@@ -67,7 +71,10 @@ def uncertainty_budget(log: Log, result: Result, meta: LogMeta, base: StageChain
     parts["gravity"] = np.array([gravity[INDEX[n], INDEX[n]] if n in INDEX else 0.0 for n in names])
     parts["other"] = total - np.sum([parts[source] for source in changes], axis=0)
     rows = {name: {source: float(parts[source][k]) for source in SOURCES} for k, name in enumerate(names)}
-    return Budget(rows)
+    elsewhere = _elsewhere(meta)
+    chain = solve_again(log, result, elsewhere, partial(_part, progress, len(changes), len(changes) + 1))
+    here, there = (solved_parameters(tuple(each.solutions)) for each in (base, chain))
+    return Budget(rows, {name: abs(there[name].value - found.value) for name, found in here.items() if name in there})
 
 
 def solve_again(
@@ -80,8 +87,8 @@ def solve_again(
 ) -> StageChain:
     """Solve the stages of a result again with the configuration `meta`; `progress` gets a fraction and the stage.
 
-    `chain` is a new chain that the caller observes while it is fed. With `on_block`, which is called for every block,
-    it is fed in `_PIECES` pieces.
+    `chain` is a new chain that the caller observes while it is fed; without it, data and model are not tested. With
+    `on_block`, which is called for every block, it is fed in `_PIECES` pieces.
     """
     first, last = result.log.first_seq, result.log.last_seq
 
@@ -98,6 +105,7 @@ def solve_again(
             for begin in range(0, len(block), size):
                 yield block.part(begin, min(begin + size, len(block)))
 
+    chain = chain or StageChain(meta, diagnostics=False)
     return solve(blocks, meta, tuple(result.stages), source=log.path, progress=watch, chain=chain)
 
 
@@ -127,6 +135,12 @@ def _changed(meta: LogMeta, source: str) -> LogMeta:
         return meta.model_copy(update={"table": meta.table.model_copy(update=grown)})
     imus = {"imu": meta.imu, **{f"imu{number}": imu for number, imu in meta.secondaries.items()}}
     return meta.model_copy(update={key: _grown(imu, _OF_IMU[source], factor) for key, imu in imus.items()})
+
+
+def _elsewhere(meta: LogMeta) -> LogMeta:
+    """Return the configuration with another latitude, towards the equator."""
+    latitude = meta.site.latitude_deg - float(np.copysign(LATITUDE_ERROR_DEG, meta.site.latitude_deg))
+    return meta.model_copy(update={"site": meta.site.model_copy(update={"latitude_deg": latitude})})
 
 
 def _grown(imu: ImuSection, names: tuple[str, ...], factor: float) -> ImuSection:

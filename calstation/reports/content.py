@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
@@ -15,6 +16,7 @@ from calstation.messages import Text
 from calstation.physics import (
     AXES,
     DEFAULT_ORIENTATION,
+    NAMES,
     FloatArray,
     compose,
     entry_of,
@@ -240,12 +242,27 @@ def _remaining(result: Result, meta: LogMeta) -> tuple[Mapping[str, float], Mapp
     """
     values = {name: found.value for name, found in result.parameters.items()}
     total = compose(meta.registers, values) if meta.registers else values
+    held = {name: pair for name, pair in held_registers(result, meta).items() if name in values and name in total}
+    before, after = ({name: total[name] - pair[k] for name, pair in held.items()} for k in (0, 1))
+    return before, after
+
+
+def power_up_sigmas(meta: LogMeta) -> dict[str, float]:
+    """Return the standard deviation of each parameter's change from one power-up to the next, SI.
+
+    Only those that the IMU profile in the log states.
+    """
+    stability = tomllib.loads(meta.profiles.get("imu", "")).get("stability", {})
+    stated = {name: row["power_up"] for name, row in stability.items() if "power_up" in row}
+    found = {name: entry_of(stated, name) for name in NAMES}
+    return {name: sigma for name, sigma in found.items() if sigma is not None}
+
+
+def held_registers(result: Result, meta: LogMeta) -> dict[str, tuple[float, float]]:
+    """Return the registers of the unit before and after the run by parameter, SI; {} if the run did not read them."""
     old: Mapping[str, float] = meta.registers if result.registers is None else result.registers.old
     new = old if result.registers is None or result.registers.new is None else result.registers.new
-    before, after = (
-        {name: total[name] - held[name] for name in values if name in held and name in total} for held in (old, new)
-    )
-    return before, after
+    return {name: (value, new.get(name, value)) for name, value in old.items()}
 
 
 def _correlation(names: list[str], known: Mapping[str, Mapping[str, float]]) -> FloatArray:

@@ -110,17 +110,25 @@ def _calibration_laboratory(certificate: Certificate) -> etree._Element:
 
 
 def _responsible(certificate: Certificate) -> Iterable[etree._Element]:
+    """Yield who issued and confirmed it and proved it, the first one as signer, then those whom the station names."""
     signatories = certificate.laboratory.signatories if certificate.laboratory else []
-    for number, signatory in enumerate(signatories):
+    for number, (name, role) in enumerate(zip(certificate.authorised, ("issued", "confirmed"), strict=False)):
+        signer = [_DCC("mainSigner", "true")] if number == 0 else []
+        yield _person(name, term("dcc", role), *signer)
+    for signatory in signatories:
         name, _, role = (part.strip() for part in signatory.partition(","))
-        further = [_DCC("role", role)] if role else []
-        further += [_DCC("mainSigner", "true")] if number == 0 else []
-        yield _DCC("respPerson", _DCC("person", _DCC("name", _plain(name))), *further)
-    operator = certificate.result.operator
-    if not signatories and operator:
-        yield _DCC("respPerson", _DCC("person", _DCC("name", _plain(operator))), _DCC("role", term("dcc", "operator")))
-    elif not signatories:
+        yield _person(name, role)
+    if signatories or certificate.authorised:
+        return
+    if certificate.result.operator:
+        yield _person(certificate.result.operator, term("dcc", "operator"))
+    else:
         yield _DCC("respPerson", _DCC("person", _name("not_stated")))
+
+
+def _person(name: str, role: str, *further: etree._Element) -> etree._Element:
+    roles = [_DCC("role", role)] if role else []
+    return _DCC("respPerson", _DCC("person", _DCC("name", _plain(name))), *roles, *further)
 
 
 def _statements(certificate: Certificate) -> Iterable[etree._Element]:

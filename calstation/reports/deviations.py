@@ -2,14 +2,19 @@
 
 import tomllib
 from collections.abc import Iterator, Sequence
+from datetime import date
 
 from calstation.errors import CalstationError
 from calstation.messages import Text
+from calstation.records import CheckKind, InstrumentSection
 from calstation.reports.analysis import Analysis
-from calstation.reports.content import Certificate
+from calstation.reports.budget import LATITUDE_ERROR_DEG
+from calstation.reports.content import Certificate, power_up_sigmas
 from calstation.results import Result, cause_text
 from procedures import DEFAULT_STAGES, method
 
+#: Checks that fail if effects outside the error model change the values.
+_OF_EFFECTS: tuple[CheckKind, ...] = ("effects", "halves", "agreement", "consistency", "convergence", "clipping")
 #: Names listed in a deviation; more are only counted by the table that has them all.
 _MOST = 8
 
@@ -24,6 +29,28 @@ def deviations(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
     yield from _of_data(result, analysis)
     yield from _of_traceability(certificate, analysis.identified.get("table_serial", ""))
     yield from analysis.warnings
+
+
+def not_included(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
+    """Yield what the stated uncertainties do not contain."""
+    result, temperature = certificate.result, certificate.result.temperature_c
+    if temperature is None:
+        yield Text("certificate.n_temperature_unknown")
+    else:
+        yield Text.of("certificate.n_temperature", low=temperature.min, high=temperature.max)
+    yield Text("certificate.n_stability" if power_up_sigmas(certificate.meta) else "certificate.n_stability_unknown")
+    failed = [check for check in result.failed_checks if check.kind in _OF_EFFECTS]
+    effects = "failed" if failed else "tested" if analysis.effects_tested else "untested"
+    yield Text(f"certificate.n_effects_{effects}")
+    surveyed = certificate.meta.site.gravity_mps2 is not None
+    yield Text.of(f"certificate.n_latitude{'' if surveyed else '_gravity'}", error=LATITUDE_ERROR_DEG)
+    clock = [check for check in result.checks if check.kind == "sample_clock"]
+    if not clock:
+        yield Text("certificate.n_clock")
+    else:
+        worst = max(clock, key=lambda check: check.value)
+        limit = worst.limit if isinstance(worst.limit, float) else worst.limit[1]
+        yield Text.of("certificate.n_clock_tested", found=1e6 * worst.value, limit=1e6 * limit)
 
 
 def _of_end(result: Result) -> Iterator[Text]:
@@ -98,13 +125,22 @@ def _of_traceability(certificate: Certificate, reported: str) -> Iterator[Text]:
     for instrument in certificate.instruments:
         if instrument.due is not None and instrument.due < day:
             yield Text.of("certificate.d_overdue", name=instrument.name, due=instrument.due.isoformat())
+        if _is_later(instrument, day):
+            yield Text.of("certificate.d_calibrated_later", name=instrument.name, date=str(instrument.calibrated))
     with_table = [stage for stage in certificate.result.stages if not method(stage).needs_no_table]
-    tables = [i for i in certificate.instruments if i.kind == "table" and i.certificate is not None]
+    tables = [
+        i for i in certificate.instruments if i.kind == "table" and i.certificate is not None and not _is_later(i, day)
+    ]
     if with_table and not tables:
         yield Text("certificate.d_no_table")
     declared = [i.serial for i in certificate.instruments if i.kind == "table" and i.serial is not None]
     if with_table and reported and declared and not {reported, *reported.split(" + ")} & {*declared}:
         yield Text.of("certificate.d_other_table", reported=reported, declared=", ".join(declared))
+
+
+def _is_later(instrument: InstrumentSection, day: date) -> bool:
+    """Whether an instrument was calibrated after a day, on which its certificate was not valid yet."""
+    return instrument.calibrated is not None and instrument.calibrated > day
 
 
 def _names(names: Sequence[str]) -> list[Text | str]:

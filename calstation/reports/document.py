@@ -13,6 +13,7 @@ from calstation.messages import Language, Text, known, parameter_name, render, t
 from calstation.physics import (
     DEGREE,
     INDEX,
+    NAMES,
     NOISE_DISPLAY,
     display,
     display_by_unit,
@@ -21,9 +22,16 @@ from calstation.physics import (
 )
 from calstation.records import COVERAGE_FACTOR, Check, context_from_meta
 from calstation.reports.analysis import Analysis
-from calstation.reports.budget import SOURCES
-from calstation.reports.content import Certificate, Quantity, arrangement, performed
-from calstation.reports.deviations import deviations
+from calstation.reports.budget import SOURCES, Budget
+from calstation.reports.content import (
+    Certificate,
+    Quantity,
+    arrangement,
+    held_registers,
+    performed,
+    power_up_sigmas,
+)
+from calstation.reports.deviations import deviations, not_included
 from calstation.reports.numbers import NONE, check_unit, exact, in_display, interval, percentage, rounded, short
 from calstation.results import Verification, plain
 from procedures import method
@@ -83,6 +91,8 @@ class _Document:
             "environment": self._environment(),
             "instruments": [instrument.model_dump() for instrument in certificate.instruments],
             "identified": self._analysis.identified,
+            "held_registers": self._held_registers(),
+            "authorised": list(certificate.authorised),
             "deviations": [self._say(text) for text in deviations(certificate, self._analysis)],
             "registers": self._registers(),
             "configuration": self._configuration(),
@@ -215,7 +225,37 @@ class _Document:
             "sources": [SOURCES[k] for k in used],
             "rows": [{**row, "shares": [row["shares"][k] for k in used]} for row in rows],
             "inputs": self._inputs(),
+            "excluded": [self._say(text) for text in not_included(self._certificate, self._analysis)],
+            "sensitivities": self._sensitivities(budget),
         }
+
+    def _sensitivities(self, budget: Budget) -> list[dict[str, str]]:
+        """Return what the budget does not contain by group: the largest change of its quantities."""
+        power_up, rows = power_up_sigmas(self._meta), []
+        for group, quantities in self._groups:
+            names = [q.name for q in quantities]
+            changes = [[known[name] for name in names if name in known] for known in (power_up, budget.latitude)]
+            if not any(changes):
+                continue
+            change, turn_on = ([display(names[0], value)[0] for value in values] for values in reversed(changes))
+            rows.append(
+                {
+                    "name": _capital(term("group", group, self._language)),
+                    "unit": unit_of_parameter(names[0])[0],
+                    "power_up": short(float(f"{max(turn_on):.2g}")) if turn_on else NONE,
+                    "latitude": short(float(f"{max(change):.2g}")) if change else NONE,
+                }
+            )
+        return rows
+
+    def _held_registers(self) -> list[dict[str, str]]:
+        """Return the registers of the unit before and after the run, in the order of the parameter table."""
+        held, rows = held_registers(self._result, self._meta), []
+        for name in [*(name for name in NAMES if name in held), *(name for name in held if name not in INDEX)]:
+            before, after = (exact(display(name, value)[0]) for value in held[name])
+            text, unit = _capital(parameter_name(name, self._language)), unit_of_parameter(name)[0]
+            rows.append({"name": text, "unit": unit, "before": before, "after": after})
+        return rows
 
     def _inputs(self) -> list[tuple[str, str]]:
         """Return the names and texts of the uncertainties from which the budget was computed."""
@@ -412,8 +452,8 @@ def _capital(text: str) -> str:
 
 
 def _value_text(value: Any) -> str:
-    """Return an entry of a schedule; of a long list, its length."""
-    if isinstance(value, list) and len(value) > 4:
+    """Return an entry of a schedule; of a long one, its length."""
+    if isinstance(value, list | Mapping) and len(value) > 4:
         return f"[{len(value)}]"
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {_value_text(item)}" for name, item in value.items())

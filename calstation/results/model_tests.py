@@ -17,6 +17,8 @@ class ModelTests:
     def __init__(self, prior: Belief, states: Sequence[str]) -> None:
         self._effects = EffectTests(prior.sigma, states)
         self._states = bool(states)
+        #: Whether a stage was tested for effects outside the model.
+        self.effects_tested = False
 
     def with_states(self, solution: Solution) -> Solution:
         """Return the solution of a stage with the effects in the model of the unit, without tests."""
@@ -29,6 +31,7 @@ class ModelTests:
         """Return a solution with its tests; `before` are the stages before, and `posterior` is that of the last one."""
         tests = [*solution.tests, *_convergence(solution)]
         if solution.sensitivity is not None:
+            self.effects_tested = True
             solution = self.with_states(solution)
             harmful, harmless = effect_tests(self._effects.found(solution.belief))
             solution = replace(solution, explanation=harmless)

@@ -149,6 +149,11 @@ class StageChain:
         """Return the geometry of the table as the rests of the solved stages show it; {} if they are too few."""
         return table_axes(self._table_rests, self._context, self.belief)
 
+    @property
+    def effects_tested(self) -> bool:
+        """Whether a solved stage was tested for effects outside the error model."""
+        return self._model.effects_tested
+
     def skip_stage(self, reason: Text) -> None:
         """Skip the started stage; the next one begins with the posterior of the previous one."""
         self._solver = None

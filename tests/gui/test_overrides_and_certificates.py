@@ -11,6 +11,7 @@ from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QLineEdit, QPushButton
 
 from calstation.config import ConfirmationRequired, access
+from calstation.config.library import shipped_folder
 from calstation.gui.shell import PeoplePanel
 from calstation.records import AuditEvent, audit_path, read_audit
 from calstation.results import load_result
@@ -123,10 +124,31 @@ def test_a_certificate_from_the_verdict_and_from_the_history(
     operator.window.show_page("history_page")
     operator.until(lambda: operator.widget("history_certificate_button").isVisible())
     operator.press("history_certificate_button")
+    operator.until(lambda: f"Certificate {pdf.stem} was issued on" in operator.says())
+    assert opened == [pdf, pdf], "the certificate that was issued"
+    assert pdf.read_bytes() == before
+    operator.press("certificate_close_button")
+    operator.window.app.set_language("zh_CN")
+    operator.press("history_certificate_button")
+    operator.until(lambda: "证书已签发" in operator.says())
+    assert pdf.with_name(f"{pdf.stem}_zh.pdf").exists(), "the same certificate in the other language"
+    operator.window.app.set_language("en")
+    templates = operator.site_folder.home / "reports"
+    templates.mkdir()
+    shipped = (shipped_folder() / "reports" / "texts.toml").read_text(encoding="utf-8")
+    (templates / "texts.toml").write_text(shipped.replace("Calibration certificate", "Works certificate"), "utf-8")
+    operator.press("certificate_close_button")
+    operator.press("history_certificate_button")
+    operator.until(lambda: "have changed since" in operator.says())
+    operator.press("certificate_revise_button")
+    fill(operator, "history_certificate_button", reason="new form", badge="Li Na")
+    operator.press("history_certificate_button_confirm_button")
     operator.until(lambda: "The certificate was issued" in operator.says())
-    assert pdf.read_bytes() == before, "the same certificate again"
-    events = [each.event for each in events_of(operator)]
-    assert events.count("certificate") == 1
+    revised = " ".join(pypdf.PdfReader(pdf.with_name(f"{pdf.stem}-R1.pdf")).pages[0].extract_text().split())
+    assert "Works certificate" in revised
+    assert "new form" in revised
+    events = [each for each in events_of(operator) if each.event == "certificate"]
+    assert [(each.by, each.values["pin"], each.why) for each in events][1:] == [("Li Na", None, "new form")]
 
 
 @pytest.mark.long
@@ -183,7 +205,11 @@ def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
     operator.until(lambda: "The certificate was issued" in operator.says())
     events = events_of(operator)
     (event,) = [each for each in events if each.event == "certificate"]
-    assert (event.by, event.confirmed_by) == ("B0001", "B0002")
+    assert (event.by, event.confirmed_by, event.values["pin"]) == ("B0001", "B0002", "personal")
+    (pdf,) = (operator.site_folder.station.parent / "reports").glob("*.pdf")
+    assert "Issued by B0001, B0002. Identity proved by personal PIN." in " ".join(
+        " ".join(page.extract_text() for page in pypdf.PdfReader(pdf).pages).split()
+    )
 
 
 @pytest.mark.long

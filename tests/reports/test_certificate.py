@@ -9,25 +9,30 @@ import io
 import json
 import tomllib
 from dataclasses import replace
+from datetime import date
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pypdf
 import pytest
+import tomli_w
 
 from calstation.config.library import shipped_folder
 from calstation.config.request import RunRequest
 from calstation.errors import InputError
 from calstation.messages import Language, parameter_name
-from calstation.physics import INDEX
-from calstation.records import context_from_meta, open_log
+from calstation.physics import INDEX, RATE, display
+from calstation.records import Check, context_from_meta, open_log
 from calstation.records.meta import FurtherImuSection, PriorSection
 from calstation.reports import pdf as pdf_module
-from calstation.reports.content import arrangement, build_certificate
+from calstation.reports.analysis import Analysis
+from calstation.reports.budget import LATITUDE_ERROR_DEG
+from calstation.reports.content import arrangement, build_certificate, held_registers, power_up_sigmas
 from calstation.reports.dcc import write_dcc
-from calstation.reports.deviations import deviations
+from calstation.reports.deviations import deviations, not_included
 from calstation.reports.issue import ReportRequest, attachments, issue_report
+from calstation.reports.numbers import exact
 from calstation.reports.pdf import typeset
 from calstation.results import Result
 from calstation.runs.run import execute
@@ -81,7 +86,7 @@ def test_every_page_is_identified_and_the_document_says_all(made: Made, language
     labels = texts["en" if language == "en" else "zh"]
     wanted = [labels[name] for name in ("title", "rule", "results", "expanded", "found", "left", "budget", "inputs")]
     wanted += [labels[name] for name in ("method", "checks", "verification", "environment", "traceability")]
-    wanted += [labels[name] for name in ("deviations", "configuration", "authorised", "relates", "budget_excluded")]
+    wanted += [labels[name] for name in ("deviations", "configuration", "authorised", "relates", "excluded")]
     wanted += [result.serial, result.log.sha256, result.configuration_sha256, *LABORATORY["laboratory"]["signatories"]]
     wanted += [LABORATORY["laboratory"]["customer"], "PTB-0815", made.certificate.issued.isoformat(), "k=2", "95"]
     for text in wanted:
@@ -139,6 +144,81 @@ def test_a_table_with_another_serial_number_gives_no_traceability(
     found = deviations(replace(made.certificate, result=result), analysis)
     other = [text for text in found if text.code == "certificate.d_other_table"]
     assert [text.values for text in other] == ([{"reported": reported, "declared": "T-0042"}] if refused else [])
+
+
+@pytest.mark.parametrize(("calibrated", "valid"), [(date(2020, 3, 2), True), (date(2120, 3, 2), False)])
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_an_instrument_that_was_calibrated_later_gives_no_traceability(
+    made: Made, calibrated: date, valid: bool
+) -> None:
+    result = made.certificate.result.model_copy(update={"stages": ["six_position"]})
+    table, *others = made.certificate.instruments
+    instruments = (table.model_copy(update={"calibrated": calibrated}), *others)
+    certificate = replace(made.certificate, result=result, instruments=instruments)
+    codes = {text.code for text in deviations(certificate, made.analysis)}
+    later = {"certificate.d_calibrated_later", "certificate.d_no_table"}
+    assert codes & later == (set() if valid else later)
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_what_the_uncertainties_do_not_contain_depends_on_the_tests(made: Made) -> None:
+    def codes(analysis: Analysis, **changes: Any) -> list[str]:
+        result = made.certificate.result.model_copy(update=changes)
+        return [text.code for text in not_included(replace(made.certificate, result=result), analysis)]
+
+    tested, untested = (replace(made.analysis, effects_tested=value) for value in (True, False))
+    failed = Check.compare("effects", 50.0, 30.0, "1", subject="gimbal")
+    clock = Check.compare("sample_clock", 2e-5, 1e-4, "1", subject="gimbal")
+    assert "certificate.n_effects_tested" in codes(tested)
+    assert "certificate.n_effects_untested" in codes(untested)
+    assert "certificate.n_effects_failed" in codes(tested, checks=[failed], passed=False)
+    assert {"certificate.n_temperature", "certificate.n_clock_tested"} <= {*codes(tested, checks=[clock])}
+    assert {"certificate.n_temperature_unknown", "certificate.n_clock"} <= {
+        *codes(tested, temperature_c=None, checks=[])
+    }
+    found = [text for text in not_included(made.certificate, tested) if text.code == "certificate.n_temperature"]
+    temperature = made.certificate.result.temperature_c
+    assert temperature is not None
+    assert found[0].values == {"low": temperature.min, "high": temperature.max}
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_the_change_from_power_up_to_power_up_is_that_of_the_imu_profile(made: Made) -> None:
+    meta = made.certificate.meta
+    stability = {"gyro_bias": {"power_up": 5e-6}, "gyro_bias_z": {"power_up": 7e-6}, "accel_bias": {"year": 1.0}}
+    profile = tomli_w.dumps({"stability": stability})
+    known = meta.model_copy(update={"profiles": {**meta.profiles, "imu": profile}})
+    assert power_up_sigmas(known) == {"gyro_bias_x": 5e-6, "gyro_bias_y": 5e-6, "gyro_bias_z": 7e-6}
+    unknown = meta.model_copy(update={"profiles": {}})
+    assert power_up_sigmas(unknown) == {}
+    texts = [text.code for text in not_included(replace(made.certificate, meta=unknown), made.analysis)]
+    assert "certificate.n_stability_unknown" in texts
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_the_effect_of_the_latitude_is_that_of_the_earth_rate(made: Made) -> None:
+    """Gyro biases at rest carry the change of the horizontal and the vertical earth rate; gravity is surveyed."""
+    change = np.deg2rad(LATITUDE_ERROR_DEG) * RATE
+    largest = max(made.analysis.budget.latitude[f"gyro_bias_{axis}"] for axis in "xyz")
+    assert 0.3 * change < largest < 1.5 * change
+    (page,) = [page for page in typeset_pages(made, "en") if "Notinthebudget" in page]
+    assert "Frompower-uptopower-up,1σPer0.01°oflatitude" in page
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_the_registers_before_and_after_the_run_are_printed(made: Made) -> None:
+    registers = made.certificate.result.registers
+    assert registers is not None
+    assert registers.new is not None
+    held = held_registers(made.certificate.result, made.certificate.meta)
+    assert held["gyro_bias_x"] == (registers.old["gyro_bias_x"], registers.new["gyro_bias_x"])
+    (page,) = [page for page in typeset_pages(made, "en") if "Registersoftheunit" in page]
+    after = exact(display("gyro_bias_x", registers.new["gyro_bias_x"])[0])
+    assert f"Gyrobiasx,°/h{exact(0.0)}{after}" in page
+    unchanged = made.certificate.result.model_copy(update={"registers": registers.model_copy(update={"new": None})})
+    assert all(old == new for old, new in held_registers(unchanged, made.certificate.meta).values())
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
@@ -447,7 +527,8 @@ def test_a_calibration_by_hand_has_a_certificate_without_a_table(tmp_path: Path)
     assert isinstance(verdict, Verdict)
     for language in LANGUAGES:
         out = tmp_path / f"{language}.pdf"
-        certificate = issue_report(lambda *args, **more: None, ReportRequest(Path(verdict.result_file), out, language))
+        asked = ReportRequest(Path(verdict.result_file), out, language)
+        certificate, _ = issue_report(lambda *args, **more: None, asked)
         assert certificate.verdict == "passed"
     text = " ".join(" ".join(p.extract_text() for p in pypdf.PdfReader(tmp_path / "en.pdf").pages).split())
     assert "Laboratory not stated" in text

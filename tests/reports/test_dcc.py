@@ -159,6 +159,14 @@ def test_the_failed_quantity_is_named(certificates: Mapping[str, Certificate]) -
     assert [name for name, decision in decisions.items() if decision == "fail"] == ["accel_scale_y"]
 
 
+def test_only_a_person_who_proved_it_is_the_signer(certificates: Mapping[str, Certificate]) -> None:
+    root = etree.fromstring(write_dcc(replace(certificates["passed"], authorised=("Wang Wei", "李娜"))))
+    people = find(root, "//dcc:respPerson")
+    names = [find(person, "dcc:person/dcc:name/dcc:content")[0].text for person in people]
+    assert names == ["Wang Wei", "李娜", "A. Weber", "李娜"]
+    assert [bool(find(person, "dcc:mainSigner")) for person in people] == [True, False, False, False]
+
+
 def test_laboratory_instruments_and_revision_stand_in_their_elements(certificates: Mapping[str, Certificate]) -> None:
     revised = replace(certificates["passed"], revision=1, supersedes="X, 2026-11-22", reason="typing error")
     root = etree.fromstring(write_dcc(revised))
@@ -172,6 +180,7 @@ def test_laboratory_instruments_and_revision_stand_in_their_elements(certificate
     assert text("//dcc:customer/dcc:name/dcc:content") == ["Pilots & Sons <Ltd>"]
     assert text("//dcc:respPerson/dcc:role") == ["Head of laboratory"]
     assert text("//dcc:respPerson//dcc:content") == ["A. Weber", "李娜"]
+    assert not text("//dcc:mainSigner"), "nobody has proved that he signs"
     assert text("//dcc:item//dcc:value") == [revised.result.serial]
     assert text("//dcc:measuringEquipment//dcc:value") == ["T-7", "K-1"]
     assert revised.result.log.sha256 in text("//dcc:coreData//dcc:value")

@@ -39,6 +39,22 @@
         <translation>签发证书？</translation>
     </message>
     <message>
+        <source>Certificate {0} was issued on {1}</source>
+        <translation>证书 {0} 已于 {1} 签发</translation>
+    </message>
+    <message>
+        <source>Its result, its templates or the program have changed since.</source>
+        <translation>此后其结果、模板或程序已有变动。</translation>
+    </message>
+    <message>
+        <source>Issue a revision…</source>
+        <translation>签发修订版…</translation>
+    </message>
+    <message>
+        <source>Why is certificate {0} revised?</source>
+        <translation>为何修订证书 {0}？</translation>
+    </message>
+    <message>
         <source>The certificate was issued</source>
         <translation>证书已签发</translation>
     </message>
