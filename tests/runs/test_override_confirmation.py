@@ -68,7 +68,7 @@ def test_at_a_site_with_a_pin_a_reason_alone_does_not_allow_a_run(
     assert not events(home, "standard_overridden")
     confirmed = confirm_override(request, None)
     assert asked == ["PIN of tester"]
-    assert confirmed.overridden_by == Confirmation("tester")
+    assert confirmed.overridden_by == Confirmation("tester", pin="site")
     prepared(site_folder, confirmed)
     (event,) = events(home, "standard_overridden")
     assert (event.by, event.why) == ("tester", "table is at the laboratory")
