@@ -594,7 +594,7 @@ def test_registers_of_another_unit_are_refused_beside_the_button(engineer: Engin
 def test_two_engineers_confirm_a_write_where_the_product_requires_it(engineer: Engineer) -> None:
     ask_to_write(engineer)
     for badge in ("B0001", "B0002"):
-        access.set_pin("246813", badge, badge)
+        access.set_pin("246813", f"{badge}-", badge)
     flash = str(engineer.site_folder.folder / "flash.bin")
     sign_in = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
     engineer.site_folder.write(
@@ -602,11 +602,11 @@ def test_two_engineers_confirm_a_write_where_the_product_requires_it(engineer: E
     )
     engineer.press("confirm_at_rest_button")
     assert f"Two engineers confirm the registers of unit {SERIAL}" in engineer.says()
-    for key, text in (("badge", "B0001"), ("pin", "B0001"), ("second_badge", "B0001"), ("second_pin", "B0001")):
+    for key, text in (("badge", "B0001"), ("pin", "B0001-"), ("second_badge", "B0001"), ("second_pin", "B0001-")):
         engineer.type(f"registers_{key}_edit", text)
     engineer.press("registers_confirm_button")
     assert "cannot confirm what the same person does" in engineer.says()
-    for key, text in (("pin", "B0001"), ("second_badge", "B0002"), ("second_pin", "B0002")):
+    for key, text in (("pin", "B0001-"), ("second_badge", "B0002"), ("second_pin", "B0002-")):
         engineer.type(f"registers_{key}_edit", text)
     engineer.press("registers_confirm_button")
     engineer.until(lambda: "Verified at rest; no turn was made." in engineer.says())
