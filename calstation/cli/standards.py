@@ -1,7 +1,7 @@
 """`quality standards` and `quality golden-demo`: state of check standards, and charts of the table on the bench."""
 
 from collections.abc import Mapping
-from datetime import datetime
+from datetime import UTC, datetime
 from math import degrees
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ from calstation.cli.show import check_json, ignore_progress, report, say
 from calstation.config import load_product, load_station
 from calstation.errors import ConfigurationError
 from calstation.estimation.positions import TABLE_QUANTITIES
-from calstation.messages import local_time
 from calstation.physics import display
 from calstation.quality import BASELINE, POWER, Due, StandardHistory, StandardState, TableChart, station_quality
 from calstation.results import refresh_history
@@ -23,7 +22,7 @@ from calstation.simulation import golden_demo
 def standards_command(station: Path | None, product: Path | None, out: Path, json: str | None) -> int:
     """Show the check standards of a product, the certificates of a station, and the charts of its table.
 
-    Returns 1 if one of them refuses production, otherwise 0.
+    Returns 1 if one of them refuses production, or if a chart has alarmed since the table's calibration; otherwise 0.
     """
     check_json(json)
     (_, place), (_, unit) = load_station(station), load_product(product)
@@ -42,10 +41,12 @@ def standards_command(station: Path | None, product: Path | None, out: Path, jso
         for state, power in zip(states, powers, strict=True)
         for line in (_state_line(state), *_power_lines(state.standard.serial, power))
     ] or [say("cli.no_standards", product=unit.name)]
-    lines += [say("cli.certificate_overdue", name=due.name, since=_day(due.since)) for due in overdue]
+    lines += [say("cli.standard_certificate", name=due.name, since=due.when) for due in overdue]
     lines += [_chart_line(name, chart) for name, chart in charts.items()]
+    alarmed = any(chart.alarms for chart in charts.values())
+    lines += [say("cli.table_check")] if alarmed else []
     report(row, json, lines)
-    return 1 if overdue or any(state.wrong is not None for state in states) else 0
+    return 1 if alarmed or overdue or any(state.wrong is not None for state in states) else 0
 
 
 def golden_demo_command(runs: int, shift: float, seed: int, quantity: str, production: int, json: str | None) -> int:
@@ -110,21 +111,18 @@ def _chart_row(chart: TableChart) -> Mapping[str, Any]:
     return {
         **{"runs": len(chart.values), "center": chart.center, "sigma": chart.sigma, "last": float(chart.values[-1])},
         "baseline": chart.baseline,
-        "alarms": [chart.started_utc[k] for k in chart.alarms],
+        "alarms": [{"run": chart.names[k], "started_utc": _iso(_start(chart, k))} for k in chart.alarms],
     }
 
 
+def _start(chart: TableChart, k: int) -> datetime:
+    return datetime.fromtimestamp(float(chart.started[k]), UTC)
+
+
 def _state_line(state: StandardState) -> str:
-    values = {"serial": state.standard.serial, "due": _minute(state.due), "last": _minute(state.last_passed)}
-    reason = "ok" if state.wrong is None else state.wrong.reason
-    if state.wrong is not None:
-        values["since"] = _minute(state.wrong.since)
-    return {
-        "ok": lambda: say("cli.standard_ok", **values),
-        "never": lambda: say("cli.standard_never", **values),
-        "overdue": lambda: say("cli.standard_overdue", **values),
-        "out": lambda: say("cli.standard_out", **values),
-    }[reason]()
+    wrong = state.wrong
+    values = {"name": state.standard.serial, "due": _minute(state.due), "last": _minute(state.last_passed)}
+    return say(f"cli.standard_{'ok' if wrong is None else wrong.reason}", **values, since=wrong.when if wrong else "")
 
 
 def _chart_line(name: str, chart: TableChart) -> str:
@@ -132,8 +130,9 @@ def _chart_line(name: str, chart: TableChart) -> str:
     values = {"quantity": name, "runs": len(chart.values), "last": 3600.0 * degrees(float(chart.values[-1])), **arcsec}
     if len(chart.values) == chart.baseline:
         return say("cli.table_baseline", **values, baseline=BASELINE)
-    alarmed = [local_time(chart.started_utc[k]) for k in chart.alarms]
-    return say("cli.table_chart", **values, alarms=len(alarmed), when=alarmed[-1] if alarmed else "")
+    if not chart.alarms:
+        return say("cli.table_chart", **values)
+    return say("cli.table_alarm", **values, alarms=len(chart.alarms), when=_minute(_start(chart, chart.alarms[-1])))
 
 
 def _iso(time: datetime | None) -> str | None:
@@ -142,7 +141,3 @@ def _iso(time: datetime | None) -> str | None:
 
 def _minute(time: datetime | None) -> str:
     return "" if time is None else f"{time.astimezone():%Y-%m-%d %H:%M}"
-
-
-def _day(time: datetime | None) -> str:
-    return "" if time is None else f"{time.astimezone():%Y-%m-%d}"

@@ -1,7 +1,9 @@
 """Charts of the table's geometry, and their demonstration on the bench."""
 
+import json
 from collections.abc import Mapping
 from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +12,13 @@ import tomli_w
 from calstation.cli.app import run_app
 from calstation.config import load_product, load_station
 from calstation.estimation.positions import TABLE_QUANTITIES
+from calstation.gui.shell.unit_status import UnitStatus
+from calstation.messages import render
+from calstation.messages.progress import event_text
 from calstation.physics import FloatArray
 from calstation.quality import BASELINE, WEIGHT, WIDTH, TableChart, alarms, ewma_chart, table_charts
+from calstation.records import RunFilter
+from calstation.sequencer import Message
 from calstation.simulation import golden
 from calstation.simulation.golden import golden_run, resampled
 from tests.results.test_history import refreshed, write
@@ -21,8 +28,8 @@ from tests.site_folder import BENCH, STATION, SiteFolder
 def test_a_chart_starts_again_after_each_alarm() -> None:
     values = np.concatenate([np.zeros(5), np.full(40, 3.0)])
     found = alarms(values, 0.0, 1.0)
-    assert found[0] == ewma_chart(values, weight=WEIGHT, width=WIDTH, center=0.0, sigma=1.0).signals[0]
-    again = ewma_chart(values[found[0] + 1 :], weight=WEIGHT, width=WIDTH, center=0.0, sigma=1.0).signals[0]
+    assert found[0] == ewma_chart(values, 0.0, 1.0, weight=WEIGHT, width=WIDTH).signals[0]
+    again = ewma_chart(values[found[0] + 1 :], 0.0, 1.0, weight=WEIGHT, width=WIDTH).signals[0]
     assert found[1] == found[0] + 1 + again
     assert alarms(np.zeros(50), 0.0, 1.0) == ()
 
@@ -65,16 +72,16 @@ def charts(site: SiteFolder, **instrument: object) -> Mapping[str, TableChart]:
     instruments = [{"name": "rate table", "kind": "table", **instrument}]
     site.station.write_text(tomli_w.dumps({**STATION, "bench": BENCH, "instruments": instruments}), encoding="utf-8")
     (_, station), (_, product) = load_station(site.station), load_product(site.product)
-    return table_charts(station, product, refreshed(site.folder))
+    return table_charts(station, refreshed(site.folder).columns(RunFilter(product=product.name)))
 
 
-def store(site: SiteFolder, first: int, values: FloatArray) -> None:
-    """Store runs, a day apart."""
+def store(site: SiteFolder, first: int, values: FloatArray, folder: Path | None = None) -> None:
+    """Store runs, a day apart, from the first day of the year."""
     for k, value in enumerate(values.tolist(), first):
         started = (datetime(2026, 1, 1, 12, tzinfo=UTC) + timedelta(days=k)).isoformat()
         table = {"orthogonality": {"value": value, "sigma": 1e-5}}
         own = {"station": "test bench", "product": "short", "started_utc": started, "table": table}
-        write(site.folder, f"run{k}", "SN-000042", "passed", 1, **own)
+        write(folder or site.folder, f"run{k}", "SN-000042", "passed", 1, **own)
 
 
 def test_the_baseline_stays_and_is_not_tested(site_folder: SiteFolder) -> None:
@@ -88,6 +95,11 @@ def test_the_baseline_stays_and_is_not_tested(site_folder: SiteFolder) -> None:
     chart = charts(site_folder)["orthogonality"]
     assert (chart.center, chart.sigma) == (first.mean(), first.std(ddof=1))
     assert BASELINE < chart.alarms[0] < BASELINE + 30
+    ewma = chart.ewma
+    assert chart.alarms == tuple(BASELINE + k for k in ewma.signals)
+    after = int(ewma.signals[0]) + 1  # the drawn average begins again after an alarm, as the evaluation does
+    step = chart.values[BASELINE + after] - chart.center
+    assert ewma.average[after] == pytest.approx(chart.center + WEIGHT * step)
 
 
 def test_the_baseline_begins_again_after_the_calibration_of_the_table(
@@ -102,6 +114,43 @@ def test_the_baseline_begins_again_after_the_calibration_of_the_table(
     files = ["--station", str(site_folder.station), "--product", str(site_folder.product)]
     assert run_app(["quality", "standards", *files, "--out", str(site_folder.folder)]) == 0
     assert f"39 of {BASELINE} runs of the baseline, not tested yet" in capsys.readouterr().out
+
+
+def test_an_alarm_of_the_table_ends_with_exit_code_1_and_says_what_to_do(
+    site_folder: SiteFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    values = 1e-4 * np.random.default_rng(4).standard_normal(BASELINE + 5)
+    store(site_folder, 0, values)
+    files = ["--station", str(site_folder.station), "--product", str(site_folder.product)]
+    command = ["quality", "standards", *files, "--out", str(site_folder.folder)]
+    assert run_app(command) == 0
+    assert "Table, angle between the axes" in capsys.readouterr().out
+    store(site_folder, len(values), np.full(5, 1e-3))
+    assert run_app(command) == 1
+    shown = capsys.readouterr().out
+    assert "ALARMS" in shown
+    assert "Check the axes and the level of the base" in shown
+    assert run_app([*command, "--json", "-"]) == 1
+    (alarm, *_) = json.loads(capsys.readouterr().out)["table"]["orthogonality"]["alarms"]
+    assert alarm["run"] == f"run{len(values)}"
+
+
+@pytest.mark.long
+def test_the_run_at_which_a_chart_alarms_says_so(site_folder: SiteFolder) -> None:
+    """The bench's axes are 60″ from a right angle, and the earlier runs measured a right angle."""
+    runs = site_folder.folder / "runs"
+    runs.mkdir()
+    site_folder.write({"stages": ["rate", "six_position"]})
+    store(site_folder, 0, 1e-6 * np.random.default_rng(4).standard_normal(BASELINE + 3), runs)
+    verdict = site_folder.run()
+    (message,) = [event for event in site_folder.events_of(Message) if event.id == "table_moved"]
+    assert message.values == {"quantities": ["orthogonality"]}
+    assert site_folder.events.index(message) < site_folder.events.index(verdict)
+    shown = event_text(message.id, message.values)
+    assert "its control chart alarms at this run (angle between the axes)" in render(shown.code, shown.values).text
+    unit = UnitStatus("SN-000042")
+    unit.take(message)
+    assert unit.remarks == [("table_moved", message.values)]
 
 
 @pytest.mark.long

@@ -125,7 +125,7 @@ class Histogram(ThemedPlot):
         c = theme.colours()
         self.getPlotItem().clear()
         size, unit = display(name, 1.0)
-        values, mean, sigma = size * self._shown.individuals.values, size * found.mean, size * found.sigma_overall
+        values, mean, sigma = size * self._shown.values, size * found.mean, size * found.sigma_overall
         self.setLabel("bottom", f"{parameter_text(name)}, {unit}")
         self.setLabel("left", self.tr("runs"))
         counts, edges = np.histogram(values, bins="auto" if len(values) < 5000 else 60)

@@ -25,7 +25,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import local_time
 from calstation.physics import ARCSECOND, display
-from calstation.quality import BASELINE, POWER, WEIGHT, WIDTH, StandardHistory, StationQuality, TableChart, ewma_chart
+from calstation.quality import BASELINE, POWER, StandardHistory, StationQuality, TableChart
 
 #: Quantities of the table's geometry in the order of the plots.
 _QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
@@ -270,10 +270,9 @@ class TableCharts(StackedPlots[Mapping[str, TableChart]]):
             if name not in data:
                 continue
             found = data[name]
-            tested = found.values[found.baseline :]
-            chart = ewma_chart(tested, weight=WEIGHT, width=WIDTH, center=found.center, sigma=found.sigma)
+            chart = found.ewma
             every = np.arange(1, len(found.values) + 1)
-            run, alarms = every[found.baseline :], np.array(found.alarms, dtype=np.int64) - found.baseline
+            run, alarms = every[found.baseline :], chart.signals
             values = pg.ScatterPlotItem(every, found.values / ARCSECOND, size=4, pen=None, brush=c.line)
             self.add(plot, values)
             for limit in (chart.low, chart.high):
