@@ -137,7 +137,7 @@ class Histogram(ThemedPlot):
         self.addItem(pg.PlotDataItem(x, density, pen=pg.mkPen(c.text, width=1)))
         for limit in (found.low, found.high):
             self.addItem(pg.InfiniteLine(size * limit, 90, pen=dashed(c.bad)))
-            self.addItem(pg.PlotDataItem([size * limit], [0.0], pen=None))
+            self.addItem(pg.PlotDataItem([size * limit], [0.0], pen=pg.mkPen(None)))
 
 
 def _index(index: Interval) -> str:

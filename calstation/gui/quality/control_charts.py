@@ -9,7 +9,7 @@ from PySide6.QtGui import QColor
 
 from calstation.gui.text import say
 from calstation.gui.widgets import ElidedLabel, StackedPlots, ThemedPlot, column, dashed, theme
-from calstation.physics import FloatArray, IntArray
+from calstation.physics import FloatArray, IntArray, display, number
 from calstation.quality import Charts, CusumChart, EwmaChart, ParameterQuality
 
 #: The chart at the bottom.
@@ -88,11 +88,16 @@ class ControlCharts(StackedPlots[Shown]):
             for plot in self.plots:
                 mark = pg.InfiniteLine(self._chosen + 1, 90, pen=pg.mkPen(c.accent, width=1))
                 self.add(plot, mark, scaled=False)
-        limits = say(f"chart.limits_{process.source}", count=process.baseline)
+        about = [say(f"chart.limits_{process.source}", count=process.baseline)]
         if data.parameter.declared:
-            limits = f"{limits}; {say('chart.center_reference')}"
+            about.append(say("chart.center_reference"))
+        if (effects := data.parameter.effects) is not None:
+            (mean, unit), (between, _) = (display(data.parameter.parameter, x) for x in (effects.mean, effects.between))
+            words = {"mean": number(mean, between), "between": number(between, between), "unit": unit}
+            about.append(say("chart.effects", **words))
+        limits = self.tr("; ").join(about)
         width = process.widths.individuals
-        individuals = self.tr("{0}: individuals, {1:g} σ, Nelson's rules; {2}").format(data.quantity, width, limits)
+        individuals = self.tr("{0}: individuals, ±{1:g} σ, Nelson's rules; {2}").format(data.quantity, width, limits)
         texts = individuals, self.tr("Moving range of two runs"), slow
         for title, text in zip(self._titles, texts, strict=True):
             title.setText(text)
@@ -118,7 +123,7 @@ class ControlCharts(StackedPlots[Shown]):
         self.add(plot, pg.InfiniteLine(center, 0, pen=pg.mkPen(c.line, width=1)), scaled=False)
         for limit in limits:
             self.add(plot, pg.InfiniteLine(limit, 0, pen=dashed(c.bad)), scaled=False)
-            self.add(plot, pg.PlotDataItem([1.0], [limit], pen=None))  # limits belong to the vertical range
+            self.add(plot, pg.PlotDataItem([1.0], [limit], pen=pg.mkPen(None)))  # limits belong to the vertical range
 
     def _values(self, plot: ThemedPlot, values: FloatArray, signals: IntArray, first: int = 0) -> None:
         """Draw values from run number `first` + 1 on, and mark those of the `signals`."""

@@ -269,8 +269,8 @@ class QualityPage(Page):
         self.shown_as.setItemText(1, self.tr("Deviation in σ"))
         formulas = (
             self.tr("Deviations of runs of several schedules are comparable:"),
-            self.tr("all units: (value − mean) / √(σ² of the run + variance between units)"),
-            self.tr("check standard: (value − reference) / √(σ² of the run and of the reference + expected change)"),
+            self.tr("all units: (value − mean) / √(σ² of the run + σ² between units)"),
+            self.tr("check standard: (value − reference) / √(σ² of the run + σ² of the reference + expected change²)"),
         )
         self.shown_as.setItemData(1, "\n".join(formulas), Qt.ItemDataRole.ToolTipRole)
         self.shown_as.setToolTip("\n".join(formulas))

@@ -32,12 +32,10 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.physics import display, number
-from calstation.quality import AnovaRow, GaugePlan, StudyState, Variation, evaluate_study
+from calstation.quality import AnovaRow, GaugePlan, GaugeStudy, StudyState, Variation, evaluate_study
 
 #: State of each verdict.
 _STATES = {"acceptable": "good", "marginal": "caution", "unacceptable": "bad"}
-#: Components in the order of the table.
-_COMPONENTS = ("repeatability", "reproducibility", "interaction", "gauge", "part", "total")
 #: Fields of names in the form of a new plan.
 _FIELDS = ("units", "operators", "stations")
 
@@ -217,11 +215,8 @@ class StudyView(QWidget):
         about = say("gauge.answer", sizes=sizes, trials=study.trials, categories=study.categories, unit=unit)
         self.about_label.setText("\n".join([about, *_kept(state)]))
         digits = size * study.gauge.sigma
-        found = {key: getattr(study, key) for key in _COMPONENTS if getattr(study, key) is not None}
-        cells = {key: {"name": say(f"gauge.{key}"), **_cells(each, size, digits)} for key, each in found.items()}
-        parts = {key: each for key, each in study.components.items() if len(study.levels) > 2 and key != "unit"}
-        named = {key: {"name": _source(key), **_cells(each, size, digits)} for key, each in parts.items()}
-        self.components.show_cells({**cells, **named}, ("sigma",))
+        cells = {key: {"name": _source(key), **_cells(each, size, digits)} for key, each in _components(study).items()}
+        self.components.show_cells(cells, ("sigma",))
         self.anova.show_cells({line.source: _anova_cells(line) for line in study.anova})
 
     def _show_texts(self) -> None:
@@ -297,6 +292,20 @@ def _kept(state: StudyState) -> list[str]:
     """Return the sentence that the planned order was not kept, if so."""
     values = {"count": state.out_of_order, "runs": len(state.plan.order) - len(state.left)}
     return [say("quality.order_not_kept", **values)] if state.out_of_order else []
+
+
+def _components(study: GaugeStudy) -> dict[str, Variation]:
+    """Return the components, and before the sums of several of them what they are the sums of."""
+    parts = {name: each for name, each in study.components.items() if len(study.levels) > 2 and name != "unit"}
+    found = {
+        "repeatability": study.repeatability,
+        **{name: each for name, each in parts.items() if "unit" not in name},
+        "reproducibility": study.reproducibility,
+        **{name: each for name, each in parts.items() if "unit" in name},
+    }
+    if study.interaction is not None:
+        found["interaction"] = study.interaction
+    return {**found, "gauge": study.gauge, "part": study.part, "total": study.total}
 
 
 def _source(source: str) -> str:
