@@ -100,8 +100,8 @@ def check_command(path: Path, json: str | None) -> int:
     lines = [f"{path}:{problem.line}: {problem.text}" for problem in problems]
     valid = [say("cli.file_valid", path=path, kind=kind)]
     overdue = due_certificates(load_station(path)[1], datetime.now(UTC)) if kind == "stations" and not problems else []
-    certificates = [{"name": due.name, "since": f"{due.since:%Y-%m-%d}"} for due in overdue]
-    valid += [say("cli.certificate_overdue", **each) for each in certificates]
+    certificates = [{"name": due.name, "since": due.when} for due in overdue]
+    valid += [say("cli.standard_certificate", **each) for each in certificates]
     row = {"file": str(path), "kind": kind, "problems": rows}
     report({**row, "overdue": certificates} if certificates else row, json, lines or valid)
     return ConfigurationError.exit_code if problems else 0

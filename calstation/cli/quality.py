@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal, cast
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -13,7 +12,9 @@ from rich.table import Table
 
 from calstation.cli.options import existing_folder
 from calstation.cli.show import check_json, emit_json, ignore_progress, job_progress, say, show_line
+from calstation.config import load_product
 from calstation.errors import ConfigurationError, InputError
+from calstation.messages import term
 from calstation.physics import NAMES, display, further_parameter, number
 from calstation.quality import (
     LEAST_CATEGORIES,
@@ -44,19 +45,24 @@ def quality_command(
     since: datetime | None,
     out: Path,
     json: str | None,
+    *,
+    relative: bool,
 ) -> int:
-    """Show yield, control charts and capability of the runs of a folder; `since` is a local time without zone."""
+    """Show yield, control charts and capability of the runs of a folder; `since` is a local time without zone.
+
+    `relative` charts deviations in standard deviations, see `calstation.quality.summarise_quality`.
+    """
     existing_folder(out)
     _check_parameter(parameter)
     check_json(json)
     begin = None if since is None else since.astimezone()
     with job_progress("reading the runs") as progress:
         refresh_history(ignore_progress, out)
-        summary = summarise_quality(progress, out, product, serial, parameter, begin)
+        summary = summarise_quality(progress, out, product, serial, parameter, begin, relative=relative)
     emit_json(summary.to_json(), json)
     if json != "-":
         console = Console(file=sys.stdout, width=_WIDTH)
-        _show_summary(console, summary)
+        _show_summary(console, summary, relative=relative)
         if serial is not None and not History(out).of(serial):
             show_line(console, say("quality.no_run_of_unit", serial=serial, folder=out))
         elif serial is not None and not summary.golden:
@@ -65,23 +71,33 @@ def quality_command(
 
 
 def plan_command(
-    path: Path, units: str | None, appraisers: str | None, by: str, trials: int, seed: int, json: str | None
+    path: Path,
+    product: Path | None,
+    units: str | None,
+    operators: str | None,
+    stations: str | None,
+    trials: int,
+    seed: int,
+    json: str | None,
 ) -> int:
-    """Write the plan of a study and show who measures which unit in which order."""
-    if by not in ("operator", "station"):
-        raise ConfigurationError("cli.unknown_choice", option="--by", value=by, choices=("operator", "station"))
+    """Write the plan of a study of a product, and show who measures which unit where in which order.
+
+    `units`, `operators` and `stations` are names separated by commas.
+    """
     check_json(json)
-    named = [[part.strip() for part in (text or "").split(",") if part.strip()] for text in (units, appraisers)]
-    kind = cast(Literal["operator", "station"], by)
+    if product is None:
+        raise ConfigurationError("quality.plan_without_product")
+    parts, people, places = (_names(text) for text in (units, operators, stations))
     if path.exists():
         raise ConfigurationError("quality.plan_exists", file=path)
-    plan = GaugePlan.random(kind, named[0], named[1], trials, seed, datetime.now(UTC).replace(microsecond=0))
+    name = load_product(product)[1].name
+    plan = GaugePlan.random(name, parts, people, places, trials, seed, datetime.now(UTC).replace(microsecond=0))
     plan.save(path)
     emit_json(plan.model_dump(by_alias=True, mode="json"), json)
     if json != "-":
-        table = _table(f"{path}: {len(plan.order)} runs", "run", "trial", plan.by, "unit")
+        table = _table(f"{path}: {len(plan.order)} runs of {name}", "run", "trial", *plan.factors)
         for number, each in enumerate(plan.order, 1):
-            table.add_row(str(number), str(each.trial), each.appraiser, each.unit)
+            table.add_row(str(number), str(each.trial), *(getattr(each, factor) for factor in plan.factors))
         Console(file=sys.stdout, width=_WIDTH).print(table)
     return 0
 
@@ -89,7 +105,7 @@ def plan_command(
 def study_command(path: Path, product: Path | None, parameter: str | None, out: Path, json: str | None) -> int:
     """Evaluate a study from the stored runs; return 1 if the measurement is unacceptable in a parameter.
 
-    `product` gives the tolerances, which are the widths of its limits.
+    The tolerances are the widths of the limits of the plan's product, whose file may be given as `product`.
     Raises InputError while runs are missing, or if no parameter was solved in all of them.
     """
     existing_folder(out)
@@ -105,9 +121,14 @@ def study_command(path: Path, product: Path | None, parameter: str | None, out: 
         name: {**asdict(study), "categories": study.categories, "verdict": study.verdict}
         for name, study in studies.items()
     }
-    emit_json({"schema": "calstation.gauge_study/1", "plan": path.name, "parameters": rows}, json)
+    head = {"schema": "calstation.gauge_study/1", "plan": path.name, "product": state.plan.product}
+    emit_json({**head, "out_of_order": state.out_of_order, "parameters": rows}, json)
     if json != "-":
-        _show_study(Console(file=sys.stdout, width=_WIDTH), state.plan, studies)
+        console = Console(file=sys.stdout, width=_WIDTH)
+        _show_study(console, state.plan, studies)
+        if state.out_of_order:
+            runs = len(state.plan.order)
+            show_line(console, say("quality.order_not_kept", count=state.out_of_order, runs=runs))
     return 1 if any(study.verdict == "unacceptable" for study in studies.values()) else 0
 
 
@@ -121,6 +142,10 @@ def history_command(folder: Path, runs: int, seed: int) -> int:
     return 0
 
 
+def _names(text: str | None) -> list[str]:
+    return [part.strip() for part in (text or "").split(",") if part.strip()]
+
+
 def _check_parameter(name: str | None) -> None:
     if name is not None and not _known(name):
         raise ConfigurationError("cli.unknown_choice", option="--parameter", value=name, choices=NAMES)
@@ -130,7 +155,7 @@ def _known(name: str) -> bool:
     return name in NAMES or further_parameter(name) is not None
 
 
-def _show_summary(console: Console, summary: QualitySummary) -> None:
+def _show_summary(console: Console, summary: QualitySummary, *, relative: bool) -> None:
     yields = summary.yields
     if yields.overall is None:
         show_line(console, say("quality.no_runs"))
@@ -151,37 +176,44 @@ def _show_summary(console: Console, summary: QualitySummary) -> None:
     if checks.row_count:
         console.print(checks)
     for product in dict.fromkeys(each.product for each in summary.parameters):
-        _show_charts(console, product, [each for each in summary.parameters if each.product == product])
+        rows = [each for each in summary.parameters if each.product == product]
+        _show_charts(console, product, rows, relative=relative)
     for product in dict.fromkeys(each.product for each in summary.golden):
         rows = [each for each in summary.golden if each.product == product]
-        _show_charts(console, f"golden unit {summary.serial}, {product}", rows)
+        _show_charts(console, f"golden unit {summary.serial}, {product}", rows, relative=relative)
 
 
-def _show_charts(console: Console, title: str, rows: Sequence[ParameterQuality]) -> None:
+def _show_charts(console: Console, title: str, rows: Sequence[ParameterQuality], *, relative: bool) -> None:
     """Show center and signals (Nelson's rules N1 to N8) of each parameter, and its capability if it has limits."""
     capable = any(each.capability is not None for each in rows)
-    headings = ("parameter", "n", "center", "sigma", "unit", *(f"N{rule}" for rule in RULES), "EWMA", "CUSUM")
+    signals = (*(f"N{rule}" for rule in RULES), "MR", "EWMA", "CUSUM")
     indices = ("Cpk", "95 % interval", "Ppk", "95 % interval", "outside", "normal") if capable else ()
-    table = _table(title, *headings, *indices)
+    table = _table(title, "parameter", "n", "limits from", "center", "sigma", "unit", *signals, *indices)
     for each in rows:
-        (center, unit), (sigma, _) = (
-            display(each.parameter, x) for x in (each.individuals.center, each.individuals.sigma)
-        )
-        cells = [str(len(each.names)), number(center, sigma), f"{sigma:.3g}", unit]
+        center, sigma, unit = each.process.center, each.process.sigma, "σ"
+        if not relative:
+            (center, unit), (sigma, _) = (display(each.parameter, x) for x in (center, sigma))
+        known = term("limits_from", each.process.source, baseline=each.process.baseline)
+        cells = [str(len(each.names)), known, number(center, sigma) + "*" * each.declared, f"{sigma:.3g}", unit]
         cells += [str(count) if count else "·" for count in each.alarms.values()]
         if (found := each.capability) is not None:
             cells += [*_index(found.cpk), *_index(found.ppk), str(found.outside), "yes" if found.normal else "no"]
         table.add_row(each.parameter, *cells)
     console.print(table)
+    if any(each.declared for each in rows):
+        show_line(console, say("quality.center_declared"))
 
 
 def _show_study(console: Console, plan: GaugePlan, studies: dict[str, GaugeStudy]) -> None:
-    title = f"{len(plan.units)} units, {len(plan.appraisers)} {plan.by}s, {plan.trials} trials"
-    headings = ("parameter", "unit", "EV", "AV", "INT", "GRR", "95 % interval", "PV", "TV", "% study", "% tol.", "ndc")
-    table = _table(title, *headings, "verdict")
+    sizes = [f"{len(getattr(plan, f'{factor}s'))} {factor}s" for factor in plan.factors]
+    title = ", ".join([plan.product, *sizes, f"{plan.trials} trials"])
+    parts = [factor for factor in plan.factors[1:] if len(plan.factors) > 2]
+    headings = ("unit", "EV", *parts, "AV", "INT", "GRR", "95 % interval", "PV", "TV", "% study", "% tol.", "ndc")
+    table = _table(title, "parameter", *headings, "verdict")
     for name, study in studies.items():
         unit, size = display(name, 1.0)[1], 1.0 / display(name, 1.0)[0]
-        sigmas = [study.repeatability, study.reproducibility, study.interaction, study.gauge]
+        of_parts = [study.components[factor] for factor in parts]
+        sigmas = [study.repeatability, *of_parts, study.reproducibility, study.interaction, study.gauge]
         cells = ["pooled" if each is None else f"{each.sigma / size:.3g}" for each in sigmas]
         bounds = f"{study.gauge.low / size:.3g} to {study.gauge.high / size:.3g}"
         more = [f"{each.sigma / size:.3g}" for each in (study.part, study.total)]

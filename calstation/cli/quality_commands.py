@@ -22,14 +22,20 @@ def _quality(
     ] = None,
     serial: Annotated[str | None, typer.Option(help="Golden unit, which does not count otherwise.")] = None,
     parameter: ParameterOption = None,
-    since: Annotated[datetime | None, typer.Option(help="First day.", formats=["%Y-%m-%d"], metavar="DATE")] = None,
+    since: Annotated[
+        datetime | None,
+        typer.Option(help="Day of the first run.", formats=["%Y-%m-%d"], metavar="DATE"),
+    ] = None,
+    relative: Annotated[
+        bool, typer.Option("--relative", help="In standard deviations, for runs of several schedules.")
+    ] = False,
     out: FolderOption = Path("runs"),
     json: JsonOption = None,
 ) -> None:
     if context.invoked_subcommand is None:
         from calstation.cli.quality import quality_command
 
-        raise typer.Exit(quality_command(product, serial, parameter, since, out, json))
+        raise typer.Exit(quality_command(product, serial, parameter, since, out, json, relative=relative))
 
 
 @quality.command()
@@ -37,12 +43,13 @@ def gauge(
     path: Annotated[Path, typer.Argument(metavar="PLAN.json", help="Plan of the study.")],
     plan: Annotated[bool, typer.Option("--plan", help="Make the plan, in random order, and show it.")] = False,
     units: Annotated[str | None, typer.Option(help="Plan: serial numbers.", metavar="A,B,...")] = None,
-    appraisers: Annotated[str | None, typer.Option(help="Plan: operators or stations.", metavar="A,B,...")] = None,
-    by: Annotated[str, typer.Option(help="Plan: operator or station.")] = "operator",
-    trials: Annotated[int, typer.Option(min=2, help="Plan: runs of each unit by each appraiser.")] = 3,
+    operators: Annotated[str | None, typer.Option(help="Plan: operators to compare.", metavar="A,B,...")] = None,
+    stations: Annotated[str | None, typer.Option(help="Plan: stations to compare.", metavar="A,B,...")] = None,
+    trials: Annotated[int, typer.Option(min=2, help="Plan: runs of each unit by each of them.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="Plan: of the random order.")] = 1,
     product: Annotated[
-        Path | None, typer.Option(help="Product whose limits are the tolerance.", callback=by_name("products"))
+        Path | None,
+        typer.Option(help="Product of the units; later by default that of the plan.", callback=by_name("products")),
     ] = None,
     parameter: ParameterOption = None,
     out: FolderOption = Path("runs"),
@@ -52,7 +59,7 @@ def gauge(
     from calstation.cli.quality import plan_command, study_command
 
     if plan:
-        raise typer.Exit(plan_command(path, units, appraisers, by, trials, seed, json))
+        raise typer.Exit(plan_command(path, product, units, operators, stations, trials, seed, json))
     raise typer.Exit(study_command(path, product, parameter, out, json))
 
 

@@ -1,29 +1,30 @@
 """`quality standards` and `quality golden-demo`: state of check standards, and charts of the table on the bench."""
 
+import sys
 from collections.abc import Mapping
-from datetime import datetime
+from datetime import UTC, datetime
 from math import degrees
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from calstation.cli.show import check_json, ignore_progress, report, say
+from calstation.cli.show import check_json, ignore_progress, report, say, show_line
 from calstation.config import load_product, load_station
 from calstation.errors import ConfigurationError
 from calstation.estimation.positions import TABLE_QUANTITIES
-from calstation.messages import local_time
 from calstation.physics import display
 from calstation.quality import BASELINE, POWER, Due, StandardHistory, StandardState, TableChart, station_quality
 from calstation.results import refresh_history
-from calstation.simulation import golden_demo
+from calstation.simulation import LockStep, golden_demo, lock_demo
 
 
 def standards_command(station: Path | None, product: Path | None, out: Path, json: str | None) -> int:
     """Show the check standards of a product, the certificates of a station, and the charts of its table.
 
-    Returns 1 if one of them refuses production, otherwise 0.
+    Returns 1 if one of them refuses production, or if a chart has alarmed since the table's calibration; otherwise 0.
     """
     check_json(json)
     (_, place), (_, unit) = load_station(station), load_product(product)
@@ -42,34 +43,66 @@ def standards_command(station: Path | None, product: Path | None, out: Path, jso
         for state, power in zip(states, powers, strict=True)
         for line in (_state_line(state), *_power_lines(state.standard.serial, power))
     ] or [say("cli.no_standards", product=unit.name)]
-    lines += [say("cli.certificate_overdue", name=due.name, since=_day(due.since)) for due in overdue]
+    lines += [say("cli.standard_certificate", name=due.name, since=due.when) for due in overdue]
     lines += [_chart_line(name, chart) for name, chart in charts.items()]
+    alarmed = any(chart.alarms for chart in charts.values())
+    lines += [say("cli.table_check")] if alarmed else []
     report(row, json, lines)
-    return 1 if overdue or any(state.wrong is not None for state in states) else 0
+    return 1 if alarmed or overdue or any(state.wrong is not None for state in states) else 0
 
 
 def golden_demo_command(runs: int, shift: float, seed: int, quantity: str, production: int, json: str | None) -> int:
-    """Chart golden runs on the bench before and after a shift; return 1 if the charts do not do what they should."""
+    """Show when production is refused, and chart golden runs on the bench before and after a shift of an axis.
+
+    Returns 1 if something is not as it should be.
+    """
     check_json(json)
     if quantity not in TABLE_QUANTITIES:
         choices = list(TABLE_QUANTITIES)
         raise ConfigurationError("cli.unknown_choice", option="--quantity", value=quantity, choices=choices)
+    lines = json != "-"
+    steps = []
+    with TemporaryDirectory(prefix="calstation") as folder:
+        for step in lock_demo(Path(folder), seed):
+            steps.append({"step": step.code.removeprefix("lock_"), "passed": step.passed})
+            if lines:
+                show_line(Console(file=sys.stdout), _step_line(step))
     columns = (TextColumn("runs"), BarColumn(30), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task("")
         found = golden_demo(
             runs, shift, seed, quantity, production, lambda done, count: bar.update(task, completed=done, total=count)
         )
-    after = found["alarmed_after"]
-    values = {
-        **{"runs": runs, "production": production, "quantity": quantity, "shift": shift, "alarms": found["alarms"]},
-        **{"sigma": 3600.0 * degrees(found["sigma"][quantity]), "length": found["run_length"]},
-        **{"few": 100.0 * found["few_alarms"], "in_time": 100.0 * found["alarmed_in_time"][quantity]},
-        "median": found["median_runs"][quantity],
-    }
-    alarmed = say("cli.golden_missed", **values) if after is None else say("cli.golden_alarmed", **values, after=after)
-    report(found, json, [say("cli.golden_steady", **values), alarmed, say("cli.golden_rates", **values)])
+    found |= {"lock": steps, "passed": found["passed"] and all(step["passed"] for step in steps)}
+    report(found, json, _demo_lines(found))
     return 0 if found["passed"] else 1
+
+
+def _step_line(step: LockStep) -> str:
+    """Return the sentence of a step; one that is not as it should be says so."""
+    return say(f"cli.{step.code}", **step.values) if step.passed else say("cli.lock_wrong", step=step.code)
+
+
+def _demo_lines(found: Mapping[str, Any]) -> list[str]:
+    """Return what the charts did in a demonstration."""
+    quantity, period = found["quantity"], found["production"] + 1
+    sigma = 3600.0 * degrees(found["sigma"][quantity])
+    common = {"quantity": quantity, "sigma": sigma, "within": found["within_runs"]}
+    lines = [say("cli.golden_steady", **{name: found[name] for name in ("runs", "production", "alarms")})]
+    for size, after, name in (
+        (found["shift"], found["alarmed_after_runs"], "shift"),
+        (found["axis_error"], found["axis_alarmed_after_runs"], "axis"),
+    ):
+        values = {**common, "size": size, "arcsec": size * sigma}
+        if after is None:
+            lines.append(say(f"cli.golden_{name}_missed", **values))
+        else:
+            lines.append(say(f"cli.golden_{name}", **values, after=-(-after // period), after_runs=after))
+    rates = {"length": found["run_length"], "few": 100.0 * found["few_alarms"]}
+    in_time, median = 100.0 * found["alarmed_in_time"][quantity], found["median_runs"][quantity]
+    lines.append(say("cli.golden_rates", **rates, **common, in_time=in_time, median=median))
+    alone = {name: 100.0 * each["alarmed_in_time"][quantity] for name, each in found["golden_alone"].items()}
+    return [*lines, say("cli.golden_alone", shift=alone["shift"], axis=alone["axis_error"])]
 
 
 def _state_row(state: StandardState) -> dict[str, Any]:
@@ -110,21 +143,18 @@ def _chart_row(chart: TableChart) -> Mapping[str, Any]:
     return {
         **{"runs": len(chart.values), "center": chart.center, "sigma": chart.sigma, "last": float(chart.values[-1])},
         "baseline": chart.baseline,
-        "alarms": [chart.started_utc[k] for k in chart.alarms],
+        "alarms": [{"run": chart.names[k], "started_utc": _iso(_start(chart, k))} for k in chart.alarms],
     }
 
 
+def _start(chart: TableChart, k: int) -> datetime:
+    return datetime.fromtimestamp(float(chart.started[k]), UTC)
+
+
 def _state_line(state: StandardState) -> str:
-    values = {"serial": state.standard.serial, "due": _minute(state.due), "last": _minute(state.last_passed)}
-    reason = "ok" if state.wrong is None else state.wrong.reason
-    if state.wrong is not None:
-        values["since"] = _minute(state.wrong.since)
-    return {
-        "ok": lambda: say("cli.standard_ok", **values),
-        "never": lambda: say("cli.standard_never", **values),
-        "overdue": lambda: say("cli.standard_overdue", **values),
-        "out": lambda: say("cli.standard_out", **values),
-    }[reason]()
+    wrong = state.wrong
+    values = {"name": state.standard.serial, "due": _minute(state.due), "last": _minute(state.last_passed)}
+    return say(f"cli.standard_{'ok' if wrong is None else wrong.reason}", **values, since=wrong.when if wrong else "")
 
 
 def _chart_line(name: str, chart: TableChart) -> str:
@@ -132,8 +162,9 @@ def _chart_line(name: str, chart: TableChart) -> str:
     values = {"quantity": name, "runs": len(chart.values), "last": 3600.0 * degrees(float(chart.values[-1])), **arcsec}
     if len(chart.values) == chart.baseline:
         return say("cli.table_baseline", **values, baseline=BASELINE)
-    alarmed = [local_time(chart.started_utc[k]) for k in chart.alarms]
-    return say("cli.table_chart", **values, alarms=len(alarmed), when=alarmed[-1] if alarmed else "")
+    if not chart.alarms:
+        return say("cli.table_chart", **values)
+    return say("cli.table_alarm", **values, alarms=len(chart.alarms), when=_minute(_start(chart, chart.alarms[-1])))
 
 
 def _iso(time: datetime | None) -> str | None:
@@ -142,7 +173,3 @@ def _iso(time: datetime | None) -> str | None:
 
 def _minute(time: datetime | None) -> str:
     return "" if time is None else f"{time.astimezone():%Y-%m-%d %H:%M}"
-
-
-def _day(time: datetime | None) -> str:
-    return "" if time is None else f"{time.astimezone():%Y-%m-%d}"

@@ -6,6 +6,7 @@ index?*, Applied Statistics 39(3), 1990, 331-340; NIST/SEMATECH *e-Handbook of S
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy import stats
@@ -16,6 +17,9 @@ from calstation.quality.charts import D2
 
 #: Fewest values for an index.
 _LEAST = 3
+#: Most values that the test of the normal distribution takes, evenly spread: with more it would refuse deviations that
+#: do not matter.
+_TESTED = 1000
 #: Variance of the mean of n - 1 moving ranges of normal values, times (n - 1), relative to its square: the variance of
 #: a range and its covariance with the next one, which shares a value, for n much larger than 1.
 _RANGE_VARIANCE = (math.pi / 2 - 1) + 2 * (math.sqrt(3) / 2 + math.pi / 12 - 1)
@@ -98,15 +102,14 @@ def capability(values: FloatArray, low: float, high: float, *, confidence: float
         pp=cp_interval(width / (6.0 * overall), count - 1, confidence),
         ppk=cpk_interval(side / (3.0 * overall), count, count - 1, confidence),
         outside=int(np.count_nonzero((values < low) | (values > high))),
-        normality_p=float(stats.anderson(values, "norm", method="interpolate").pvalue),  # type: ignore[call-overload]
+        normality_p=_normality(values[:: -(-count // _TESTED)]),
     )
 
 
 def cp_interval(index: float, dof: float, confidence: float) -> Interval:
     """Return Cp or Pp with the confidence interval for a standard deviation with `dof` degrees of freedom."""
-    tail = (1.0 - confidence) / 2.0
-    low, high = (float(index * math.sqrt(stats.chi2.ppf(p, dof) / dof)) for p in (tail, 1.0 - tail))
-    return Interval(index, low, high)
+    low, high = _factors(dof, confidence)
+    return Interval(index, index * low, index * high)
 
 
 def cpk_interval(index: float, count: int, dof: float, confidence: float) -> Interval:
@@ -124,3 +127,15 @@ def moving_range_dof(count: int) -> float:
     n = count - 1
     shared = 2.0 * (math.sqrt(3) / 2 + math.pi / 12 - 1) / n  # the last range has no next one
     return n / (2.0 * (_RANGE_VARIANCE - shared))
+
+
+@lru_cache
+def _factors(dof: float, confidence: float) -> tuple[float, float]:
+    """Return the confidence limits of the reciprocal of a standard deviation, as factors; all parameters share them."""
+    tail = (1.0 - confidence) / 2.0
+    low, high = (float(math.sqrt(stats.chi2.ppf(p, dof) / dof)) for p in (tail, 1.0 - tail))
+    return low, high
+
+
+def _normality(values: FloatArray) -> float:
+    return float(stats.anderson(values, "norm", method="interpolate").pvalue)  # type: ignore[call-overload]

@@ -6,7 +6,8 @@ Special Causes*, Journal of Quality Technology 16(4), 1984, 237-239.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy.signal import lfilter
@@ -24,8 +25,70 @@ D4 = 1.0 + 3.0 * D3 / D2
 #: Numbers of Nelson's rules.
 RULES = (1, 2, 3, 4, 5, 6, 7, 8)
 
-#: Fewest values from which a chart's limits can be estimated.
+#: Number of first values from which center and standard deviation are estimated; they then stay.
+BASELINE = 100
+
+#: Fewest values from which they can be estimated.
 _LEAST = 2
+#: Number of values that `restarted_ewma_chart` takes at first after a signal.
+_RESTARTED = 512
+#: Half the logarithm of a number that does not change 1 when it is subtracted.
+_NEGLIGIBLE = -20.0
+
+
+@dataclass(frozen=True)
+class Widths:
+    """How far the limits of the charts are from the center, in sigmas."""
+
+    individuals: float = 3.0
+    ewma: float = 2.86  #: L, in sigmas of the average.
+    cusum: float = 4.77  #: h.
+
+
+#: Limits for a known center and sigma: one false alarm of each chart in 370 values (Montgomery; J. M. Lucas and
+#: M. S. Saccucci, Technometrics 32(1), 1990, 1-12; D. M. Hawkins, Journal of Quality Technology 25(4), 1993, 248-261).
+KNOWN = Widths()
+#: Limits for a center and sigma estimated from `BASELINE` values, whose errors would cause half as many alarms again:
+#: one false alarm in 370 values on average over baselines. That of the individuals is exact, t(0.99865) with the
+#: degrees of freedom of the mean moving range, times sqrt(1 + 1 / BASELINE) (F. S. Hillier, Journal of Quality
+#: Technology 1(1), 1969, 17-26); those of EWMA and CUSUM are simulated (L. A. Jones, Journal of Quality Technology
+#: 34(3), 2002, 277-288; L. A. Jones, C. W. Champ and S. E. Rigdon, Journal of Quality Technology 36(1), 2004, 95-108).
+ESTIMATED = Widths(3.13, 3.06, 5.35)
+
+#: Where center and sigma of a chart come from: the first `BASELINE` values, all values while there are fewer, or
+#: statements about the process.
+Source = Literal["baseline", "retrospective", "stated"]
+
+
+@dataclass(frozen=True)
+class Process:
+    """Center and standard deviation, in the short term, of a process in control."""
+
+    center: float
+    sigma: float
+    baseline: int = 0  #: Number of first values from which they are estimated; 0 if they are stated.
+
+    @classmethod
+    def estimated(cls, values: FloatArray, center: float | None = None) -> "Process":
+        """Return the mean and the mean moving range over d2 of the first `BASELINE` values, of all if there are fewer.
+
+        A known `center` takes the place of the mean. Raises InputError if there are fewer than two values.
+        """
+        known = values[:BASELINE]
+        if len(known) < _LEAST:
+            raise InputError("quality.too_few", count=len(known), least=_LEAST)
+        mean = float(np.mean(known)) if center is None else center
+        return cls(mean, float(np.mean(np.abs(np.diff(known)))) / D2, len(known))
+
+    @property
+    def source(self) -> Source:
+        """Where they come from."""
+        return "stated" if self.baseline == 0 else "baseline" if self.baseline == BASELINE else "retrospective"
+
+    @property
+    def widths(self) -> Widths:
+        """Widths of the limits of charts of this process."""
+        return KNOWN if self.baseline == 0 else ESTIMATED
 
 
 @dataclass(frozen=True)
@@ -87,7 +150,7 @@ class CusumChart:
 
 
 def individuals_chart(
-    values: FloatArray, *, center: float | None = None, sigma: float | None = None, baseline: int | None = None
+    values: FloatArray, center: float, sigma: float, *, width: float = KNOWN.individuals
 ) -> IndividualsChart:
     """Return the individuals and moving range chart of values in the order of their time.
 
@@ -96,97 +159,92 @@ def individuals_chart(
     values
         Shape (n,), any unit.
     center, sigma
-        Mean and standard deviation of the process if they are known; otherwise the mean of the baseline, and its
-        mean moving range divided by d2.
-    baseline
-        Number of first values from which the limits are estimated; all by default.
-
-    Raises
-    ------
-    InputError
-        There are fewer than two values in the baseline.
+        Mean and standard deviation of the process in control.
+    width
+        Distance of the limits of the individuals from the center, in sigmas.
     """
-    center, sigma = _center_and_sigma(values, center, sigma, baseline)
     ranges = np.abs(np.diff(values))
     range_high = D4 * D2 * sigma
     return IndividualsChart(
         values=values,
         center=center,
         sigma=sigma,
-        low=center - 3.0 * sigma,
-        high=center + 3.0 * sigma,
+        low=center - width * sigma,
+        high=center + width * sigma,
         ranges=ranges,
         range_center=D2 * sigma,
         range_high=range_high,
-        signals=nelson_signals(values, center, sigma),
+        signals=nelson_signals(values, center, sigma, width),
         range_signals=np.flatnonzero(ranges > range_high) + 1,
     )
 
 
 def ewma_chart(
-    values: FloatArray,
-    *,
-    weight: float = 0.2,
-    width: float = 2.86,
-    center: float | None = None,
-    sigma: float | None = None,
-    baseline: int | None = None,
+    values: FloatArray, center: float, sigma: float, *, weight: float = 0.2, width: float = KNOWN.ewma
 ) -> EwmaChart:
     """Return the chart of the exponentially weighted moving average with the exact limits of every point.
 
-    `weight` is lambda, `width` L in sigmas; the defaults have an in-control average run length near 370 (J. M. Lucas
-    and M. S. Saccucci, Technometrics 32(1), 1990, 1-12). The other parameters are those of `individuals_chart`.
+    `weight` is lambda, `width` L in sigmas of the average. The other parameters are those of `individuals_chart`.
     """
-    center, sigma = _center_and_sigma(values, center, sigma, baseline)
     average, _ = lfilter([weight], [1.0, weight - 1.0], values - center, zi=[0.0])
     average = np.asarray(average) + center
-    remaining = np.cumprod(np.full(len(values), (1.0 - weight) ** 2))  # (1 - lambda)^2n; a power takes longer
-    spread = width * sigma * np.sqrt(weight / (2.0 - weight) * (1.0 - remaining))
+    spread = width * sigma * _ewma_sigmas(weight, len(values))
     beyond = np.abs(average - center) > spread
     return EwmaChart(
         values, average, center, sigma, center - spread, center + spread, weight, width, np.flatnonzero(beyond)
     )
 
 
+def restarted_ewma_chart(values: FloatArray, center: float, sigma: float, *, weight: float, width: float) -> EwmaChart:
+    """Return the chart of `ewma_chart`, which starts again after each signal, average and limits alike."""
+    parts: list[EwmaChart] = []
+    signals: list[int] = []
+    first, size = 0, _RESTARTED
+    while first < len(values):
+        part = ewma_chart(values[first : first + size], center, sigma, weight=weight, width=width)
+        if not len(part.signals) and first + size < len(values):
+            size *= 2
+            continue
+        stop = int(part.signals[0]) + 1 if len(part.signals) else len(part.values)
+        signals += [first + stop - 1] if len(part.signals) else []
+        parts.append(replace(part, average=part.average[:stop], low=part.low[:stop], high=part.high[:stop]))
+        first, size = first + stop, _RESTARTED
+    average, low, high = (
+        np.concatenate([np.empty(0), *(getattr(part, name) for part in parts)]) for name in ("average", "low", "high")
+    )
+    return EwmaChart(values, average, center, sigma, low, high, weight, width, np.array(signals, dtype=np.int64))
+
+
 def cusum_chart(
-    values: FloatArray,
-    *,
-    allowance: float = 0.5,
-    decision: float = 4.77,
-    center: float | None = None,
-    sigma: float | None = None,
-    baseline: int | None = None,
+    values: FloatArray, center: float, sigma: float, *, allowance: float = 0.5, decision: float = KNOWN.cusum
 ) -> CusumChart:
     """Return the tabular CUSUM of both sides; it does not start again after a signal.
 
-    `allowance` is k and `decision` h, both in sigmas; the defaults have an in-control average run length of 370
-    (D. M. Hawkins, Journal of Quality Technology 25(4), 1993, 248-261). The other parameters are those of
-    `individuals_chart`.
+    `allowance` is k and `decision` h, both in sigmas. The other parameters are those of `individuals_chart`.
     """
-    center, sigma = _center_and_sigma(values, center, sigma, baseline)
     z = (values - center) / sigma if sigma > 0.0 else np.zeros(len(values))
     upper, lower = _one_sided(z - allowance), _one_sided(-z - allowance)
     high, low = np.flatnonzero(upper > decision), np.flatnonzero(lower > decision)
     return CusumChart(values, upper, lower, center, sigma, allowance, decision, high, low)
 
 
-def nelson_signals(values: FloatArray, center: float, sigma: float) -> Signals:
+def nelson_signals(values: FloatArray, center: float, sigma: float, width: float = KNOWN.individuals) -> Signals:
     """Return the signals of Nelson's eight rules, each at the point that completes its pattern.
 
-    1: one point beyond 3 sigma. 2: nine in a row on one side of the center. 3: six in a row, each above or each below
-    the one before. 4: fourteen in a row, alternately up and down. 5: two of three beyond 2 sigma on one side. 6: four
-    of five beyond 1 sigma on one side. 7: fifteen in a row within 1 sigma. 8: eight in a row beyond 1 sigma. A point
-    completes rules 5 and 6 only if it is itself beyond.
+    1: one point beyond `width` sigmas, 3 in Nelson's paper. 2: nine in a row on one side of the center. 3: six in a
+    row, each above or each below the one before. 4: fourteen in a row, alternately up and down. 5: two of three beyond
+    2 sigma on one side. 6: four of five beyond 1 sigma on one side. 7: fifteen in a row within 1 sigma. 8: eight in a
+    row beyond 1 sigma. A point completes rules 5 and 6 only if it is itself beyond.
     """
     deviation = values - center
     above, below = deviation > 0.0, deviation < 0.0
     steps = np.sign(np.diff(values))
     turns = np.concatenate([[False, False], steps[1:] * steps[:-1] < 0.0])[: len(values)]
     rising, falling = (np.concatenate([[False], steps == sign])[: len(values)] for sign in (1.0, -1.0))
-    beyond = {k: (deviation > k * sigma, deviation < -k * sigma) for k in (1, 2, 3)}
+    beyond = {k: (deviation > k * sigma, deviation < -k * sigma) for k in (1, 2)}
     outside = beyond[1][0] | beyond[1][1]
     found = {
-        1: beyond[3][0] | beyond[3][1],
+        1: np.abs(deviation) > width * sigma,
         2: _recent(above, 9, 9) | _recent(below, 9, 9),
         3: _recent(rising, 5, 5) | _recent(falling, 5, 5),
         4: _recent(turns, 12, 12),
@@ -201,26 +259,12 @@ def nelson_signals(values: FloatArray, center: float, sigma: float) -> Signals:
     return Signals(index[order], rule[order])
 
 
-def standardised(values: FloatArray, reference: float | FloatArray, sigmas: FloatArray) -> FloatArray:
-    """Return (value - reference) / sigma of each run, which is comparable where runs of several schedules are mixed.
-
-    All arrays have shape (n,) and the same unit; `sigmas` are the runs' own standard deviations.
-    """
-    return (values - reference) / sigmas
-
-
-def _center_and_sigma(
-    values: FloatArray, center: float | None, sigma: float | None, baseline: int | None
-) -> tuple[float, float]:
-    """Return what is given, and else the mean and the mean moving range over d2 of the baseline."""
-    known = values[:baseline]
-    if (center is None or sigma is None) and len(known) < _LEAST:
-        raise InputError("quality.too_few", count=len(known), least=_LEAST)
-    if center is None:
-        center = float(np.mean(known))
-    if sigma is None:
-        sigma = float(np.mean(np.abs(np.diff(known)))) / D2
-    return center, sigma
+def _ewma_sigmas(weight: float, count: int) -> FloatArray:
+    """Return the standard deviation of the average of the first 1, 2, ... values, in sigmas of a value."""
+    found = np.full(count, math.sqrt(weight / (2.0 - weight)))
+    first = found[: math.ceil(_NEGLIGIBLE / math.log1p(-weight))]  # afterwards the powers are 0, and slow to compute
+    first *= np.sqrt(1.0 - (1.0 - weight) ** (2.0 * np.arange(1, len(first) + 1)))
+    return found
 
 
 def _one_sided(steps: FloatArray) -> FloatArray:
@@ -232,8 +276,8 @@ def _one_sided(steps: FloatArray) -> FloatArray:
 
 def _recent(flags: BoolArray, least: int, length: int) -> BoolArray:
     """Return the points with at least `least` flags among the last `length` points, fewer at the beginning."""
-    total = np.cumsum(np.concatenate([np.zeros(length, dtype=np.int64), flags]))
-    return np.asarray(total[length:] - total[:-length] >= least)
+    padded = np.concatenate([np.zeros(length - 1, dtype=np.uint8), flags])
+    return np.asarray(sum(padded[k : k + len(flags)] for k in range(length)) >= np.uint8(least))
 
 
 def _on_a_side(sides: tuple[BoolArray, BoolArray], least: int, length: int) -> BoolArray:

@@ -1,14 +1,21 @@
-"""Repeatability and reproducibility of a measurement (GR&R): crossed two-way analysis of variance.
+"""Repeatability and reproducibility of a measurement (GR&R): balanced crossed analysis of variance, random effects.
 
-Sources: AIAG, *Measurement Systems Analysis*, 4th ed., 2010, chapter III section B and appendix A; for the confidence
-intervals R. K. Burdick, C. M. Borror and D. C. Montgomery, *Design and Analysis of Gauge R&R Studies*, 2005, chapter 3
-(modified large sample intervals of R. K. Burdick and F. A. Graybill, *Confidence Intervals on Variance Components*,
-1992).
+The units are crossed with one factor or several: operators, stations. Each term of the model is a set of factors, its
+mean square has the expectation sigma² + the sum of n_T sigma_T² over all terms T that contain it (n_T: number of
+measurements at each combination of levels of T), which gives the variance components by inclusion and exclusion.
+
+Sources: AIAG, *Measurement Systems Analysis*, 4th ed., 2010, chapter III section B and appendix A; D. C. Montgomery,
+*Design and Analysis of Experiments*, 8th ed., 2013, chapter 13, also for approximate F tests (F. E. Satterthwaite,
+Biometrics Bulletin 2, 1946, 110-114); for the generalised confidence intervals S. Weerahandi, Journal of the American
+Statistical Association 88, 1993, 899-905, and R. K. Burdick, C. M. Borror and D. C. Montgomery, *Design and Analysis of
+Gauge R&R Studies*, 2005, appendix B.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations, product
 from typing import Literal
 
 import numpy as np
@@ -17,7 +24,9 @@ from scipy import stats
 from calstation.errors import InputError
 from calstation.physics import FloatArray
 
-#: Interaction with a larger p-value is pooled with the repeatability.
+#: Factor whose variation is to be measured.
+UNIT = "unit"
+#: Interactions with a larger p-value are pooled with the repeatability.
 _POOLED_ABOVE = 0.25
 #: Percentages of the study variation or tolerance at which the verdict changes, and the least number of categories.
 _ACCEPTABLE, _MARGINAL = 10.0, 30.0
@@ -26,20 +35,30 @@ LEAST_CATEGORIES = 5
 _WIDTH = 6.0
 #: Number of categories for a ratio of part to measurement variation of 1: sqrt(2), as rounded by AIAG.
 _CATEGORIES = 1.41
+#: Number of draws for a generalised confidence interval, and their seed: the same values have the same interval.
+_DRAWS, _SEED = 10_000, 1
 
 Verdict = Literal["acceptable", "marginal", "unacceptable"]
+
+#: Factors of a term of the model.
+Term = frozenset[str]
+#: Term of the repeatability.
+_ERROR: Term = frozenset()
+#: Coefficients of mean squares by term.
+_Sum = Mapping[Term, float]
 
 
 @dataclass(frozen=True)
 class AnovaRow:
     """A row of the analysis of variance."""
 
-    source: Literal["part", "appraiser", "interaction", "repeatability"]
+    source: str  #: Factors joined by ``*``, or ``repeatability``.
     dof: int
     sum_squares: float
     mean_square: float
-    f: float | None  #: Ratio to the mean square that tests it; None for the last row.
+    f: float | None  #: Ratio to the mean square that tests it; None for the last row, or if that is not positive.
     p: float | None  #: Probability of a larger ratio by chance.
+    pooled: bool  #: Whether it is part of the repeatability.
 
 
 @dataclass(frozen=True)
@@ -55,19 +74,18 @@ class Variation:
 
 @dataclass(frozen=True)
 class GaugeStudy:
-    """Result of a study of parts, appraisers and trials."""
+    """Result of a study of units, trials, and one factor or more that the units are crossed with."""
 
-    parts: int
-    appraisers: int
+    levels: Mapping[str, int]  #: Number of levels of each factor, the units first.
     trials: int
     confidence: float
     anova: tuple[AnovaRow, ...]
-    pooled: bool  #: Whether the interaction is part of the repeatability.
+    components: Mapping[str, Variation]  #: Of each term that is not pooled, by its source as in `anova`.
     repeatability: Variation  #: EV.
-    reproducibility: Variation  #: AV, of the appraisers alone.
-    interaction: Variation | None  #: None if it is pooled.
+    reproducibility: Variation  #: AV: all components without the units.
+    interaction: Variation | None  #: All interactions with the units; None if they are pooled.
     gauge: Variation  #: GRR: all of the above.
-    part: Variation  #: PV.
+    part: Variation  #: PV, of the units.
     total: Variation  #: TV.
 
     @property
@@ -88,33 +106,46 @@ def verdict(percent: float) -> Verdict:
     return "acceptable" if percent <= _ACCEPTABLE else "marginal" if percent <= _MARGINAL else "unacceptable"
 
 
-def crossed(rows: Iterable[tuple[str, str, float]]) -> tuple[list[str], list[str], FloatArray]:
-    """Return the parts, the appraisers and the values, shape (parts, appraisers, trials), of a crossed design.
+def crossed(
+    factors: Sequence[str], rows: Iterable[tuple[tuple[str, ...], float]]
+) -> tuple[list[list[str]], FloatArray]:
+    """Return the levels of each factor and the values, shape (number of levels of each factor, trials).
 
-    `rows` are parts, appraisers and values. Raises InputError if not every appraiser measured every part equally
-    often, or if there are fewer than two of each.
+    `rows` are the levels of the `factors` with a value. Raises InputError if not every combination was measured equally
+    often, or if there are fewer than two levels of a factor or fewer than two trials.
     """
-    cells: dict[tuple[str, str], list[float]] = {}
-    for part, appraiser, value in rows:
-        cells.setdefault((part, appraiser), []).append(value)
-    parts, appraisers = (list(dict.fromkeys(key[side] for key in cells)) for side in (0, 1))
-    counts = {(part, who): len(cells.get((part, who), ())) for part in parts for who in appraisers}
-    most = max(counts.values(), default=0)
-    lacking = [f"{part}, {who}: {count}" for (part, who), count in counts.items() if count < most]
+    cells: dict[tuple[str, ...], list[float]] = {}
+    for key, value in rows:
+        cells.setdefault(key, []).append(value)
+    levels = [list(dict.fromkeys(key[k] for key in cells)) for k in range(len(factors))]
+    keys = list(product(*levels))
+    most = max(map(len, cells.values()), default=0)
+    lacking = [f"{', '.join(key)}: {len(cells.get(key, ()))}" for key in keys if len(cells.get(key, ())) < most]
     if lacking:
         raise InputError("quality.unbalanced", trials=most, cells="; ".join(lacking))
-    if min(len(parts), len(appraisers), most) < 2:
-        raise InputError("quality.small_study", parts=len(parts), appraisers=len(appraisers), trials=most)
-    return parts, appraisers, np.array([[cells[part, who] for who in appraisers] for part in parts])
+    check_size({name: len(of_factor) for name, of_factor in zip(factors, levels, strict=True)}, most)
+    shape = (*map(len, levels), most)
+    return levels, np.array([cells[key] for key in keys]).reshape(shape)
 
 
-def gauge_study(values: FloatArray, tolerance: float | None = None, *, confidence: float = 0.95) -> GaugeStudy:
+def check_size(levels: Mapping[str, int], trials: int) -> None:
+    """Raise InputError if there are fewer than two levels of a factor, or fewer than two trials."""
+    for name, count in {**levels, "trial": trials}.items():
+        if count < 2:
+            raise InputError("quality.small_study", factor=name, count=count)
+
+
+def gauge_study(
+    factors: Sequence[str], values: FloatArray, tolerance: float | None = None, *, confidence: float = 0.95
+) -> GaugeStudy:
     """Return the repeatability and reproducibility of a crossed design.
 
     Parameters
     ----------
+    factors
+        Names of the factors, `UNIT` first.
     values
-        Shape (parts, appraisers, trials), at least two of each.
+        Shape (number of levels of each factor, trials), at least two of each.
     tolerance
         Width of the tolerance in the unit of the values; None without one.
     confidence
@@ -125,117 +156,149 @@ def gauge_study(values: FloatArray, tolerance: float | None = None, *, confidenc
     InputError
         All repeated measurements are equal.
     """
-    p, o, r = values.shape
-    mean = values.mean()
-    of_part, of_appraiser, of_cell = values.mean(axis=(1, 2)), values.mean(axis=(0, 2)), values.mean(axis=2)
-    residual = of_cell - of_part[:, None] - of_appraiser[None, :] + mean
-    squares = (
-        o * r * float(np.sum((of_part - mean) ** 2)),
-        p * r * float(np.sum((of_appraiser - mean) ** 2)),
-        r * float(np.sum(residual**2)),
-        float(np.sum((values - of_cell[:, :, None]) ** 2)),
-    )
-    dofs = (p - 1, o - 1, (p - 1) * (o - 1), p * o * (r - 1))
-    ms_p, ms_o, ms_po, ms_e = (_Mean(square / dof, dof) for square, dof in zip(squares, dofs, strict=True))
-    if not np.ptp(values, axis=2).any():
+    if not np.ptp(values, axis=-1).any():
         raise InputError("quality.no_repeatability")
-    interaction_f = ms_po.value / ms_e.value
-    interaction_p = float(stats.f.sf(interaction_f, ms_po.dof, ms_e.dof))
-    pooled = interaction_p > _POOLED_ABOVE
-    if pooled:
-        dof = ms_po.dof + ms_e.dof
-        ms_e = ms_po = _Mean((squares[2] + squares[3]) / dof, dof)
-    scale = p * o * r
-    terms = {
-        "repeatability": [(1.0, ms_e)],
-        "reproducibility": [(1.0 / (p * r), ms_o), (-1.0 / (p * r), ms_po)],
-        "part": [(1.0 / (o * r), ms_p), (-1.0 / (o * r), ms_po)],
-    }
-    if pooled:
-        terms["gauge"] = [(1.0 / (p * r), ms_o), (1.0 - 1.0 / (p * r), ms_e)]
-        terms["total"] = [(p / scale, ms_p), (o / scale, ms_o), (1.0 - (p + o) / scale, ms_e)]
-    else:
-        terms["interaction"] = [(1.0 / r, ms_po), (-1.0 / r, ms_e)]
-        terms["gauge"] = [(1.0 / (p * r), ms_o), ((p - 1) / (p * r), ms_po), ((r - 1) / r, ms_e)]
-        terms["total"] = [
-            *((p / scale, ms_p), (o / scale, ms_o)),
-            *(((p * o - p - o) / scale, ms_po), ((r - 1) / r, ms_e)),
-        ]
-    variance = {name: max(sum(factor * mean.value for factor, mean in sum_), 0.0) for name, sum_ in terms.items()}
-    # a variance that came out negative is 0, so that the total is the sum of what is shown
-    variance["gauge"] = sum(variance.get(name, 0.0) for name in ("repeatability", "reproducibility", "interaction"))
-    variance["total"] = variance["gauge"] + variance["part"]
+    levels = dict(zip(factors, values.shape, strict=False))
+    squares, dofs = _sums_of_squares(levels, values)
+    tests: dict[Term, tuple[float | None, float | None]] = {}
+    model = _Model(squares, dofs)
+    for size in range(len(factors), 1, -1):
+        found = {term: model.test(term) for term in model.terms if len(term) == size and not model.containing(term)}
+        tests |= found
+        model = model.pooled([term for term, (_, p) in found.items() if p is not None and p > _POOLED_ABOVE])
+    tests |= {term: model.test(term) for term in model.terms}
+    variances = {term: model.variance(term, values.size, levels) for term in (_ERROR, *model.terms)}
+    sizes = {term: max(model.value(each), 0.0) for term, each in variances.items()}
+    part = frozenset({UNIT})
+    others = [term for term in model.terms if UNIT not in term]
+    interactions = [term for term in model.terms if UNIT in term and term != part]
+    gauge = [_ERROR, *others, *interactions]
 
-    def variation(name: str) -> Variation:
-        low, high = _interval(terms[name], (1.0 - confidence) / 2.0)
-        sigma = math.sqrt(variance[name])
+    def variation(terms: Sequence[Term]) -> Variation:
+        # a variance that came out negative is 0, so that the total is the sum of what is shown
+        sigma = math.sqrt(sum(sizes[term] for term in terms))
+        low, high = model.interval([variances[term] for term in terms], (1.0 - confidence) / 2.0)
         share = None if tolerance is None else 100.0 * _WIDTH * sigma / tolerance
-        return Variation(
-            sigma, math.sqrt(low), math.sqrt(high), 100.0 * math.sqrt(variance[name] / variance["total"]), share
-        )
+        percent = 100.0 * sigma / math.sqrt(sum(sizes.values()))
+        return Variation(sigma, math.sqrt(low), math.sqrt(high), percent, share)
 
+    anova = []
+    for term, square in squares.items():
+        f, p = tests.get(term, (None, None))
+        row = _source(term), dofs[term], square, square / dofs[term], f, p, term not in variances
+        anova.append(AnovaRow(*row))
     return GaugeStudy(
-        parts=p,
-        appraisers=o,
-        trials=r,
+        levels=levels,
+        trials=values.shape[-1],
         confidence=confidence,
-        anova=(
-            _anova_row("part", squares[0], dofs[0], ms_po),
-            _anova_row("appraiser", squares[1], dofs[1], ms_po),
-            AnovaRow("interaction", dofs[2], squares[2], squares[2] / dofs[2], interaction_f, interaction_p),
-            AnovaRow("repeatability", dofs[3], squares[3], squares[3] / dofs[3], None, None),
-        ),
-        pooled=pooled,
-        repeatability=variation("repeatability"),
-        reproducibility=variation("reproducibility"),
-        interaction=None if pooled else variation("interaction"),
-        gauge=variation("gauge"),
-        part=variation("part"),
-        total=variation("total"),
+        anova=tuple(anova),
+        components={_source(term): variation([term]) for term in model.terms},
+        repeatability=variation([_ERROR]),
+        reproducibility=variation(others),
+        interaction=variation(interactions) if interactions else None,
+        gauge=variation(gauge),
+        part=variation([part]),
+        total=variation([*gauge, part]),
     )
+
+
+def _source(term: Term) -> str:
+    """Return the name of a term: its factors, the units first, or ``repeatability``."""
+    return "*".join(sorted(term, key=lambda name: (name != UNIT, name))) or "repeatability"
+
+
+def _sums_of_squares(levels: Mapping[str, int], values: FloatArray) -> tuple[dict[Term, float], dict[Term, int]]:
+    """Return sums of squares and degrees of freedom of all terms, the repeatability last."""
+    names = list(levels)
+    effects: dict[Term, FloatArray] = {_ERROR: values.mean(keepdims=True)}
+    squares, dofs = {}, {}
+    for size in range(1, len(names) + 1):
+        for term in map(frozenset, combinations(names, size)):
+            others = tuple(k for k, name in enumerate((*names, "trial")) if name not in term)
+            effect = values.mean(axis=others, keepdims=True)
+            for contained, other in effects.items():
+                if contained < term:
+                    effect = effect - other
+            effects[term] = effect
+            squares[term] = float(np.sum(effect**2)) * values.size / effect.size
+            dofs[term] = math.prod(levels[name] - 1 for name in term)
+    squares[_ERROR] = float(np.sum((values - values.mean(axis=-1, keepdims=True)) ** 2))
+    dofs[_ERROR] = values.size - values.size // values.shape[-1]
+    return squares, dofs
 
 
 @dataclass(frozen=True)
-class _Mean:
-    """A mean square and its degrees of freedom."""
+class _Model:
+    """Sums of squares and degrees of freedom of the terms of a model and of its repeatability."""
 
-    value: float
-    dof: int
+    squares: Mapping[Term, float]
+    dofs: Mapping[Term, int]
+
+    @property
+    def terms(self) -> list[Term]:
+        return [term for term in self.squares if term]
+
+    def containing(self, term: Term) -> list[Term]:
+        """Return the larger terms that contain a term."""
+        return [other for other in self.terms if other > term]
+
+    def pooled(self, terms: Sequence[Term]) -> "_Model":
+        """Return the model in which these terms are part of the repeatability."""
+        squares, dofs = dict(self.squares), dict(self.dofs)
+        for term in terms:
+            squares[_ERROR] += squares.pop(term)
+            dofs[_ERROR] += dofs.pop(term)
+        return _Model(squares, dofs)
+
+    def expected(self, term: Term) -> dict[Term, float]:
+        """Return the sum of mean squares with the expectation of a term's mean square if its own variance is 0."""
+        found = {_ERROR: 1.0}
+        for other in self.containing(term):
+            found[other] = found.get(other, 0.0) + 1.0
+            for each, factor in self.expected(other).items():
+                found[each] = found.get(each, 0.0) - factor
+        return found
+
+    def variance(self, term: Term, count: int, levels: Mapping[str, int]) -> dict[Term, float]:
+        """Return the sum of mean squares that estimates the variance of a term of `count` values."""
+        if not term:
+            return {_ERROR: 1.0}
+        scale = math.prod(levels[name] for name in term) / count
+        return {term: scale} | {each: -scale * factor for each, factor in self.expected(term).items()}
+
+    def value(self, sum_: _Sum) -> float:
+        """Return the value of a sum of mean squares."""
+        return sum(factor * self.squares[term] / self.dofs[term] for term, factor in sum_.items())
+
+    def test(self, term: Term) -> tuple[float | None, float | None]:
+        """Return the F ratio of a term with its p-value, by Satterthwaite where several mean squares test it."""
+        by = self.expected(term)
+        value = self.value(by)
+        if not value > 0.0:
+            return None, None
+        spread = sum(self.value({each: factor}) ** 2 / self.dofs[each] for each, factor in by.items())
+        ratio = self.squares[term] / self.dofs[term] / value
+        return ratio, float(stats.f.sf(ratio, self.dofs[term], value**2 / spread))
+
+    def interval(self, sums: Sequence[_Sum], tail: float) -> tuple[float, float]:
+        """Return the generalised confidence interval of the sum of variances, which is not below 0.
+
+        Each mean square is distributed as its expectation times chi-square over the degrees of freedom.
+        """
+        pivots = np.zeros(_DRAWS)
+        for (term, square), draw in zip(self.squares.items(), _draws(tuple(self.dofs.values())), strict=True):
+            factor = sum(each.get(term, 0.0) for each in sums)
+            if factor:
+                pivots += factor * square / draw
+        low, high = np.quantile(pivots, (tail, 1.0 - tail))
+        return max(float(low), 0.0), max(float(high), 0.0)
 
 
-def _anova_row(source: Literal["part", "appraiser"], square: float, dof: int, by: _Mean) -> AnovaRow:
-    ratio = square / dof / by.value
-    return AnovaRow(source, dof, square, square / dof, ratio, float(stats.f.sf(ratio, dof, by.dof)))
+@lru_cache(maxsize=8)
+def _draws(dofs: tuple[int, ...]) -> list[FloatArray]:
+    """Return independent draws of chi-square with these degrees of freedom; all parameters of a study share them.
 
-
-def _interval(terms: list[tuple[float, _Mean]], tail: float) -> tuple[float, float]:
-    """Return the modified large sample interval of a variance, which is the sum of factors times mean squares.
-
-    Burdick and Graybill, sections 3.2 (sums) and 3.3 (a difference of two). No limit is below 0.
+    Each is a Latin hypercube sample, for which the quantiles of a sum have a small part of the error of random draws.
     """
-    value = sum(factor * mean.value for factor, mean in terms)
-    below = above = 0.0
-    for factor, mean in terms:
-        g, h = _bounds(mean, tail)
-        size = (factor * mean.value) ** 2
-        below += size * (g if factor > 0.0 else h) ** 2
-        above += size * (h if factor > 0.0 else g) ** 2
-    if terms[-1][0] < 0.0:
-        (first, one), (second, other) = terms
-        product = abs(first * second) * one.value * other.value
-        (g1, h1), (g2, h2) = _bounds(one, tail), _bounds(other, tail)
-        below += product * _cross(float(stats.f.isf(tail, one.dof, other.dof)), g1, h2)
-        above += product * _cross(float(stats.f.ppf(tail, one.dof, other.dof)), h1, g2)
-    low, high = value - math.sqrt(max(below, 0.0)), value + math.sqrt(max(above, 0.0))
-    return max(low, 0.0), max(high, 0.0)
-
-
-def _bounds(mean: _Mean, tail: float) -> tuple[float, float]:
-    """Return by which fraction of a mean square its confidence interval extends below and above it."""
-    low, high = stats.chi2.isf(tail, mean.dof), stats.chi2.ppf(tail, mean.dof)
-    return float(1.0 - mean.dof / low), float(mean.dof / high - 1.0)
-
-
-def _cross(f: float, first: float, second: float) -> float:
-    """Return the factor of the mixed term, with which the limit of a difference is 0 exactly where the F test says."""
-    return ((f - 1.0) ** 2 - (first * f) ** 2 - second**2) / f
+    random = np.random.default_rng(_SEED)
+    return [stats.chi2.ppf((random.permutation(_DRAWS) + 0.5) / _DRAWS, dof) for dof in dofs]

@@ -1,11 +1,12 @@
-"""Plan of a study of repeatability and reproducibility: which unit is measured by whom in which order."""
+"""Plan of a study of repeatability and reproducibility: which unit is measured by whom, where, in which order."""
 
 import json
+from bisect import bisect
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
@@ -13,10 +14,11 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import os_reason
 from calstation.physics import FloatArray
-from calstation.quality.gauge import crossed
-from calstation.records import RunColumns, write_atomic
+from calstation.quality.gauge import check_size, crossed
+from calstation.quality.runs import judged_runs
+from calstation.records import Categories, RunColumns, write_atomic
 
-SCHEMA: Literal["calstation.gauge_plan/1"] = "calstation.gauge_plan/1"
+SCHEMA: Literal["calstation.gauge_plan/2"] = "calstation.gauge_plan/2"
 
 
 class Measurement(BaseModel):
@@ -25,19 +27,26 @@ class Measurement(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     trial: int  #: From 1.
-    appraiser: str  #: Operator or station.
     unit: str  #: Serial number.
+    operator: str | None = None  #: None if the operators are no factor of the study.
+    station: str | None = None
+
+    @property
+    def appraiser(self) -> str:
+        """Who measures, or where."""
+        return ", ".join(filter(None, (self.operator, self.station)))
 
 
 class GaugePlan(BaseModel):
-    """Plan of a study, stored as JSON."""
+    """Plan of a study, stored as JSON: units of a product crossed with operators, with stations, or with both."""
 
     model_config = ConfigDict(frozen=True, populate_by_name=True)
 
-    schema_name: Literal["calstation.gauge_plan/1"] = Field(default=SCHEMA, alias="schema")
-    by: Literal["operator", "station"]  #: What the appraisers are.
+    schema_name: Literal["calstation.gauge_plan/2"] = Field(default=SCHEMA, alias="schema")
+    product: str  #: Name of the product of the units; runs of other products do not count.
     units: tuple[str, ...]
-    appraisers: tuple[str, ...]
+    operators: tuple[str, ...] = ()  #: Empty if they are no factor of the study.
+    stations: tuple[str, ...] = ()
     trials: int
     seed: int
     created_utc: AwareDatetime  #: Earlier runs do not count.
@@ -46,39 +55,69 @@ class GaugePlan(BaseModel):
     @classmethod
     def random(
         cls,
-        by: Literal["operator", "station"],
+        product: str,
         units: Sequence[str],
-        appraisers: Sequence[str],
+        operators: Sequence[str],
+        stations: Sequence[str],
         trials: int,
         seed: int,
         created_utc: datetime,
     ) -> "GaugePlan":
         """Return a plan in random order: in every trial, each appraiser measures all units in an order of their own.
 
-        AIAG, *Measurement Systems Analysis*, 4th ed., chapter III section B. Raises InputError for a plan with fewer
-        than two units, appraisers or trials, or with a unit or appraiser that is named twice.
+        An appraiser is an operator, a station, or an operator at a station if both are factors. AIAG, *Measurement
+        Systems Analysis*, 4th ed., chapter III section B.
+
+        Parameters
+        ----------
+        product
+            Name of the product.
+        units
+            Serial numbers.
+        operators, stations
+            Their names; empty for what is no factor of the study.
+        trials
+            Number of runs of each unit by each appraiser.
+        seed
+            Of the random order.
+        created_utc
+            Earlier runs do not count.
+
+        Raises
+        ------
+        InputError
+            There are fewer than two units, trials, or levels of a factor, there is no factor, or a name is repeated.
         """
-        twice = [name for names in (units, appraisers) for name, count in Counter(names).items() if count > 1]
+        factors = {"unit": units, **{k: v for k, v in (("operator", operators), ("station", stations)) if v}}
+        twice = [name for names in factors.values() for name, count in Counter(names).items() if count > 1]
         if twice:
             raise InputError("quality.named_twice", names=", ".join(twice))
-        if min(len(units), len(appraisers), trials) < 2:
-            raise InputError("quality.small_study", parts=len(units), appraisers=len(appraisers), trials=trials)
+        if len(factors) == 1:
+            raise InputError("quality.no_appraisers")
+        check_size({name: len(names) for name, names in factors.items()}, trials)
         generator = np.random.default_rng(seed)
+        appraisers = [(who, where) for who in operators or (None,) for where in stations or (None,)]
         order = [
-            Measurement(trial=trial, appraiser=appraisers[who], unit=units[k])
+            Measurement(trial=trial, unit=units[k], operator=appraisers[a][0], station=appraisers[a][1])
             for trial in range(1, trials + 1)
-            for who in generator.permutation(len(appraisers))
+            for a in generator.permutation(len(appraisers))
             for k in generator.permutation(len(units))
         ]
         return cls(
-            by=by,
+            product=product,
             units=tuple(units),
-            appraisers=tuple(appraisers),
+            operators=tuple(operators),
+            stations=tuple(stations),
             trials=trials,
             seed=seed,
             created_utc=created_utc,
             order=tuple(order),
         )
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Names of the factors, the units first."""
+        return ("unit", *(["operator"] if self.operators else []), *(["station"] if self.stations else []))
 
     @classmethod
     def load(cls, path: Path) -> "GaugePlan":
@@ -104,11 +143,23 @@ class GaugePlan(BaseModel):
         done = Counter(key for key, _ in self._measurements(runs))
         left = []
         for each in self.order:
-            key = (each.unit, each.appraiser)
+            key = self._key(each)
             done[key] -= 1
             if done[key] < 0:
                 left.append(each)
         return left
+
+    def out_of_order(self, runs: RunColumns) -> int:
+        """Return how many of the stored runs were not made in the planned order: the fewest that must be moved."""
+        planned: dict[tuple[str, ...], list[int]] = {}
+        for position, each in enumerate(self.order):
+            planned.setdefault(self._key(each), []).append(position)
+        places = [planned[key].pop(0) for key, _ in self._measurements(runs)]
+        ends: list[int] = []  # of the longest increasing sequences of each length
+        for place in places:
+            at = bisect(ends, place)
+            ends[at : at + 1] = [place]
+        return len(places) - len(ends)
 
     def check_complete(self, left: Sequence[Measurement]) -> None:
         """Raise InputError if runs of the plan are left."""
@@ -117,7 +168,7 @@ class GaugePlan(BaseModel):
             raise InputError("quality.study_incomplete", missing=len(left), runs=len(self.order), next=following)
 
     def values(self, runs: RunColumns) -> Mapping[str, FloatArray]:
-        """Return the measured values by parameter, SI, shape (units, appraisers, trials).
+        """Return the measured values by parameter, SI, shape (number of levels of each factor, trials).
 
         A parameter that a run of the study lacks is left out. Raises InputError while runs of the plan are missing.
         """
@@ -125,24 +176,31 @@ class GaugePlan(BaseModel):
         rows = self._measurements(runs)
         found = {}
         for name, column in runs.values.items():
-            values = [(unit, who, float(column[k])) for (unit, who), k in rows]
-            if not np.isnan([value for *_, value in values]).any():
-                found[name] = crossed(values)[2]
+            values = [(key, float(column[k])) for key, k in rows]
+            if not np.isnan([value for _, value in values]).any():
+                found[name] = crossed(self.factors, values)[1]
         return found
 
-    def products(self, runs: RunColumns) -> set[str | None]:
-        """Return the products of the stored runs of the plan."""
-        return {runs.products[k] for _, k in self._measurements(runs)}
+    def _key(self, each: Measurement) -> tuple[str, ...]:
+        return tuple(getattr(each, factor) for factor in self.factors)
 
-    def _measurements(self, runs: RunColumns) -> list[tuple[tuple[str, str], int]]:
-        """Return unit and appraiser, and the index, of the first full runs of the study that were judged."""
-        appraisers = runs.operators if self.by == "operator" else runs.stations
-        taken: Counter[tuple[str, str]] = Counter()
+    def _measurements(self, runs: RunColumns) -> list[tuple[tuple[str, ...], int]]:
+        """Return levels of the factors, and index, of the first judged full runs of the study, in the order of time."""
+        columns: dict[str, Categories[Any]] = {
+            "unit": runs.serials,
+            "operator": runs.operators,
+            "station": runs.stations,
+        }
+        wanted = {"unit": self.units, "operator": self.operators, "station": self.stations}
+        rows = judged_runs(runs)
+        rows = rows[(runs.started[rows] >= self.created_utc.timestamp()) & runs.products.among((self.product,))[rows]]
+        for factor in self.factors:
+            rows = rows[columns[factor].among(wanted[factor])[rows]]
+        taken: Counter[tuple[str, ...]] = Counter()
         found = []
-        for k in np.flatnonzero((runs.started >= self.created_utc.timestamp()) & ~runs.partial):
-            key = (runs.serials[k], appraisers[k] or "")
-            wanted = key[0] in self.units and key[1] in self.appraisers and runs.verdicts[k] in ("passed", "failed")
-            if wanted and taken[key] < self.trials:
+        for k in rows.tolist():
+            key = tuple(str(columns[factor][k]) for factor in self.factors)
+            if taken[key] < self.trials:
                 taken[key] += 1
-                found.append((key, int(k)))
+                found.append((key, k))
         return found

@@ -9,9 +9,9 @@ Control*, 7th ed., 2013, 11.3). It shows small changes of many parameters and us
 contain what the unit may have changed since the reference, from the stability in the IMU profile.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from datetime import UTC, date, datetime, timedelta
+from datetime import UTC, date, datetime, time, timedelta
 from statistics import NormalDist
 from typing import Literal
 
@@ -22,7 +22,7 @@ from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import Belief, chi_square_quantile
 from calstation.messages import Text
-from calstation.physics import INDEX, group_indices, parameter_vector
+from calstation.physics import INDEX, FloatArray, group_indices, parameter_vector
 from calstation.records import COVERAGE_FACTOR, RunFilter, RunRecord, covariance_from
 from calstation.results import History, Result, StandardVerdict
 
@@ -32,7 +32,8 @@ FALSE_ALARM = 0.0027
 #: Probability with which a run detects an error of the size of `StandardVerdict.detectable`.
 POWER = 0.9
 
-_YEAR = timedelta(days=365.25)
+#: s.
+_DAY, _YEAR = 86400.0, 365.25 * 86400.0
 _MOUNTING = frozenset(group_indices("outer_lever"))
 
 #: Why production is refused: no run passed, the last one that passed is too old, the last run failed or disagreed, or
@@ -49,29 +50,21 @@ class Due:
     #: When it was due, or when its last run failed; None if it never passed.
     since: datetime | None
 
+    @property
+    def when(self) -> str:
+        """`since` as text in local time: a day for a certificate, "" if it never passed."""
+        format_ = "%Y-%m-%d" if self.reason == "certificate" else "%Y-%m-%d %H:%M"
+        return "" if self.since is None else self.since.astimezone().strftime(format_)
+
     def error(self, setup: ResolvedConfiguration) -> ConfigurationError:
         """Return the error that refuses a run."""
         values = {"product": setup.product.name, "station": setup.station.name}
-        since = "" if self.since is None else f"{self.since.astimezone():%Y-%m-%d %H:%M}"
-        if self.reason == "never":
-            return ConfigurationError("quality.standard_never", serial=self.name, **values)
-        if self.reason == "out":
-            return ConfigurationError("quality.standard_out", serial=self.name, since=since, **values)
-        if self.reason == "overdue":
-            return ConfigurationError("quality.standard_overdue", serial=self.name, since=since, **values)
-        return ConfigurationError("quality.certificate_overdue", name=self.name, since=since[:10], **values)
+        return ConfigurationError(f"quality.standard_{self.reason}", name=self.name, since=self.when, **values)
 
     @property
     def cause(self) -> Text:
         """What is not in order, as a part of a sentence."""
-        since = "" if self.since is None else f"{self.since.astimezone():%Y-%m-%d %H:%M}"
-        if self.reason == "never":
-            return Text.of("quality.cause_never", serial=self.name)
-        if self.reason == "out":
-            return Text.of("quality.cause_out", serial=self.name, since=since)
-        if self.reason == "overdue":
-            return Text.of("quality.cause_overdue", serial=self.name, since=since)
-        return Text.of("quality.cause_certificate", name=self.name, since=since[:10])
+        return Text.of(f"quality.cause_{self.reason}", name=self.name, since=self.when)
 
 
 @dataclass(frozen=True)
@@ -96,8 +89,8 @@ def judge_standard(
     names = [name for name in standard.reference if name in determined and INDEX[name] not in _MOUNTING]
     at = [INDEX[name] for name in names]
     reference = [standard.reference[name] for name in names]
-    years = 0.0 if standard.date is None else max((started.date() - standard.date) / _YEAR, 0.0)
-    variance = np.array([r.sigma**2 for r in reference]) + imu.change_sigmas(years)[at] ** 2
+    expected = reference_variances(standard, imu, np.array([started.timestamp()]))
+    variance = np.array([float(expected[name][0]) for name in names])
     difference = found.mean[at] - np.array([r.value for r in reference])
     covariance = found.covariance[np.ix_(at, at)] + np.diag(variance)
     sigma = np.sqrt(np.diag(covariance))
@@ -119,6 +112,25 @@ def judge_standard(
         false_alarm=FALSE_ALARM,
         detectable=dict(zip(names, detectable.tolist(), strict=True)),
     )
+
+
+def reference_variances(
+    standard: CheckStandardSection, imu: ImuProfile, started: FloatArray
+) -> Mapping[str, FloatArray]:
+    """Return the variance of true minus reference value by parameter, SI, for runs that `started` at s since 1970, UTC.
+
+    It is the variance of the reference and of the change of the unit since the day of the reference.
+    """
+    years = np.zeros(len(started))
+    if standard.date is not None:
+        begin = datetime.combine(standard.date, time.min, UTC).timestamp()
+        years = np.maximum(started - begin, 0.0) // _DAY * _DAY / _YEAR
+    at_power_up, within_a_year = (imu.change_sigmas(age) ** 2 for age in (0.0, 1.0))
+    return {
+        name: reference.sigma**2 + at_power_up[k] + years * (within_a_year - at_power_up)[k]
+        for name, reference in standard.reference.items()
+        for k in (INDEX[name],)
+    }
 
 
 def judge_result(standard: CheckStandardSection, imu: ImuProfile, result: Result) -> StandardVerdict:
@@ -160,12 +172,6 @@ def whole_runs(
     return [run for run in history.runs(wanted, limit=None) if _counts(run, standard, now)]
 
 
-def due_standards(station: StationConfig, product: ProductConfig, history: History, now: datetime) -> list[Due]:
-    """Return the check standards of a product that refuse production at a station."""
-    states = standard_states(station, product, history, now)
-    return [state.wrong for state in states if state.wrong is not None]
-
-
 def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
     """Return the station's table and surveys whose next calibration was due before the day (UTC) of `now`.
 
@@ -193,7 +199,8 @@ def require_standards(setup: ResolvedConfiguration, history: History, now: datet
         raise ConfigurationError("quality.no_reason")
     if setup.check_standard is not None:
         return []
-    found = [*due_standards(setup.station, setup.product, history, now), *due_certificates(setup.station, now)]
+    states = standard_states(setup.station, setup.product, history, now)
+    found = [state.wrong for state in states if state.wrong is not None] + due_certificates(setup.station, now)
     if found and reason is None:
         if len(found) == 1:
             raise found[0].error(setup)

@@ -9,6 +9,7 @@ from calstation.config import InstrumentSection, ProductConfig, StationConfig, l
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
+from calstation.quality.runs import product_runs
 from calstation.quality.standards import (
     Due,
     StandardState,
@@ -57,7 +58,7 @@ def station_quality(
     now, history = datetime.now(UTC), History(folder)
     standards = tuple(_standard_histories(place, unit, history, now))
     report(0.8)
-    charts = table_charts(place, unit, history)
+    charts = table_charts(place, product_runs(folder, unit.name))
     return StationQuality(standards, tuple(place.instruments), tuple(due_certificates(place, now)), charts)
 
 

@@ -1,36 +1,57 @@
 """Summary of a folder's runs: yield, and charts and capability of every parameter."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import datetime
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from calstation.config import ProductConfig, library, load_product
+from calstation.config import CheckStandardSection, ProductConfig, library, load_product
+from calstation.devices.profiles import load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
-from calstation.physics import INDEX, FloatArray, entry_of, further_parameter
+from calstation.physics import INDEX, FloatArray, IntArray, entry_of, further_parameter
 from calstation.quality.capability import Capability, capability
 from calstation.quality.charts import (
+    BASELINE,
     RULES,
     CusumChart,
     EwmaChart,
     IndividualsChart,
+    Process,
     cusum_chart,
     ewma_chart,
     individuals_chart,
-    standardised,
 )
-from calstation.quality.yields import Share, Yields, count_yields, judged_runs, production_runs
-from calstation.records import RunColumns, RunFilter
-from calstation.results import History
+from calstation.quality.random_effects import RandomEffects, random_effects
+from calstation.quality.runs import judged_runs, last_of_each_unit, product_runs, production_runs
+from calstation.quality.standards import reference_variances
+from calstation.quality.yields import Share, Yields, count_yields
+from calstation.records import RunColumns
 
 #: Fewest values of a parameter for charts and capability.
 LEAST_VALUES = 10
+
+
+@dataclass(frozen=True)
+class Charts:
+    """Control charts of the same values."""
+
+    individuals: IndividualsChart
+    ewma: EwmaChart
+    cusum: CusumChart
+
+    def signals(self) -> dict[str, IntArray]:
+        """Return the indices of values that signal: ``nelson_1`` to ``nelson_8``, ``range``, ``ewma``, ``cusum``."""
+        found, cusum = self.individuals.signals, self.cusum
+        nelson = {f"nelson_{rule}": found.index[found.rule == rule] for rule in RULES}
+        both = np.flatnonzero(np.maximum(cusum.upper, cusum.lower) > cusum.decision)
+        return {**nelson, "range": self.individuals.range_signals, "ewma": self.ewma.signals, "cusum": both}
 
 
 @dataclass(frozen=True)
@@ -41,44 +62,66 @@ class ParameterQuality:
     parameter: str
     names: tuple[str, ...]  #: Runs of the values: file names of the logs without suffix.
     started: FloatArray  #: Their starts, s since 1970 in UTC, shape (n,).
-    individuals: IndividualsChart
-    ewma: EwmaChart
-    cusum: CusumChart
+    values: FloatArray  #: What is charted, SI or in standard deviations, shape (n,).
+    process: Process
+    alarms: Mapping[str, int]  #: Number of signals, see `Charts.signals`.
+    latest: int | None  #: Index of the last value that signals.
     capability: Capability | None  #: None without a limit, or for one unit.
+    declared: bool = False  #: Whether the center is the reference value of a check standard.
+    effects: RandomEffects | None = None  #: With which values of several schedules were made comparable, SI.
+
+    @classmethod
+    def of(
+        cls, product: str, parameter: str, names: tuple[str, ...], started: FloatArray, values: FloatArray, **more: Any
+    ) -> "ParameterQuality":
+        """Chart values; `more` are the other fields, the process among them."""
+        signals = charts_of(values, more["process"]).signals()
+        alarms = {code: len(found) for code, found in signals.items()}
+        latest = max((int(found[-1]) for found in signals.values() if len(found)), default=None)
+        return cls(product, parameter, names, started, values, alarms=alarms, latest=latest, **more)
+
+    def charts(self) -> Charts:
+        """Return the charts."""
+        return charts_of(self.values, self.process)
 
     def to_json(self) -> dict[str, Any]:
         """Return numbers and signals, SI; `run` is the name of a run."""
-        chart, names = self.individuals, self.names
+        charts, names, process = self.charts(), self.names, self.process
+        chart, found = charts.individuals, charts.individuals.signals
         return {
             "product": self.product,
             "parameter": self.parameter,
             "count": len(names),
-            "center": chart.center,
-            "sigma": chart.sigma,
+            "center": process.center,
+            "center_from": "reference" if self.declared else process.source,
+            "sigma": process.sigma,
+            "limits_from": process.source,
+            "baseline": process.baseline,
+            "between_units": None if self.effects is None else asdict(self.effects),
             "low": chart.low,
             "high": chart.high,
             "range_center": chart.range_center,
             "range_high": chart.range_high,
             "signals": [
                 {"run": names[k], "rule": rule}
-                for k, rule in zip(chart.signals.index.tolist(), chart.signals.rule.tolist(), strict=True)
+                for k, rule in zip(found.index.tolist(), found.rule.tolist(), strict=True)
             ],
             "range_signals": [names[k] for k in chart.range_signals],
-            "ewma_signals": [names[k] for k in self.ewma.signals],
-            "cusum_signals_high": [names[k] for k in self.cusum.signals_high],
-            "cusum_signals_low": [names[k] for k in self.cusum.signals_low],
+            "ewma_signals": [names[k] for k in charts.ewma.signals],
+            "cusum_signals_high": [names[k] for k in charts.cusum.signals_high],
+            "cusum_signals_low": [names[k] for k in charts.cusum.signals_low],
             "capability": None if self.capability is None else asdict(self.capability),
         }
 
-    @property
-    def alarms(self) -> dict[str, int]:
-        """Number of signals by rule, and of the other charts."""
-        signals = self.individuals.signals
-        return {
-            **{f"rule {rule}": signals.count(rule) for rule in RULES},
-            "ewma": len(self.ewma.signals),
-            "cusum": len(self.cusum.signals_high) + len(self.cusum.signals_low),
-        }
+
+def charts_of(values: FloatArray, process: Process) -> Charts:
+    """Return the control charts of values, shape (n,)."""
+    center, sigma, widths = process.center, process.sigma, process.widths
+    return Charts(
+        individuals_chart(values, center, sigma, width=widths.individuals),
+        ewma_chart(values, center, sigma, width=widths.ewma),
+        cusum_chart(values, center, sigma, decision=widths.cusum),
+    )
 
 
 @dataclass(frozen=True)
@@ -139,8 +182,10 @@ def summarise_quality(
     since
         Earliest start of the runs.
     relative
-        Whether to chart (value - mean) / sigma, with each run's own sigma, for runs of several schedules; then there
-        is no capability.
+        Whether to chart deviations in standard deviations, for runs of several schedules; then there is no capability.
+        For all units it is (x - mean) / sqrt(sigma² + tau²), with each run's own sigma, and mean and tau of the random
+        effects model of the baseline. For a golden unit with a reference it is (x - reference) / sqrt(sigma² +
+        sigma_ref² + change²), in which the unit's expected change is that of its IMU profile.
 
     Raises
     ------
@@ -148,30 +193,28 @@ def summarise_quality(
         The product file is wrong.
     """
     chosen = None if product is None else load_product(product)[1]
-    runs = History(folder).columns(RunFilter(product="" if chosen is None else chosen.name))
+    runs = product_runs(folder, "" if chosen is None else chosen.name)
     begin = -math.inf if since is None else since.timestamp()
-    limits = dict(_products()) if chosen is None else {chosen.name: chosen}
+    limits = dict(known_products()) if chosen is None else {chosen.name: chosen}
     standards = {standard.serial for each in limits.values() for standard in each.check_standards}
     standards |= set() if serial is None else {serial}
     yields = count_yields(runs, begin, standards)
     report(0.4)
     found: list[ParameterQuality] = []
     golden: list[ParameterQuality] = []
-    names = sorted({name for name in runs.products if name is not None})
-    production = set(production_runs(runs, standards))
+    names = sorted({name for name in runs.products.values if name is not None})
+    late = runs.started >= begin
+    production, of_serial = production_runs(runs, standards), judged_runs(runs)
+    production = production[late[production]]
+    of_serial = of_serial[(late & runs.serials.among(() if serial is None else (serial,)))[of_serial]]
     for done, name in enumerate(names):
-        rows = [k for k in judged_runs(runs) if runs.products[k] == name and runs.started[k] >= begin]
-        units = last_of_each_unit(runs, [k for k in rows if k in production])
-        found += _charts(runs, name, units, parameter, None if relative else limits.get(name), relative=relative)
-        alone = [k for k in rows if runs.serials[k] == serial]
-        golden += _charts(runs, name, alone, parameter, None, relative=relative)
+        of_product, config = runs.products.among((name,)), limits.get(name)
+        units, own = last_of_each_unit(runs, production[of_product[production]]), of_serial[of_product[of_serial]]
+        found += _charts(runs, name, units, parameter, None if relative else config, relative=relative)
+        known = None if config is None else _Reference.of(config, serial, runs.started[own])
+        golden += _charts(runs, name, own, parameter, None, relative=relative, reference=known)
         report(0.4 + 0.6 * (done + 1) / len(names))
     return QualitySummary(None if chosen is None else chosen.name, yields, tuple(found), serial, tuple(golden))
-
-
-def last_of_each_unit(runs: RunColumns, rows: Sequence[int]) -> list[int]:
-    """Return the last run of each unit among runs of a product, so that a repeated unit counts once, in their order."""
-    return sorted({runs.serials[k]: k for k in rows}.values())
 
 
 def limit_interval(product: ProductConfig, parameter: str) -> tuple[float, float] | None:
@@ -180,42 +223,70 @@ def limit_interval(product: ProductConfig, parameter: str) -> tuple[float, float
     return None if limit is None else limit.interval
 
 
+@dataclass(frozen=True)
+class _Reference:
+    """Declared values of a check standard, and the variances of its true values about them for some runs."""
+
+    standard: CheckStandardSection
+    variances: Mapping[str, FloatArray]  #: SI, shape (n,).
+
+    @classmethod
+    def of(cls, product: ProductConfig, serial: str | None, started: FloatArray) -> "_Reference | None":
+        standard = next((each for each in product.check_standards if each.serial == serial), None)
+        if standard is None:
+            return None
+        imu = load_imu_profile(library.find("imus", product.imu))
+        return cls(standard, reference_variances(standard, imu, started))
+
+
 def _charts(
     runs: RunColumns,
     product: str,
-    rows: Sequence[int],
+    rows: IntArray,
     parameter: str | None,
     limits: ProductConfig | None,
     *,
     relative: bool,
+    reference: _Reference | None = None,
 ) -> Iterator[ParameterQuality]:
     """Yield charts and capability of the parameters that have enough values."""
-    runs_of_product = np.array(rows, dtype=np.int64)
-    names = tuple(runs.names[k] for k in rows)
+    names, started = tuple(map(runs.names.__getitem__, rows.tolist())), runs.started[rows]
     for name, column in runs.values.items():
-        index = runs_of_product[~np.isnan(column[runs_of_product])]
         unknown = name not in INDEX and further_parameter(name) is None  # of another version of the program
-        if unknown or parameter not in (None, name) or len(index) < LEAST_VALUES:
+        if unknown or parameter not in (None, name):
             continue
-        values = column[index]
+        values, sigmas = column[rows], runs.sigmas[name][rows]
+        solved = ~np.isnan(values)
         if relative:
-            values = standardised(values, float(values.mean()), runs.sigmas[name][index])
-        if not np.ptp(values) > 0.0:
-            continue  # held at a fixed value
+            solved &= sigmas > 0.0
+        values, sigmas, whole = values[solved], sigmas[solved], bool(solved.all())
+        if len(values) < LEAST_VALUES or not np.ptp(values) > 0.0:
+            continue  # or held at a fixed value
+        known = None if reference is None else reference.standard.reference.get(name)
+        effects, process = None, Process(0.0, 1.0)
+        if not relative:
+            process = Process.estimated(values, None if known is None else known.value)
+        elif known is not None and reference is not None:
+            values = (values - known.value) / np.sqrt(sigmas**2 + reference.variances[name][solved])
+        else:
+            effects = random_effects(values[:BASELINE], sigmas[:BASELINE])
+            values = effects.scores(values, sigmas)
+            process = Process.estimated(values)
         interval = None if limits is None else limit_interval(limits, name)
-        yield ParameterQuality(
+        yield ParameterQuality.of(
             product,
             name,
-            names if len(index) == len(names) else tuple(runs.names[k] for k in index),
-            runs.started[index],
-            individuals_chart(values),
-            ewma_chart(values),
-            cusum_chart(values),
-            None if interval is None else capability(values, *interval),
+            names if whole else tuple(compress(names, solved)),
+            started if whole else started[solved],
+            values,
+            process=process,
+            capability=None if interval is None else capability(values, *interval),
+            declared=known is not None,
+            effects=effects,
         )
 
 
-def _products() -> Iterator[tuple[str, ProductConfig]]:
+def known_products() -> Iterator[tuple[str, ProductConfig]]:
     """Yield the product files of the site and the shipped ones, by the name of the product."""
     for name in library.names("products"):
         with suppress(ConfigurationError):

@@ -4,26 +4,22 @@ Center and standard deviation are those of a baseline that stays as it is: the f
 calibration. Only later runs are tested. `docs/how-to/check-standards.md` gives the measured probabilities.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime, time, timedelta
+from datetime import datetime, time, timedelta
 
 import numpy as np
 
-from calstation.config import ProductConfig, StationConfig
-from calstation.errors import InputError
+from calstation.config import StationConfig
 from calstation.estimation.positions import TABLE_QUANTITIES
 from calstation.physics import FloatArray
-from calstation.quality.charts import ewma_chart
-from calstation.records import RunFilter
-from calstation.results import History
+from calstation.quality.charts import BASELINE, EwmaChart, restarted_ewma_chart
+from calstation.quality.runs import judged_runs
+from calstation.records import RunColumns
 
 #: Weight of the newest value (lambda), and distance of the limits in sigmas of the average (L). The limits are wider
 #: than for known center and sigma, as their errors from the baseline would otherwise cause most alarms.
 WEIGHT, WIDTH = 0.1, 4.1
-
-#: Number of runs of the baseline.
-BASELINE = 100
 
 #: Fewest runs that are shown.
 _LEAST = 2
@@ -33,56 +29,54 @@ _LEAST = 2
 class TableChart:
     """Chart of one quantity of the table since its latest calibration, in the order of time."""
 
-    started_utc: tuple[str, ...]  #: Start of each run, ISO 8601.
+    names: tuple[str, ...]  #: Runs: file names of the logs without suffix.
+    started: FloatArray  #: Their starts, s since 1970 in UTC, shape (n,).
     values: FloatArray  #: rad, shape (n,).
     center: float  #: Mean of the baseline, rad.
     sigma: float  #: Standard deviation of the baseline from run to run, rad.
     baseline: int  #: Number of first runs that are the baseline, `BASELINE` once it is complete; they are not tested.
     alarms: tuple[int, ...]  #: Indices of the runs at which the chart alarms.
 
+    @classmethod
+    def of(cls, names: tuple[str, ...], started: FloatArray, values: FloatArray) -> "TableChart":
+        """Return the chart of values, rad, shape (n,), at least two."""
+        known = values[:BASELINE]
+        center, sigma, count = float(known.mean()), float(known.std(ddof=1)), len(known)
+        found = tuple(count + k for k in alarms(values[count:], center, sigma))
+        return cls(names, started, values, center, sigma, count, found)
+
+    @property
+    def ewma(self) -> EwmaChart:
+        """The chart of the runs after the baseline."""
+        return table_ewma(self.values[self.baseline :], self.center, self.sigma)
+
+
+def table_ewma(values: FloatArray, center: float, sigma: float) -> EwmaChart:
+    """Return the EWMA chart of values, shape (n,), which starts again after each alarm."""
+    return restarted_ewma_chart(values, center, sigma, weight=WEIGHT, width=WIDTH)
+
 
 def alarms(values: FloatArray, center: float, sigma: float) -> tuple[int, ...]:
-    """Return the indices at which the chart of values, shape (n,), alarms; it starts again after each alarm."""
-    found: list[int] = []
-    first = 0
-    while first < len(values):
-        chart = ewma_chart(values[first:], weight=WEIGHT, width=WIDTH, center=center, sigma=sigma)
-        if not len(chart.signals):
-            break
-        found.append(first + int(chart.signals[0]))
-        first = found[-1] + 1
-    return tuple(found)
+    """Return the indices at which the chart of values, shape (n,), alarms."""
+    return tuple(table_ewma(values, center, sigma).signals.tolist())
 
 
-def table_charts(station: StationConfig, product: ProductConfig, history: History) -> Mapping[str, TableChart]:
-    """Return the charts of the table's quantities over the runs of a product at a station.
+def table_charts(station: StationConfig, runs: RunColumns) -> Mapping[str, TableChart]:
+    """Return the charts of the table's quantities over the runs of a product that were made at a station.
 
     Runs after the day of the table's latest calibration count, all if the station has no such date. Their first
     `BASELINE` are the baseline. Runs of one product have one schedule and therefore equal standard deviations.
     """
+    rows = judged_runs(runs)
+    rows = rows[runs.stations.among((station.name,))[rows]]
     calibrated = [each.calibrated for each in station.instruments if each.kind == "table" and each.calibrated]
-    since = ""
     if calibrated:
-        following = datetime.combine(max(calibrated) + timedelta(days=1), time.min)
-        since = f"{following.astimezone(UTC):%Y-%m-%dT%H:%M:%S}"
-    runs = history.runs(RunFilter(station=station.name, product=product.name, since=since), limit=None)
-    rows: dict[str, list[tuple[str, float]]] = {name: [] for name in TABLE_QUANTITIES}
-    for run in reversed(runs):
-        if run.partial or run.outcome not in ("passed", "failed"):
-            continue
-        try:
-            table = history.result(run).table
-        except InputError:
-            continue
-        for name, row in table.items():
-            rows.setdefault(name, []).append((run.started_utc, row.value))
-    return {name: _chart(found) for name, found in rows.items() if len(found) >= _LEAST}
-
-
-def _chart(rows: Sequence[tuple[str, float]]) -> TableChart:
-    """Return the chart of starts and values in the order of time."""
-    values = np.array([value for _, value in rows])
-    known = values[:BASELINE]
-    center, sigma = float(known.mean()), float(known.std(ddof=1))
-    found = tuple(len(known) + k for k in alarms(values[len(known) :], center, sigma))
-    return TableChart(tuple(start for start, _ in rows), values, center, sigma, len(known), found)
+        following = datetime.combine(max(calibrated) + timedelta(days=1), time.min).timestamp()
+        rows = rows[runs.started[rows] >= following]
+    charts = {}
+    for name in TABLE_QUANTITIES:
+        some = rows[~np.isnan(runs.table[name][rows])] if name in runs.table else rows[:0]
+        if len(some) >= _LEAST:
+            names = tuple(runs.names[k] for k in some.tolist())
+            charts[name] = TableChart.of(names, runs.started[some], runs.table[name][some])
+    return charts

@@ -1,17 +1,19 @@
 """Yield of stored runs: by day, product, station and operator, first-pass yield, and the checks that failed."""
 
 import math
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
-from itertools import compress
 from statistics import NormalDist
 from typing import TypeVar
 
 import numpy as np
 
-from calstation.records import RunColumns
+from calstation.physics import BoolArray, FloatArray
+from calstation.quality.runs import production_runs
+from calstation.records import Categories, RunColumns
 
 #: Probability of the intervals.
 _CONFIDENCE = 0.95
@@ -76,48 +78,49 @@ def count_yields(runs: RunColumns, since: float = -math.inf, without: Collection
     not count. A failed run that failed several checks counts for each of them.
     """
     judged = production_runs(runs, without)
-    first: dict[tuple[str | None, str], int] = {}
-    for k in judged:
-        first.setdefault((runs.products[k], runs.serials[k]), k)
-    starts = runs.started.tolist()
-    selected = [k for k in judged if starts[k] >= since]
-    units = [k for k in first.values() if starts[k] >= since]
-    passed = [runs.verdicts[k] == "passed" for k in selected]
-    days = _by([date.fromtimestamp(starts[k]) for k in selected], passed)
+    units = runs.products.codes[judged] * len(runs.serials.values) + runs.serials.codes[judged]
+    first = judged[np.unique(units, return_index=True)[1]]
+    selected, first = (rows[runs.started[rows] >= since] for rows in (judged, first))
+    passed = runs.verdicts.among(("passed",))
+    days: dict[date, Share] = _by(_days(runs.started[selected]), passed[selected])
     products, stations, operators = (
-        _by([column[k] for k in selected], passed) for column in (runs.products, runs.stations, runs.operators)
+        _by(column.take(selected), passed[selected]) for column in (runs.products, runs.stations, runs.operators)
     )
+    failed = selected[~passed[selected]]
     return Yields(
-        overall=_share(passed),
-        first_pass=_share([runs.verdicts[k] == "passed" for k in units]),
+        overall=_share(passed[selected]),
+        first_pass=_share(passed[first]),
         days={day.isoformat(): share for day, share in days.items()},
         products=products,
         stations=stations,
         operators=operators,
-        failed_checks=_pareto([runs.failed_checks[k] for k in selected if runs.verdicts[k] != "passed"]),
+        failed_checks=_pareto([runs.failed_checks[k] for k in failed.tolist()]),
     )
 
 
-def judged_runs(runs: RunColumns) -> list[int]:
-    """Return the indices of the full runs that ended with PASS or FAIL."""
-    full = np.flatnonzero(~runs.partial).tolist()
-    return [k for k in full if runs.verdicts[k] in ("passed", "failed")]
+def _days(started: FloatArray) -> Categories[date | None]:
+    """Return the dates on this computer of times in order, s since 1970."""
+    days: list[date | None] = []
+    codes = np.empty(len(started), dtype=np.int64)
+    first = 0
+    while first < len(started):
+        day = date.fromtimestamp(started[first])
+        stop = bisect_right(started, day, first, key=date.fromtimestamp)
+        codes[first:stop] = len(days)
+        days.append(day)
+        first = stop
+    return Categories(tuple(days), codes)
 
 
-def production_runs(runs: RunColumns, without: Collection[str]) -> list[int]:
-    """Return the indices of the judged runs that are of production: neither of check standards nor of `without`."""
-    standard = runs.check_standard.tolist()
-    return [k for k in judged_runs(runs) if not standard[k] and runs.serials[k] not in without]
+def _share(passed: BoolArray) -> Share | None:
+    return Share.of(int(np.count_nonzero(passed)), len(passed)) if len(passed) else None
 
 
-def _share(passed: Sequence[bool]) -> Share | None:
-    return Share.of(sum(passed), len(passed)) if passed else None
-
-
-def _by(groups: Sequence[K | None], passed: Sequence[bool]) -> dict[K, Share]:
+def _by(groups: Categories[K | None], passed: BoolArray) -> dict[K, Share]:
     """Return the share of each group's runs, given the group of each run, in order."""
-    counts, good = Counter(groups), Counter(compress(groups, passed))
-    return {name: Share.of(good[name], counts[name]) for name in sorted(name for name in counts if name is not None)}
+    counts, good = (np.bincount(codes, minlength=len(groups.values)) for codes in (groups.codes, groups.codes[passed]))
+    found = {name: (int(good[k]), int(counts[k])) for k, name in enumerate(groups.values) if counts[k]}
+    return {name: Share.of(*found[name]) for name in sorted(name for name in found if name is not None)}
 
 
 def _pareto(failed: Sequence[tuple[str, ...]]) -> tuple[FailedCheck, ...]:

@@ -93,6 +93,7 @@ from .resolves import ResolveRecord as ResolveRecord
 from .resolves import append_resolve as append_resolve
 from .resolves import read_resolves as read_resolves
 from .resolves import resolves_path as resolves_path
+from .run_index import Categories as Categories
 from .run_index import IndexedRun as IndexedRun
 from .run_index import RunChoices as RunChoices
 from .run_index import RunColumns as RunColumns

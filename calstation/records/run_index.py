@@ -4,11 +4,13 @@ import json
 import math
 import sqlite3
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
+from uuid import uuid4
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -40,10 +42,10 @@ from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
 from calstation.errors import ConfigurationError
-from calstation.physics import BoolArray, FloatArray
+from calstation.physics import BoolArray, FloatArray, IntArray
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 13
+_VERSION = 14
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -62,6 +64,9 @@ _AT_ONCE = 1000
 
 #: What SQLite says of a file that is damaged or no database; all else, such as a full disk, may pass.
 _DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+
+#: Prefix of the table's quantities among the parameters of a row; rows of earlier versions have none.
+_OF_TABLE = "table."
 
 T = TypeVar("T")
 
@@ -118,24 +123,59 @@ class IndexedRun:
     values: Mapping[str, float]  #: Solved values by parameter, SI.
     sigmas: Mapping[str, float]  #: Their standard deviations, SI.
     failed_checks: tuple[str, ...] = ()  #: Names of the checks that failed; none of a run that is not judged.
+    #: Quantities of the table's geometry by name with their standard deviations, rad.
+    table: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Categories(Generic[T]):
+    """A column in which values repeat: the different ones, and which one each row has."""
+
+    values: tuple[T, ...]  #: The different values.
+    codes: IntArray  #: Index of the value of each row, shape (n,).
+
+    @classmethod
+    def of(cls, column: Sequence[T]) -> "Categories[T]":
+        """Return a column of hashable values."""
+        known = {value: code for code, value in enumerate(dict.fromkeys(column))}
+        return cls(tuple(known), np.array([*map(known.__getitem__, column)], dtype=np.int64))
+
+    def __getitem__(self, row: int) -> T:
+        return self.values[int(self.codes[row])]
+
+    def take(self, rows: IntArray) -> "Categories[T]":
+        """Return the values of some rows."""
+        return Categories(self.values, self.codes[rows])
+
+    def among(self, wanted: Collection[T]) -> BoolArray:
+        """Return whether the value of each row is one of these, shape (n,)."""
+        flags = np.zeros(len(self.values), dtype=bool)
+        flags[[self._known[value] for value in wanted if value in self._known]] = True
+        return flags[self.codes]
+
+    @cached_property
+    def _known(self) -> Mapping[T, int]:
+        return {value: code for code, value in enumerate(self.values)}
 
 
 @dataclass(frozen=True)
 class RunColumns:
-    """Runs in columns, the oldest first, for statistics of many runs."""
+    """Runs in columns, the oldest first, for statistics of many runs; the arrays have shape (n,)."""
 
     names: tuple[str, ...]  #: File names of the logs without suffix.
-    serials: tuple[str, ...]
-    started: FloatArray  #: Start, s since 1970 in UTC to a millisecond, shape (n,).
-    verdicts: tuple[str, ...]
-    products: tuple[str | None, ...]
-    stations: tuple[str | None, ...]
-    operators: tuple[str | None, ...]
-    partial: BoolArray  #: Whether the run omitted stages of its product, shape (n,).
-    check_standard: BoolArray  #: Whether the unit was a check standard, shape (n,).
-    failed_checks: tuple[tuple[str, ...], ...]  #: As in `IndexedRun`.
-    values: Mapping[str, FloatArray]  #: Solved values by parameter, SI, shape (n,); NaN where a run has none.
-    sigmas: Mapping[str, FloatArray]  #: Their standard deviations, SI, in the same shape.
+    serials: Categories[str]
+    started: FloatArray  #: Start, s since 1970 in UTC to a millisecond.
+    verdicts: Categories[str]
+    products: Categories[str | None]
+    stations: Categories[str | None]
+    operators: Categories[str | None]
+    partial: BoolArray  #: Whether the run omitted stages of its product.
+    check_standard: BoolArray  #: Whether the unit was a check standard.
+    failed_checks: Categories[tuple[str, ...]]  #: As in `IndexedRun`.
+    values: Mapping[str, FloatArray]  #: Solved values by parameter, SI; NaN where a run has none.
+    sigmas: Mapping[str, FloatArray]  #: Their standard deviations, SI.
+    table: Mapping[str, FloatArray]  #: Quantities of the table's geometry by name, rad; NaN where a run has none.
+    table_sigmas: Mapping[str, FloatArray]  #: Their standard deviations, rad.
 
 
 @dataclass(frozen=True)
@@ -166,7 +206,7 @@ class RunChoices:
 _RECORD = TypeAdapter(RunRecord)
 #: Fields of a run that are columns; `text` is what a search finds, `content` the whole `RunRecord` as JSON.
 #: `parameters` and `failed_checks` are lists of names as JSON, `numbers` the values of all parameters, then their
-#: sigmas, as float64: those of 100,000 runs are read at once without parsing.
+#: sigmas, as float64: those of 100,000 runs are read at once without parsing. The table's quantities are among them.
 _SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from", "batch", "slot")
 #: Columns of the conditions, in an index of their own: a query does not read the contents of other runs.
 _FILTERED = ("started_utc", "name", "verdict", "product", "station", "operator", "batch", "text")
@@ -189,6 +229,8 @@ _runs = Table(
 Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
 #: One row: the shared database from which runs of other folders came, and the last revision that was received.
 _received = Table("received", _metadata, Column("database", String, primary_key=True), Column("revision", BigInteger))
+#: One row: a text that differs after each change of the runs.
+_state = Table("state", _metadata, Column("token", String, primary_key=True))
 _rowid: ColumnElement[int] = literal_column("runs.rowid", Integer)
 
 
@@ -207,7 +249,12 @@ class RunIndex:
     def stamps(self) -> dict[str, str]:
         """Return the stamp of each run of the folder by name."""
         query = select(_runs.c.name, _runs.c.stamp).where(_runs.c.origin == "")
-        return self._try(lambda connection: {row.name: row.stamp for row in connection.execute(query)})
+        return self._try(lambda connection: dict(_rows(connection, query)))
+
+    def token(self) -> str:
+        """Return a text that differs after each change of the runs."""
+        rows = self._try(lambda connection: connection.execute(select(_state)).all())
+        return str(rows[0].token) if rows else ""
 
     def put(self, runs: Iterable[IndexedRun], gone: Iterable[str] = ()) -> None:
         """Add or replace runs of the folder, and remove those in `gone`."""
@@ -219,8 +266,10 @@ class RunIndex:
                 connection.execute(delete(_runs).where(_runs.c.origin == "", _runs.c.name == name))
             if rows:
                 connection.execute(insert(_runs), rows)
+            _renew_token(connection)
 
-        self._try(change)
+        if names:
+            self._try(change)
 
     def own(self, names: Sequence[str]) -> list[IndexedRun]:
         """Return the runs of the folder with these names."""
@@ -250,6 +299,7 @@ class RunIndex:
                 connection.execute(delete(_runs).where(*same))
             if rows:
                 connection.execute(insert(_runs), rows)
+            _renew_token(connection)
 
         if self.received()[0] != database:
             self._in_file(lambda connection: connection.execute(delete(_received)))
@@ -313,22 +363,10 @@ class RunIndex:
         # sorted here: SQLite would read the whole table in the order of time, which is random access
         order = np.argsort([row[0] for row in rows], kind="stable")
         columns = zip(*(rows[k] for k in order.tolist()), strict=True) if rows else [()] * 12
-        (
-            begun,
-            names,
-            serials,
-            verdicts,
-            products,
-            stations,
-            operators,
-            partial,
-            standard,
-            failed,
-            parameters,
-            numbers,
-        ) = columns
-        values, sigmas = _estimates(parameters, numbers)
-        checks = {text: tuple(json.loads(text)) for text in set(failed)}
+        begun, names, *texts, partial, standard, failed, parameters, numbers = columns
+        serials, verdicts, products, stations, operators = (Categories.of(column) for column in texts)
+        values, sigmas = _estimates(Categories.of(parameters), numbers)
+        checks = Categories.of(failed)
         return RunColumns(
             names,
             serials,
@@ -339,9 +377,12 @@ class RunIndex:
             operators,
             np.array(partial, dtype=bool),
             np.array(standard, dtype=bool),
-            tuple(checks[text] for text in failed),
-            values,
-            sigmas,
+            Categories(tuple(tuple(json.loads(text)) for text in checks.values), checks.codes),
+            *(
+                {name.removeprefix(_OF_TABLE): found[name] for name in found if name.startswith(_OF_TABLE) == of_table}
+                for of_table in (False, True)
+                for found in (values, sigmas)
+            ),
         )
 
     def _found(self, query: Select[Any]) -> list[IndexedRun]:
@@ -424,8 +465,8 @@ def _create(connection: Connection) -> None:
     """Create the table; delete the rows of an index of another version."""
     if connection.execute(text("PRAGMA user_version")).scalar_one() != _VERSION:
         _metadata.drop_all(connection)
+        _metadata.create_all(connection)
         connection.execute(text(f"PRAGMA user_version={_VERSION}"))
-    _metadata.create_all(connection)
 
 
 def _rows(connection: Connection, query: Select[Any]) -> list[tuple[Any, ...]]:
@@ -460,12 +501,13 @@ def _row(run: IndexedRun) -> dict[str, Any]:
 
 def to_columns(run: IndexedRun) -> dict[str, Any]:
     """Return the columns that hold a run as a whole: ``content``, ``failed_checks``, ``parameters``, ``numbers``."""
-    numbers = [*run.values.values(), *(run.sigmas.get(name, math.nan) for name in run.values)]
+    of_table = {f"{_OF_TABLE}{name}": row for name, row in run.table.items()}
+    rows = {name: (value, run.sigmas.get(name, math.nan)) for name, value in run.values.items()} | of_table
     return {
         "content": json.dumps(asdict(run.record), default=str),
         "failed_checks": json.dumps(run.failed_checks),
-        "parameters": json.dumps([*run.values]),
-        "numbers": np.array(numbers, dtype=float).tobytes(),
+        "parameters": json.dumps([*rows]),
+        "numbers": np.array([*rows.values()], dtype=float).reshape(-1, 2).T.tobytes(),
     }
 
 
@@ -478,23 +520,28 @@ def from_columns(
         {name: number for name, number in zip(names, part, strict=True) if not math.isnan(number)}
         for part in np.frombuffer(numbers).reshape(2, len(names)).tolist()
     )
+    of_table = [name for name in names if name.startswith(_OF_TABLE)]
+    table = {n.removeprefix(_OF_TABLE): (values.pop(n, math.nan), sigmas.pop(n, math.nan)) for n in of_table}
     record = _RECORD.validate_python(json.loads(content))
-    return IndexedRun(name, stamp, record, values, sigmas, tuple(json.loads(failed_checks)))
+    return IndexedRun(name, stamp, record, values, sigmas, tuple(json.loads(failed_checks)), table)
+
+
+def _renew_token(connection: Connection) -> None:
+    connection.execute(delete(_state))
+    connection.execute(insert(_state).values(token=uuid4().hex))
 
 
 def _estimates(
-    parameters: Sequence[str], numbers: Sequence[bytes]
+    parameters: Categories[str], numbers: Sequence[bytes]
 ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     """Return values and sigmas by parameter from the columns of the table, NaN where a run has none."""
-    rows: dict[str, list[int]] = {}
-    for k, names_json in enumerate(parameters):
-        rows.setdefault(names_json, []).append(k)
-    names_of = {names_json: json.loads(names_json) for names_json in rows}
-    column = {name: j for j, name in enumerate(dict.fromkeys(name for names in names_of.values() for name in names))}
-    found = np.full((2, len(column), len(parameters)), np.nan)
-    for names_json, where in rows.items():
-        names = names_of[names_json]
-        table = np.frombuffer(b"".join(numbers[k] for k in where)).reshape(len(where), 2, len(names))
-        found[np.ix_((0, 1), [column[name] for name in names], where)] = table.transpose(1, 2, 0)
+    names_of = [json.loads(names_json) for names_json in parameters.values]
+    column = {name: j for j, name in enumerate(dict.fromkeys(name for names in names_of for name in names))}
+    found = np.full((2, len(column), len(numbers)), np.nan)
+    for code, names in enumerate(names_of):
+        where = np.flatnonzero(parameters.codes == code)
+        table = np.frombuffer(b"".join(numbers[k] for k in where.tolist())).reshape(len(where), 2, len(names))
+        for j, name in enumerate(names):
+            found[:, column[name], where] = table[:, :, j].T
     values, sigmas = ({name: rows[j] for name, j in column.items()} for rows in found)
     return values, sigmas

@@ -86,6 +86,10 @@ class History:
         """Return the runs that meet all conditions and have a time of start in columns, the oldest first."""
         return self._ask(lambda: self._index.columns(wanted))
 
+    def token(self) -> str:
+        """Return a text that differs after each change of the indexed runs."""
+        return self._ask(self._index.token)
+
     def count(self, wanted: RunFilter) -> int:
         """Return the number of runs that meet all conditions."""
         return self._ask(lambda: self._index.count(wanted))
@@ -262,7 +266,9 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
     values = {name: row.value for name, row in known.items()}
     sigmas = {name: row.sigma for name, row in known.items() if math.isfinite(row.sigma)}
     failed = tuple(check.name for check in result.failed_checks) if result.judged else ()
-    return IndexedRun(name, stamp, record, values, sigmas, failed)
+    rows = {name: (row.value, row.sigma) for name, row in result.table.items()}
+    table = {name: row for name, row in rows.items() if all(map(math.isfinite, row))}
+    return IndexedRun(name, stamp, record, values, sigmas, failed, table)
 
 
 def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> IndexedRun:

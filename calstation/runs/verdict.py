@@ -6,10 +6,12 @@ from dataclasses import replace
 
 from calstation.config import ProductConfig, latitude_agrees
 from calstation.errors import ConfigurationError
+from calstation.quality import table_charts
+from calstation.records import RunFilter
 from calstation.results import Ending, build_result, judge, write_json
 from calstation.runs.automatic_report import report_command, start_reports
 from calstation.runs.prepare import OpenRun
-from calstation.sequencer import Ended, State, Verdict
+from calstation.sequencer import Ended, Message, State, Verdict
 
 _OUTCOMES = {State.PASSED: "passed", State.FAILED: "failed", State.STOPPED: "stopped", State.FAULT: "fault"}
 
@@ -53,10 +55,21 @@ def close_run(run: OpenRun, ended: Ended) -> None:
         history.refresh()
     logger.info("verdict %s, result %s", outcome, beside)
     if outcome in ("passed", "failed"):
+        _report_table(run, beside.stem)
         run.report = report_command(run.setup, beside.absolute(), run.prepared.emit)
         if not run.setup.request.batch:
             start_reports([run.report])
     run.prepared.emit(Verdict(outcome, str(log.path), str(beside), written))
+
+
+def _report_table(run: OpenRun, name: str) -> None:
+    """Emit a message if a chart of the table's geometry alarms at this run."""
+    station, product = run.setup.station, run.setup.product
+    charts = table_charts(station, run.prepared.history.columns(RunFilter(product=product.name, station=station.name)))
+    moved = [quantity for quantity, chart in charts.items() if name in {chart.names[k] for k in chart.alarms}]
+    if moved:
+        logger.warning("the geometry of the table has changed: %s", ", ".join(moved))
+        run.prepared.emit(Message("table_moved", {"quantities": moved}))
 
 
 def advice(product: ProductConfig, outcome: str, failures: int, finished: bool) -> str | None:

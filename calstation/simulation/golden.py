@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from calstation.bench import BenchConfig
 from calstation.bench.truth import BenchTruth
 from calstation.estimation.common import Belief, SolveContext, stage_data
 from calstation.estimation.positions import TABLE_QUANTITIES, table_axes, table_rests
@@ -21,6 +22,7 @@ from calstation.quality import BASELINE, WEIGHT, WIDTH, alarms
 from calstation.results import one_blas_thread
 from calstation.simulation.study import (
     MOUNT_DEG,
+    TILT_DEG,
     Schedules,
     draw_unit,
     fast_schedule,
@@ -32,6 +34,12 @@ from procedures import method
 
 #: Runs after a shift within which it should be alarmed, and alarms in control that are accepted.
 WITHIN, MOST_ALARMS = 10, 3
+
+#: Standard deviation of the true values of the bench's axes from unit to unit of the table, rad.
+AXIS_ERROR = (
+    float(np.deg2rad(BenchConfig().non_orthogonality_arcsec / 3600.0)),
+    *2 * (float(np.deg2rad(TILT_DEG)) / np.sqrt(2.0),),
+)
 
 _STAGE = "designed"
 #: Resampled series for the probabilities, and runs before the shift in each.
@@ -115,45 +123,57 @@ def golden_demo(
 
     The first `BASELINE` runs give center and standard deviation of each chart. `runs` golden runs without a shift
     follow, each after `production` runs of other units, which measure the table as well. Then the axis of `quantity`
-    shifts by `shift` standard deviations from run to run, and `WITHIN` golden runs follow, with those of production.
+    shifts by `shift` standard deviations from run to run, and `WITHIN` golden runs follow, with those of production. As
+    many follow for a shift by `AXIS_ERROR` instead.
 
-    Returns JSON data: what the charts did, and the probabilities of `resampled`. `passed` means at most `MOST_ALARMS`
-    alarms of all charts without a shift, and an alarm of the chart of `quantity` within `WITHIN` golden runs after it.
+    Returns JSON data: what the charts did, and the probabilities of `false_alarms` and `detection`. `passed` means at
+    most `MOST_ALARMS` alarms of all charts without a shift, and an alarm of the chart of `quantity` within `WITHIN`
+    golden runs after each shift.
     """
     period = production + 1
     steady, after = BASELINE + runs * period, WITHIN * period
     done = 0
 
-    def measured(first: int, count: int, moved: Shift) -> FloatArray:
+    def measured(first: int, count: int, moved: FloatArray) -> FloatArray:
         nonlocal done
         rows = []
+        shifts: Shift = (float(moved[0]), float(moved[1]), float(moved[2]))
         for row in _map(
-            partial(_table_of, seed=seed, period=period, shift=moved), range(first, first + count), workers
+            partial(_table_of, seed=seed, period=period, shift=shifts), range(first, first + count), workers
         ):
             rows.append(row)
             done += 1
-            progress(done, steady + after)
+            progress(done, steady + 2 * after)
         return np.array(rows)
 
-    values = measured(0, steady, _NO_SHIFT)
-    baseline = values[:BASELINE]
+    values = measured(0, steady, np.zeros(3))
+    baseline, tested = values[:BASELINE], values[BASELINE:]
     center, sigma = baseline.mean(axis=0), baseline.std(axis=0, ddof=1)
     at = TABLE_QUANTITIES.index(quantity)
-    moved = shift * sigma[at] * np.eye(3)[at]
-    values = np.concatenate([values, measured(steady, after, (moved[0], moved[1], moved[2]))])[BASELINE:]
-    found = [alarms(values[:, i], center[i], sigma[i]) for i in range(3)]
-    count = sum(k < runs * period for each in found for k in each)
-    later = [(k - runs * period) // period + 1 for k in found[at] if k >= runs * period]
-    rates = resampled(values[: runs * period], runs * period, after, shift, seed)
+    count = sum(len(alarms(tested[:, i], center[i], sigma[i])) for i in range(3))
+    axis = AXIS_ERROR[at] / sigma[at]
+    alarmed = []
+    for number, size in enumerate((shift, axis)):
+        moved = measured(steady + number * after, after, size * sigma[at] * np.eye(3)[at])
+        found = alarms(np.concatenate([tested, moved])[:, at], center[at], sigma[at])
+        later = [k - len(tested) + 1 for k in found if k >= len(tested)]
+        alarmed.append(later[0] if later else None)
     return {
         "schema": "calstation.golden_demo/1",
         **{"runs": runs, "production": production, "shift": shift, "seed": seed, "quantity": quantity},
-        **{"baseline": BASELINE, "weight": WEIGHT, "width": WIDTH},
+        **{"baseline": BASELINE, "weight": WEIGHT, "width": WIDTH, "within_runs": after},
         "sigma": dict(zip(TABLE_QUANTITIES, sigma.tolist(), strict=True)),
         "alarms": count,
-        "alarmed_after": later[0] if later else None,
-        **rates,
-        "passed": count <= MOST_ALARMS and bool(later),
+        "alarmed_after_runs": alarmed[0],
+        "axis_error": float(axis),
+        "axis_alarmed_after_runs": alarmed[1],
+        **false_alarms(tested, runs * period, seed),
+        **detection(tested, after, shift, seed),
+        "golden_alone": {
+            "shift": detection(tested, WITHIN, shift, seed),
+            "axis_error": detection(tested, WITHIN, np.array(AXIS_ERROR) / tested.std(axis=0, ddof=1), seed),
+        },
+        "passed": count <= MOST_ALARMS and None not in alarmed,
     }
 
 
@@ -172,42 +192,55 @@ def _table_of(number: int, seed: int, period: int, shift: Shift) -> FloatArray:
     return golden_run(number, seed, shift, None if golden else _OTHERS + number).table
 
 
-def resampled(values: FloatArray, runs: int, after: int, shift: float, seed: int) -> dict[str, Any]:
-    """Return probabilities of the charts over `_TRIALS` series drawn from runs without a shift, shape (n, 3).
+def false_alarms(values: FloatArray, runs: int, seed: int) -> dict[str, float]:
+    """Return how often the charts alarm over `_TRIALS` series drawn from runs without a shift, shape (n, 3).
 
-    Each series has a baseline of its own.
-
-    run_length : mean number of runs between alarms of all charts together, without a shift
-    few_alarms : probability of at most `MOST_ALARMS` alarms of all charts together in `runs` runs without a shift
-    alarmed_in_time : probability that a shift is alarmed by the chart of its quantity within `after` runs, by quantity
-    median_runs : median number of runs until this alarm, by quantity
+    Each series has a baseline of its own. `run_length` is the mean number of runs between alarms of all charts
+    together, `few_alarms` the probability of at most `MOST_ALARMS` alarms of all charts together in `runs` runs.
     """
-    random = np.random.default_rng([seed, 1])
-    true_sigma = values.std(axis=0, ddof=1)
-    drawn = [values[random.integers(len(values), size=BASELINE)] for _ in range(_TRIALS)]
-    center = np.array([each.mean(axis=0) for each in drawn])
-    sigma = np.array([each.std(axis=0, ddof=1) for each in drawn])
-
-    def draw(count: int) -> FloatArray:
-        """Draw `count` runs of every series, shape (count, series, quantities)."""
-        return np.asarray(values[random.integers(len(values), size=(count, _TRIALS))])
-
-    def each_alarms(series: FloatArray) -> list[list[tuple[int, ...]]]:
-        """Return the alarms by series and quantity."""
-        return [
-            [alarms(series[:, k, i], center[k, i], sigma[k, i]) for i in range(center.shape[1])] for k in range(_TRIALS)
-        ]
-
-    total = np.array([sum(map(len, found)) for found in each_alarms(draw(runs))])
-    longest = max(after, 10 * WITHIN)
-    # each chart sees the shift of its own quantity as if it were the only one
-    shifted = each_alarms(np.concatenate([draw(_BEFORE), draw(longest) + shift * true_sigma]))
-    first = np.array(
-        [[next((a - _BEFORE + 1 for a in found if a >= _BEFORE), longest + 1) for found in row] for row in shifted]
-    )
+    series = _Resampled(values, seed)
+    total = np.array([sum(map(len, found)) for found in series.alarms(series.draw(runs))])
     return {
         "run_length": float(runs * _TRIALS / max(int(total.sum()), 1)),
         "few_alarms": float(np.mean(total <= MOST_ALARMS)),
-        "alarmed_in_time": dict(zip(TABLE_QUANTITIES, np.mean(first <= after, axis=0).tolist(), strict=True)),
+    }
+
+
+def detection(values: FloatArray, within: int, shift: float | FloatArray, seed: int) -> dict[str, dict[str, float]]:
+    """Return how soon a shift is alarmed over `_TRIALS` series drawn from runs without a shift, shape (n, 3).
+
+    `shift` is in standard deviations of `values`, the same for all quantities or of shape (3,). `alarmed_in_time` is
+    the probability by quantity that its chart alarms within `within` runs, `median_runs` the median number of runs.
+    """
+    series = _Resampled(values, seed)
+    longest = max(within, 10 * WITHIN)
+    # each chart sees the shift of its own quantity as if it were the only one
+    moved = series.draw(longest) + shift * values.std(axis=0, ddof=1)
+    found = series.alarms(np.concatenate([series.draw(_BEFORE), moved]))
+    first = np.array(
+        [[next((a - _BEFORE + 1 for a in each if a >= _BEFORE), longest + 1) for each in row] for row in found]
+    )
+    return {
+        "alarmed_in_time": dict(zip(TABLE_QUANTITIES, np.mean(first <= within, axis=0).tolist(), strict=True)),
         "median_runs": dict(zip(TABLE_QUANTITIES, np.median(first, axis=0).tolist(), strict=True)),
     }
+
+
+class _Resampled:
+    """Series drawn from runs, each with a baseline of its own."""
+
+    def __init__(self, values: FloatArray, seed: int) -> None:
+        self._values, self._random = values, np.random.default_rng([seed, 1])
+        drawn = self.draw(BASELINE)
+        self._center, self._sigma = drawn.mean(axis=0), drawn.std(axis=0, ddof=1)
+
+    def draw(self, count: int) -> FloatArray:
+        """Draw `count` runs of every series, shape (count, series, quantities)."""
+        return np.asarray(self._values[self._random.integers(len(self._values), size=(count, _TRIALS))])
+
+    def alarms(self, series: FloatArray) -> list[list[tuple[int, ...]]]:
+        """Return the alarms by series and quantity."""
+        center, sigma = self._center, self._sigma
+        return [
+            [alarms(series[:, k, i], center[k, i], sigma[k, i]) for i in range(center.shape[1])] for k in range(_TRIALS)
+        ]

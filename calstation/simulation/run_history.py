@@ -1,7 +1,8 @@
 """A synthetic history of runs: small result files of several products, stations and operators over a year.
 
-It contains what statistics of quality should show: a drift of one station, a step of one lot, a tired operator, checks
-that fail, repeated runs of failed units, a golden unit of every product, and a study of units by operators.
+It contains what statistics of quality should show: a drift of one station, a station with a shorter schedule, a table
+whose axes shift, a step of one lot, a tired operator, checks that fail, repeated runs of failed units, a golden unit of
+every product, and a study of units by operators.
 """
 
 import json
@@ -28,8 +29,14 @@ STATIONS = ("bench 1", "bench 2", "bench 3", "bench 4")
 OPERATORS = ("Li Wei", "Zhang Min", "Wang Fang", "Chen Jie", "Liu Yang", "Zhao Lei")
 
 #: Standard deviation of the units' values relative to half the width of the limits, and of the measurement of the
-#: values relative to the limit of its sigma.
-_SPREAD, _NOISE = 0.27, 0.5
+#: values relative to the limit of its sigma, in the whole schedule.
+_SPREAD, _NOISE = 0.27, 0.15
+#: Station with a short schedule, and its sigmas relative to those of the whole one.
+_SHORT, _COARSER = "bench 4", 3.0
+_STAGES = ["rate", "six_position", "excitation", "azimuth_flip"]
+#: Geometry of the tables and its standard deviation from run to run, rad; station and size of the shift halfway.
+_GEOMETRY = {"orthogonality": (3e-4, 1e-5), "tilt_x": (1e-3, 5e-5), "tilt_y": (-5e-4, 5e-5)}
+_SHIFTED, _SHIFT = "bench 2", 2e-5
 #: One in so many runs is of the golden unit.
 _GOLDEN_EVERY = 50
 #: Shares of runs that are stopped, and of runs of which only the data are bad.
@@ -76,7 +83,7 @@ def synthesise_runs(report: ProgressCallback, folder: Path, runs: int, seed: int
 def _plan(seed: int) -> GaugePlan:
     units, operators, trials = _STUDY
     serials = [f"STUDY-{k + 1:02d}" for k in range(units)]
-    return GaugePlan.random("operator", serials, OPERATORS[:operators], trials, seed, BEGIN)
+    return GaugePlan.random(_product("nav_a").name, serials, OPERATORS[:operators], (), trials, seed, BEGIN)
 
 
 def _results(count: int, random: np.random.Generator, plan: GaugePlan) -> Iterator[tuple[str, dict[str, object]]]:
@@ -109,7 +116,8 @@ def _results(count: int, random: np.random.Generator, plan: GaugePlan) -> Iterat
             if 0.6 < phase < 0.7:  # a lot of accelerometers with another scale
                 true = true + _on("accel_scale_x", 1.0 * products[which].spread)
         product = products[which]
-        value = true + random.normal(0.0, product.sigma)
+        sigma = product.sigma * (_COARSER if station == _SHORT else 1.0)
+        value = true + random.normal(0.0, sigma)
         if drifts and station == "bench 3":
             value = value + _on("gyro_bias_z", (20.0 * phase) * product.sigma)
         if operator == "Wang Fang":
@@ -121,7 +129,19 @@ def _results(count: int, random: np.random.Generator, plan: GaugePlan) -> Iterat
         if outcome == "failed" and attempt < 3 and not serial.startswith("GOLDEN"):
             again.append((which, serial, true, attempt + 1))
         name = f"{serial}_{start:%Y%m%dT%H%M%S%f}"
-        yield name, _result(name, product, serial, start, station, operator, attempt, outcome, value, failed)
+        result = _result(name, product, serial, start, station, operator, attempt, outcome, value, sigma, failed)
+        yield name, result | {"table": _table(random, station, phase)}
+
+
+def _table(random: np.random.Generator, station: str, phase: float) -> dict[str, object]:
+    """Return the geometry of a station's table as a run measures it."""
+    coarser = _COARSER if station == _SHORT else 1.0
+    rows: dict[str, object] = {}
+    for name, (true, sigma) in _GEOMETRY.items():
+        shift = _SHIFT if (station, name) == (_SHIFTED, "orthogonality") and phase > 0.5 else 0.0
+        value = random.normal(true + shift, coarser * sigma)
+        rows[name] = {"value": float(f"{value:.5g}"), "sigma": coarser * sigma, "unit": "rad"}
+    return rows
 
 
 def _product(name: str) -> _Product:
@@ -167,17 +187,18 @@ def _result(
     attempt: int,
     outcome: str,
     value: FloatArray,
+    sigma: FloatArray,
     failed: list[dict[str, object]],
 ) -> dict[str, object]:
     stopped = outcome == "stopped"
     rows = {
-        p.name: {"value": float(f"{value[i]:.7g}"), "sigma": float(f"{product.sigma[i]:.3g}"), "unit": p.unit}
+        p.name: {"value": float(f"{value[i]:.7g}"), "sigma": float(f"{sigma[i]:.3g}"), "unit": p.unit}
         for i, p in enumerate(PARAMETERS)
     }
     return {
         "schema": "calstation.result/1",
         "unit": {"serial": serial},
-        "stages": [] if stopped else ["rate", "six_position", "excitation", "azimuth_flip"],
+        "stages": [] if stopped else ["designed"] if station == _SHORT else _STAGES,
         "passed": None if stopped else not failed,
         "parameters": {} if stopped else rows,
         "checks": [] if stopped else failed,

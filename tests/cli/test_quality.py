@@ -103,11 +103,15 @@ def test_a_folder_without_judged_runs_says_so(calstation: Run, tmp_path: Path) -
         (("--since", "yesterday"), "'yesterday' does not match"),
         (("gauge", "none.json"), "none.json"),
         (
-            ("gauge", "p.json", "--plan", "--units", "A,B", "--appraisers", "x,y", "--by", "day"),
-            "--by 'day' is unknown",
+            ("gauge", "p.json", "--plan", "--units", "A,B", "--operators", "x,y"),
+            "The plan names no product",
         ),
-        (("gauge", "p.json", "--plan", "--units", "A"), "1 units, 0 appraisers"),
-        (("gauge", "no/p.json", "--plan", "--units", "A,B", "--appraisers", "x,y"), "cannot be written"),
+        (("gauge", "p.json", "--plan", "--product", "nav_a", "--units", "A", "--stations", "x,y"), "two units: 1"),
+        (("gauge", "p.json", "--plan", "--product", "nav_a", "--units", "A,B"), "neither operators nor stations"),
+        (
+            ("gauge", "no/p.json", "--plan", "--product", "nav_a", "--units", "A,B", "--operators", "x,y"),
+            "cannot be written",
+        ),
     ],
 )
 def test_wrong_options_are_refused(
@@ -122,7 +126,8 @@ def test_wrong_options_are_refused(
 
 def test_a_study_is_planned_and_evaluated_from_the_stored_runs(calstation: Run, folder: Path, tmp_path: Path) -> None:
     plan = tmp_path / "plan.json"
-    options = ("--units", "STUDY-01, STUDY-02", "--appraisers", "Li Wei,Zhang Min", "--trials", 2, "--seed", 5)
+    units = ("--product", "nav_a", "--units", "STUDY-01, STUDY-02")
+    options = (*units, "--operators", "Li Wei,Zhang Min", "--trials", 2, "--seed", 5)
     shown = calstation("quality", "gauge", plan, "--plan", *options)
     assert shown.code == 0
     assert "8 runs" in shown.out
@@ -130,21 +135,24 @@ def test_a_study_is_planned_and_evaluated_from_the_stored_runs(calstation: Run, 
     assert [row["trial"] for row in order] == [1] * 4 + [2] * 4
     incomplete = calstation("quality", "gauge", plan, "--out", folder)
     assert incomplete.code == 2
-    first = f"next: {order[0]['unit']}, {order[0]['appraiser']}"
+    first = f"next: {order[0]['unit']}, {order[0]['operator']}"
     assert f"8 of the 8 runs of the study are missing; {first}" in incomplete.err
 
-    done = calstation("quality", "gauge", folder / "studies" / "gauge.json", "--out", folder, "--product", "nav_a")
+    done = calstation("quality", "gauge", folder / "studies" / "gauge.json", "--out", folder)
     assert done.code == 0
-    assert "10 units, 3 operators, 3 trials" in done.out
+    assert "Navigation grade A, 10 units, 3 operators, 3 trials" in done.out
+    assert "planned order" not in done.out
     assert "acceptable" in done.out
     assert "…" not in done.out
     study = ("quality", "gauge", folder / "studies" / "gauge.json", "--out", folder, "--json", "-")
     found = calstation(*study).json["parameters"]
     assert [*found] == [*NAMES]
-    assert found["gyro_bias_x"]["gauge"]["percent_tolerance"] is None
+    assert found["gyro_bias_x"]["gauge"]["percent_tolerance"] < 30.0, "the limits of the plan's product apply"
+    assert set(found["gyro_bias_x"]["components"]) >= {"unit", "operator"}
     assert found["gyro_bias_x"]["categories"] > 5
     refused = calstation(*study, "--product", "mems_c")
-    assert (refused.code, "its runs are of Navigation grade A" in refused.err) == (2, True)
+    assert (refused.code, "its plan is for 'Navigation grade A'" in refused.err) == (2, True)
+    assert calstation(*study).json["out_of_order"] == 0
     other = calstation(*study, "--parameter", "clock_offset")
     assert (other.code, "not every run of the study solved the parameter" in other.err.lower()) == (2, True)
     assert [*calstation(*study, "--parameter", "gyro_bias_y").json["parameters"]] == ["gyro_bias_y"]

@@ -101,20 +101,21 @@ def test_every_quantity_has_charts_and_a_signal_opens_its_run(operator: Operator
 
 @pytest.mark.long
 def test_slow_changes_are_charted_by_ewma_or_cusum(operator: Operator, page: QualityPage) -> None:
-    assert "EWMA, λ = 0.2, L = 2.86" in operator.says()
+    assert "EWMA, λ = 0.2, L = 3.06" in operator.says()
     choose(operator, "quality_slow_combo", 1)
-    assert "CUSUM, k = 0.5 σ, h = 4.77 σ" in operator.says()
+    assert "CUSUM, k = 0.5 σ, h = 5.35 σ" in operator.says()
+    assert "individuals, ±3.13 σ, Nelson's rules; limits from the first 100 runs" in operator.says()
 
 
 @pytest.mark.long
 def test_values_relative_to_their_sigma_mix_schedules(operator: Operator, page: QualityPage) -> None:
-    before = page.control._charts["gyro_bias_x"].individuals.values
+    before = page.control._charts["gyro_bias_x"].values
     choose(operator, "quality_scale_combo", 1)
     until_read(operator, page)
-    after = page.control._charts["gyro_bias_x"].individuals.values
-    assert abs(after.mean()) < 1e-6
-    assert len(after) == len(before)
-    assert after.std() > 1e3 * before.std()
+    after = page.control._charts["gyro_bias_x"]
+    assert len(after.values) == len(before)
+    assert after.values[:BASELINE].std() == pytest.approx(1.0, abs=0.1)
+    assert after.effects is not None
     click_tab(operator, "Capability")
     assert "No limits for the values" in operator.says()
 
@@ -196,7 +197,7 @@ def test_the_errors_that_a_check_standard_detects_stand_beside_the_limits(
         assert e_n == with_minus(f"{found.verdicts[-1].e_n[name]:.2f}")
         assert (float(shown), unit) == (pytest.approx(value, rel=0.01), in_unit)
         assert share == f"{100 * found.verdicts[-1].detectable[name] / found.half_limits[name]:.0f} %"
-    assert "Smallest true errors that this run detects with 90 % probability" in operator.says()
+    assert "Smallest errors that this run detects, 90 %" in operator.says()
     names = page.standards.errors.getAxis("left")._tickLevels[0]
     assert [name for _, name in names] == [parameter_text(name) for name in ("gyro_bias_x", "accel_bias_y")]
     page.standards.errors.show_errors(dict.fromkeys(NAMES, 0.5), 2.0)
@@ -215,15 +216,17 @@ def test_the_errors_that_a_check_standard_detects_stand_beside_the_limits(
 def test_limits_of_the_table_begin_after_its_baseline(operator: Operator, page: QualityPage, later: int) -> None:
     values = np.append(np.zeros(BASELINE), np.full(later, 2e-4))
     alarms = tuple(BASELINE + k for k in (5, 11)[: later // 10])
-    chart = TableChart(("2026-11-01T08:00:00+00:00",) * len(values), values, 0.0, 1e-4, BASELINE, alarms)
+    names = tuple(f"run {k}" for k in range(len(values)))
+    chart = TableChart(names, 1e9 + np.arange(len(values)), values, 0.0, 1e-4, BASELINE, alarms)
     click_tab(operator, "Check standards")
     page._show_station(StationQuality((), (), (), {"orthogonality": chart}))
-    assert "after a baseline of 100 runs" in operator.says()
+    assert "EWMA after 100 runs" in operator.says()
+    assert ("Changed: angle between the axes. Check the axes" in operator.says()) == (later > 0)
     missing = "Nothing is tested yet: 100 of 100 runs of the baseline are missing."  # of the two other quantities
     assert missing in operator.says()
     page._show_station(StationQuality((), (), (), dict.fromkeys(TABLE_QUANTITIES, chart)))
     assert "Nothing is tested yet" not in operator.says()
-    short = replace(chart, values=values[:40], started_utc=chart.started_utc[:40], baseline=40, alarms=())
+    short = replace(chart, names=names[:40], started=chart.started[:40], values=values[:40], baseline=40, alarms=())
     page._show_station(StationQuality((), (), (), dict.fromkeys(TABLE_QUANTITIES, short)))
     assert "60 of 100 runs of the baseline are missing" in operator.says()
     page._show_station(StationQuality((), (), (), {"orthogonality": chart}))
@@ -241,13 +244,14 @@ def test_a_study_from_its_plan_to_its_verdict(
     operator.qtbot.keyClicks(operator.widget("study_units_edit", QLineEdit), "A-1, A-2")
     operator.press("study_save_button")
     assert "The study" in operator.says()
-    operator.qtbot.keyClicks(operator.widget("study_appraisers_edit", QLineEdit), "Li, Wang")
+    operator.qtbot.keyClicks(operator.widget("study_operators_edit", QLineEdit), "Li, Wang")
     new = tmp_path / "plan.json"
     monkeypatch.setattr(study_view, "ask_file", lambda parent, title, proposed, kinds, write: write(new))
     operator.press("study_save_button")
     until_read(operator, page)
     plan = GaugePlan.load(new)
-    assert (plan.units, plan.appraisers, plan.trials) == (("A-1", "A-2"), ("Li", "Wang"), 3)
+    assert (plan.product, plan.units, plan.operators) == ("Navigation grade A", ("A-1", "A-2"), ("Li", "Wang"))
+    assert (plan.stations, plan.trials) == ((), 3)
     operator.press("study_new_button")
     operator.press("study_save_button")
     again = GaugePlan.load(new)
@@ -255,13 +259,13 @@ def test_a_study_from_its_plan_to_its_verdict(
     until_read(operator, page)
     plan = again
     first = plan.order[0]
-    assert f"12 of 12 runs are missing. Next: {first.appraiser} calibrates unit {first.unit}." in operator.says()
-    assert [row[4] for row in cells(operator, "study_order_table")] == ["next", *["waiting"] * 11]
+    assert f"12 of 12 runs are missing. Next: {first.operator} calibrates unit {first.unit}." in operator.says()
+    assert [row[-1] for row in cells(operator, "study_order_table")] == ["next", *["waiting"] * 11]
     made = next((operator.site_folder.runs / "studies").glob("*.json"))
     monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(made), ""))
     operator.press("study_open_button")
     until_read(operator, page)
-    assert "10 units, measured by 3, 3 times each" in operator.says()
+    assert "10 units × 3 operators, 3 times each" in operator.says()
     rows = cells(operator, "study_components_table")
     assert [row[0] for row in rows][-2:] == ["Units (PV)", "Total (TV)"]
     assert float(rows[-1][3]) == 100.0

@@ -9,14 +9,18 @@ from scipy import stats
 from calstation.errors import InputError
 from calstation.physics import FloatArray
 from calstation.quality.charts import (
+    BASELINE,
     D2,
     D4,
     E2,
+    ESTIMATED,
+    KNOWN,
+    Process,
     cusum_chart,
     ewma_chart,
     individuals_chart,
     nelson_signals,
-    standardised,
+    restarted_ewma_chart,
 )
 
 
@@ -75,7 +79,9 @@ def test_constants_are_those_of_two_values() -> None:
 
 
 def test_individuals_chart_of_the_nist_handbook() -> None:
-    chart = individuals_chart(FLOW)
+    process = Process.estimated(FLOW)
+    assert (process.baseline, process.source) == (10, "retrospective")
+    chart = individuals_chart(FLOW, process.center, process.sigma)
     assert chart.center == pytest.approx(50.81)
     assert D2 * chart.sigma == pytest.approx(1.8778, abs=1e-4)
     assert (chart.low, chart.high) == pytest.approx((45.8159, 55.8041), abs=2e-3)  # 1.128 is rounded there
@@ -85,7 +91,7 @@ def test_individuals_chart_of_the_nist_handbook() -> None:
 
 
 def test_cusum_of_the_nist_handbook() -> None:
-    chart = cusum_chart(CUSUM_VALUES, center=325.0, sigma=1.0, allowance=0.3175, decision=4.1959)
+    chart = cusum_chart(CUSUM_VALUES, 325.0, 1.0, allowance=0.3175, decision=4.1959)
     assert chart.upper == pytest.approx(CUSUM_HIGH, abs=6e-3)
     assert chart.lower == pytest.approx(CUSUM_LOW, abs=6e-3)
     assert chart.signals_high.tolist() == [13, 14, 15, 16, 17, 18, 19]
@@ -93,7 +99,7 @@ def test_cusum_of_the_nist_handbook() -> None:
 
 
 def test_ewma_of_the_nist_handbook() -> None:
-    chart = ewma_chart(EWMA_VALUES, weight=0.3, width=3.0, center=50.0, sigma=2.0539)
+    chart = ewma_chart(EWMA_VALUES, 50.0, 2.0539, weight=0.3, width=3.0)
     assert chart.average == pytest.approx(EWMA_AVERAGE, abs=6e-3)
     assert (chart.low[-1], chart.high[-1]) == pytest.approx((47.4115, 52.5884), abs=2e-3)
     assert chart.high[0] == pytest.approx(50.0 + 3.0 * 0.3 * 2.0539)
@@ -101,13 +107,13 @@ def test_ewma_of_the_nist_handbook() -> None:
 
 
 def test_charts_of_the_r_package_qcc() -> None:
-    chart = individuals_chart(VISCOSITY, baseline=20)
-    assert (chart.center, chart.sigma) == pytest.approx((34.088, 0.5076521), rel=4e-4)  # qcc has 1.128 for d2
-    ewma = ewma_chart(VISCOSITY, width=2.7, baseline=20)
+    process = Process.estimated(VISCOSITY[:20])
+    assert (process.center, process.sigma) == pytest.approx((34.088, 0.5076521), rel=4e-4)  # qcc has 1.128 for d2
+    ewma = ewma_chart(VISCOSITY, process.center, process.sigma, width=2.7)
     limits = [(ewma.low[k], ewma.high[k]) for k in (0, 1, 34)]
     expected = [(33.81387, 34.36213), (33.73694, 34.43906), (33.63111, 34.54489)]
     assert np.array(limits) == pytest.approx(np.array(expected), abs=2e-4)
-    rings = ewma_chart(RINGS, width=3.0, center=74.00118, sigma=0.009785039 / 5**0.5)
+    rings = ewma_chart(RINGS, 74.00118, 0.009785039 / 5**0.5, width=3.0)
     limits = [(rings.low[k], rings.high[k]) for k in (0, 1, 24)]
     expected = [(73.99855, 74.00380), (73.99781, 74.00454), (73.99680, 74.00555)]
     assert np.array(limits) == pytest.approx(np.array(expected), abs=1e-5)
@@ -115,7 +121,7 @@ def test_charts_of_the_r_package_qcc() -> None:
 
 def test_cusum_equals_its_recursion() -> None:
     values = np.random.default_rng(1).normal(0.3, 1.0, 500)
-    chart = cusum_chart(values, center=0.0, sigma=1.0)
+    chart = cusum_chart(values, 0.0, 1.0)
     high = low = 0.0
     for k, value in enumerate(values):
         high, low = max(0.0, high + value - 0.5), max(0.0, low - value - 0.5)
@@ -153,19 +159,40 @@ def test_signals_are_in_order_of_their_points() -> None:
 
 def test_few_or_equal_values() -> None:
     with pytest.raises(InputError) as caught:
-        individuals_chart(np.array([1.0]))
+        Process.estimated(np.array([1.0]))
     assert caught.value.code == "quality.too_few"
-    chart = individuals_chart(np.ones(20))
+    assert Process.estimated(np.ones(20)) == Process(1.0, 0.0, 20)
+    chart = individuals_chart(np.ones(20), 1.0, 0.0)
     assert (chart.low, chart.high, len(chart.signals.index)) == (1.0, 1.0, 20 - 14)  # all within 1 sigma: rule 7
-    assert cusum_chart(np.ones(5)).upper.tolist() == [0.0] * 5
+    assert cusum_chart(np.ones(5), 1.0, 0.0).upper.tolist() == [0.0] * 5
     assert len(nelson_signals(np.array([]), 0.0, 1.0).index) == 0
 
 
-def test_standardised_values_of_mixed_schedules_have_unit_spread() -> None:
-    random = np.random.default_rng(5)
-    sigmas = np.where(np.arange(4000) % 2, 1e-6, 5e-6)
-    values = 3e-5 + sigmas * random.normal(size=4000)
-    assert np.std(standardised(values, 3e-5, sigmas)) == pytest.approx(1.0, abs=3.0 / (2 * 4000) ** 0.5)
+def test_limits_stay_those_of_the_first_values() -> None:
+    values = np.random.default_rng(3).normal(5.0, 2.0, 400)
+    process = Process.estimated(values[:BASELINE])
+    moved = np.append(values[:BASELINE], values[BASELINE:] + 100.0)
+    assert Process.estimated(values) == Process.estimated(moved) == process
+    assert (process.baseline, process.source, process.widths) == (BASELINE, "baseline", ESTIMATED)
+    assert Process.estimated(values, 4.0) == Process(4.0, process.sigma, BASELINE)
+    assert (Process(0.0, 1.0).source, Process(0.0, 1.0).widths) == ("stated", KNOWN)
+
+
+def test_a_restarted_chart_begins_again_after_each_signal() -> None:
+    random = np.random.default_rng(9)
+    values = np.concatenate([random.standard_normal(1500), 2.0 + random.standard_normal(300)])
+    chart = restarted_ewma_chart(values, 0.0, 1.0, weight=0.1, width=3.0)
+    average, count, signals = 0.0, 0, []
+    for k, value in enumerate(values.tolist()):
+        average, count = 0.9 * average + 0.1 * value, count + 1
+        spread = 3.0 * math.sqrt(0.1 / 1.9 * (1.0 - 0.9 ** (2 * count)))
+        assert (chart.average[k], chart.high[k]) == pytest.approx((average, spread))
+        if abs(average) > spread:
+            signals.append(k)
+            average, count = 0.0, 0
+    assert chart.signals.tolist() == signals
+    assert len([k for k in signals if k >= 1500]) > 10
+    assert len(restarted_ewma_chart(np.empty(0), 0.0, 1.0, weight=0.1, width=3.0).average) == 0
 
 
 def run_length(first: list[int | None], length: int) -> tuple[float, float]:
@@ -206,9 +233,9 @@ def test_false_alarm_rates_are_those_published() -> None:
     length, ewma, cusum = 1500, [], []
     for _ in range(2500):
         values = random.normal(size=length)
-        found = ewma_chart(values, center=0.0, sigma=1.0).signals
+        found = ewma_chart(values, 0.0, 1.0).signals
         ewma.append(int(found[0]) if len(found) else None)
-        sums = cusum_chart(values, center=0.0, sigma=1.0)
+        sums = cusum_chart(values, 0.0, 1.0)
         firsts = [int(s[0]) for s in (sums.signals_high, sums.signals_low) if len(s)]
         cusum.append(min(firsts) if firsts else None)
     for found_first, published in ((ewma, 370.0), (cusum, 370.0)):
@@ -220,7 +247,34 @@ def test_false_alarm_rates_are_those_published() -> None:
 def test_the_moving_range_signals_more_often_than_the_other_charts() -> None:
     """Average run length of docs/how-to/quality.md; a single range exceeds D4 once in 1 / P(|x| > D4 d2 / sqrt 2)."""
     random, length = np.random.default_rng(12), 2000
-    found = [individuals_chart(random.standard_normal(length), center=0.0, sigma=1.0) for _ in range(3000)]
+    found = [individuals_chart(random.standard_normal(length), 0.0, 1.0) for _ in range(3000)]
     first = [int(chart.range_signals[0]) if len(chart.range_signals) else None for chart in found]
     arl, error = run_length(first, length)
     assert arl == pytest.approx(120.0, abs=3.0 * error + 2.0)
+
+
+@pytest.mark.long
+def test_limits_from_the_first_values_keep_the_false_alarm_rate_on_average() -> None:
+    """One false alarm in 370 values, as for a known process: figures of docs/how-to/quality.md."""
+    random, length, series = np.random.default_rng(13), 1200, 1500
+    counts = dict.fromkeys(("individuals", "ewma", "cusum", "range"), 0)
+    for _ in range(series):
+        process = Process.estimated(random.standard_normal(BASELINE))
+        center, sigma, widths = process.center, process.sigma, process.widths
+        values = random.standard_normal(length)
+        chart = individuals_chart(values, center, sigma, width=widths.individuals)
+        counts["individuals"] += chart.signals.count(1)
+        counts["range"] += len(chart.range_signals)
+        counts["ewma"] += len(restarted_ewma_chart(values, center, sigma, weight=0.2, width=widths.ewma).signals)
+        first = 0
+        while first < length:
+            sums = cusum_chart(values[first:], center, sigma, decision=widths.cusum)
+            signals = np.concatenate([sums.signals_high, sums.signals_low])
+            if not len(signals):
+                break
+            counts["cusum"] += 1
+            first += int(signals.min()) + 1
+    rates = {name: series * length / count for name, count in counts.items()}
+    for name in ("individuals", "ewma", "cusum"):
+        assert rates[name] == pytest.approx(370.0, rel=0.12), rates
+    assert rates["range"] == pytest.approx(90.0, rel=0.1)

@@ -19,7 +19,7 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.common import Belief
 from calstation.physics import COUNT, NAMES, PARAMETERS, FloatArray
 from calstation.quality import FALSE_ALARM, POWER, judge_result, judge_standard, standard_states
-from calstation.quality.standards import due_certificates, due_standards
+from calstation.quality.standards import due_certificates
 from calstation.records import audit_path, open_log, read_audit
 from calstation.results import History, load_result
 from calstation.runs import finalize
@@ -200,7 +200,7 @@ def allowed(site: SiteFolder, **changes: Any) -> str | None:
 
 @pytest.mark.long
 def test_production_waits_for_the_check_standard(site: SiteFolder, capsys: pytest.CaptureFixture[str]) -> None:
-    assert refused(site, "quality.standard_never").values["serial"] == GOLDEN
+    assert refused(site, "quality.standard_never").values["name"] == GOLDEN
     assert allowed(site, serial=GOLDEN) is None
 
     request = replace(site.request(), serial=GOLDEN)
@@ -225,9 +225,11 @@ def test_production_waits_for_the_check_standard(site: SiteFolder, capsys: pytes
     assert state.wrong is None
     assert state.due == datetime.fromisoformat(result.started_utc or "") + timedelta(days=7)
     later = datetime.now(UTC) + timedelta(days=8)
-    assert [due.reason for due in due_standards(setup.station, setup.product, history, later)] == ["overdue"]
     elsewhere = setup.station.model_copy(update={"name": "another station"})
-    assert [due.reason for due in due_standards(elsewhere, setup.product, history, later)] == ["never"]
+    for station, reason in ((setup.station, "overdue"), (elsewhere, "never")):
+        (state,) = standard_states(station, setup.product, history, later)
+        assert state.wrong is not None
+        assert state.wrong.reason == reason
 
     files = ["--station", str(site.station), "--product", str(site.product), "--out", str(site.folder / "runs")]
     assert run_app(["quality", "standards", *files, "--json", "-"]) == 0
@@ -321,7 +323,7 @@ def test_an_overdue_certificate_refuses_production_of_the_station(site_folder: S
         {"name": "gravity survey", "kind": "site", "due": date.today()},
     ]
     site_folder.station.write_text(tomli_w.dumps({"instruments": instruments}) + text, encoding="utf-8")
-    error = refused(site_folder, "quality.certificate_overdue")
+    error = refused(site_folder, "quality.standard_certificate")
     assert error.values["name"] == "rate table"
     assert error.values["since"] == due.isoformat()
     setup = resolve_configuration(site_folder.request())

@@ -10,7 +10,7 @@ import pytest
 from calstation.errors import InputError
 from calstation.quality.gauge import gauge_study
 from calstation.quality.gauge_plan import GaugePlan, Measurement
-from calstation.records import RunColumns
+from calstation.records import Categories, RunColumns
 from tests.quality.test_gauge import AIAG
 
 BEGIN = datetime(2026, 11, 2, tzinfo=UTC)
@@ -19,29 +19,34 @@ WHO = ("A", "B", "C")
 
 
 def plan(seed: int = 1, by: str = "operator") -> GaugePlan:
-    return GaugePlan.random(by, UNITS, WHO, 3, seed, BEGIN)  # type: ignore[arg-type]
+    operators, stations = ((), WHO) if by == "station" else (WHO, ())
+    return GaugePlan.random("nav", UNITS, operators, stations, 3, seed, BEGIN)
 
 
 def stored(order: list[Measurement], **changes: object) -> RunColumns:
     """Runs of measurements in order, an hour apart, with the values of the AIAG study in two parameters."""
     n = len(order)
-    values = [AIAG[UNITS.index(m.unit), WHO.index(m.appraiser), m.trial - 1] for m in order]
+    values = [AIAG[UNITS.index(m.unit), WHO.index((m.operator or m.station or "")[0]), m.trial - 1] for m in order]
     started = [(BEGIN + timedelta(hours=k)).timestamp() for k in range(n)]
-    columns = {
-        "names": tuple(f"run {k}" for k in range(n)),
+    texts = {
         "serials": tuple(m.unit for m in order),
-        "started": np.array(started),
         "verdicts": ("passed",) * n,
         "products": ("nav",) * n,
-        "stations": ("bench 1",) * n,
-        "operators": tuple(m.appraiser for m in order),
+        "stations": tuple(m.station or "bench 1" for m in order),
+        "operators": tuple(m.operator or "Li Wei" for m in order),
+        "failed_checks": ((),) * n,
+        **{name: column for name, column in changes.items() if isinstance(column, tuple)},
+    }
+    columns = {
+        "names": tuple(f"run {k}" for k in range(n)),
+        "started": np.array(started),
         "partial": np.zeros(n, dtype=bool),
         "check_standard": np.zeros(n, dtype=bool),
-        "failed_checks": ((),) * n,
         "values": {"gyro_bias_x": np.array(values), "accel_bias_x": np.array([np.nan, *values[1:]])},
-        "sigmas": {},
+        **{name: {} for name in ("sigmas", "table", "table_sigmas")},
     }
-    return RunColumns(**{**columns, **changes})  # type: ignore[arg-type]
+    coded = {name: Categories.of(column) for name, column in texts.items()}
+    return RunColumns(**{**columns, **changes, **coded})  # type: ignore[arg-type]
 
 
 def test_every_trial_has_every_appraiser_with_every_unit_in_an_order_of_its_own() -> None:
@@ -69,11 +74,43 @@ def test_the_values_are_those_of_the_runs_that_follow_the_plan() -> None:
     order = [*plan().order]
     found = plan().values(stored(order))
     assert found.keys() == {"gyro_bias_x"}  # a run of the study lacks the other
-    shown = gauge_study(found["gyro_bias_x"])
+    shown = gauge_study(("unit", "operator"), found["gyro_bias_x"])
     assert shown.gauge.sigma == pytest.approx(0.302373, abs=1e-5)
-    stations = tuple(m.appraiser for m in order)
-    by_station = plan(by="station").values(stored(order, stations=stations, operators=(None,) * 90))
-    assert gauge_study(by_station["gyro_bias_x"]).gauge.sigma == pytest.approx(0.302373, abs=1e-5)
+    by_station = plan(by="station")
+    values = by_station.values(stored([*by_station.order]))["gyro_bias_x"]
+    assert gauge_study(by_station.factors, values).gauge.sigma == pytest.approx(0.302373, abs=1e-5)
+
+
+def test_a_plan_of_operators_at_stations_crosses_both() -> None:
+    both = GaugePlan.random("nav", UNITS[:3], ("A", "B"), ("s1", "s2"), 2, 4, BEGIN)
+    assert both.factors == ("unit", "operator", "station")
+    assert set(Counter((m.trial, m.operator, m.station, m.unit) for m in both.order).values()) == {1}
+    assert len(both.order) == 2 * 2 * 2 * 3
+    assert both.order[0].appraiser in {"A, s1", "A, s2", "B, s1", "B, s2"}
+    runs = stored([*both.order])
+    assert both.remaining(runs) == []
+    values = both.values(runs)["gyro_bias_x"]
+    assert values.shape == (3, 2, 2, 2)
+    first = both.order[0]
+    levels = [list(dict.fromkeys(getattr(m, factor) for m in both.order)) for factor in both.factors]
+    at = [names.index(getattr(first, factor)) for names, factor in zip(levels, both.factors, strict=True)]
+    assert values[(*at, 0)] == runs.values["gyro_bias_x"][0]
+
+
+def test_runs_of_another_product_do_not_count() -> None:
+    order = [*plan().order]
+    other = stored(order, products=("mems",) + ("nav",) * 89)
+    assert len(plan().remaining(other)) == 1
+
+
+def test_runs_out_of_the_planned_order_are_counted() -> None:
+    order = [*plan().order]
+    assert plan().out_of_order(stored(order)) == 0
+    assert plan().out_of_order(stored(order[:40])) == 0
+    assert plan().out_of_order(stored([order[1], order[0], *order[2:]])) == 1
+    late = [*order[:10], *order[11:30], order[10], *order[30:]]
+    assert plan().out_of_order(stored(late)) == 1
+    assert plan().out_of_order(stored(sorted(order, key=lambda m: (m.trial, m.appraiser, m.unit)))) > 30
 
 
 def test_runs_before_the_plan_of_others_stopped_partial_or_too_many_do_not_count() -> None:
@@ -85,7 +122,7 @@ def test_runs_before_the_plan_of_others_stopped_partial_or_too_many_do_not_count
     for changes in (
         {"verdicts": ("stopped",) + ("passed",) * 89},
         {"partial": np.arange(90) == 0},
-        {"operators": ("D", *(m.appraiser for m in order[1:]))},
+        {"operators": ("D", *(m.operator for m in order[1:]))},
         {"serials": ("SN-99", *(m.unit for m in order[1:]))},
     ):
         runs = stored(order, **changes)
@@ -107,13 +144,16 @@ def test_an_incomplete_study_says_what_comes_next() -> None:
 
 def test_a_study_needs_two_of_everything() -> None:
     with pytest.raises(InputError) as caught:
-        GaugePlan.random("operator", UNITS, ("A",), 3, 1, BEGIN)
+        GaugePlan.random("nav", UNITS, ("A",), (), 3, 1, BEGIN)
     assert caught.value.code == "quality.small_study"
+    with pytest.raises(InputError) as caught:
+        GaugePlan.random("nav", UNITS, (), (), 3, 1, BEGIN)
+    assert caught.value.code == "quality.no_appraisers"
 
 
 @pytest.mark.parametrize(("units", "who"), [((*UNITS, "SN-3"), WHO), (UNITS, (*WHO, "B"))])
 def test_a_plan_that_names_something_twice_is_refused(units: tuple[str, ...], who: tuple[str, ...]) -> None:
     """Its runs would never be complete: those of the second name count for the first."""
     with pytest.raises(InputError) as caught:
-        GaugePlan.random("operator", units, who, 3, 1, BEGIN)
+        GaugePlan.random("nav", units, who, (), 3, 1, BEGIN)
     assert caught.value.code == "quality.named_twice"

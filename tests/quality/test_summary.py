@@ -47,9 +47,10 @@ def test_every_unit_counts_with_its_last_judged_full_run(folder: Path) -> None:
     history = History(folder)
     history.refresh()
     runs = history.columns()
-    judged = [k for k in judged_runs(runs) if runs.products[k] == NAV]
+    judged = judged_runs(runs)
+    judged = judged[runs.products.among((NAV,))[judged]]
     index = last_of_each_unit(runs, judged)
-    names = [runs.names[k] for k in index]
+    names = [runs.names[k] for k in index.tolist()]
     assert (len(judged), len(names)) == (46, 31)
     assert {"SN-4_40", "SN-5_5", "SN-6_6", "SN-7_7", "GOLD_129"} <= {*names}
     assert np.all(np.diff(runs.started[index]) > 0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calstation.quality.yields import FailedCheck, Share, count_yields
-from calstation.records import RunColumns
+from calstation.records import Categories, RunColumns
 
 BEGIN = datetime(2026, 11, 2, 12, tzinfo=UTC)  # noon, so that the date is the same in nearly all time zones
 
@@ -32,17 +32,13 @@ def columns(rows: list[tuple[int, str, str, bool, str | None, str | None, tuple[
     products = ("nav",) * len(rows)
     return RunColumns(
         names,
-        serials,
+        Categories.of(serials),
         np.array(started),
-        verdicts,
-        products,
-        stations,
-        operators,
-        np.array(partial),
-        np.array([serial == "GOLD" for serial in serials]),
-        failed,
-        {},
-        {},
+        *(Categories.of(column) for column in (verdicts, products, stations, operators)),  # type: ignore[arg-type]
+        partial=np.array(partial),
+        check_standard=np.array([serial == "GOLD" for serial in serials]),
+        failed_checks=Categories.of(failed),
+        **{name: {} for name in ("values", "sigmas", "table", "table_sigmas")},
     )
 
 

@@ -65,5 +65,5 @@ def test_its_study_is_complete_and_its_drift_shows_in_the_runs_of_the_golden_uni
     assert len(summary.parameters) == 90
     assert all(each.capability is not None and each.capability.ppk.value > 0.7 for each in summary.parameters)
     golden = summarise_quality(ignore, folder, serial="GOLDEN-NAVA").golden
-    strays = {each.parameter: each.individuals.sigma for each in golden}
+    strays = {each.parameter: each.process.sigma for each in golden}
     assert strays["gyro_bias_z"] > 3.0 * strays["gyro_bias_x"]

@@ -178,7 +178,7 @@ class EngineerPage(Page):
     def _running_changed(self, running: bool) -> None:
         """After a run, clear its serial number and restore the product's stages, so that no later run is partial.
 
-        Show whether its certificate waits for two people, or could not be made.
+        Show whether its certificate waits for two people or could not be made, and whether the table has changed.
         """
         if not running and self.app.engine_link.operation is None:
             self._header.serial_edit.clear()
@@ -186,7 +186,7 @@ class EngineerPage(Page):
             if found is not None and found.offered and self.choice.parts.stages != found.stages:
                 self.choice.parts.offer(found.offered, found.stages)
             for name, values in self.app.run.unit.remarks:
-                if name in ("certificate_waits", "certificate_not_made"):
+                if name in ("certificate_waits", "certificate_not_made", "table_moved"):
                     self.notice.ask("caution", partial(event_sentence, name, values), str)
         self._update()
 

@@ -56,9 +56,9 @@ from calstation.messages import Text
 from calstation.sequencer import Command
 
 #: Refusals of production that an engineer can override.
-_OVERRIDABLE = tuple(
-    f"quality.{code}"
-    for code in ("standard_never", "standard_overdue", "standard_out", "certificate_overdue", "not_in_order")
+_OVERRIDABLE = (
+    "quality.not_in_order",
+    *(f"quality.standard_{reason}" for reason in ("never", "overdue", "out", "certificate")),
 )
 
 

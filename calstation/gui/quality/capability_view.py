@@ -125,7 +125,7 @@ class Histogram(ThemedPlot):
         c = theme.colours()
         self.getPlotItem().clear()
         size, unit = display(name, 1.0)
-        values, mean, sigma = size * self._shown.individuals.values, size * found.mean, size * found.sigma_overall
+        values, mean, sigma = size * self._shown.values, size * found.mean, size * found.sigma_overall
         self.setLabel("bottom", f"{parameter_text(name)}, {unit}")
         self.setLabel("left", self.tr("runs"))
         counts, edges = np.histogram(values, bins="auto" if len(values) < 5000 else 60)
@@ -137,7 +137,7 @@ class Histogram(ThemedPlot):
         self.addItem(pg.PlotDataItem(x, density, pen=pg.mkPen(c.text, width=1)))
         for limit in (found.low, found.high):
             self.addItem(pg.InfiniteLine(size * limit, 90, pen=dashed(c.bad)))
-            self.addItem(pg.PlotDataItem([size * limit], [0.0], pen=None))
+            self.addItem(pg.PlotDataItem([size * limit], [0.0], pen=pg.mkPen(None)))
 
 
 def _index(index: Interval) -> str:

@@ -7,24 +7,27 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtGui import QColor
 
-from calstation.gui.widgets import StackedPlots, ThemedPlot, column, dashed, label, theme
-from calstation.physics import FloatArray, IntArray
-from calstation.quality import CusumChart, EwmaChart, ParameterQuality
+from calstation.gui.text import say
+from calstation.gui.widgets import ElidedLabel, StackedPlots, ThemedPlot, column, dashed, theme
+from calstation.physics import FloatArray, IntArray, display, number
+from calstation.quality import Charts, CusumChart, EwmaChart, ParameterQuality
 
 #: The chart at the bottom.
 Slow = Literal["ewma", "cusum"]
 
-#: Largest number of runs whose points are drawn one by one.
-_MOST_POINTS = 400
+#: Largest number of runs whose points are drawn one by one, and of marks at runs that signal. Of more runs, the
+#: extremes in each pixel are drawn; of more marks, every n-th.
+_MOST_POINTS, _MOST_MARKS = 400, 2000
 #: Width of the left axes, px.
 _AXIS = 9 * theme.GRID
 
 
 @dataclass(frozen=True)
 class Shown:
-    """Charts, and the name and the unit in which they are drawn."""
+    """A parameter with its charts, and the name and the unit in which they are drawn."""
 
-    charts: ParameterQuality
+    parameter: ParameterQuality
+    charts: Charts
     quantity: str
     unit: str
     size: float  #: Number of these units in one of the charts.
@@ -36,7 +39,7 @@ class ControlCharts(StackedPlots[Shown]):
     def __init__(self) -> None:
         self._slow: Slow = "ewma"
         self._chosen: int | None = None
-        self._titles = tuple(label(kind="muted") for _ in range(3))
+        self._titles = tuple(ElidedLabel("muted") for _ in range(3))
         super().__init__(3, _AXIS)
         parts = zip(self._titles, self.plots, (5, 3, 4), strict=True)
         column(*(item for title, plot, share in parts for item in (title, (plot, share))), on=self, spacing=0)
@@ -46,15 +49,22 @@ class ControlCharts(StackedPlots[Shown]):
         self._slow = slow
         self.refresh()
 
+    def show_data(self, data: Shown) -> None:
+        """Show the charts of another parameter, in which no run is marked."""
+        self._chosen = None
+        super().show_data(data)
+
     def choose(self, run: int | None) -> None:
         """Mark a run by its index in all charts; None for no mark."""
-        self._chosen = run
-        self.refresh()
+        if run != self._chosen:
+            self._chosen = run
+            self.refresh()
 
     def draw(self, data: Shown) -> None:
         """Draw the charts."""
         c, size = theme.colours(), data.size
         chart, ewma, cusum = data.charts.individuals, data.charts.ewma, data.charts.cusum
+        process = data.parameter.process
         top, middle, bottom = self.plots
         top.setLabel("left", data.unit)
         middle.setLabel("left", data.unit)
@@ -70,11 +80,24 @@ class ControlCharts(StackedPlots[Shown]):
         else:
             self._draw_cusum(bottom, cusum)
             slow = self.tr("CUSUM, k = {0:g} σ, h = {1:g} σ").format(cusum.allowance, cusum.decision)
+        if 0 < process.baseline < len(chart.values):
+            for plot in self.plots:
+                end = pg.InfiniteLine(process.baseline + 0.5, 90, pen=pg.mkPen(c.line, width=1))
+                self.add(plot, end, scaled=False)
         if self._chosen is not None:
             for plot in self.plots:
                 mark = pg.InfiniteLine(self._chosen + 1, 90, pen=pg.mkPen(c.accent, width=1))
                 self.add(plot, mark, scaled=False)
-        individuals = self.tr("{0}: individuals, limits 3 σ, Nelson's rules").format(data.quantity)
+        about = [say(f"chart.limits_{process.source}", count=process.baseline)]
+        if data.parameter.declared:
+            about.append(say("chart.center_reference"))
+        if (effects := data.parameter.effects) is not None:
+            (mean, unit), (between, _) = (display(data.parameter.parameter, x) for x in (effects.mean, effects.between))
+            words = {"mean": number(mean, between), "between": number(between, between), "unit": unit}
+            about.append(say("chart.effects", **words))
+        limits = self.tr("; ").join(about)
+        width = process.widths.individuals
+        individuals = self.tr("{0}: individuals, ±{1:g} σ, Nelson's rules; {2}").format(data.quantity, width, limits)
         texts = individuals, self.tr("Moving range of two runs"), slow
         for title, text in zip(self._titles, texts, strict=True):
             title.setText(text)
@@ -84,7 +107,9 @@ class ControlCharts(StackedPlots[Shown]):
         run = np.arange(1, len(chart.average) + 1)
         self._lines(plot, size * chart.center, [])
         for limit in (chart.low, chart.high):
-            self.add(plot, pg.PlotDataItem(run, size * limit, pen=dashed(c.bad)))
+            line = pg.PlotDataItem(run, size * limit, pen=dashed(c.bad))
+            line.setDownsampling(auto=True, method="peak")
+            self.add(plot, line)
         self._values(plot, size * chart.average, chart.signals)
 
     def _draw_cusum(self, plot: ThemedPlot, chart: CusumChart) -> None:
@@ -98,7 +123,7 @@ class ControlCharts(StackedPlots[Shown]):
         self.add(plot, pg.InfiniteLine(center, 0, pen=pg.mkPen(c.line, width=1)), scaled=False)
         for limit in limits:
             self.add(plot, pg.InfiniteLine(limit, 0, pen=dashed(c.bad)), scaled=False)
-            self.add(plot, pg.PlotDataItem([1.0], [limit], pen=None))  # limits belong to the vertical range
+            self.add(plot, pg.PlotDataItem([1.0], [limit], pen=pg.mkPen(None)))  # limits belong to the vertical range
 
     def _values(self, plot: ThemedPlot, values: FloatArray, signals: IntArray, first: int = 0) -> None:
         """Draw values from run number `first` + 1 on, and mark those of the `signals`."""
@@ -110,7 +135,10 @@ class ControlCharts(StackedPlots[Shown]):
             line.setSymbolSize(5)
             line.setSymbolBrush(QColor(c.accent))
             line.setSymbolPen(None)
+        else:
+            line.setDownsampling(auto=True, method="peak")
         self.add(plot, line)
+        signals = signals[:: max(1, -(-len(signals) // _MOST_MARKS))]
         mark = pg.ScatterPlotItem(run[signals], values[signals], symbol="s", size=9, pen=pg.mkPen(c.bad, width=2))
         mark.setBrush(None)
         self.add(plot, mark)

@@ -11,11 +11,13 @@ from calstation.gui.quality.control_charts import ControlCharts, Shown
 from calstation.gui.text import bind, on_language_change, parameter_text, say
 from calstation.gui.widgets import CellTable, Column, column, label, row, split, theme
 from calstation.messages import local_time
-from calstation.physics import display
+from calstation.physics import IntArray, display
 from calstation.quality import ParameterQuality
 
 #: Largest number of signalling runs that are listed, the latest first.
 _MOST_LISTED = 200
+#: Number of rows that determine the width of a column.
+_MEASURED = 20
 #: Number of the latest runs whose signals make a quantity notable.
 _LATEST = 10
 
@@ -29,7 +31,8 @@ class ControlView(QWidget):
         super().__init__()
         self._charts: dict[str, ParameterQuality] = {}
         self._states: dict[str, str | None] = {}
-        self._standardised = False
+        self._signals: dict[str, IntArray] = {}  #: Of the selected quantity, see `Charts.signals`.
+        self._relative = False
         self.plots = ControlCharts()
         self._slow = QComboBox()
         self._slow.setObjectName("quality_slow_combo")
@@ -46,10 +49,10 @@ class ControlView(QWidget):
         column((split((self._side, 3), (right, 7), handle=2 * theme.GRID), 1), on=self, margins=(0, theme.GRID, 0, 0))
         on_language_change(self, self._show_texts)
 
-    def show_charts(self, charts: Sequence[ParameterQuality], *, standardised: bool) -> None:
-        """Show charts of the quantities of one product; `standardised` values are in sigmas."""
+    def show_charts(self, charts: Sequence[ParameterQuality], *, relative: bool) -> None:
+        """Show charts of the quantities of one product; `relative` values are in standard deviations."""
         chosen = self._quantity
-        self._charts, self._standardised = {each.parameter: each for each in charts}, standardised
+        self._charts, self._relative = {each.parameter: each for each in charts}, relative
         self._states = {name: _state(each) for name, each in self._charts.items()}
         self._fill()
         names = list(self._charts)
@@ -73,6 +76,7 @@ class ControlView(QWidget):
         bind(signals.setAccessibleName, lambda: self.tr("Runs that signal, the latest first"))
         for table in (quantities, signals):
             table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+            table.horizontalHeader().setResizeContentsPrecision(_MEASURED)
         quantities.parameters.set_columns(
             (
                 quantities.column(lambda: self.tr("Runs"), "runs"),
@@ -110,23 +114,26 @@ class ControlView(QWidget):
         name = self._quantity
         if not name:
             return
-        charts, text = self._charts[name], parameter_text(name)
-        size, unit = (1.0, "σ") if self._standardised else display(name, 1.0)
-        self.plots.choose(None)
-        self.plots.show_data(Shown(charts, text, unit, size))
-        rules = _signals(charts)
-        latest = sorted(rules, reverse=True)[:_MOST_LISTED]
-        self.signals.show_cells({str(index): self._signal_cells(charts, index, rules[index]) for index in latest})
-        code = "chart.signals" if rules else "chart.no_signals"
-        self.note.setText(say(code, count=len(rules), total=len(charts.names)))
+        shown, text = self._charts[name], parameter_text(name)
+        size, unit = (1.0, "σ") if self._relative else display(name, 1.0)
+        charts = shown.charts()
+        self._signals = charts.signals()
+        self.plots.show_data(Shown(shown, charts, text, unit, size))
+        runs = np.unique(np.concatenate([*self._signals.values()]))
+        latest = runs[::-1][:_MOST_LISTED].tolist()
+        words = {signal: (say(f"chart.{signal}_short"), say(f"chart.{signal}")) for signal in self._signals}
+        self.signals.show_cells({str(index): self._signal_cells(shown, index, words) for index in latest})
+        code = "chart.signals" if len(runs) else "chart.no_signals"
+        self.note.setText(say(code, count=len(runs), total=len(shown.names)))
 
-    def _signal_cells(self, charts: ParameterQuality, index: int, codes: list[str]) -> dict[str, str]:
-        started = datetime.fromtimestamp(charts.started[index], UTC).isoformat()
+    def _signal_cells(self, shown: ParameterQuality, index: int, words: dict[str, tuple[str, str]]) -> dict[str, str]:
+        started = datetime.fromtimestamp(shown.started[index], UTC).isoformat()
+        here = [words[signal] for signal, found in self._signals.items() if index in found[-_MOST_LISTED:]]
         return {
             "run": str(index + 1),
             "started": local_time(started),
-            "rules": ", ".join(say(f"chart.{code}_short") for code in codes),
-            "hint": "\n".join([charts.names[index], *(say(f"chart.{code}") for code in codes)]),
+            "rules": ", ".join(short for short, _ in here),
+            "hint": "\n".join([shown.names[index], *(text for _, text in here)]),
         }
 
     def _index(self, line: int) -> int | None:
@@ -147,22 +154,8 @@ class ControlView(QWidget):
         self._draw()
 
 
-def _signals(charts: ParameterQuality) -> dict[int, list[str]]:
-    """Return the signals that each run completes, by the index of the run."""
-    found: dict[int, list[str]] = {}
-    nelson = charts.individuals.signals
-    for index, rule in zip(nelson.index.tolist(), nelson.rule.tolist(), strict=True):
-        found.setdefault(index, []).append(f"nelson_{rule}")
-    cusum = np.union1d(charts.cusum.signals_high, charts.cusum.signals_low)
-    for code, signals in (("range", charts.individuals.range_signals), ("ewma", charts.ewma.signals), ("cusum", cusum)):
-        for index in signals.tolist():
-            found.setdefault(index, []).append(code)
-    return found
-
-
-def _state(charts: ParameterQuality) -> str | None:
+def _state(charts: ParameterQuality) -> str:
     """Return the symbol of a quantity: whether one of its latest runs, or any run, signals."""
-    runs = _signals(charts)
-    if not runs:
+    if charts.latest is None:
         return "good"
-    return "bad" if max(runs) >= len(charts.names) - _LATEST else "caution"
+    return "bad" if charts.latest >= len(charts.names) - _LATEST else "caution"

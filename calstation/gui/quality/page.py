@@ -30,6 +30,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
+from calstation.jobs import Job
 from calstation.quality import LEAST_VALUES, QualitySummary, StationQuality, station_quality, summarise_quality
 from calstation.records import RunFilter
 from calstation.results import History, refresh_history
@@ -46,6 +47,7 @@ class QualityPage(Page):
         super().__init__(app)
         self.setObjectName("quality_page")
         self._summary: QualitySummary | None = None
+        self._outdated: set[QWidget] = set()  #: Views that do not show the summary yet.
         self._refresher = JobWatch(self, self._refreshed)
         self._watch, self._station_watch = JobWatch(self, self._show), JobWatch(self, self._show_station)
         self.notice = NoticeBar("quality_notice")
@@ -54,12 +56,12 @@ class QualityPage(Page):
         )
         for days in _DAYS:
             self.period.addItem("", days)
-        for scale in (False, True):
-            self.shown_as.addItem("", scale)
+        for relative in (False, True):
+            self.shown_as.addItem("", relative)
         self.count_label = label(kind="muted", name="quality_count_label")
         self.count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.control, self.capability, self.yields = ControlView(), CapabilityView(), YieldView()
-        self.study = StudyView(app)
+        self.study = StudyView(app, self.product.currentData)
         self.standards = StandardsView()
         self._views: tuple[QWidget, ...] = (self.control, self.capability, self.yields, self.standards, self.study)
         self.tabs = ViewTabs("quality_views")
@@ -69,7 +71,7 @@ class QualityPage(Page):
         self._stack = stack(self._empty, *self._views)
         self._lay_out()
         self.tabs.currentChanged.connect(lambda _: self._show_view())
-        self.product.currentIndexChanged.connect(lambda _: self._offer_units())
+        self.product.currentIndexChanged.connect(lambda _: self._product_chosen())
         for combo in (self.unit, self.period, self.shown_as):
             combo.currentIndexChanged.connect(lambda _: self.read())
         for view in (self.control, self.standards):
@@ -92,24 +94,35 @@ class QualityPage(Page):
     def read(self) -> None:
         """Read the chosen runs from the index, and show them."""
         folder, product = self.app.runs_folder, self.product.currentData()
-        self.study.show_product(product)
         if not folder.is_dir() or product is None:
             self._show(None)
             return
-        queue, station = self.app.job_queue, self.app.station_path
-        self._station_watch.watch(queue.submit(station_quality, folder, station, product))
         days = self.period.currentData()
         since = None if days is None else datetime.now(UTC) - timedelta(days=days)
-        self._watch.watch(
-            queue.submit(
-                summarise_quality,
-                folder,
-                product,
-                self.unit.currentData() or None,
-                since=since,
-                relative=self.shown_as.currentData(),
-            )
+        job = self.app.job_queue.submit(
+            summarise_quality,
+            folder,
+            product,
+            self.unit.currentData() or None,
+            since=since,
+            relative=self.shown_as.currentData(),
         )
+        self._replace(self._watch, job)
+
+    def _read_all(self) -> None:
+        """Read the chosen runs, then what does not depend on the choice of runs: the station, and an open study."""
+        self.read()
+        folder, product = self.app.runs_folder, self.product.currentData()
+        if folder.is_dir() and product is not None:
+            job = self.app.job_queue.submit(station_quality, folder, self.app.station_path, product)
+            self._replace(self._station_watch, job)
+        self.study.read()
+
+    def _replace(self, watch: JobWatch, job: Job) -> None:
+        """Watch a job instead of an earlier one, which need not be begun any more."""
+        if watch.job is not None and watch.job.state == "waiting":
+            watch.job.cancel()
+        watch.watch(job)
 
     def showEvent(self, event: QShowEvent) -> None:
         """Offer the products, which may have changed, and read the runs."""
@@ -155,6 +168,12 @@ class QualityPage(Page):
             paths = [self.product.itemData(index) for index in range(self.product.count())]
             self.product.setCurrentIndex(paths.index(wanted) if wanted in paths else 0)
         self._offer_units()
+        self._refresh_visible()
+
+    def _product_chosen(self) -> None:
+        self._offer_units()
+        if self.isVisible():
+            self._read_all()
 
     def _offer_units(self) -> None:
         """Offer all units together, and every check standard of the product alone."""
@@ -165,18 +184,17 @@ class QualityPage(Page):
             for serial in _check_standards(self.product.currentData()):
                 self.unit.addItem(self.tr("Check standard {0}").format(serial), serial)
             self.unit.setCurrentIndex(max(0, self.unit.findData(chosen)))
-        self._refresh_visible()
 
     def _refresh_visible(self) -> None:
         """Show the indexed runs immediately, and again if the folder has others."""
         if self.isVisible():
-            self.read()
+            self._read_all()
             if self.app.runs_folder.is_dir():
                 self._refresher.watch(self.app.job_queue.submit(refresh_history, self.app.runs_folder))
 
     def _refreshed(self, changed: int) -> None:
         if changed:
-            self.read()
+            self._read_all()
 
     def _follow(self, event: Event) -> None:
         if isinstance(event, Verdict):
@@ -186,12 +204,18 @@ class QualityPage(Page):
 
     def _show(self, summary: QualitySummary | None) -> None:
         self._summary = summary
-        if summary is not None:
-            charts = summary.parameters if summary.serial is None else summary.golden
-            self.control.show_charts(charts, standardised=self.shown_as.currentData())
-            self.capability.show_charts(summary.parameters)
-            self.yields.show_yields(summary.yields)
+        self._outdated = set() if summary is None else {self.control, self.capability, self.yields}
         self._show_view()
+
+    def _fill(self, view: QWidget, summary: QualitySummary) -> None:
+        """Show the summary in a view; those that are hidden wait until they are shown."""
+        if view is self.control:
+            charts = summary.parameters if summary.serial is None else summary.golden
+            self.control.show_charts(charts, relative=self.shown_as.currentData())
+        elif view is self.capability:
+            self.capability.show_charts(summary.parameters)
+        else:
+            self.yields.show_yields(summary.yields)
 
     def _show_station(self, found: StationQuality) -> None:
         self.standards.show_station(found)
@@ -199,6 +223,9 @@ class QualityPage(Page):
 
     def _show_view(self) -> None:
         summary, view = self._summary, self._views[self.tabs.currentIndex()]
+        if summary is not None and view in self._outdated:
+            self._outdated.remove(view)
+            self._fill(view, summary)
         some = summary is not None and summary.yields.overall is not None
         shown, code = some or view is self.study, "few_runs" if some else "no_runs"
         if view is self.control:
@@ -239,7 +266,14 @@ class QualityPage(Page):
                 text = self.tr("Any time") if days is None else self.tr("Last 24 hours")
             self.period.setItemText(index, text)
         self.shown_as.setItemText(0, self.tr("Value"))
-        self.shown_as.setItemText(1, self.tr("(Value − reference) / σ"))
+        self.shown_as.setItemText(1, self.tr("Deviation in σ"))
+        formulas = (
+            self.tr("Deviations of runs of several schedules are comparable:"),
+            self.tr("all units: (value − mean) / √(σ² of the run + σ² between units)"),
+            self.tr("check standard: (value − reference) / √(σ² of the run + σ² of the reference + expected change²)"),
+        )
+        self.shown_as.setItemData(1, "\n".join(formulas), Qt.ItemDataRole.ToolTipRole)
+        self.shown_as.setToolTip("\n".join(formulas))
         self._offer_products(self.product.currentData() or self.app.product_path)
         self._show_view()
 

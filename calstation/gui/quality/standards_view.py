@@ -25,7 +25,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import local_time
 from calstation.physics import ARCSECOND, display
-from calstation.quality import BASELINE, POWER, WEIGHT, WIDTH, StandardHistory, StationQuality, TableChart, ewma_chart
+from calstation.quality import BASELINE, POWER, StandardHistory, StationQuality, TableChart
 
 #: Quantities of the table's geometry in the order of the plots.
 _QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
@@ -45,6 +45,7 @@ class StandardsView(QWidget):
         )
         self.errors, self.table = ErrorBars(), TableCharts()
         self.waiting = label(wrap=True, name="table_waiting_label")
+        self.alarm = label(kind="error", wrap=True, name="table_alarm_label")
         self._build_tables()
         titles = [ElidedLabel("muted") for _ in range(6)]
         for title, words in zip(
@@ -54,12 +55,8 @@ class StandardsView(QWidget):
                 lambda: self.tr("Runs of the selected one, the latest first"),
                 lambda: self.tr("Instruments of the station"),
                 lambda: self.tr("Normalised errors Eₙ of the selected run, and their limit"),
-                lambda: self.tr("Geometry of the table: EWMA and its limits after a baseline of {} runs").format(
-                    BASELINE
-                ),
-                lambda: self.tr("Smallest true errors that this run detects with {} % probability").format(
-                    round(100 * POWER)
-                ),
+                lambda: self.tr("Geometry of the table: EWMA after {} runs").format(BASELINE),
+                lambda: self.tr("Smallest errors that this run detects, {} %").format(round(100 * POWER)),
             ),
             strict=True,
         ):
@@ -67,9 +64,9 @@ class StandardsView(QWidget):
         left, middle, right = QWidget(), QWidget(), QWidget()
         column(titles[0], (self.standards, 2), titles[1], (self.runs, 4), titles[2], (self.instruments, 3), on=left)
         column(titles[3], (self.errors, 3), titles[5], (self.power, 2), on=middle)
-        column(titles[4], self.waiting, (self.table, 1), on=right)
+        column(titles[4], self.waiting, self.alarm, (self.table, 1), on=right)
         column(
-            (split((left, 8), (middle, 6), (right, 6), handle=2 * theme.GRID), 1),
+            (split((left, 7), (middle, 7), (right, 6), handle=2 * theme.GRID), 1),
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
@@ -152,6 +149,8 @@ class StandardsView(QWidget):
         known = min((found.table[name].baseline if name in found.table else 0) for name in _QUANTITIES)
         text = self.tr("Nothing is tested yet: {0} of {1} runs of the baseline are missing.")
         show_text(self.waiting, text.format(BASELINE - known, BASELINE) if known < BASELINE else "")
+        moved = [name for name in _QUANTITIES if name in found.table and found.table[name].alarms]
+        show_text(self.alarm, say("chart.table_moved", quantities=moved) if moved else "")
         cells = {}
         for each in found.standards:
             state, wrong = each.state, each.state.wrong
@@ -270,10 +269,9 @@ class TableCharts(StackedPlots[Mapping[str, TableChart]]):
             if name not in data:
                 continue
             found = data[name]
-            tested = found.values[found.baseline :]
-            chart = ewma_chart(tested, weight=WEIGHT, width=WIDTH, center=found.center, sigma=found.sigma)
+            chart = found.ewma
             every = np.arange(1, len(found.values) + 1)
-            run, alarms = every[found.baseline :], np.array(found.alarms, dtype=np.int64) - found.baseline
+            run, alarms = every[found.baseline :], chart.signals
             values = pg.ScatterPlotItem(every, found.values / ARCSECOND, size=4, pen=None, brush=c.line)
             self.add(plot, values)
             for limit in (chart.low, chart.high):

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Literal
 
 from PySide6.QtCore import QSignalBlocker
 from PySide6.QtWidgets import QComboBox, QFileDialog, QLineEdit, QSpinBox, QWidget
 
+from calstation.config import load_product
 from calstation.errors import CalstationError
 from calstation.gui.shell import AppContext
 from calstation.gui.text import bind, error_text, on_language_change, parameter_text, say
@@ -32,21 +32,20 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.physics import display, number
-from calstation.quality import GaugePlan, StudyState, Variation, evaluate_study
+from calstation.quality import AnovaRow, GaugePlan, GaugeStudy, StudyState, Variation, evaluate_study
 
 #: State of each verdict.
 _STATES = {"acceptable": "good", "marginal": "caution", "unacceptable": "bad"}
-#: Components in the order of the table.
-_COMPONENTS = ("repeatability", "reproducibility", "interaction", "gauge", "part", "total")
+#: Fields of names in the form of a new plan.
+_FIELDS = ("units", "operators", "stations")
 
 
 class StudyView(QWidget):
-    """Makes and opens plans of studies, and shows what the runs say about them."""
+    """Makes and opens plans of studies, and shows what the runs say about them; `product` is that of new plans."""
 
-    def __init__(self, app: AppContext) -> None:
+    def __init__(self, app: AppContext, product: Callable[[], Path | None]) -> None:
         super().__init__()
         self._app = app
-        self._product: Path | None = None
         self._path: Path | None = None
         self._state: StudyState | None = None
         self._error: CalstationError | None = None
@@ -57,7 +56,7 @@ class StudyView(QWidget):
         self._quantity.currentIndexChanged.connect(lambda _: self._show_study())
         self._plan_label = label(kind="muted", name="study_plan_label")
         self._problem = label(kind="error", name="study_problem_label", wrap=True)
-        self.form = PlanForm(self._planned)
+        self.form = PlanForm(product, self._planned)
         self.form.hide()
         self.order, self.components, self.anova = (
             CellTable(name) for name in ("study_order_table", "study_components_table", "study_anova_table")
@@ -86,11 +85,10 @@ class StudyView(QWidget):
         )
         on_language_change(self, self._show_texts)
 
-    def show_product(self, product: Path | None) -> None:
-        """Use the limits of a product as tolerances, and read the runs again."""
-        self._product = product
+    def read(self) -> None:
+        """Evaluate the plan from the runs again."""
         if self._path is not None and self._app.runs_folder.is_dir():
-            work = evaluate_study, self._app.runs_folder, self._path, product
+            work = evaluate_study, self._app.runs_folder, self._path, None
             self.watch.watch(self._app.job_queue.submit(*work))
 
     def _build_tables(self) -> None:
@@ -100,8 +98,9 @@ class StudyView(QWidget):
             (
                 text(lambda: self.tr("Run"), "run"),
                 text(lambda: self.tr("Trial"), "trial"),
-                text(lambda: self.tr("Measured by"), "appraiser", number=False),
                 text(lambda: self.tr("Unit"), "unit", number=False),
+                text(lambda: self.tr("Operator"), "operator", number=False),
+                text(lambda: self.tr("Station"), "station", number=False),
                 Column(
                     lambda: self.tr("State"),
                     lambda key: self.order.cells[key]["state"],
@@ -145,7 +144,7 @@ class StudyView(QWidget):
     def open_plan(self, path: Path) -> None:
         """Show a plan and what the runs say about it."""
         self._path = path
-        self.show_product(self._product)
+        self.read()
 
     def _planned(self, plan: GaugePlan) -> None:
         save = partial(self._save, plan)
@@ -188,7 +187,8 @@ class StudyView(QWidget):
 
     def _show_order(self, state: StudyState) -> None:
         following, count = state.left[0], {"left": len(state.left), "runs": len(state.plan.order)}
-        self._left_label.setText(say("gauge.left", **count, unit=following.unit, by=following.appraiser))
+        following_text = say("gauge.left", **count, unit=following.unit, by=following.appraiser)
+        self._left_label.setText("\n".join([following_text, *_kept(state)]))
         missing = Counter(state.left)
         cells = {}
         for k, each in enumerate(state.plan.order):
@@ -198,8 +198,8 @@ class StudyView(QWidget):
             cells[str(k)] = {
                 "run": str(k + 1),
                 "trial": str(each.trial),
-                "appraiser": each.appraiser,
                 "unit": each.unit,
+                **{factor: getattr(each, factor) for factor in state.plan.factors[1:]},
                 "state": say(f"gauge.{code}"),
                 "kind": kind,
             }
@@ -211,22 +211,13 @@ class StudyView(QWidget):
             return
         study, (size, unit) = state.studies[name], display(name, 1.0)
         self.badge.show_state(_STATES[study.verdict], say(f"gauge.{study.verdict}"))
-        counts = {"parts": study.parts, "appraisers": study.appraisers, "trials": study.trials}
-        self.about_label.setText(say("gauge.answer", **counts, categories=study.categories, unit=unit))
-        found = {key: getattr(study, key) for key in _COMPONENTS if getattr(study, key) is not None}
+        sizes = " × ".join(say(f"gauge.count_{factor}", count=count) for factor, count in study.levels.items())
+        about = say("gauge.answer", sizes=sizes, trials=study.trials, categories=study.categories, unit=unit)
+        self.about_label.setText("\n".join([about, *_kept(state)]))
         digits = size * study.gauge.sigma
-        cells = {key: {"name": say(f"gauge.{key}"), **_cells(each, size, digits)} for key, each in found.items()}
+        cells = {key: {"name": _source(key), **_cells(each, size, digits)} for key, each in _components(study).items()}
         self.components.show_cells(cells, ("sigma",))
-        self.anova.show_cells(
-            {
-                line.source: {
-                    "name": say(f"gauge.{line.source}"),
-                    "dof": str(line.dof),
-                    **({} if line.f is None or line.p is None else {"f": f"{line.f:.3g}", "p": f"{line.p:.3g}"}),
-                }
-                for line in study.anova
-            }
-        )
+        self.anova.show_cells({line.source: _anova_cells(line) for line in study.anova})
 
     def _show_texts(self) -> None:
         for index in range(self._quantity.count()):
@@ -235,27 +226,23 @@ class StudyView(QWidget):
 
 
 class PlanForm(QWidget):
-    """Inputs of a new plan; `then` is called with the plan."""
+    """Inputs of a new plan for the product whose file `product` returns; `then` is called with the plan."""
 
-    def __init__(self, then: Callable[[GaugePlan], object]) -> None:
+    def __init__(self, product: Callable[[], Path | None], then: Callable[[GaugePlan], object]) -> None:
         super().__init__()
-        self._then = then
-        self.units_edit, self.appraisers_edit = QLineEdit(), QLineEdit()
-        self.units_edit.setObjectName("study_units_edit")
-        self.appraisers_edit.setObjectName("study_appraisers_edit")
-        self._by, self._trials = QComboBox(), QSpinBox()
-        self._by.setObjectName("study_by_combo")
-        self._by.addItem("", "operator")
-        self._by.addItem("", "station")
+        self._product, self._then = product, then
+        self.units_edit, self.operators_edit, self.stations_edit = (_edit(name) for name in _FIELDS)
+        self._trials = QSpinBox()
         self._trials.setRange(2, 20)
         self._trials.setValue(3)
         self._problem = label(kind="error", wrap=True)
         bind(self.units_edit.setPlaceholderText, lambda: self.tr("serial numbers, separated by commas"))
-        bind(self.appraisers_edit.setPlaceholderText, lambda: self.tr("names, separated by commas"))
+        for edit in (self.operators_edit, self.stations_edit):
+            bind(edit.setPlaceholderText, lambda: self.tr("names, or empty"))
         fields = (
             (lambda: self.tr("Units"), self.units_edit, 3),
-            (lambda: self.tr("Measured by"), self._by, 0),
-            (lambda: self.tr("Names"), self.appraisers_edit, 2),
+            (lambda: self.tr("Operators"), self.operators_edit, 2),
+            (lambda: self.tr("Stations"), self.stations_edit, 2),
             (lambda: self.tr("Trials"), self._trials, 0),
         )
         parts = [
@@ -264,24 +251,25 @@ class PlanForm(QWidget):
         save = button("study_save_button", lambda: self.tr("Save plan…"), self._make, kind="primary")
         close = button("study_close_button", lambda: self.tr("Close"), self.hide)
         column(panel(row(*parts, save, close), self._problem), on=self)
-        on_language_change(self, self._show_texts)
+        on_language_change(self, lambda: show_text(self._problem, ""))
 
     def _make(self) -> None:
-        units, names = (_split(edit.text()) for edit in (self.units_edit, self.appraisers_edit))
-        by: Literal["operator", "station"] = self._by.currentData()
+        units, people, places = (_split(e.text()) for e in (self.units_edit, self.operators_edit, self.stations_edit))
         now = datetime.now(UTC).replace(microsecond=0)
         try:
-            plan = GaugePlan.random(by, units, names, self._trials.value(), secrets.randbits(32), now)
+            product = load_product(self._product())[1].name
+            plan = GaugePlan.random(product, units, people, places, self._trials.value(), secrets.randbits(32), now)
         except CalstationError as error:
             show_text(self._problem, error_text(error).sentences)
             return
         show_text(self._problem, "")
         self._then(plan)
 
-    def _show_texts(self) -> None:
-        self._by.setItemText(0, self.tr("Operators"))
-        self._by.setItemText(1, self.tr("Stations"))
-        show_text(self._problem, "")
+
+def _edit(name: str) -> QLineEdit:
+    edit = QLineEdit()
+    edit.setObjectName(f"study_{name}_edit")
+    return edit
 
 
 def _split(text: str) -> list[str]:
@@ -298,3 +286,34 @@ def _cells(found: Variation, size: float, digits: float) -> dict[str, str]:
     if found.percent_tolerance is not None:
         cells["tolerance"] = f"{found.percent_tolerance:.1f}"
     return cells
+
+
+def _kept(state: StudyState) -> list[str]:
+    """Return the sentence that the planned order was not kept, if so."""
+    values = {"count": state.out_of_order, "runs": len(state.plan.order) - len(state.left)}
+    return [say("quality.order_not_kept", **values)] if state.out_of_order else []
+
+
+def _components(study: GaugeStudy) -> dict[str, Variation]:
+    """Return the components, and before the sums of several of them what they are the sums of."""
+    parts = {name: each for name, each in study.components.items() if len(study.levels) > 2 and name != "unit"}
+    found = {
+        "repeatability": study.repeatability,
+        **{name: each for name, each in parts.items() if "unit" not in name},
+        "reproducibility": study.reproducibility,
+        **{name: each for name, each in parts.items() if "unit" in name},
+    }
+    if study.interaction is not None:
+        found["interaction"] = study.interaction
+    return {**found, "gauge": study.gauge, "part": study.part, "total": study.total}
+
+
+def _source(source: str) -> str:
+    """Return the name of a source of variation; its factors are joined by ``*``."""
+    return " × ".join(say(f"gauge.{name}") for name in source.split("*"))
+
+
+def _anova_cells(line: AnovaRow) -> dict[str, str]:
+    tested = {} if line.f is None or line.p is None else {"f": f"{line.f:.3g}", "p": f"{line.p:.3g}"}
+    name = say("gauge.pooled", source=_source(line.source)) if line.pooled else _source(line.source)
+    return {"name": name, "dof": str(line.dof), **tested}

@@ -39,6 +39,7 @@ _REMARKS = (
     "handover_waiting",
     "certificate_waits",
     "certificate_not_made",
+    "table_moved",
 )
 
 #: Name of the last row, in which the registers are written and verified.

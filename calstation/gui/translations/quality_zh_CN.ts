@@ -5,6 +5,7 @@
     <name>CapabilityView</name>
     <message>
         <source>Process capability by parameter</source>
+        <extracomment>Smallest capability index that is usually required. Standard deviations around the mean in which the normal distribution is drawn.</extracomment>
         <translation>各参数的过程能力</translation>
     </message>
     <message>
@@ -52,6 +53,7 @@
     <name>ControlCharts</name>
     <message>
         <source>run</source>
+        <extracomment>The chart at the bottom. Largest number of runs whose points are drawn one by one, and of marks at runs that signal. Of more runs, the extremes in each pixel are drawn; of more marks, every n-th. Width of the left axes, px. Number of these units in one of the charts.</extracomment>
         <translation>序号</translation>
     </message>
     <message>
@@ -63,8 +65,12 @@
         <translation>CUSUM，k = {0:g} σ，h = {1:g} σ</translation>
     </message>
     <message>
-        <source>{0}: individuals, limits 3 σ, Nelson&apos;s rules</source>
-        <translation>{0}：单值图，3 σ 控制限，Nelson 准则</translation>
+        <source>; </source>
+        <translation>；</translation>
+    </message>
+    <message>
+        <source>{0}: individuals, ±{1:g} σ, Nelson&apos;s rules; {2}</source>
+        <translation>{0}：单值图，±{1:g} σ，Nelson 准则；{2}</translation>
     </message>
     <message>
         <source>Moving range of two runs</source>
@@ -75,6 +81,7 @@
     <name>ControlView</name>
     <message>
         <source>Chart of slow changes</source>
+        <extracomment>Largest number of signalling runs that are listed, the latest first. Number of rows that determine the width of a column. Number of the latest runs whose signals make a quantity notable. Of the selected quantity, see `Charts.signals`.</extracomment>
         <translation>缓变控制图</translation>
     </message>
     <message>
@@ -134,20 +141,8 @@
         <translation>序列号，用逗号分隔</translation>
     </message>
     <message>
-        <source>names, separated by commas</source>
-        <translation>姓名或工位名，用逗号分隔</translation>
-    </message>
-    <message>
         <source>Units</source>
         <translation>产品</translation>
-    </message>
-    <message>
-        <source>Measured by</source>
-        <translation>测量方</translation>
-    </message>
-    <message>
-        <source>Names</source>
-        <translation>名称</translation>
     </message>
     <message>
         <source>Trials</source>
@@ -166,6 +161,10 @@
         <translation>操作员</translation>
     </message>
     <message>
+        <source>names, or empty</source>
+        <translation>名称，可留空</translation>
+    </message>
+    <message>
         <source>Stations</source>
         <translation>工位</translation>
     </message>
@@ -174,6 +173,7 @@
     <name>QualityPage</name>
     <message>
         <source>The result was not opened</source>
+        <extracomment>Numbers of past days that can be chosen; None for all. Views that do not show the summary yet.</extracomment>
         <translation>结果未能打开</translation>
     </message>
     <message>
@@ -241,14 +241,27 @@
         <translation>数值</translation>
     </message>
     <message>
-        <source>(Value − reference) / σ</source>
-        <translation>（数值 − 参考值）/ σ</translation>
+        <source>Deviation in σ</source>
+        <translation>以 σ 为单位的偏差</translation>
+    </message>
+    <message>
+        <source>Deviations of runs of several schedules are comparable:</source>
+        <translation>不同标定流程的偏差可以相互比较：</translation>
+    </message>
+    <message>
+        <source>all units: (value − mean) / √(σ² of the run + σ² between units)</source>
+        <translation>全部产品：（数值 − 均值）/ √（本次标定的 σ² + 产品间的 σ²）</translation>
+    </message>
+    <message>
+        <source>check standard: (value − reference) / √(σ² of the run + σ² of the reference + expected change²)</source>
+        <translation>标准件：（数值 − 参考值）/ √（本次标定的 σ² + 参考值的 σ² + 预期变化²）</translation>
     </message>
 </context>
 <context>
     <name>StandardsView</name>
     <message>
         <source>Check standards of the product</source>
+        <extracomment>Quantities of the table&apos;s geometry in the order of the plots.</extracomment>
         <translation>该产品的标准件</translation>
     </message>
     <message>
@@ -264,12 +277,12 @@
         <translation>选中标定的归一化误差 Eₙ 及其限值</translation>
     </message>
     <message>
-        <source>Geometry of the table: EWMA and its limits after a baseline of {} runs</source>
-        <translation>转台几何量：{} 次标定的基线之后的 EWMA 及其控制限</translation>
+        <source>Geometry of the table: EWMA after {} runs</source>
+        <translation>转台几何量：{}次标定之后的 EWMA</translation>
     </message>
     <message>
-        <source>Smallest true errors that this run detects with {} % probability</source>
-        <translation>此次标定能以 {} % 的概率检出的最小真实误差</translation>
+        <source>Smallest errors that this run detects, {} %</source>
+        <translation>本次标定能检出的最小误差（{} %）</translation>
     </message>
     <message>
         <source>Check standards</source>
@@ -348,6 +361,7 @@
     <name>StudyView</name>
     <message>
         <source>Quantity</source>
+        <extracomment>State of each verdict. Fields of names in the form of a new plan.</extracomment>
         <translation>量</translation>
     </message>
     <message>
@@ -367,12 +381,16 @@
         <translation>轮次</translation>
     </message>
     <message>
-        <source>Measured by</source>
-        <translation>测量方</translation>
-    </message>
-    <message>
         <source>Unit</source>
         <translation>产品</translation>
+    </message>
+    <message>
+        <source>Operator</source>
+        <translation>操作员</translation>
+    </message>
+    <message>
+        <source>Station</source>
+        <translation>工位</translation>
     </message>
     <message>
         <source>State</source>
@@ -434,6 +452,7 @@
     <name>YieldView</name>
     <message>
         <source>Yield by product, station and operator</source>
+        <extracomment>Largest number of failed checks drawn. Largest number of days that are drawn one by one. Smallest fraction shown on the axis of the yield.</extracomment>
         <translation>按产品、工位和操作员的合格率</translation>
     </message>
     <message>

@@ -1,0 +1,42 @@
+"""Stored runs of a product, and which of them count for statistics."""
+
+from collections.abc import Collection
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from calstation.physics import IntArray
+from calstation.records import RunColumns, RunFilter
+from calstation.results import History
+
+
+def product_runs(folder: Path, product: str) -> RunColumns:
+    """Return the runs of a folder that are of a product, "" for all, from its index.
+
+    They are read again only if the index has changed or the last call was for others: a filter of 100,000 runs need not
+    read them.
+    """
+    return _columns(folder, product, History(folder).token())
+
+
+@lru_cache(maxsize=3)
+def _columns(folder: Path, product: str, token: str) -> RunColumns:
+    return History(folder).columns(RunFilter(product=product))
+
+
+def judged_runs(runs: RunColumns) -> IntArray:
+    """Return the indices of the full runs that ended with PASS or FAIL."""
+    return np.flatnonzero(~runs.partial & runs.verdicts.among(("passed", "failed")))
+
+
+def production_runs(runs: RunColumns, without: Collection[str]) -> IntArray:
+    """Return the indices of the judged runs that are of production: neither of check standards nor of `without`."""
+    judged = judged_runs(runs)
+    return judged[~(runs.check_standard | runs.serials.among(without))[judged]]
+
+
+def last_of_each_unit(runs: RunColumns, rows: IntArray) -> IntArray:
+    """Return the last run of each unit among runs of a product, so that a repeated unit counts once, in their order."""
+    _, last = np.unique(runs.serials.codes[rows][::-1], return_index=True)
+    return np.sort(rows[::-1][last])
