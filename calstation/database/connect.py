@@ -5,7 +5,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from sqlalchemy import URL, Engine, create_engine, make_url, text
-from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, DBAPIError, InterfaceError, OperationalError, SQLAlchemyError
+from sqlalchemy.pool import NullPool
 
 from calstation.config import check_database_url
 from calstation.errors import ConfigurationError
@@ -42,10 +43,10 @@ _CONNECTION: dict[str, int | str] = {
 }
 
 
-def connect(url: str, *, create: bool = True) -> Engine:
+def connect(url: str, *, create: bool = True, pooled: bool = True) -> Engine:
     """Return an engine for a database whose tables are of this version; those of a new SQLite file are created.
 
-    Without `create`, a missing SQLite file is an error.
+    Without `create`, a missing SQLite file is an error. Without `pooled`, a connection is closed after each use.
 
     The password comes from ``PGPASSWORD``, from PostgreSQL's password file or from the system's keyring (service
     ``calstation database``, user ``user@host``). Raises ConfigurationError, also if the database is not reachable.
@@ -55,14 +56,13 @@ def connect(url: str, *, create: bool = True) -> Engine:
         if not create and not Path(parsed.database or "").is_file():
             raise ConfigurationError("database.missing", database=public(parsed))
         upgrade(url)
-    engine = _engine(parsed)
+    engine = _engine(parsed, pooled=pooled)
     try:
         with engine.connect() as connection:
             found = MigrationContext.configure(connection).get_current_revision()
     except DBAPIError as exc:
         engine.dispose()
-        code = "database.unreachable" if isinstance(exc, OperationalError) else "database.refused"
-        raise ConfigurationError(code, database=public(parsed), reason=reason_of(exc)) from exc
+        raise database_error(exc, parsed) from exc
     scripts = ScriptDirectory.from_config(_alembic())
     if found == scripts.get_current_head():
         return engine
@@ -102,6 +102,14 @@ def public(url: URL) -> str:
     return url.render_as_string(hide_password=True)
 
 
+def database_error(error: SQLAlchemyError, url: URL) -> ConfigurationError:
+    """Return the error for users: ``database.unreachable``, or ``database.refused`` if the database has answered."""
+    lost = isinstance(error, OperationalError | InterfaceError)
+    lost = lost or (isinstance(error, DBAPIError) and error.connection_invalidated)
+    code = "database.unreachable" if lost else "database.refused"
+    return ConfigurationError(code, database=public(url), reason=reason_of(error))
+
+
 def reason_of(error: SQLAlchemyError) -> str:
     """Return the first line of what the database says, without the statement and its values."""
     text = str(error.orig) if isinstance(error, DBAPIError) else str(error)
@@ -118,13 +126,14 @@ def _parse(url: str) -> URL:
         raise ConfigurationError("database.no_url") from None
 
 
-def _engine(url: URL) -> Engine:
+def _engine(url: URL, *, pooled: bool = True) -> Engine:
+    pool = None if pooled else NullPool
     if url.get_backend_name() == "sqlite":
-        return create_engine(url, connect_args={"timeout": 30.0})
+        return create_engine(url, connect_args={"timeout": 30.0}, poolclass=pool)
     if "PGPASSWORD" not in os.environ:
         with suppress(KeyringError):  # a computer without a keyring
             url = url.set(password=keyring.get_password(KEYRING, f"{url.username}@{url.host}"))
-    return create_engine(url, connect_args=_CONNECTION, pool_pre_ping=True, hide_parameters=True)
+    return create_engine(url, connect_args=_CONNECTION, poolclass=pool, pool_pre_ping=True, hide_parameters=True)
 
 
 def _alembic() -> Config:
