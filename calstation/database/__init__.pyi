@@ -2,7 +2,7 @@ from .archive import LogCopy as LogCopy
 from .archive import archive_log as archive_log
 from .archiver import LogArchiver as LogArchiver
 from .connect import connect as connect
-from .connect import database_error as database_error
+from .connect import failure as failure
 from .connect import upgrade as upgrade
 from .exchange import Exchange as Exchange
 from .outbox import Outbox as Outbox

@@ -30,6 +30,9 @@ KEYRING = "calstation database"
 #: Longest time to wait for a connection, s.
 CONNECT_TIMEOUT_S = 5
 
+#: What PostgreSQL's codes of a lost connection begin with: connection exceptions, and the server's shutdown.
+_LOST = ("08", "57P")
+
 #: A connection whose other end has vanished ends within half a minute on both sides; its locks end with it.
 #: A statement that waits for another station's or takes too long fails, and the exchange tries again.
 _CONNECTION: dict[str, int | str] = {
@@ -62,7 +65,7 @@ def connect(url: str, *, create: bool = True, pooled: bool = True) -> Engine:
             found = MigrationContext.configure(connection).get_current_revision()
     except DBAPIError as exc:
         engine.dispose()
-        raise database_error(exc, parsed) from exc
+        raise failure(exc, parsed) from exc
     scripts = ScriptDirectory.from_config(_alembic())
     if found == scripts.get_current_head():
         return engine
@@ -97,17 +100,22 @@ def upgrade(url: str) -> bool:
         engine.dispose()
 
 
+def failure(error: DBAPIError, url: URL) -> ConfigurationError:
+    """Return the error that a database is not reachable, or that it refuses what was requested."""
+    state = sqlstate(error)
+    lost = isinstance(error, OperationalError | InterfaceError) and (not state or state.startswith(_LOST))
+    code = "database.unreachable" if lost or error.connection_invalidated else "database.refused"
+    return ConfigurationError(code, database=public(url), reason=reason_of(error))
+
+
+def sqlstate(error: DBAPIError) -> str:
+    """Return PostgreSQL's code of an error; "" for one of SQLite, of the driver or of the connection."""
+    return getattr(error.orig, "sqlstate", None) or ""
+
+
 def public(url: URL) -> str:
     """Return the text of a URL for messages, without a password."""
     return url.render_as_string(hide_password=True)
-
-
-def database_error(error: SQLAlchemyError, url: URL) -> ConfigurationError:
-    """Return the error for users: ``database.unreachable``, or ``database.refused`` if the database has answered."""
-    lost = isinstance(error, OperationalError | InterfaceError)
-    lost = lost or (isinstance(error, DBAPIError) and error.connection_invalidated)
-    code = "database.unreachable" if lost else "database.refused"
-    return ConfigurationError(code, database=public(url), reason=reason_of(error))
 
 
 def reason_of(error: SQLAlchemyError) -> str:

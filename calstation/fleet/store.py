@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from sqlalchemy import ColumnElement, Connection, Engine, Table, and_, case, func, select
 from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import DBAPIError
 
-from calstation.database import connect, database_error, locations, solutions, versions
+from calstation.database import connect, failure, locations, solutions, versions
 from calstation.fleet.changes import Changes
 from calstation.fleet.selection import Origin
 from calstation.fleet.sources import StoredLog
@@ -79,8 +79,8 @@ def opened(url: str, *, create: bool = True) -> Iterator[Engine]:
     engine = connect(url, create=create)
     try:
         yield engine
-    except SQLAlchemyError as exc:
-        raise database_error(exc, engine.url) from exc
+    except DBAPIError as exc:
+        raise failure(exc, engine.url) from exc
     finally:
         engine.dispose()
 

@@ -17,10 +17,11 @@ from typing import Any, Literal, TypeVar
 
 from distributed import Worker, WorkerPlugin, get_worker
 from sqlalchemy import Engine
-from sqlalchemy.exc import DataError, SQLAlchemyError
+from sqlalchemy.exc import DataError, DBAPIError, InterfaceError, OperationalError
 
 from calstation import __version__
-from calstation.database import connect, database_error
+from calstation.database import connect
+from calstation.database import failure as database_error
 from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.fleet.selection import Origin, Selection
 from calstation.fleet.sources import StoredLog, files_of, storage_reason
@@ -133,7 +134,7 @@ def _copy_and_solve(assignment: Assignment, stored: StoredLog, seconds: dict[str
         engine = _persistently(lambda: _engine(assignment.database))
         try:
             return _LogTask(engine, assignment, stored, local, seconds).solve()
-        except SQLAlchemyError as exc:
+        except DBAPIError as exc:
             raise database_error(exc, engine.url) from exc
 
 
@@ -169,7 +170,7 @@ class _LogTask:
                     return Status(stored.location, outcome, there.number, there.error, there.changed)
             span = wanted.first_seq, wanted.last_seq
             result = resolve_log(log, meta, wanted.stages, *span, diagnostics=wanted.diagnostics).result
-        except (SQLAlchemyError, UnreachableError, OSError, MemoryError):
+        except (DBAPIError, UnreachableError, OSError, MemoryError):
             raise
         except Exception as exc:  # a mistake of the program must not stop the rest
             logger.exception("solving %s failed", stored.location)
@@ -200,16 +201,13 @@ class _LogTask:
         return Status(stored.location, outcome, number, error, changed)
 
     def _in_database(self, action: Callable[[], T]) -> T:
-        """Return the result of an action, which is repeated while the database is not reachable."""
+        """Return the result of an action, which is repeated while the database is not reachable or is locked."""
 
         def attempt() -> T:
             try:
                 return action()
-            except SQLAlchemyError as exc:
-                error = database_error(exc, self.engine.url)
-                if error.code != "database.unreachable":
-                    raise
-                raise UnreachableError(error) from exc
+            except (OperationalError, InterfaceError) as exc:
+                raise UnreachableError(database_error(exc, self.engine.url)) from exc
 
         return _persistently(attempt)
 
