@@ -93,8 +93,9 @@ def _replace_ended(cluster: LocalCluster | None, replaced: int, dead: dict[Hasha
     if cluster is None:
         return replaced
     now, count = time.monotonic(), len(cluster.worker_spec)
+    nannies = {nanny.name: nanny for nanny in cluster._created}  # `workers` lacks those that are starting
     for name in cluster.worker_spec:
-        nanny = cluster.workers.get(name)  # None if it ended before the cluster knew it
+        nanny = nannies.get(name)
         if nanny is not None and nanny.is_alive():
             dead.pop(name, None)
         elif nanny is not None and nanny.status in (ServerStatus.closed, ServerStatus.failed):

@@ -1,6 +1,7 @@
 """Many logs are solved once each, as `calstation resolve` solves them, and failures stay with their log."""
 
 import json
+import math
 import os
 import shutil
 import threading
@@ -297,14 +298,15 @@ def test_a_wish_to_stop_is_noticed_before_solving(logs: list[Path], tmp_path: Pa
 
 
 def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    nannies = {name: SimpleNamespace(status=Status.failed, is_alive=lambda: False) for name in range(2)}
+    nannies = {name: SimpleNamespace(name=name, status=Status.failed, is_alive=lambda: False) for name in range(2)}
     scaled: list[int] = []
 
     def scale(count: int) -> None:
         scaled.append(count)
         local.workers, local.worker_spec = dict(nannies), dict(nannies)
 
-    local = SimpleNamespace(workers=dict(nannies), worker_spec=dict(nannies), scale=scale)
+    created = list(nannies.values())
+    local = SimpleNamespace(workers=dict(nannies), worker_spec=dict(nannies), _created=created, scale=scale)
     future = SimpleNamespace(key="a", status="pending", add_done_callback=lambda put: None)
     client: Any = SimpleNamespace(cluster=local, submit=lambda *arguments, **more: future)
     stored = [StoredLog(str(logs[0]), "", (None,))]
@@ -313,6 +315,10 @@ def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path], monkeypat
     with raises_code(ConfigurationError, "fleet.workers_end"):
         list(cluster.solved(client, assignment, stored, threading.Event(), "local:2"))
     assert scaled == [2, 2, 2]
+    for nanny in created:
+        nanny.is_alive = lambda: True
+    local.workers = {}  # as long as they are starting
+    assert cluster._replace_ended(local, 0, dict.fromkeys(nannies, -math.inf), 0.0) == 0
     future.status, future.add_done_callback = "cancelled", lambda put: put(future)
     with raises_code(ConfigurationError, "fleet.scheduler_lost"):
         list(cluster.solved(client, assignment, stored, threading.Event(), "tcp://a:1"))

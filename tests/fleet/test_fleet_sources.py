@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,29 @@ from sqlalchemy import Engine, insert
 from calstation.database import connect, log_copies, runs
 from calstation.database.tables import outboxes
 from calstation.errors import ConfigurationError, InputError
+from calstation.fleet import FleetRequest, FleetSummary, resolve_fleet, task
 from calstation.fleet.sources import StoredLog, find_logs
+from calstation.fleet.store import Wanted
 from tests.helpers import raises_code
+
+
+@pytest.fixture
+def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """URL of an S3 bucket."""
+    import s3fs
+
+    moto_server = pytest.importorskip("moto.server", reason="the package moto[server] is not installed")
+    server = moto_server.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "station")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+    s3fs.S3FileSystem(skip_instance_cache=True).mkdir("fleet-logs")
+    yield "s3://fleet-logs/plant-2"
+    s3fs.S3FileSystem.clear_instance_cache()
+    server.stop()
 
 
 @pytest.fixture
@@ -121,3 +143,40 @@ def test_the_archive_is_listed_by_the_database_alone(engine: Engine, monkeypatch
     (log,) = found(engine, "archive")
     origin = ("bench 2", "nav", "2026-03-05T00:00:00+00:00")
     assert log == StoredLog("s3://logs/x/a.h5", "f" * 64, (7,), "f" * 64, origin)
+
+
+@pytest.mark.long
+def test_logs_in_s3_are_solved_and_an_outage_counts_for_its_log(
+    logs: list[Path], bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import s3fs
+
+    system = s3fs.S3FileSystem(skip_instance_cache=True)
+    for log in logs[:2]:
+        system.put_file(str(log), f"{bucket}/2026/{log.name}")
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    request = FleetRequest((bucket,), url, "local:2")
+
+    def remove(summary: FleetSummary) -> None:
+        if not summary.done:
+            system.rm_file(f"{bucket}/2026/{logs[0].name}")  # after the bucket was listed
+
+    first = resolve_fleet(request, remove)
+    assert (first.solved_now, first.failed) == (1, 1)
+    assert [failure.error["error_code"] for failure in first.failures] == ["fleet.unreachable"]
+    assert first.failures[0].location == f"{bucket}/2026/{logs[0].name}"
+    system.put_file(str(logs[0]), f"{bucket}/2026/{logs[0].name}")
+    second = resolve_fleet(request)
+    assert (second.solved_now, second.already_there, second.answered) == (1, 1, 1)
+    alone = resolve_fleet(replace(request, sources=(f"{bucket}/2026/{logs[0].name}",)))
+    assert (alone.already_there, alone.answered) == (1, 0)  # the same stamp as in the list of the folder
+    monkeypatch.setattr(task, "PAUSES", (0.0,))
+    monkeypatch.setattr(task, "get_worker", lambda: type("Worker", (), {"local_directory": str(tmp_path)}))
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")  # nothing answers there
+    s3fs.S3FileSystem.clear_instance_cache()
+    (log,) = (StoredLog(location, None, (None,)) for location in [first.failures[0].location])
+    status = task.solve_stored_log(task.Assignment(url, Wanted()), log)
+    assert (status.outcome, status.error["error_code"]) == ("unreachable", "fleet.unreachable")
+    assert "127.0.0.1:9" in status.error["error"]
+    with raises_code(InputError, "fleet.source_unreachable"):
+        resolve_fleet(request)
