@@ -67,6 +67,7 @@ def row(unit: tuple[Any, ...], version: str, which: int, **more: Any) -> dict[st
         "location": f"/logs/{serial}.h5",
         "outcome": "resolved",
         "passed": passed,
+        "partial": False,
         "serial": serial,
         "product": product,
         "station": station,
