@@ -92,7 +92,7 @@ def resolve(
         if summary.stopped:
             break
     comparison = None
-    if before is not None and not summary.stopped:
+    if before is not None and summary.solutions and not summary.stopped:
         with job_progress("reading the solutions") as progress:
             comparison = compare_versions(progress, database, before, summary.version, summary.solutions)
     if json is not None:

@@ -93,7 +93,7 @@ def update_columns(report: ProgressCallback, connection: Connection, version: st
         with locked(folder / ".lock", _LOCKED_WITHIN):
             files = _updated(report, connection, version, folder)
     if not files:
-        require_version(connection, version)
+        raise ConfigurationError("fleet.no_version", version=version, versions=versions(connection))
     return ColumnFiles(tuple(files))
 
 

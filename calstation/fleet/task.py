@@ -17,7 +17,7 @@ from typing import Any, Literal, TypeVar
 
 from distributed import Worker, WorkerPlugin, get_worker
 from sqlalchemy import Engine
-from sqlalchemy.exc import DataError, DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, InterfaceError, OperationalError
 
 from calstation import __version__
 from calstation.database import connect
@@ -180,7 +180,7 @@ class _LogTask:
         self.seconds["solve"] = time.perf_counter() - begin
         try:
             return self._write(result, changed)
-        except DataError as exc:  # e.g. a zero character, which PostgreSQL has not
+        except (DataError, IntegrityError) as exc:  # e.g. a zero character, which PostgreSQL has not
             failure = CalstationError("fleet.not_stored", file=stored.location, reason=str(exc.orig))
             digests = result.log.sha256, result.configuration_sha256
             return self._write(failed_result(failure, None, str(self.local), *digests), changed)

@@ -304,6 +304,13 @@ def test_what_postgresql_refuses_is_told_in_one_line(shared_database: str, tmp_p
     engine.dispose()
 
 
+def test_runs_without_a_log_are_no_version_to_compare(url: str) -> None:
+    add_outbox(url)
+    put_run(url, 1, UNITS[0], log_sha256=None)
+    with raises_code(ConfigurationError, "fleet.no_version"):
+        compare(ignore_progress, url, "online", "online")
+
+
 def test_an_unknown_version_names_those_that_there_are(url: str) -> None:
     add(url, row(UNITS[0], "0.1.0", 0))
     with raises_code(ConfigurationError, "fleet.no_version") as caught:
