@@ -3,16 +3,20 @@
 import json as json_module
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
+from datetime import datetime
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Annotated
+from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from calstation.cli.options import JsonOption, ParametersOnlyOption, StagesOption, parsed_stages
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from calstation.fleet import Comparison, FleetRequest, FleetSummary
 
 fleet = typer.Typer(help="Many logs: solve them again on many cores, compare the solutions of two versions.")
@@ -21,10 +25,17 @@ fleet = typer.Typer(help="Many logs: solve them again on many cores, compare the
 _WIDTH = 150
 #: Changed verdicts that are listed; the JSON has all.
 _MOST_CHANGES = 30
+#: Interval of the lines of progress where no terminal shows a bar, s.
+_LINE_EVERY = 60.0
 
 DatabaseOption = Annotated[
     str, typer.Option(help="postgresql+psycopg://USER@HOST/NAME or sqlite:////PATH.", metavar="URL")
 ]
+
+
+def _day(text: str) -> Any:
+    """Return the option for a day."""
+    return typer.Option(help=text, formats=["%Y-%m-%d"], metavar="YYYY-MM-DD")
 
 
 @fleet.command()
@@ -37,6 +48,10 @@ def resolve(
         str,
         typer.Option(help="local: workers on this computer, or a Dask cluster.", metavar="local[:N]|tcp://HOST:PORT"),
     ] = "local",
+    station: Annotated[str | None, typer.Option(help="Only logs of this station.", metavar="NAME")] = None,
+    product: Annotated[str | None, typer.Option(help="Only logs of this product.", metavar="NAME")] = None,
+    since: Annotated[datetime | None, _day("Only logs from this day on, UTC.")] = None,
+    until: Annotated[datetime | None, _day("Only logs up to this day, UTC.")] = None,
     patch: Annotated[
         Path | None, typer.Option(help="Changes to the stored configuration of the logs.", metavar="FILE.toml")
     ] = None,
@@ -45,10 +60,53 @@ def resolve(
     last: Annotated[int | None, typer.Option("--to", help="Last sequence number.", metavar="SEQ")] = None,
     stages: StagesOption = None,
     parameters_only: ParametersOnlyOption = False,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Solve logs again that failed before.")] = False,
+    compare_with: Annotated[
+        str | None,
+        typer.Option(
+            help="Then compare: unchanged (own configuration, solved too), online (results of the runs) or a version.",
+            metavar="unchanged|online|VERSION",
+        ),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Solve many logs again; what the database already has is not solved again. Ctrl-C stops, what is done stays."""
     from rich.console import Console
+
+    from calstation.cli.show import check_json, job_progress, say, show_line
+    from calstation.fleet import UNCHANGED, FleetRequest, Selection
+    from calstation.fleet import compare as compare_versions
+
+    check_json(json)
+    chosen, diagnostics = parsed_stages(stages), not parameters_only
+    days = (None if day is None else day.date() for day in (since, until))
+    request = FleetRequest(
+        tuple(sources), database, scheduler, patch, label, chosen, first, last, diagnostics,
+        Selection(station, product, *days), retry_failed,
+    )  # fmt: skip
+    before = None if compare_with is None else request.baseline(compare_with)
+    console = Console(stderr=True)
+    requests = [request.unchanged, request] if compare_with == UNCHANGED else [request]
+    for each in requests:
+        summary = _solve(console, each)
+        if summary.stopped:
+            break
+    comparison = None
+    if before is not None and summary.solutions and not summary.stopped:
+        with job_progress("reading the solutions") as progress:
+            comparison = compare_versions(progress, database, before, summary.version, summary.solutions)
+    if json is not None:
+        with _target(json) as stream:
+            stream.writelines(_json_parts(request, summary, comparison))
+    if comparison is not None and json != "-":
+        _show(comparison)
+    if parameters_only:
+        show_line(console, say("cli.resolved_parameters"))
+    raise typer.Exit(4 if summary.stopped else 1 if summary.failed else 0)
+
+
+def _solve(console: "Console", request: "FleetRequest") -> "FleetSummary":
+    """Solve the logs of a request, show progress, failures and counts, and return the summary."""
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -58,12 +116,9 @@ def resolve(
         TimeRemainingColumn,
     )
 
-    from calstation.cli.show import check_json, on_interrupt, say, show_line
-    from calstation.fleet import FleetRequest, resolve_fleet
+    from calstation.cli.show import on_interrupt, say, show_line
+    from calstation.fleet import resolve_fleet
 
-    check_json(json)
-    chosen, diagnostics = parsed_stages(stages), not parameters_only
-    request = FleetRequest(tuple(sources), database, scheduler, patch, label, chosen, first, last, diagnostics)
     stop = threading.Event()
 
     def interrupt() -> None:
@@ -71,7 +126,6 @@ def resolve(
             raise KeyboardInterrupt
         stop.set()
 
-    console = Console(stderr=True)
     columns = (
         TextColumn("solving logs"),
         BarColumn(),
@@ -82,31 +136,40 @@ def resolve(
     )
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar, on_interrupt(interrupt):
         task = bar.add_task("", total=None, rate="")
+        begin: tuple[float, int] | None = None
+        shown = time.monotonic()
 
         def show(summary: "FleetSummary") -> None:
-            speed = bar.tasks[0].speed
-            rate = "" if speed is None else f"{speed:.1f} per s, {summary.failed} failed"
+            nonlocal begin, shown
+            now = time.monotonic()
+            begin = begin or (now, summary.done)
+            speed = (summary.done - begin[1]) / max(now - begin[0], 1e-3)
+            rate = f"{speed:.1f} per s, {summary.failed} failed"
             bar.update(task, completed=summary.done, total=summary.total, rate=rate)
+            if not console.is_terminal and now - shown >= _LINE_EVERY:
+                shown = now
+                left = summary.total - summary.done
+                show_line(console, say("cli.fleet_progress", left=left, rate=speed, failed=summary.failed))
 
         summary = resolve_fleet(request, show, stop)
-    if json is not None:
-        with _target(json) as stream:
-            stream.writelines(_json_parts(request, summary))
     for status in summary.failures:
         show_line(console, f"{status.location}: {status.error['error']}")
     code = "cli.fleet_stopped" if summary.stopped else "cli.fleet_done"
-    numbers = {name: getattr(summary, name) for name in ("version", "total", "solved_now", "already_there", "failed")}
+    names = ("version", "total", "solved_now", "already_there", "failed", "not_selected")
+    numbers = {name: getattr(summary, name) for name in names}
     show_line(console, say(code, **numbers, left=summary.total - summary.done, seconds=summary.duration_s))
-    if parameters_only:
-        show_line(console, say("cli.resolved_parameters"))
-    raise typer.Exit(4 if summary.stopped else 1 if summary.failed else 0)
+    if summary.copies:
+        show_line(console, say("cli.fleet_copies", count=len(summary.copies)))
+    if summary.unchanged:
+        show_line(console, say("cli.fleet_unchanged", count=summary.unchanged))
+    return summary
 
 
 def _target(json: str) -> AbstractContextManager[IO[str]]:
     return nullcontext(sys.stdout) if json == "-" else Path(json).open("w", encoding="utf-8")
 
 
-def _json_parts(request: "FleetRequest", summary: "FleetSummary") -> Iterator[str]:
+def _json_parts(request: "FleetRequest", summary: "FleetSummary", comparison: "Comparison | None") -> Iterator[str]:
     """Yield the JSON of the contract; the results of many logs are never in memory together."""
     from calstation.fleet import solved_results
 
@@ -115,14 +178,12 @@ def _json_parts(request: "FleetRequest", summary: "FleetSummary") -> Iterator[st
         yield begin + text
         begin = ",\n"
     steps = {step: seconds / summary.answered for step, seconds in summary.seconds.items()}
+    counts = ("solved_now", "already_there", "failed", "not_selected", "unchanged", "duration_s", "version", "stopped")
     rest = {
-        "solved_now": summary.solved_now,
-        "already_there": summary.already_there,
-        "failed": summary.failed,
-        "duration_s": summary.duration_s,
-        "version": summary.version,
-        "stopped": summary.stopped,
+        **{name: getattr(summary, name) for name in counts},
+        "copies": summary.copies,
         "seconds_per_log": steps,
+        **({} if comparison is None else {"comparison": comparison.to_json()}),
     }
     yield ("" if begin == ",\n" else begin) + "],\n" + json_module.dumps(rest)[1:] + "\n"
 

@@ -36,6 +36,7 @@ from .pair import PairConfiguration as PairConfiguration
 from .pair import resolve_pair as resolve_pair
 from .records import RecordsSection as RecordsSection
 from .records import check_database_url as check_database_url
+from .records import has_password as has_password
 from .request import Confirmation as Confirmation
 from .request import RegisterOperation as RegisterOperation
 from .request import RunRequest as RunRequest

@@ -34,7 +34,7 @@ class RecordsSection(StrictModel):
     @field_validator("archive")
     @classmethod
     def _archive(cls, url: str | None) -> str | None:
-        if url is not None and _has_password(url):
+        if url is not None and has_password(url):
             raise EntryError("database.password_in_archive")
         return url
 
@@ -46,10 +46,11 @@ def check_database_url(url: str) -> None:
         raise EntryError("database.no_url")
     if scheme not in _SCHEMES:
         raise EntryError("database.other_kind", kind=scheme)
-    if _has_password(url):
+    if has_password(url):
         raise EntryError("database.password_in_url")
 
 
-def _has_password(url: str) -> bool:
+def has_password(url: str) -> bool:
+    """Whether a URL contains a password or another credential; a path does not."""
     rest = url.partition("://")[2]
     return bool(_PASSWORD.match(rest) or _SECRET.search(unquote(rest)))

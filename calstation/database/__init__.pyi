@@ -2,6 +2,7 @@ from .archive import LogCopy as LogCopy
 from .archive import archive_log as archive_log
 from .archiver import LogArchiver as LogArchiver
 from .connect import connect as connect
+from .connect import failure as failure
 from .connect import upgrade as upgrade
 from .exchange import Exchange as Exchange
 from .outbox import Outbox as Outbox
@@ -20,7 +21,9 @@ from .remote import note_use as note_use
 from .state import Claim as Claim
 from .state import ExchangeState as ExchangeState
 from .state import read_state as read_state
+from .tables import locations as locations
 from .tables import log_copies as log_copies
 from .tables import revisions as revisions
 from .tables import runs as runs
 from .tables import solutions as solutions
+from .tables import versions as versions

@@ -5,7 +5,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from sqlalchemy import URL, Engine, create_engine, make_url, text
-from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, DBAPIError, InterfaceError, OperationalError, SQLAlchemyError
+from sqlalchemy.pool import NullPool
 
 from calstation.config import check_database_url
 from calstation.errors import ConfigurationError
@@ -29,6 +30,9 @@ KEYRING = "calstation database"
 #: Longest time to wait for a connection, s.
 CONNECT_TIMEOUT_S = 5
 
+#: What PostgreSQL's codes of a lost connection begin with: connection exceptions, and the server's shutdown.
+_LOST = ("08", "57P")
+
 #: A connection whose other end has vanished ends within half a minute on both sides; its locks end with it.
 #: A statement that waits for another station's or takes too long fails, and the exchange tries again.
 _CONNECTION: dict[str, int | str] = {
@@ -42,10 +46,10 @@ _CONNECTION: dict[str, int | str] = {
 }
 
 
-def connect(url: str, *, create: bool = True) -> Engine:
+def connect(url: str, *, create: bool = True, pooled: bool = True) -> Engine:
     """Return an engine for a database whose tables are of this version; those of a new SQLite file are created.
 
-    Without `create`, a missing SQLite file is an error.
+    Without `create`, a missing SQLite file is an error. Without `pooled`, a connection is closed after each use.
 
     The password comes from ``PGPASSWORD``, from PostgreSQL's password file or from the system's keyring (service
     ``calstation database``, user ``user@host``). Raises ConfigurationError, also if the database is not reachable.
@@ -55,14 +59,13 @@ def connect(url: str, *, create: bool = True) -> Engine:
         if not create and not Path(parsed.database or "").is_file():
             raise ConfigurationError("database.missing", database=public(parsed))
         upgrade(url)
-    engine = _engine(parsed)
+    engine = _engine(parsed, pooled=pooled)
     try:
         with engine.connect() as connection:
             found = MigrationContext.configure(connection).get_current_revision()
     except DBAPIError as exc:
         engine.dispose()
-        code = "database.unreachable" if isinstance(exc, OperationalError) else "database.refused"
-        raise ConfigurationError(code, database=public(parsed), reason=reason_of(exc)) from exc
+        raise failure(exc, parsed) from exc
     scripts = ScriptDirectory.from_config(_alembic())
     if found == scripts.get_current_head():
         return engine
@@ -97,6 +100,19 @@ def upgrade(url: str) -> bool:
         engine.dispose()
 
 
+def failure(error: DBAPIError, url: URL) -> ConfigurationError:
+    """Return the error that a database is not reachable, or that it refuses what was requested."""
+    state = sqlstate(error)
+    lost = isinstance(error, OperationalError | InterfaceError) and (not state or state.startswith(_LOST))
+    code = "database.unreachable" if lost or error.connection_invalidated else "database.refused"
+    return ConfigurationError(code, database=public(url), reason=reason_of(error))
+
+
+def sqlstate(error: DBAPIError) -> str:
+    """Return PostgreSQL's code of an error; "" for one of SQLite, of the driver or of the connection."""
+    return getattr(error.orig, "sqlstate", None) or ""
+
+
 def public(url: URL) -> str:
     """Return the text of a URL for messages, without a password."""
     return url.render_as_string(hide_password=True)
@@ -118,13 +134,14 @@ def _parse(url: str) -> URL:
         raise ConfigurationError("database.no_url") from None
 
 
-def _engine(url: URL) -> Engine:
+def _engine(url: URL, *, pooled: bool = True) -> Engine:
+    pool = None if pooled else NullPool
     if url.get_backend_name() == "sqlite":
-        return create_engine(url, connect_args={"timeout": 30.0})
+        return create_engine(url, connect_args={"timeout": 30.0}, poolclass=pool)
     if "PGPASSWORD" not in os.environ:
         with suppress(KeyringError):  # a computer without a keyring
             url = url.set(password=keyring.get_password(KEYRING, f"{url.username}@{url.host}"))
-    return create_engine(url, connect_args=_CONNECTION, pool_pre_ping=True, hide_parameters=True)
+    return create_engine(url, connect_args=_CONNECTION, poolclass=pool, pool_pre_ping=True, hide_parameters=True)
 
 
 def _alembic() -> Config:

@@ -15,6 +15,8 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    false,
+    text,
 )
 
 metadata = MetaData(
@@ -62,6 +64,9 @@ runs = Table(
     Column("log_sha256", String(64)),
     Column("log", Text),  #: Where the log lies: URL of the archive, or host and path of the station.
 )
+#: Runs that have a log, by revision: what a comparison reads.
+_LOGGED = runs.c.log_sha256.is_not(None)
+Index("ix_runs_logged", runs.c.revision, postgresql_where=_LOGGED, sqlite_where=_LOGGED)
 
 #: Verified copies of logs in an archive.
 log_copies = Table(
@@ -88,32 +93,60 @@ claims = Table(
     Column("expires", DateTime(timezone=True), nullable=False),
 )
 
-#: Logs that were solved again. A solution is identified by log, version, configuration, wanted range and stages.
+#: What the solutions of a version have in common; the first job that uses a version enters it.
+versions = Table(
+    "versions",
+    metadata,
+    Column("version", String, primary_key=True),  #: Software version, with ``+label`` if the configuration was changed.
+    Column("changes_sha256", String(64), nullable=False),  #: Digest of the changes to the configuration.
+    Column("first_seq", BigInteger, nullable=False),  #: First wanted sequence number; 0 for the start of the log.
+    Column("last_seq", BigInteger, nullable=False),  #: Last wanted sequence number; -1 for the end of the log.
+    Column("stages", String, nullable=False),  #: Wanted stages, separated by commas; empty for those of the log.
+)
+
+#: Files that have been read, so that none is read again while it is unchanged; a log may have several.
+locations = Table(
+    "locations",
+    metadata,
+    Column("location", Text, primary_key=True),  #: URL or path of the log.
+    Column("fingerprint", String, primary_key=True),  #: Stamp of its files; the digest of a file in the archive.
+    Column("log_sha256", String(64)),  #: NULL for a log that was not selected, and so not read to its end.
+    Column("station", String),
+    Column("product", String),
+    Column("started_utc", String),
+)
+
+#: Logs that were solved again. A solution is identified by log, version, configuration, wanted range and stages; a log
+#: that failed has another row for each further attempt, and the last one counts.
 solutions = Table(
     "solutions",
     metadata,
     Column("id", BigInteger().with_variant(Integer, "sqlite"), primary_key=True),
     Column("log_sha256", String(64), nullable=False),  #: That of the bytes of the file for an unreadable log.
-    Column("version", String, nullable=False),  #: Software version, with ``+label`` if the configuration was changed.
+    Column("version", String, nullable=False),
     Column("configuration_sha256", String(64), nullable=False),
-    Column("first_seq", BigInteger, nullable=False),  #: First wanted sequence number; 0 for the start of the log.
-    Column("last_seq", BigInteger, nullable=False),  #: Last wanted sequence number; -1 for the end of the log.
-    Column("stages", String, nullable=False),  #: Wanted stages, separated by commas; empty for those of the log.
-    Column("changes_sha256", String(64), nullable=False),  #: Digest of the changes to the configuration.
-    Column("location", Text, nullable=False),  #: URL or path of the log.
-    Column("fingerprint", String, nullable=False),  #: Stamp of the file at `location`.
+    Column("first_seq", BigInteger, nullable=False),
+    Column("last_seq", BigInteger, nullable=False),
+    Column("stages", String, nullable=False),
+    Column("changes_sha256", String(64), nullable=False),
+    Column("attempt", Integer, nullable=False, server_default=text("0")),
+    Column("location", Text, nullable=False),  #: URL or path from which the log was read.
     Column("outcome", String, nullable=False),  #: ``resolved`` or ``failed``.
     Column("error_code", String),
     Column("passed", Boolean),
+    Column("partial", Boolean, nullable=False, server_default=false()),  #: Whether stages of the product were omitted.
+    Column("changed", Boolean),  #: Whether configuration, range or stages differ from the log's own; NULL: unknown.
     Column("serial", String),
     Column("product", String),
     Column("station", String),
     Column("started_utc", String),
+    Column("batch", String),
+    Column("slot", String),
     Column("failed_checks", Text, nullable=False),
     Column("parameters", Text, nullable=False),
     Column("numbers", LargeBinary, nullable=False),
     Column("solved", DateTime(timezone=True), nullable=False),
     Column("result", Text, nullable=False),
-    UniqueConstraint("log_sha256", "version", "configuration_sha256", "first_seq", "last_seq", "stages"),
+    UniqueConstraint("log_sha256", "version", "configuration_sha256", "first_seq", "last_seq", "stages", "attempt"),
     Index("ix_solutions_version", "version", "id"),
 )

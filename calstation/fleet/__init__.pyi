@@ -9,7 +9,9 @@ from .comparison import VerdictChange as VerdictChange
 from .jobs import compare_job as compare_job
 from .jobs import export_job as export_job
 from .jobs import versions_job as versions_job
+from .resolving import UNCHANGED as UNCHANGED
 from .resolving import FleetRequest as FleetRequest
 from .resolving import FleetSummary as FleetSummary
 from .resolving import resolve_fleet as resolve_fleet
 from .resolving import solved_results as solved_results
+from .selection import Selection as Selection

@@ -3,19 +3,26 @@
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from calstation import __version__
 from calstation.errors import ConfigurationError, InputError
+from calstation.messages import Text
 from calstation.records import LogMeta
-from calstation.schema import Problem, near_miss, problems_of, read_toml, validate
+from calstation.schema import near_miss, problems_of, read_toml, validate
 from procedures import method
 
 #: Sections that solving uses and that may be changed.
 SECTIONS = ("site", "imu", "table", "model", "prior", "prior_correlation", "product", "schedule")
+#: Section of the file whose entries are factors; below it are the same sections.
+SCALE = "scale"
+#: Entries that a log has only if they were measured: one that was computed has no error of the measurement to correct.
+_MEASURED = ("site.gravity_mps2",)
+#: Errors of a factor where the value itself was expected.
+_NOT_OF_FACTORS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 #: Entries that identify the unit or describe its samples.
 _FIXED = {"imu": ("serial", "sample_rate_hz", "output")}
 _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
@@ -40,36 +47,72 @@ class Changes:
         return hashlib.sha256(json.dumps(self.entries, sort_keys=True).encode()).hexdigest()
 
     def applied(self, meta: LogMeta) -> LogMeta:
-        """Return the changed configuration of a log. Raises InputError if it is not valid for this log."""
+        """Return the changed configuration of a log; values are scaled after others have been replaced.
+
+        Raises InputError if it is not valid for this log, or if the log lacks a value that is scaled.
+        """
         if not self.entries:
             return meta
-        return validate(LogMeta, _merged(meta.model_dump(), self.entries), self.file, InputError)
+        values = {name: entries for name, entries in self.entries.items() if name != SCALE}
+        changed = _scaled(_merged(meta.model_dump(), values), self.entries.get(SCALE, {}))
+        return validate(LogMeta, changed, self.file, InputError)
 
 
 def load_changes(path: Path | None, label: str | None = None) -> Changes:
     """Read a file with sections of a log's configuration, each with only the entries to change; None changes nothing.
 
-    The label is by default the name of the file without suffix. Raises ConfigurationError, also for an unknown entry.
+    The label is by default the name of the file without suffix. Raises ConfigurationError, also for an unknown entry
+    and a file that changes nothing.
     """
     entries = {} if path is None else read_toml(path)
     file = "" if path is None else str(path)
-    for name in entries:
-        if name not in SECTIONS:
-            raise ConfigurationError("fleet.not_changeable", file=file, entry=name, remedy=near_miss(name, SECTIONS))
-        for key in _FIXED.get(name, ()):
-            if key in entries[name]:
-                raise ConfigurationError("fleet.fixed_entry", file=file, entry=f"{name}.{key}")
-    problems = problems_of(LogMeta, {"site": {}, "imu": {}, **entries})
-    if not problems or all(problem.kind == "missing" for problem in problems):
-        for stage, schedule in entries.get("schedule", {}).items():
-            problems += problems_of(method(stage).schedule, schedule)
-    found: list[Problem] = [problem for problem in problems if problem.kind != "missing"]  # the log has the rest
-    if found:
-        raise ConfigurationError("entry.in_file", file=file, what=found[0].as_text)
+    factors = entries.get(SCALE, {})
+    if path is not None and not any(_leaves(entries)):
+        raise ConfigurationError("fleet.no_changes", file=file)
+    if not isinstance(factors, Mapping):
+        raise ConfigurationError("fleet.not_changeable", file=file, entry=SCALE, remedy=Text("fleet.scale_is_a_table"))
+    for entry, factor in _leaves(factors, SCALE):
+        if isinstance(factor, bool) or not isinstance(factor, int | float) or factor <= 0:
+            raise ConfigurationError("fleet.not_a_factor", file=file, entry=entry, value=str(factor))
+    _check({name: values for name, values in entries.items() if name != SCALE}, file)
+    _check(factors, file, SCALE)
     label = label or (None if path is None else path.stem)
     if label is not None and not _LABEL.fullmatch(label):
         raise ConfigurationError("fleet.label_letters", label=label)
     return Changes(entries, label, file)
+
+
+def _check(entries: Any, file: str, below: str = "") -> None:
+    """Raise ConfigurationError for sections that cannot be changed and for wrong entries."""
+    before = f"{below}." if below else ""
+    for name in entries:
+        if name not in SECTIONS:
+            known = SECTIONS if below else (*SECTIONS, SCALE)
+            raise ConfigurationError(
+                "fleet.not_changeable", file=file, entry=f"{before}{name}", remedy=near_miss(name, known)
+            )
+        for key in _FIXED.get(name, ()):
+            if isinstance(entries[name], Mapping) and key in entries[name]:
+                raise ConfigurationError("fleet.fixed_entry", file=file, entry=f"{before}{name}.{key}")
+    ignored = ("missing", *(_NOT_OF_FACTORS if below else ()))  # the log has the rest
+    found = problems_of(LogMeta, {"site": {}, "imu": {}, **entries})
+    if all(problem.kind in ignored for problem in found):
+        for stage, schedule in entries.get("schedule", {}).items():
+            found += problems_of(method(stage).schedule, schedule)
+    for problem in found:
+        if below and (problem.kind.endswith("_type") or problem.kind in ("literal_error", "int_from_float")):
+            raise ConfigurationError("fleet.not_scalable", file=file, entry=f"{before}{problem.name}")
+        if problem.kind not in ignored:
+            raise ConfigurationError("entry.in_file", file=file, what=problem.as_text)
+
+
+def _leaves(entries: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield name and value of the entries of a table and of those in it."""
+    if not isinstance(entries, Mapping):
+        yield place, entries
+        return
+    for name, value in entries.items():
+        yield from _leaves(value, f"{place}.{name}" if place else name)
 
 
 def _merged(old: Any, new: Any) -> Any:
@@ -77,3 +120,18 @@ def _merged(old: Any, new: Any) -> Any:
     if not isinstance(old, dict) or not isinstance(new, Mapping):
         return new
     return {**old, **{name: _merged(old.get(name), value) for name, value in new.items()}}
+
+
+def _scaled(old: Any, factors: Any, place: str = "") -> Any:
+    """Return a table with entries multiplied by factors. Raises InputError for an entry that the table lacks."""
+    if isinstance(factors, Mapping):
+        table = old if isinstance(old, dict) else {}
+        inner = {name: f"{place}.{name}" if place else name for name in factors}
+        return {**table, **{name: _scaled(table.get(name), factors[name], inner[name]) for name in factors}}
+    if isinstance(old, list):
+        return [_scaled(value, factors, place) for value in old]
+    if isinstance(old, bool) or not isinstance(old, int | float):
+        if old is None and place in _MEASURED:
+            return None
+        raise InputError("fleet.nothing_to_scale", entry=place)
+    return old * factors

@@ -8,6 +8,7 @@ that rows were deleted, after which the files are made anew.
 
 import json
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,14 +16,16 @@ from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import JSON, Column, Connection, Row, Select, Text, cast, func, select
+from sqlalchemy import Connection, Row, Select, exists, func, select
 
 from calstation.config import site_folder
 from calstation.database import revisions, runs, solutions
+from calstation.database import versions as version_table
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
+from calstation.messages import os_reason
 from calstation.physics import NAMES
-from calstation.records import locked
+from calstation.records import locked, verdict_of
 
 try:
     import pyarrow as pa
@@ -30,8 +33,6 @@ try:
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
 
-#: A column of JSON, which SQLite keeps as text.
-_JSON = JSON().with_variant(Text(), "sqlite")
 #: Version that stands for the results which the runs stored.
 ONLINE = "online"
 #: Rows read from the database and written at a time.
@@ -41,7 +42,12 @@ _MOST_FILES = 8
 #: Longest time to wait for another program that updates the same files, s.
 _LOCKED_WITHIN = 600.0
 
-_TEXTS = ("log_sha256", "serial", "product", "station", "started_utc", "month", "verdict", "failed_checks", "location")
+_TEXTS = (
+    *("log_sha256", "serial", "product", "station", "started_utc", "month", "verdict", "failed_checks", "location"),
+    *("batch", "slot"),
+)
+#: Columns of a solution that are in the content of a run.
+_FROM_CONTENT = ("product", "station", "batch", "slot")
 #: Columns with few different texts.
 _FEW = ("product", "station", "month", "verdict")
 SCHEMA = pa.schema(
@@ -75,38 +81,58 @@ class ColumnFiles:
 
 
 def update_columns(report: ProgressCallback, connection: Connection, version: str) -> ColumnFiles:
-    """Bring the files of a version up to date. Raises ConfigurationError if the database has no such version."""
+    """Bring the files of a version up to date.
+
+    Raises ConfigurationError if the database has no such version, or if the files cannot be used.
+    """
     database = connection.execute(select(revisions.c.database)).scalar_one()
+    connection.rollback()  # PostgreSQL ends a transaction that waits for the lock
     folder = site_folder() / "fleet" / str(database) / quote(version, safe="+.")
-    source = _source(version)
-    folder.mkdir(parents=True, exist_ok=True)
-    with locked(folder / ".lock", _LOCKED_WITHIN):
-        files = _current(folder)
-        known = np.concatenate([np.empty(0, np.int64), *(ColumnFiles((path,)).numbers("number") for path in files)])
-        last = int(known.max(initial=0))
-        total = source.count(connection, 0)
-        added = source.count(connection, last)
-        if version != ONLINE and len(known) + added > total:  # rows were deleted
-            for path in files:
-                path.unlink()
-            files, known, last, added = [], known[:0], 0, total
-        after = last
-        if version != ONLINE and len(known) + added < total:
-            missing = np.setdiff1d(_numbers(connection, version), known)
-            after = int(missing.min(initial=last + 1)) - 1
-        statement = source.rows(after)
-        left = max(total - len(known), 1)
-        done = 0
-        for table in _tables(connection, statement, set(known[known > after].tolist())):
-            files.append(folder / f"{_generation(files)}-{len(files):06d}.parquet")
-            _write(table, files[-1])
-            done += len(table)
-            report(min(done / left, 1.0))
-        if len(files) > _MOST_FILES:
-            files = [_joined(files)]
+    with usable(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        with locked(folder / ".lock", _LOCKED_WITHIN):
+            files = _updated(report, connection, version, folder)
     if not files:
         raise ConfigurationError("fleet.no_version", version=version, versions=versions(connection))
     return ColumnFiles(tuple(files))
+
+
+@contextmanager
+def usable(folder: Path) -> Iterator[None]:
+    """Raise ConfigurationError if the files in a folder cannot be read or written, or another program updates them."""
+    try:
+        yield
+    except TimeoutError as exc:
+        raise ConfigurationError("fleet.columns_locked", folder=folder) from exc
+    except (OSError, pa.ArrowException) as exc:
+        reason = os_reason(exc) if isinstance(exc, OSError) else str(exc).partition("\n")[0]
+        raise ConfigurationError("fleet.columns_unusable", folder=folder, reason=reason) from exc
+
+
+def _updated(report: ProgressCallback, connection: Connection, version: str, folder: Path) -> list[Path]:
+    source = _source(version)
+    files = _current(folder)
+    known = np.concatenate([np.empty(0, np.int64), *(ColumnFiles((path,)).numbers("number") for path in files)])
+    last = int(known.max(initial=0))
+    added = source.count(connection, last)
+    after, left = last, added
+    if version != ONLINE:
+        total = source.count(connection, 0)
+        if len(known) + added > total:  # rows were deleted
+            for path in files:
+                path.unlink()
+            files, known, after = [], known[:0], 0
+        elif len(known) + added < total:
+            missing = np.setdiff1d(_numbers(connection, version), known)
+            after = int(missing.min(initial=last + 1)) - 1
+        left = total - len(known)
+    done = 0
+    for table in _tables(connection, source.rows(after), set(known[known > after].tolist())):
+        files.append(folder / f"{_generation(files)}-{len(files):06d}.parquet")
+        _write(table, files[-1])
+        done += len(table)
+        report(min(done / max(left, 1), 1.0))
+    return [_joined(files)] if len(files) > _MOST_FILES else files
 
 
 def _generation(files: list[Path]) -> str:
@@ -115,19 +141,32 @@ def _generation(files: list[Path]) -> str:
 
 
 def _current(folder: Path) -> list[Path]:
-    """Return the files of the last generation; delete earlier ones, which another program may have read meanwhile."""
+    """Return the files of the last generation; delete earlier ones, which another program may have read meanwhile.
+
+    Files of an earlier version of the program, which have other columns, are deleted too.
+    """
     files = sorted(folder.glob("*-*.parquet"))
     current = [path for path in files if _generation([path]) == _generation(files[-1:])]
-    for path in files[: -len(current)] if current else []:
+    if any(not pq.read_schema(path).equals(SCHEMA) for path in current):
+        current = []
+    for path in set(files) - set(current):
         path.unlink()
     return current
 
 
 def versions(connection: Connection) -> list[str]:
     """Return the versions that the database has solutions of, ``online`` first."""
-    found = connection.execute(select(solutions.c.version).distinct().order_by(solutions.c.version)).scalars()
+    name = version_table.c.version
+    found = connection.execute(select(name).where(exists().where(solutions.c.version == name)).order_by(name)).scalars()
     online = connection.execute(select(runs.c.name).limit(1)).first() is not None
     return [*([ONLINE] if online else []), *found]
+
+
+def require_version(connection: Connection, version: str) -> None:
+    """Raise ConfigurationError if the database has no solutions of a version."""
+    known = versions(connection)
+    if version not in known:
+        raise ConfigurationError("fleet.no_version", version=version, versions=known)
 
 
 def _source(version: str) -> "_Runs | _Solutions":
@@ -146,13 +185,10 @@ class _Solutions:
 
     def rows(self, after: int) -> Select[Any]:
         c = solutions.c
-        verdict = (c.outcome, c.passed)
+        verdict = (c.outcome, c.passed, c.partial)
         texts = (c.log_sha256, c.serial, c.product, c.station, c.started_utc, c.failed_checks, c.location)
-        columns = (c.id.label("number"), *texts, *verdict, c.parameters, c.numbers)
+        columns = (c.id.label("number"), *texts, *verdict, c.batch, c.slot, c.parameters, c.numbers)
         return select(*columns).where(self._of_version, c.id > after).order_by(c.id)
-
-    def batches(self) -> Select[Any]:
-        return _batches(solutions.c.log_sha256, solutions.c.result).where(self._of_version)
 
 
 class _Runs:
@@ -167,14 +203,6 @@ class _Runs:
         texts = (c.log_sha256, c.serial, c.started_utc, c.failed_checks, c.log.label("location"), c.content)
         columns = (c.revision.label("number"), *texts, c.parameters, c.numbers)
         return select(*columns).where(c.log_sha256.is_not(None), c.revision > after).order_by(c.revision)
-
-    def batches(self) -> Select[Any]:
-        return _batches(runs.c.log_sha256, runs.c.content).where(runs.c.log_sha256.is_not(None))
-
-
-def _batches(log: Column[Any], content: Column[Any]) -> Select[Any]:
-    """Select the digest of each log with the batch and the slot of its unit."""
-    return select(log, *(cast(content, _JSON)[name].as_string().label(name) for name in ("batch", "slot")))
 
 
 def _numbers(connection: Connection, version: str) -> NDArray[np.int64]:
@@ -201,11 +229,11 @@ def _table(rows: list[Row[Any]]) -> Any:
     }
     if "content" in rows[0]._fields:
         contents = [json.loads(row.content) for row in rows]
-        columns |= {name: [content[name] for content in contents] for name in ("product", "station")}
-        columns["verdict"] = [_verdict(content["outcome"]) for content in contents]
+        columns |= {name: [content.get(name) for content in contents] for name in _FROM_CONTENT}
+        columns["verdict"] = [_verdict(each["outcome"], partial=each.get("partial", False)) for each in contents]
     else:
-        columns |= {name: [getattr(row, name) for row in rows] for name in ("product", "station")}
-        columns["verdict"] = [_solved_verdict(row.outcome, row.passed) for row in rows]
+        columns |= {name: [getattr(row, name) for row in rows] for name in _FROM_CONTENT}
+        columns["verdict"] = [_solved_verdict(row.outcome, row.passed, partial=row.partial) for row in rows]
     numbers = np.full((len(NAMES), 2, len(rows)), np.nan)
     alike: dict[str, list[int]] = {}
     for k, row in enumerate(rows):
@@ -221,14 +249,14 @@ def _table(rows: list[Row[Any]]) -> Any:
     return pa.table([columns[name] for name in SCHEMA.names], schema=SCHEMA)
 
 
-def _verdict(outcome: str) -> str:
-    return outcome if outcome in ("passed", "failed") else "unjudged"
+def _verdict(outcome: str, *, partial: bool) -> str:
+    return verdict_of(outcome, partial=partial) if outcome in ("passed", "failed") else "unjudged"
 
 
-def _solved_verdict(outcome: str, passed: bool | None) -> str:
+def _solved_verdict(outcome: str, passed: bool | None, *, partial: bool) -> str:
     if outcome == "failed":
         return "error"
-    return "unjudged" if passed is None else "passed" if passed else "failed"
+    return "unjudged" if passed is None else _verdict("passed" if passed else "failed", partial=partial)
 
 
 def _write(table: Any, path: Path) -> None:
@@ -266,18 +294,9 @@ def latest_rows(files: ColumnFiles) -> tuple[NDArray[np.uint64], NDArray[np.intp
     return ordered, order
 
 
-def export_columns(files: ColumnFiles, connection: Connection, version: str, path: Path) -> int:
-    """Write the last solution of every log of a version into one Parquet file; return their number. Raises OSError.
-
-    Batch and slot are not in the columns: only an export needs them, and reading them takes longer than all others.
-    """
+def export_columns(files: ColumnFiles, path: Path) -> int:
+    """Write the last solution of every log into one Parquet file; return their number. Raises OSError."""
     _, rows = latest_rows(files)
     table = files.read(*(name for name in SCHEMA.names if name != "log_key")).take(np.sort(rows))
-    found = connection.execution_options(yield_per=_CHUNK).execute(_source(version).batches())
-    of_log = {row.log_sha256: (row.batch, row.slot) for row in found if row.batch or row.slot}
-    batches = [of_log.get(log, (None, None)) for log in table.column("log_sha256").to_pylist()]
-    for k, name in enumerate(("batch", "slot")):
-        after = table.schema.get_field_index("location") + 1 + k
-        table = table.add_column(after, name, pa.array([batch[k] for batch in batches], pa.string()))
     _write(table, path)
     return len(table)

@@ -1,7 +1,7 @@
 """Comparison of the solutions of two versions: changed verdicts, and how far the parameters moved."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calstation.database import connect
 from calstation.errors import ConfigurationError
-from calstation.fleet.columns import ColumnFiles, export_columns, latest_rows, update_columns
+from calstation.fleet.columns import ColumnFiles, export_columns, latest_rows, update_columns, usable
 from calstation.fleet.comparison import GROUPS, VERDICTS, Comparison, Group, Move, VerdictChange
+from calstation.fleet.store import opened
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.physics import NAMES, FloatArray
@@ -21,33 +21,36 @@ from calstation.physics import NAMES, FloatArray
 _UPDATE = 0.9
 
 
-def compare(report: ProgressCallback, url: str, before: str, after: str) -> Comparison:
+def compare(
+    report: ProgressCallback, url: str, before: str, after: str, numbers: Collection[int] | None = None
+) -> Comparison:
     """Job: compare the solutions of two versions in the database at `url`; ``online`` means those of the runs.
 
     Of several solutions of a log under one version, the last counts. Raises ConfigurationError if the database is
     missing, cannot be used or has no such version.
+
+    Parameters
+    ----------
+    report : called with the progress
+    url : of the database
+    before, after : versions
+    numbers : of the solutions of `after` that are compared; None for all
     """
-    engine = connect(url, create=False)
-    try:
-        with engine.connect() as connection:
-            old = update_columns(_part(report, 0.0), connection, before)
-            new = update_columns(_part(report, 0.5), connection, after)
-    finally:
-        engine.dispose()
-    return _Pair(old, new).comparison(report, before, after)
+    with opened(url, create=False) as engine, engine.connect() as connection:
+        old = update_columns(_part(report, 0.0), connection, before)
+        new = update_columns(_part(report, 0.5), connection, after)
+    with usable(new.paths[0].parent):
+        return _Pair(old, new, numbers).comparison(report, before, after)
 
 
 def export_version(report: ProgressCallback, url: str, version: str, path: Path) -> int:
     """Job: write the solutions of a version to a Parquet file; return their number. Raises ConfigurationError."""
-    engine = connect(url, create=False)
+    with opened(url, create=False) as engine, engine.connect() as connection:
+        files = update_columns(_part(report, 0.0), connection, version)
     try:
-        with engine.connect() as connection:
-            files = update_columns(_part(report, 0.0), connection, version)
-            return export_columns(files, connection, version, path)
+        return export_columns(files, path)
     except OSError as exc:
         raise ConfigurationError("csv.not_written", file=path, reason=os_reason(exc)) from exc
-    finally:
-        engine.dispose()
 
 
 def _part(report: ProgressCallback, begin: float) -> ProgressCallback:
@@ -60,10 +63,16 @@ def _part(report: ProgressCallback, begin: float) -> ProgressCallback:
 class _Pair:
     """Rows of the logs that two versions have in common."""
 
-    def __init__(self, old: ColumnFiles, new: ColumnFiles) -> None:
+    def __init__(self, old: ColumnFiles, new: ColumnFiles, numbers: Collection[int] | None) -> None:
         self._old, self._new = old, new
         keys_old, rows_old = latest_rows(old)
         keys_new, rows_new = latest_rows(new)
+        count_old, count_new = len(rows_old), len(rows_new)
+        if numbers is not None:
+            chosen = np.isin(new.numbers("number")[rows_new], np.fromiter(numbers, np.int64))
+            keys_new, rows_new = keys_new[chosen], rows_new[chosen]
+            wanted = np.isin(keys_old, keys_new)
+            keys_old, rows_old = keys_old[wanted], rows_old[wanted]
         place = np.minimum(np.searchsorted(keys_new, keys_old), len(keys_new) - 1)
         common = keys_new[place] == keys_old
         self._rows_old, self._rows_new = rows_old[common], rows_new[place[common]]
@@ -72,7 +81,7 @@ class _Pair:
         self._rows_old, self._rows_new = self._rows_old[order], self._rows_new[order]
         self._whole_old, self._whole_new = (
             len(rows) == count and bool((rows == np.arange(count)).all())
-            for rows, count in ((self._rows_old, len(rows_old)), (self._rows_new, len(rows_new)))
+            for rows, count in ((self._rows_old, count_old), (self._rows_new, count_new))
         )
 
     def comparison(self, report: ProgressCallback, before: str, after: str) -> Comparison:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-VERDICTS = ("passed", "failed", "unjudged", "error")
+VERDICTS = ("passed", "failed", "partial", "unjudged", "error")
 #: Properties of a log by which the comparison is grouped.
 GROUPS = ("product", "station", "month")
 

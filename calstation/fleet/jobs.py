@@ -13,16 +13,12 @@ from calstation.records import write_atomic
 
 def versions_job(report: ProgressCallback, station: Path | None) -> list[str]:
     """Job: return the versions of solutions in the database of a station. Raises ConfigurationError."""
-    from calstation.database import connect
     from calstation.fleet.columns import versions
+    from calstation.fleet.store import opened
 
-    engine = connect(_database(station))
-    report(0.5)
-    try:
-        with engine.connect() as connection:
-            return versions(connection)
-    finally:
-        engine.dispose()
+    with opened(_database(station)) as engine, engine.connect() as connection:
+        report(0.5)
+        return versions(connection)
 
 
 def compare_job(report: ProgressCallback, station: Path | None, before: str, after: str) -> Comparison:

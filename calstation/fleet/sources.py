@@ -1,14 +1,17 @@
 """Logs to solve: files, folders and URLs, or the archive of the shared database."""
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Engine, select
 
-from calstation.database import log_copies
+from calstation.config import has_password
+from calstation.database import log_copies, runs
 from calstation.errors import ConfigurationError, InputError
+from calstation.fleet.selection import Origin
 from calstation.messages import os_reason
 from calstation.records import SUFFIX, meta_path
 
@@ -19,6 +22,8 @@ except ImportError as exc:
 
 #: Source that stands for all logs in the archive of the database.
 ARCHIVE = "archive"
+#: What file systems say of a file that changes with its content.
+_STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "modify")
 
 
 @dataclass(frozen=True)
@@ -26,46 +31,66 @@ class StoredLog:
     """A log in a file system."""
 
     location: str  #: Absolute path of a local file, otherwise the URL.
-    fingerprint: str | None  #: Stamp of its files; None if they cannot be reached.
+    fingerprint: str | None  #: Stamp of its files, in the archive the digest of the file; None without one.
+    sizes: tuple[int | None, ...]  #: Size of each of its files, bytes; None where the file system does not say it.
+    file_sha256: str | None = None  #: Digest of the file; None outside the archive.
+    origin: Origin | None = None  #: None if the log has to be read for it.
 
 
 def find_logs(sources: Sequence[str], engine: Engine) -> Iterator[StoredLog]:
     """Yield the logs of all sources once, those of a folder in the order of their names.
 
-    Raises InputError for a source that is missing, contains no log or is not reachable.
+    Raises ConfigurationError for a source with a password, InputError for one that is missing, contains no log or is
+    not reachable.
     """
+    for source in sources:
+        if has_password(source):
+            raise ConfigurationError("fleet.password_in_source")
     seen: set[str] = set()
     for source in sources:
-        for location in _archived(engine) if source == ARCHIVE else _locations(source):
-            if location not in seen:
-                seen.add(location)
-                yield StoredLog(location, _fingerprint(location))
+        for log in _archived(engine) if source == ARCHIVE else _found(source):
+            if log.location not in seen:
+                seen.add(log.location)
+                yield log
 
 
-def _archived(engine: Engine) -> list[str]:
+def _archived(engine: Engine) -> Iterator[StoredLog]:
+    """Yield the logs of the archive as the database knows them, without a request to the archive."""
+    same = (runs.c.outbox == log_copies.c.outbox) & (runs.c.name == log_copies.c.name)
+    columns = (log_copies.c.url, log_copies.c.file_sha256, log_copies.c.size, runs.c.started_utc, runs.c.content)
+    wanted = select(*columns).join_from(log_copies, runs, same).order_by(log_copies.c.url)
     with engine.connect() as connection:
-        found = list(connection.execute(select(log_copies.c.url).order_by(log_copies.c.url)).scalars())
+        found = connection.execute(wanted).all()
     if not found:
         raise InputError("fleet.archive_empty")
-    return found
+    for row in found:
+        content = json.loads(row.content)
+        origin = Origin(content["station"], content["product"], row.started_utc)
+        yield StoredLog(row.url, row.file_sha256, (row.size,), row.file_sha256, origin)
 
 
-def _locations(source: str) -> list[str]:
+def _found(source: str) -> Iterator[StoredLog]:
+    """Yield the logs of a file or folder; one request lists them all with size and stamp."""
     try:
-        system, path = url_to_fs(source)
+        system, path = url_to_fs(source, use_listings_cache=False)
         if not system.exists(path):
             raise InputError("fleet.source_missing", source=source)
-        if not system.isdir(path):
-            return [_location(system, path)]
-        names = set(system.find(path))
-    except OSError as exc:
-        raise InputError("fleet.source_unreachable", source=source, reason=os_reason(exc)) from exc
-    except (ValueError, ImportError) as exc:  # an unknown kind of URL, or one whose package is not installed
-        raise InputError("fleet.source_unreachable", source=source, reason=str(exc)) from exc
-    found = [name for name in sorted(names) if name.endswith(SUFFIX) or configuration_of(name) in names]
-    if not found:
+        if system.isdir(path):
+            files = system.find(path, detail=True)
+            names = [name for name in sorted(files) if name.endswith(SUFFIX) or configuration_of(name) in files]
+        else:
+            beside = configuration_of(path)
+            names, files = [path], {name: system.info(name) for name in (path, beside) if name and system.exists(name)}
+    except InputError:
+        raise
+    except Exception as exc:  # every file system has errors of its own, also for an unknown kind of URL
+        raise InputError("fleet.source_unreachable", source=source, reason=storage_reason(exc)) from exc
+    if not names:
         raise InputError("fleet.no_logs", source=source)
-    return [_location(system, name) for name in found]
+    for name in names:
+        each = [files.get(file, {}) for file in (name, configuration_of(name)) if file is not None]
+        sizes = tuple(info.get("size") for info in each)
+        yield StoredLog(_location(system, source, path, name), _fingerprint(each), sizes)
 
 
 def configuration_of(path: str) -> str | None:
@@ -77,23 +102,29 @@ def configuration_of(path: str) -> str | None:
 
 
 def files_of(location: str) -> tuple[Any, list[str]]:
-    """Return the file system of a log and the paths of its files. Raises OSError."""
+    """Return the file system of a log and the paths of its files. Raises errors of the file system."""
     system, path = url_to_fs(location)
     beside = configuration_of(path)
     return system, [path] if beside is None else [path, beside]
 
 
-def _location(system: Any, path: str) -> str:
-    local = "file" in system.protocol
-    return str(Path(path).absolute()) if local else str(system.unstrip_protocol(path))
+def storage_reason(error: Exception) -> Any:
+    """Return why a file system fails: what the operating system says, or the first line of its own words."""
+    if isinstance(error, OSError) and error.errno is not None:
+        return os_reason(error)
+    return str(error).partition("\n")[0] or type(error).__name__
 
 
-def _fingerprint(location: str) -> str | None:
-    try:
-        system, paths = files_of(location)
-        if "file" in system.protocol:  # fsspec's stamp changes when the folder is mounted again
-            stamps = [Path(path).stat() for path in paths]
-            return " ".join(f"{stamp.st_size} {stamp.st_mtime_ns}" for stamp in stamps)
-        return " ".join(system.ukey(path) for path in paths)
-    except OSError:
+def _location(system: Any, source: str, root: str, name: str) -> str:
+    """Return the location of a file below the path `root` of a source, with host and user of the source's URL."""
+    if "file" in system.protocol:
+        return str(Path(name).absolute())
+    return source.rstrip("/") + name.removeprefix(root.rstrip("/"))
+
+
+def _fingerprint(files: Sequence[Mapping[str, Any]]) -> str | None:
+    """Return a stamp of files that changes with them; None if the file system gives none."""
+    stamps = [next((info[name] for name in _STAMPS if info.get(name) is not None), None) for info in files]
+    if None in stamps:
         return None
+    return " ".join(f"{info.get('size')} {stamp}" for info, stamp in zip(files, stamps, strict=True))

@@ -3,20 +3,26 @@
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 import numpy as np
-from sqlalchemy import ColumnElement, Engine, and_, case, func, not_, select, update
+from sqlalchemy import ColumnElement, Connection, Engine, Table, and_, case, func, select
 from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import DBAPIError
 
-from calstation.database import solutions
+from calstation.database import connect, failure, locations, solutions, versions
 from calstation.fleet.changes import Changes
+from calstation.fleet.selection import Origin
+from calstation.fleet.sources import StoredLog
 from calstation.results import Result
 
 #: Solutions read at a time.
 _CHUNK = 200
+#: Files read at a time.
+_FILES = 10_000
 #: JSON of the result of a log that could not be solved; null for others.
 _FAILED = case((solutions.c.outcome == "failed", solutions.c.result))
 
@@ -26,6 +32,15 @@ class StoredSolution(NamedTuple):
 
     number: int
     error: dict[str, Any]  #: Why the log could not be solved, as in a result JSON; {} if it was.
+    changed: bool | None  #: Whether configuration, range or stages differ from the log's own; None if unknown.
+    attempt: int
+
+
+class KnownFile(NamedTuple):
+    """What the database knows of a file."""
+
+    origin: Origin
+    solution: StoredSolution | None  #: None if it has none of its log.
 
 
 @dataclass(frozen=True)
@@ -37,6 +52,11 @@ class Wanted:
     first_seq: int | None = None  #: None for the start of the log.
     last_seq: int | None = None  #: None for the end of the log.
     diagnostics: bool = True  #: Whether data and model are tested, or only the parameters solved.
+
+    @property
+    def alters(self) -> bool:
+        """Whether something else than the log's own configuration, range and stages is wanted."""
+        return bool(self.changes.entries) or (self.stages, self.first_seq, self.last_seq) != (None, None, None)
 
     @property
     def columns(self) -> dict[str, Any]:
@@ -53,21 +73,40 @@ class Wanted:
         }
 
 
-def label_used(engine: Engine, wanted: Wanted) -> bool:
-    """Whether the version names solutions with other changes, another range or other stages."""
-    others = (solutions.c.version == wanted.changes.version) & not_(and_(*_conditions(wanted.columns)))
-    with engine.connect() as connection:
-        return connection.execute(select(solutions.c.id).where(others).limit(1)).first() is not None
+@contextmanager
+def opened(url: str, *, create: bool = True) -> Iterator[Engine]:
+    """Connect to a database. What it refuses, and a lost connection, become ConfigurationError."""
+    engine = connect(url, create=create)
+    try:
+        yield engine
+    except DBAPIError as exc:
+        raise failure(exc, engine.url) from exc
+    finally:
+        engine.dispose()
 
 
-def solved_files(engine: Engine, wanted: Wanted) -> dict[tuple[str, str], StoredSolution]:
-    """Return the solutions by location and fingerprint of their logs."""
-    columns = (solutions.c.location, solutions.c.fingerprint, solutions.c.id, _FAILED)
+def enter_version(engine: Engine, wanted: Wanted) -> bool:
+    """Enter a version unless there is one; return whether it stands for what is wanted, also if two jobs enter it."""
+    with engine.begin() as connection:
+        connection.execute(_insert(connection, versions).values(wanted.columns).on_conflict_do_nothing())
+        same = select(versions.c.version).where(*_conditions(versions, wanted.columns))
+        return connection.execute(same).first() is not None
+
+
+def known_files(engine: Engine, wanted: Wanted) -> dict[tuple[str, str], KnownFile]:
+    """Return the files that the database knows by location and fingerprint, with the solution of the log of each."""
+    same = and_(solutions.c.log_sha256 == locations.c.log_sha256, *_conditions(solutions, wanted.columns))
+    solution = (solutions.c.id, _FAILED, solutions.c.changed, solutions.c.attempt)
+    query = select(*locations.c, *solution).join_from(locations, solutions, same, isouter=True).order_by(solutions.c.id)
     with engine.connect() as connection:
-        rows = connection.execute(select(*columns).where(*_conditions(wanted.columns)))
         return {
-            (location, fingerprint): StoredSolution(number, stored_error(text))
-            for location, fingerprint, number, text in rows
+            (location, fingerprint): KnownFile(
+                Origin(station, product, started),
+                None if number is None else StoredSolution(number, stored_error(failed), changed, attempt),
+            )
+            for location, fingerprint, _, station, product, started, number, failed, changed, attempt in (
+                connection.execution_options(yield_per=_FILES).execute(query)
+            )
         }
 
 
@@ -78,60 +117,72 @@ def last_number(engine: Engine) -> int:
 
 
 def find_solution(engine: Engine, wanted: Wanted, log_sha256: str, configuration_sha256: str) -> StoredSolution | None:
-    """Return the solution of a log; None if there is none."""
-    key = {**wanted.columns, "log_sha256": log_sha256, "configuration_sha256": configuration_sha256}
+    """Return the last solution of a log; None if there is none."""
     with engine.connect() as connection:
-        row = connection.execute(select(solutions.c.id, _FAILED).where(*_conditions(key))).first()
-    return None if row is None else StoredSolution(row[0], stored_error(row[1]))
+        return _solution(connection, _key(wanted, log_sha256, configuration_sha256))
 
 
-def set_location(engine: Engine, number: int, location: str, fingerprint: str) -> None:
-    """Store where the log of a solution lies now, so that the next start need not read it."""
-    moved = update(solutions).where(solutions.c.id == number).values(location=location, fingerprint=fingerprint)
+def add_location(engine: Engine, log: StoredLog, log_sha256: str | None, origin: Origin) -> None:
+    """Store which log a file holds, so that the next start need not read it; None for one not read to its end."""
     with engine.begin() as connection:
-        connection.execute(moved)
-
-
-def stored_error(text: str | None) -> dict[str, Any]:
-    """Return the error in the JSON of a result; {} if there is none."""
-    return {name: value for name, value in json.loads(text or "{}").items() if name.startswith("error")}
+        _add_location(connection, log, log_sha256, origin)
 
 
 def add_solution(
-    engine: Engine, wanted: Wanted, location: str, fingerprint: str, result: Result, text: str
+    engine: Engine, wanted: Wanted, log: StoredLog, result: Result, text: str, *, changed: bool | None, again: bool
 ) -> tuple[int, bool]:
-    """Write a solution unless there is one; return its number, and whether it was written. `text` is its JSON."""
+    """Write a solution and its location unless there is one; return its number, and whether it was written.
+
+    Parameters
+    ----------
+    engine : database
+    wanted : what was solved
+    log : where the log is
+    result : the solution
+    text : its JSON
+    changed : whether configuration, range or stages differ from the log's own; None if unknown
+    again : whether to write beside a failure too
+    """
     rows = result.parameters
     numbers = [number for kind in ("value", "sigma") for number in (getattr(row, kind) for row in rows.values())]
+    key = _key(wanted, result.log.sha256, result.configuration_sha256)
     row = {
-        **wanted.columns,
-        "log_sha256": result.log.sha256,
-        "configuration_sha256": result.configuration_sha256,
-        "location": location,
-        "fingerprint": fingerprint,
+        **key,
+        "location": log.location,
         "outcome": result.outcome,
         "error_code": result.error_code,
         "passed": result.passed,
+        "partial": result.partial,
+        "changed": changed,
         "serial": result.serial or None,
         "product": result.product,
         "station": result.station,
         "started_utc": result.started_utc,
+        "batch": result.batch,
+        "slot": result.slot,
         "failed_checks": json.dumps([check.name for check in result.failed_checks]),
         "parameters": json.dumps([*rows]),
         "numbers": np.array(numbers, dtype=float).tobytes(),
         "solved": datetime.now(UTC),
         "result": text,
     }
-    insert = postgresql.insert if engine.dialect.name == "postgresql" else sqlite.insert
     with engine.begin() as connection:
-        written = connection.execute(
-            insert(solutions).values(row).on_conflict_do_nothing().returning(solutions.c.id)
-        ).scalar()
-    if written is not None:
-        return int(written), True
-    there = find_solution(engine, wanted, result.log.sha256, result.configuration_sha256)
-    assert there is not None
-    return there.number, False
+        _add_location(connection, log, result.log.sha256, Origin(result.station, result.product, result.started_utc))
+        there = _solution(connection, key)
+        if there is None or (again and there.error):
+            row["attempt"] = 0 if there is None else there.attempt + 1
+            insert = _insert(connection, solutions).values(row).on_conflict_do_nothing().returning(solutions.c.id)
+            written = connection.execute(insert).scalar()
+            if written is not None:
+                return int(written), True
+            there = _solution(connection, key)  # of another worker
+        assert there is not None
+        return there.number, False
+
+
+def stored_error(text: str | None) -> dict[str, Any]:
+    """Return the error in the JSON of a result; {} if there is none."""
+    return {name: value for name, value in json.loads(text or "{}").items() if name.startswith("error")}
 
 
 def read_results(engine: Engine, numbers: Sequence[int]) -> Iterator[str]:
@@ -144,5 +195,29 @@ def read_results(engine: Engine, numbers: Sequence[int]) -> Iterator[str]:
         yield from (found[number] for number in part)
 
 
-def _conditions(values: Mapping[str, Any]) -> list[ColumnElement[bool]]:
-    return [solutions.c[name] == value for name, value in values.items()]
+def _add_location(connection: Connection, log: StoredLog, log_sha256: str | None, origin: Origin) -> None:
+    if log.fingerprint is None:
+        return
+    values = {"log_sha256": log_sha256, **origin._asdict()}
+    insert = _insert(connection, locations).values(location=log.location, fingerprint=log.fingerprint, **values)
+    connection.execute(insert.on_conflict_do_update(index_elements=["location", "fingerprint"], set_=values))
+
+
+def _solution(connection: Connection, key: Mapping[str, Any]) -> StoredSolution | None:
+    columns = (solutions.c.id, _FAILED, solutions.c.changed, solutions.c.attempt)
+    query = select(*columns).where(*_conditions(solutions, key)).order_by(solutions.c.attempt.desc()).limit(1)
+    row = connection.execute(query).first()
+    return None if row is None else StoredSolution(row[0], stored_error(row[1]), row[2], row[3])
+
+
+def _key(wanted: Wanted, log_sha256: str, configuration_sha256: str) -> dict[str, Any]:
+    return {**wanted.columns, "log_sha256": log_sha256, "configuration_sha256": configuration_sha256}
+
+
+def _insert(connection: Connection, table: Table) -> Any:
+    """Return an INSERT that can yield to an existing row."""
+    return (postgresql if connection.dialect.name == "postgresql" else sqlite).insert(table)
+
+
+def _conditions(table: Table, values: Mapping[str, Any]) -> list[ColumnElement[bool]]:
+    return [table.c[name] == value for name, value in values.items()]

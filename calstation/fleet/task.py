@@ -17,13 +17,15 @@ from typing import Any, Literal, TypeVar
 
 from distributed import Worker, WorkerPlugin, get_worker
 from sqlalchemy import Engine
-from sqlalchemy.exc import DataError, InterfaceError, OperationalError, SQLAlchemyError
+from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, InterfaceError, OperationalError
 
 from calstation import __version__
 from calstation.database import connect
-from calstation.errors import CalstationError, ConfigurationError
-from calstation.fleet.sources import StoredLog, files_of
-from calstation.fleet.store import Wanted, add_solution, find_solution, set_location, stored_error
+from calstation.database import failure as database_error
+from calstation.errors import CalstationError, ConfigurationError, InputError
+from calstation.fleet.selection import Origin, Selection
+from calstation.fleet.sources import StoredLog, files_of, storage_reason
+from calstation.fleet.store import Wanted, add_location, add_solution, find_solution, stored_error
 from calstation.messages import values_to_json
 from calstation.records import Log, LogMeta, locked, open_log
 from calstation.results import SCHEMA, Result, resolve_log, warm_up
@@ -37,6 +39,9 @@ logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
+#: ``failed``: stored as failed, now or before; ``unreachable``: failed without being stored.
+Outcome = Literal["solved", "there", "failed", "unreachable", "not_selected", "refused"]
+
 
 @dataclass(frozen=True)
 class Assignment:
@@ -44,6 +49,8 @@ class Assignment:
 
     database: str
     wanted: Wanted
+    selection: Selection = field(default_factory=Selection)
+    retry_failed: bool = False  #: Whether logs that are stored as failed are solved again.
     software: str = __version__
 
 
@@ -52,11 +59,19 @@ class Status:
     """What became of a log."""
 
     location: str
-    #: ``failed``: stored as failed, now or before; ``unreachable``: failed without being stored.
-    outcome: Literal["solved", "there", "failed", "unreachable", "refused"]
+    outcome: Outcome
     solution: int | None = None  #: Its number in the database; None without one.
     error: dict[str, Any] = field(default_factory=dict)  #: The error as in a result JSON; {} if there is none.
+    changed: bool | None = None  #: Whether configuration, range or stages differ from the log's own; None if unknown.
     seconds: dict[str, float] = field(default_factory=dict)  #: Duration of ``copy``, ``solve`` and ``write``.
+
+
+class UnreachableError(Exception):
+    """A log or the database cannot be reached now."""
+
+    def __init__(self, error: CalstationError) -> None:
+        super().__init__(str(error))
+        self.error = error
 
 
 class WarmUp(WorkerPlugin):
@@ -96,77 +111,112 @@ def solve_stored_log(assignment: Assignment, stored: StoredLog) -> Status:
         if assignment.software != __version__:
             raise ConfigurationError("fleet.worker_version", worker=__version__, wanted=assignment.software)
         status = _copy_and_solve(assignment, stored, seconds)
+    except UnreachableError as exc:
+        status = Status(stored.location, "unreachable", error=error_of(exc.error))
     except OSError as exc:
-        status = Status(stored.location, "unreachable", error=unreachable(exc))
+        status = Status(stored.location, "unreachable", error=error_of(_not_read(exc)))
     except MemoryError:
         failure = CalstationError("fleet.no_memory", file=stored.location)
         status = Status(stored.location, "unreachable", error=error_of(failure))
-    except SQLAlchemyError as exc:
-        refused = ConfigurationError("fleet.database_failed", reason=str(exc).partition("\n")[0])
-        status = Status(stored.location, "refused", error=error_of(refused))
     except ConfigurationError as exc:
         status = Status(stored.location, "refused", error=error_of(exc))
+    except Exception as exc:  # a mistake of the program must not stop the rest
+        logger.exception("solving %s failed", stored.location)
+        status = Status(stored.location, "unreachable", error=error_of(_mistake(stored, exc)))
     return replace(status, seconds=seconds)
 
 
 def _copy_and_solve(assignment: Assignment, stored: StoredLog, seconds: dict[str, float]) -> Status:
     with tempfile.TemporaryDirectory(dir=get_worker().local_directory) as folder:
         begin = time.perf_counter()
-        local = _persistently(lambda: _copied(stored.location, Path(folder)))
+        local = _persistently(lambda: _copied(stored, Path(folder)))
         seconds["copy"] = time.perf_counter() - begin
         engine = _persistently(lambda: _engine(assignment.database))
         try:
-            return _solve(engine, assignment.wanted, stored, local, seconds)
-        finally:
-            engine.dispose()  # hundreds of workers must not each keep a connection
+            return _LogTask(engine, assignment, stored, local, seconds).solve()
+        except DBAPIError as exc:
+            raise database_error(exc, engine.url) from exc
 
 
-def _solve(engine: Engine, wanted: Wanted, stored: StoredLog, local: Path, seconds: dict[str, float]) -> Status:
-    begin = time.perf_counter()
-    log: Log | None = None
-    failure: CalstationError
-    try:
-        log = open_log(local)
-        meta = wanted.changes.applied(log.meta)
-        if log.stored_sha256 is not None:
-            there = _persistently(lambda: find_solution(engine, wanted, str(log.stored_sha256), _digest(meta)))
-            if there is not None and log.facts().sha256 == log.stored_sha256:
-                number, stamp = there.number, stored.fingerprint or ""
-                _persistently(lambda: set_location(engine, number, stored.location, stamp))
-                return Status(stored.location, "failed" if there.error else "there", there.number, there.error)
-        span = wanted.first_seq, wanted.last_seq
-        result = resolve_log(log, meta, wanted.stages, *span, diagnostics=wanted.diagnostics).result
-    except (SQLAlchemyError, OSError, MemoryError):
-        raise
-    except Exception as exc:  # a mistake of the program must not stop the rest
-        logger.exception("solving %s failed", stored.location)
-        detail = f"{type(exc).__name__}: {exc}"
-        failure = CalstationError("fleet.solving_failed", file=stored.location, detail=detail)
-        failure = exc if isinstance(exc, CalstationError) else failure
-        result = failed_result(failure, None if log is None else log.meta, str(local), *_digests(log, wanted, local))
-    seconds["solve"] = time.perf_counter() - begin
-    try:
-        return _write(engine, wanted, stored, result, str(local), seconds)
-    except DataError as exc:  # e.g. a zero character, which PostgreSQL has not
-        failure = CalstationError("fleet.not_stored", file=stored.location, reason=str(exc.orig))
-        result = failed_result(failure, None, str(local), result.log.sha256, result.configuration_sha256)
-        return _write(engine, wanted, stored, result, str(local), seconds)
+@dataclass(frozen=True)
+class _LogTask:
+    """A log that has been copied to the local disk."""
+
+    engine: Engine
+    assignment: Assignment
+    stored: StoredLog
+    local: Path
+    seconds: dict[str, float]
+
+    def solve(self) -> Status:
+        """Solve the log and write the solution, unless there is one or the log is not selected."""
+        begin = time.perf_counter()
+        stored, wanted, again = self.stored, self.assignment.wanted, self.assignment.retry_failed
+        log: Log | None = None
+        changed: bool | None = None
+        try:
+            log = open_log(self.local)
+            origin = Origin.of(log.meta)
+            if not self.assignment.selection.takes(origin):
+                self._in_database(lambda: add_location(self.engine, stored, None, origin))
+                return Status(stored.location, "not_selected")
+            meta = wanted.changes.applied(log.meta)
+            changed = _is_changed(log.meta, meta, wanted)
+            if (sha256 := log.stored_sha256) is not None:
+                there = self._in_database(lambda: find_solution(self.engine, wanted, sha256, _digest(meta)))
+                if there is not None and not (again and there.error) and log.facts().sha256 == sha256:
+                    self._in_database(lambda: add_location(self.engine, stored, sha256, origin))
+                    outcome: Outcome = "failed" if there.error else "there"
+                    return Status(stored.location, outcome, there.number, there.error, there.changed)
+            span = wanted.first_seq, wanted.last_seq
+            result = resolve_log(log, meta, wanted.stages, *span, diagnostics=wanted.diagnostics).result
+        except (DBAPIError, UnreachableError, OSError, MemoryError):
+            raise
+        except Exception as exc:  # a mistake of the program must not stop the rest
+            logger.exception("solving %s failed", stored.location)
+            failure = exc if isinstance(exc, CalstationError) else _mistake(stored, exc)
+            digests = _digests(log, wanted, self.local)
+            result = failed_result(failure, None if log is None else log.meta, str(self.local), *digests)
+        self.seconds["solve"] = time.perf_counter() - begin
+        try:
+            return self._write(result, changed)
+        except (DataError, IntegrityError) as exc:  # e.g. a zero character, which PostgreSQL has not
+            failure = CalstationError("fleet.not_stored", file=stored.location, reason=str(exc.orig))
+            digests = result.log.sha256, result.configuration_sha256
+            return self._write(failed_result(failure, None, str(self.local), *digests), changed)
+
+    def _write(self, result: Result, changed: bool | None) -> Status:
+        """Write a result into the database, with the location of the log in place of the path of its copy."""
+        begin = time.perf_counter()
+        stored = self.stored
+        quoted, location = (json.dumps(text, ensure_ascii=False)[1:-1] for text in (str(self.local), stored.location))
+        text = json.dumps(result.to_json(), allow_nan=False, ensure_ascii=False).replace(quoted, location)
+        wanted, again = self.assignment.wanted, self.assignment.retry_failed
+        number, new = self._in_database(
+            lambda: add_solution(self.engine, wanted, stored, result, text, changed=changed, again=again)
+        )
+        self.seconds["write"] = time.perf_counter() - begin
+        error = stored_error(text)
+        outcome: Outcome = "failed" if error else "solved" if new else "there"
+        return Status(stored.location, outcome, number, error, changed)
+
+    def _in_database(self, action: Callable[[], T]) -> T:
+        """Return the result of an action, which is repeated while the database is not reachable or is locked."""
+
+        def attempt() -> T:
+            try:
+                return action()
+            except (OperationalError, InterfaceError) as exc:
+                raise UnreachableError(database_error(exc, self.engine.url)) from exc
+
+        return _persistently(attempt)
 
 
-def _write(
-    engine: Engine, wanted: Wanted, stored: StoredLog, result: Result, path: str, seconds: dict[str, float]
-) -> Status:
-    """Write a result into the database, with the location of the log in place of the path of its copy."""
-    begin = time.perf_counter()
-    quoted, location = (json.dumps(text, ensure_ascii=False)[1:-1] for text in (path, stored.location))
-    text = json.dumps(result.to_json(), allow_nan=False, ensure_ascii=False).replace(quoted, location)
-    number, new = _persistently(
-        lambda: add_solution(engine, wanted, stored.location, stored.fingerprint or "", result, text)
-    )
-    seconds["write"] = time.perf_counter() - begin
-    error = stored_error(text)
-    outcome: Literal["solved", "there", "failed"] = "failed" if error else "solved" if new else "there"
-    return Status(stored.location, outcome, number, error, seconds)
+def _is_changed(own: LogMeta, meta: LogMeta, wanted: Wanted) -> bool:
+    """Whether configuration, range or stages differ from the log's own."""
+    if meta != own or wanted.first_seq is not None or wanted.last_seq is not None:
+        return True
+    return wanted.stages is not None and (own.run is None or [*wanted.stages] != own.run.stages)
 
 
 def _digests(log: Log | None, wanted: Wanted, local: Path) -> tuple[str, str]:
@@ -219,37 +269,52 @@ def error_of(error: CalstationError) -> dict[str, Any]:
     return {"error": str(error), "error_code": error.code, "error_values": values_to_json(error.values)}
 
 
-def unreachable(error: OSError) -> dict[str, Any]:
-    """Return the error of a log or database that cannot be reached, as in a result JSON."""
-    return error_of(ConfigurationError("fleet.unreachable", reason=str(error)))
+def _mistake(stored: StoredLog, error: Exception) -> CalstationError:
+    return CalstationError("fleet.solving_failed", file=stored.location, detail=f"{type(error).__name__}: {error}")
 
 
-def _copied(location: str, folder: Path) -> Path:
-    """Copy a log, and the TOML file of a CSV, into a folder; return its path. Raises OSError."""
-    system, paths = files_of(location)
-    targets = [folder / path.rpartition("/")[2] for path in paths]
-    for path, target in zip(paths, targets, strict=True):
-        system.get_file(path, str(target))
+def _not_read(error: Exception) -> ConfigurationError:
+    return ConfigurationError("fleet.unreachable", reason=storage_reason(error))
+
+
+def _copied(stored: StoredLog, folder: Path) -> Path:
+    """Copy a log, and the TOML file of a CSV, into a folder; return its path.
+
+    Raises UnreachableError, also if the copy has another size or, in the archive, another digest than the original.
+    """
+    try:
+        system, paths = files_of(stored.location)
+        targets = [folder / path.rpartition("/")[2] for path in paths]
+        for path, target in zip(paths, targets, strict=True):
+            system.get_file(path, str(target))
+        sizes = [target.stat().st_size for target in targets]
+    except Exception as exc:  # every file system has errors of its own
+        raise UnreachableError(_not_read(exc)) from exc
+    damaged = any(wanted not in (None, size) for wanted, size in zip(stored.sizes, sizes, strict=True))
+    if stored.file_sha256 is not None and not damaged:
+        with targets[0].open("rb") as stream:
+            damaged = hashlib.file_digest(stream, "sha256").hexdigest() != stored.file_sha256
+    if damaged:
+        raise UnreachableError(InputError("fleet.copy_damaged", file=stored.location))
     return targets[0]
 
 
 @lru_cache(maxsize=1)
 def _engine(database: str) -> Engine:
-    return connect(database)
+    """Return an engine that keeps no connection, since hundreds of workers must not each hold one while they solve."""
+    try:
+        return connect(database, pooled=False)
+    except ConfigurationError as exc:
+        if exc.code == "database.unreachable":
+            raise UnreachableError(exc) from exc
+        raise
 
 
 def _persistently(action: Callable[[], T]) -> T:
-    """Return the result of an action, which is repeated while a file or the database is not reachable.
-
-    Raises OSError if it stays so.
-    """
-    for pause in (*PAUSES, None):
+    """Return the result of an action, which is repeated while it raises UnreachableError."""
+    for pause in PAUSES:
         try:
             return action()
-        except (OSError, OperationalError, InterfaceError, ConfigurationError) as exc:
-            if isinstance(exc, ConfigurationError) and exc.code != "database.unreachable":
-                raise
-            if pause is None:
-                raise OSError(str(exc)) from exc
+        except UnreachableError:
             time.sleep(pause)
-    raise AssertionError
+    return action()

@@ -1,7 +1,8 @@
 """Many short raw logs as several stations would record them in a year, for solving them again and comparing.
 
 They show what a comparison should find: from March on, the configuration of `WRONG_STATION` has a surveyed gravity that
-is too high by `GRAVITY_ERROR`, and the limits of the accelerometer scale factors are so narrow that units fail.
+is too high by `GRAVITY_ERROR`, and the limits of the accelerometer scale factors are so narrow that units fail. The
+stations stand at places of different gravity, so that no value is right for all of them.
 """
 
 import zlib
@@ -17,7 +18,12 @@ from calstation.records import SUFFIX, LogMeta, RawLogWriter
 from calstation.simulation.study import FAST, block_of
 from procedures import method
 
-STATIONS = ("bench 1", "bench 2", "bench 3")
+#: Site of each station, with its true gravity.
+STATIONS = {
+    "bench 1": {"latitude_deg": 34.25, "height_m": 400.0, "gravity_mps2": 9.79547},
+    "bench 2": {"latitude_deg": 31.2, "height_m": 20.0, "gravity_mps2": 9.7941},
+    "bench 3": {"latitude_deg": 45.75, "height_m": 150.0, "gravity_mps2": 9.8064},
+}
 #: The station whose configured gravity is wrong, and since when.
 WRONG_STATION, WRONG_SINCE = "bench 2", datetime(2026, 3, 1, tzinfo=UTC)
 #: Relative error of its configured gravity.
@@ -47,15 +53,16 @@ def record_logs(
 
 def _record(job: tuple[Path, GradeName, int, int, int]) -> Path:
     folder, grade, seed, number, count = job
-    serial, station = f"SN-{number + 1:05d}", STATIONS[number % len(STATIONS)]
+    serial, station = f"SN-{number + 1:05d}", [*STATIONS][number % len(STATIONS)]
     started = _BEGIN + number / count * _PERIOD
     request = RunRequest(serial, None, library.find("products", FAST[grade]), seed=seed)
     setup = resolve_configuration(request)
     bench = setup.bench_config()
     assert bench is not None
     bench["seed"] = zlib.crc32(f"{seed} {serial}".encode())
+    bench |= STATIONS[station]
     truth = BenchConfig(**bench).truth()
-    meta = _meta(setup, station, started, float(truth.table.up_force_n[2]), grade)
+    meta = _meta(setup, station, started, grade)
     path = folder / f"{serial}_{started:%Y%m%dT%H%M%S}{SUFFIX}"
     path.unlink(missing_ok=True)
     simulator = Simulator(truth, bench["seed"])
@@ -67,11 +74,12 @@ def _record(job: tuple[Path, GradeName, int, int, int]) -> Path:
     return path
 
 
-def _meta(setup: ResolvedConfiguration, station: str, started: datetime, gravity: float, grade: GradeName) -> LogMeta:
+def _meta(setup: ResolvedConfiguration, station: str, started: datetime, grade: GradeName) -> LogMeta:
     """Return the configuration of a log; the surveyed gravity of `WRONG_STATION` is wrong from `WRONG_SINCE` on."""
     plain = setup.log_meta(started).model_dump()
     wrong = station == WRONG_STATION and started >= WRONG_SINCE
-    plain["site"]["gravity_mps2"] = round(gravity * (1.0 + GRAVITY_ERROR * wrong), 7)
+    site = STATIONS[station]
+    plain["site"] |= {**site, "gravity_mps2": round(site["gravity_mps2"] * (1.0 + GRAVITY_ERROR * wrong), 7)}
     plain["run"]["station"] = station
     plain["product"]["limits"]["accel_scale"]["within"] = SCALE_LIMIT * GRADES[grade].sigma["accel_scale"]
     return LogMeta.model_validate(plain)

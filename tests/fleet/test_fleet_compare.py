@@ -1,21 +1,37 @@
 """Comparisons agree with a small set worked out by hand, also after the database has grown and rows were replaced."""
 
 import json
+import shutil
 from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from sqlalchemy import create_engine, delete, insert, select
+from sqlalchemy import create_engine, delete, func, insert, select, text
 
-from calstation.database import connect, runs, solutions
+from calstation.config import library
+from calstation.database import connect, runs, solutions, versions
 from calstation.database.tables import outboxes
 from calstation.errors import ConfigurationError
-from calstation.fleet import Comparison, Move, compare
+from calstation.fleet import (
+    Comparison,
+    FleetRequest,
+    FleetSummary,
+    Move,
+    columns,
+    compare,
+    export_version,
+    resolve_fleet,
+    solved_results,
+    versions_job,
+)
 from calstation.fleet.columns import _MOST_FILES, update_columns
+from calstation.fleet.store import opened
+from calstation.records import locked
 from tests.cli.conftest import Done
 from tests.helpers import ignore_progress, raises_code
 
@@ -49,9 +65,9 @@ def row(unit: tuple[Any, ...], version: str, which: int, **more: Any) -> dict[st
         "stages": "",
         "changes_sha256": "",
         "location": f"/logs/{serial}.h5",
-        "fingerprint": "",
         "outcome": "resolved",
         "passed": passed,
+        "partial": False,
         "serial": serial,
         "product": product,
         "station": station,
@@ -66,9 +82,14 @@ def row(unit: tuple[Any, ...], version: str, which: int, **more: Any) -> dict[st
 
 
 def add(url: str, *rows: dict[str, Any]) -> None:
-    """Insert solutions."""
+    """Insert solutions and their versions."""
     engine = connect(url)
+    same = ("changes_sha256", "first_seq", "last_seq", "stages")
     with engine.begin() as connection:
+        known = {*connection.execute(select(versions.c.version)).scalars()}
+        for version, each in {each["version"]: each for each in rows}.items():
+            if version not in known:
+                connection.execute(insert(versions).values(version=version, **{name: each[name] for name in same}))
         connection.execute(insert(solutions), list(rows))
     engine.dispose()
 
@@ -202,6 +223,94 @@ def test_results_of_the_runs_are_a_version_and_their_last_state_counts(url: str)
     check(compare(ignore_progress, url, "online", "2"))
 
 
+def test_a_partial_calibration_counts_as_partial(url: str, tmp_path: Path, calstation: Run) -> None:
+    add_outbox(url)
+    add(url, *(row(unit, "1", 0, partial=unit[0] in "AB") for unit in UNITS))
+    for number, unit in enumerate(UNITS, 1):
+        put_run(url, number, unit, {"partial": unit[0] in "AB"})
+    verdicts = {"passed": {"passed": 2}, "partial": {"partial": 1}, "failed": {"failed": 1}}
+    assert compare(ignore_progress, url, "online", "1").verdicts == verdicts
+    add(url, *(row(unit, "2", 1) for unit in UNITS))
+    found = compare(ignore_progress, url, "1", "2")
+    assert [(each.serial, each.before, each.after) for each in found.changes][:1] == [("A", "partial", "failed")]
+    assert not found.pass_to_fail
+    path = tmp_path / "solutions.parquet"
+    calstation("fleet", "export", "--database", url, "--version", "1", "-o", path)
+    assert pq.read_table(path).column("verdict").to_pylist() == ["partial", "failed", "passed", "passed"]
+
+
+def test_only_chosen_solutions_are_compared(url: str) -> None:
+    add(url, *(row(unit, "1", 0) for unit in UNITS[1:]))
+    add(url, *(row(unit, "2", 1, id=k) for k, unit in enumerate(UNITS, 10)))
+    found = compare(ignore_progress, url, "1", "2", [10, 11, 13])
+    assert (found.logs, found.only_before, found.only_after) == (2, 0, 1)
+    assert [each.serial for each in found.changes] == ["B", "D"]
+    assert found.moves["gyro_bias_x"].largest == 4.0
+    assert [(each.name, each.logs) for each in found.groups["product"]] == [("p", 1), ("q", 1)]
+    found = compare(ignore_progress, url, "1", "2", [])
+    assert (found.logs, found.only_after, found.moves) == (0, 0, {})
+
+
+def test_columns_that_another_program_holds_or_has_damaged_are_told(
+    url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add(url, *(row(unit, "1", 0) for unit in UNITS))
+    export_version(ignore_progress, url, "1", tmp_path / "solutions.parquet")
+    (file,) = (tmp_path / "home").rglob("*.parquet")
+    monkeypatch.setattr(columns, "_LOCKED_WITHIN", 0.0)
+    for job in (
+        lambda: compare(ignore_progress, url, "1", "1"),
+        lambda: export_version(ignore_progress, url, "1", file),
+    ):
+        with locked(file.with_name(".lock"), 0.0), raises_code(ConfigurationError, "fleet.columns_locked") as caught:
+            job()
+        assert str(file.parent) in str(caught.value)
+    with raises_code(ConfigurationError, "csv.not_written"):
+        export_version(ignore_progress, url, "1", tmp_path / "none" / "solutions.parquet")
+    file.write_bytes(b"damaged")
+    with raises_code(ConfigurationError, "fleet.columns_unusable"):
+        compare(ignore_progress, url, "1", "1")
+    pq.write_table(pa.table({"number": [1]}), file)  # of an earlier version of the program
+    assert compare(ignore_progress, url, "1", "1").logs == 4
+
+
+def test_what_postgresql_refuses_is_told_in_one_line(shared_database: str, tmp_path: Path) -> None:
+    url = shared_database
+    station = tmp_path / "station.toml"
+    shutil.copy(library.find("stations", "virtual_bench"), station)
+    station.write_text(f'{station.read_text("utf-8")}\n[records]\ndatabase = "{url}"\n', "utf-8")
+    summary = FleetSummary("1", solutions={1: "a"})
+    jobs: list[Callable[[], object]] = [
+        lambda: compare(ignore_progress, url, "1", "2"),
+        lambda: export_version(ignore_progress, url, "1", tmp_path / "a.parquet"),
+        lambda: versions_job(ignore_progress, station),
+        lambda: list(solved_results(url, summary)),
+        lambda: resolve_fleet(FleetRequest((str(tmp_path),), url)),
+    ]
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        connection.execute(text("DROP TABLE solutions"))
+    (tmp_path / "a.h5").write_bytes(b"")
+    for job in jobs:
+        with raises_code(ConfigurationError, "database.refused") as caught:
+            job()
+        assert 'refuses a request: relation "solutions" does not exist. Check' in str(caught.value)
+        assert "\n" not in str(caught.value)
+    with raises_code(ConfigurationError, "database.unreachable"), opened(url) as lost, lost.connect() as connection:
+        number = connection.execute(select(func.pg_backend_pid())).scalar_one()
+        with engine.begin() as other:
+            other.execute(select(func.pg_terminate_backend(number)))
+        connection.execute(text("SELECT 1"))
+    engine.dispose()
+
+
+def test_runs_without_a_log_are_no_version_to_compare(url: str) -> None:
+    add_outbox(url)
+    put_run(url, 1, UNITS[0], log_sha256=None)
+    with raises_code(ConfigurationError, "fleet.no_version"):
+        compare(ignore_progress, url, "online", "online")
+
+
 def test_an_unknown_version_names_those_that_there_are(url: str) -> None:
     add(url, row(UNITS[0], "0.1.0", 0))
     with raises_code(ConfigurationError, "fleet.no_version") as caught:
@@ -244,8 +353,8 @@ def test_an_export_is_read_back_by_pyarrow(url: str, tmp_path: Path, calstation:
 
 def test_an_export_names_batch_and_slot_of_solutions_and_runs(url: str, tmp_path: Path, calstation: Run) -> None:
     batch = {"batch": "B20260105T000000-ABCD"}
-    add(url, *(row(unit, "1", 0, result=json.dumps({**batch, "slot": unit[0].lower()})) for unit in UNITS[:2]))
-    add(url, row(UNITS[2], "1", 0, result=json.dumps({"batch": None, "slot": None})), row(UNITS[3], "1", 0))
+    add(url, *(row(unit, "1", 0, **batch, slot=unit[0].lower()) for unit in UNITS[:2]))
+    add(url, row(UNITS[2], "1", 0), row(UNITS[3], "1", 0))
     add_outbox(url)
     put_run(url, 1, UNITS[0], {**batch, "slot": "left"})
     put_run(url, 2, UNITS[1])  # of a program that knew no batches

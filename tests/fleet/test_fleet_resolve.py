@@ -1,11 +1,14 @@
 """Many logs are solved once each, as `calstation resolve` solves them, and failures stay with their log."""
 
 import json
+import math
 import os
 import shutil
 import threading
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
+from datetime import date
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,9 +19,9 @@ from distributed.core import Status
 from sqlalchemy import create_engine, func, select
 
 from calstation import __version__
-from calstation.database import solutions
+from calstation.database import connect, solutions
 from calstation.errors import ConfigurationError, InputError
-from calstation.fleet import FleetRequest, FleetSummary, resolve_fleet, resolving, solved_results
+from calstation.fleet import FleetRequest, FleetSummary, Selection, cluster, resolve_fleet, solved_results
 from calstation.fleet.sources import StoredLog
 from calstation.fleet.store import Wanted
 from calstation.fleet.task import Assignment
@@ -68,11 +71,92 @@ def test_solutions_are_those_of_resolve_and_made_once(logs: list[Path], url: str
     assert (counts(other), other.answered) == ((0, 1, 0), 1)  # by the digest of the log
     os.utime(shutil.copy(moved, logs[0].with_name("new")), ns=2 * (moved.stat().st_mtime_ns,))
     logs[0].with_name("new").replace(moved)  # as if the folder was mounted again: another file number
-    other = resolve_fleet(request_of([moved], url))
-    assert (counts(other), other.answered) == ((0, 1, 0), 0)
+    other = resolve_fleet(request_of([moved, *logs], url))
+    assert (counts(other), other.answered) == ((0, 7, 0), 0)
+    assert other.copies == {str(logs[0]): str(moved)}
+    assert len(list(solved_results(url, other))) == 6
     assert rows(url) == 6
     assert counts(resolve_fleet(request_of(logs[:1], url, label="part", stages=("designed",)))) == (1, 0, 0)
     assert rows(url) == 7
+
+
+@pytest.mark.long
+def test_one_command_answers_which_verdicts_change_and_touches_only_the_right_logs(
+    logs: list[Path], tmp_path: Path, calstation: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    monkeypatch.setattr("calstation.cli.fleet._LINE_EVERY", 0.0)
+    wrong = logs[4]  # the only one of bench 2 since March
+    log = open_log(wrong)
+    copy, computed = tmp_path / "logs" / "copy.h5", tmp_path / "logs" / "computed.h5"
+    shutil.copy(wrong, copy)
+    site = log.meta.site.model_copy(update={"gravity_mps2": None})
+    write_log(computed, log.meta.model_copy(update={"site": site}), log.blocks())
+    patch = tmp_path / "gravity.toml"
+    patch.write_text("[scale.site]\ngravity_mps2 = 0.99998\n")
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    selection = ("--station", "bench 2", "--since", "2026-03-01")
+    command = ("fleet", "resolve", tmp_path / "logs", "--database", url, "--scheduler", "local:2", "--patch", patch)
+    done = calstation(*command, *selection, "--compare-with", "unchanged", "--json", "-")
+    assert done.code == 0
+    counted = ("solved_now", "already_there", "failed", "not_selected", "unchanged")
+    assert [done.json[name] for name in counted] == [2, 1, 0, 5, 1]
+    assert done.json["copies"] in ({str(wrong): str(copy)}, {str(copy): str(wrong)})
+    assert [result["unit"]["serial"] for result in done.json["results"]] == ["SN-00005", "SN-00005"]
+    compared = done.json["comparison"]
+    assert (compared["before"], compared["after"]) == (__version__, f"{__version__}+gravity")
+    assert (compared["logs"], compared["only_before"], compared["only_after"]) == (2, 0, 0)
+    sigma = resolve(wrong).result.parameters["accel_scale_x"].sigma
+    assert compared["moves"]["accel_scale_x"]["largest"] == pytest.approx(20e-6 / sigma, rel=0.01)
+    assert "5 not selected" in done.err
+    assert "1 of them are further copies" in done.err
+    assert "1 of them were not changed" in done.err
+    assert "logs left" in done.err
+    assert rows(url) == 4
+    shown = calstation(*command, *selection, "--compare-with", "unchanged")
+    assert "logs in both" in shown.out
+    assert "0 solved, 3 already there, 0 failed, 5 not selected" in " ".join(shown.err.split())
+    assert "accel_scale_x" in shown.out
+    request = FleetRequest((str(tmp_path / "logs"),), url, "local:2", patch, selection=Selection("bench 2"))
+    again = resolve_fleet(replace(request, selection=Selection("bench 2", since=date(2026, 3, 1))))
+    assert (counts(again), again.not_selected, again.answered) == ((0, 3, 0), 5, 0)
+    wider = resolve_fleet(request)  # of another selection, but the same changes
+    assert (counts(wider), wider.not_selected) == ((1, 3, 0), 4)
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "told"),
+    [
+        (("--compare-with", "unchanged"), 2, "would be compared with itself"),
+        (("--compare-with", __version__), 2, "would be compared with itself"),
+        (("--label", "x", "--compare-with", "0.0.1"), 2, "No such database"),
+        (("--since", "March"), 2, "--since"),
+    ],
+)
+def test_a_comparison_that_is_impossible_is_refused_before_solving(
+    logs: list[Path], tmp_path: Path, calstation: Run, options: tuple[str, ...], code: int, told: str
+) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    done = calstation("fleet", "resolve", *logs, "--database", url, *options)
+    assert (done.code, done.out) == (code, "")
+    assert told in done.err
+    assert not (tmp_path / "shared.sqlite").exists()
+
+
+def test_an_unknown_baseline_names_the_versions_that_there_are(logs: list[Path], tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    connect(url).dispose()
+    with raises_code(ConfigurationError, "fleet.no_version"):
+        request_of(logs, url, label="x").baseline("0.0.1")
+
+
+@pytest.mark.long
+def test_a_selection_without_logs_is_told(logs: list[Path], tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    for _ in range(2):  # by the workers, then by what the database knows
+        with raises_code(ConfigurationError, "fleet.none_selected"):
+            resolve_fleet(request_of(logs, url, selection=Selection("bnech 2")))
+    assert rows(url) == 0
 
 
 def test_parameters_alone_are_a_version_of_their_own(logs: list[Path], tmp_path: Path, calstation: Run) -> None:
@@ -194,28 +278,6 @@ def test_a_csv_is_solved_with_its_configuration(logs: list[Path], tmp_path: Path
     assert json.loads(next(solved_results(url, summary))) == resolve(folder / "a.csv.gz").result.to_json()
 
 
-@pytest.mark.parametrize(
-    ("content", "code", "told"),
-    [
-        ("[sight]\nlatitude_deg = 1.0\n", "fleet.not_changeable", "site"),
-        ("[run]\nstation = 'x'\n", "fleet.not_changeable", ""),
-        ("[site]\ngravity = 9.8\n", "entry.in_file", "gravity_mps2"),
-        ("[site]\ngravity_mps2 = 'x'\n", "entry.in_file", "a number"),
-        ("[imu]\nserial = 'x'\n", "fleet.fixed_entry", "imu.serial"),
-        ("[product.limits.accel_scal]\nwithin = 1e-3\n", "entry.in_file", "accel_scale"),
-        ("[prior.gyro_bias_q]\nsigma = 1.0\n", "entry.in_file", "gyro_bias_"),
-        ("[schedule.excitation]\nround = 1\n", "entry.in_file", "rounds"),
-        ("[schedule.excitatio]\nrounds = 1\n", "plan.no_such_stage", "excitation"),
-    ],
-)
-def test_an_unknown_change_is_refused_with_the_near_miss(tmp_path: Path, content: str, code: str, told: str) -> None:
-    patch = tmp_path / "patch.toml"
-    patch.write_text(content)
-    with raises_code(ConfigurationError, code) as caught:
-        resolve_fleet(request_of(tmp_path, f"sqlite:///{tmp_path / 'a.sqlite'}", patch=patch))
-    assert told in str(caught.value)
-
-
 def test_a_wish_to_stop_is_noticed_before_solving(logs: list[Path], tmp_path: Path) -> None:
     stop = threading.Event()
     stop.set()
@@ -236,28 +298,33 @@ def test_a_wish_to_stop_is_noticed_before_solving(logs: list[Path], tmp_path: Pa
 
 
 def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    nannies = {name: SimpleNamespace(status=Status.failed, is_alive=lambda: False) for name in range(2)}
+    nannies = {name: SimpleNamespace(name=name, status=Status.failed, is_alive=lambda: False) for name in range(2)}
     scaled: list[int] = []
 
     def scale(count: int) -> None:
         scaled.append(count)
-        cluster.workers, cluster.worker_spec = dict(nannies), dict(nannies)
+        local.workers, local.worker_spec = dict(nannies), dict(nannies)
 
-    cluster = SimpleNamespace(workers=dict(nannies), worker_spec=dict(nannies), scale=scale)
+    created = list(nannies.values())
+    local = SimpleNamespace(workers=dict(nannies), worker_spec=dict(nannies), _created=created, scale=scale)
     future = SimpleNamespace(key="a", status="pending", add_done_callback=lambda put: None)
-    client: Any = SimpleNamespace(cluster=cluster, submit=lambda *arguments, **more: future)
-    stored = [StoredLog(str(logs[0]), "")]
+    client: Any = SimpleNamespace(cluster=local, submit=lambda *arguments, **more: future)
+    stored = [StoredLog(str(logs[0]), "", (None,))]
     assignment = Assignment("", Wanted())
-    monkeypatch.setattr(resolving, "_UNANSWERED", 0.0)
+    monkeypatch.setattr(cluster, "_UNANSWERED", 0.0)
     with raises_code(ConfigurationError, "fleet.workers_end"):
-        list(resolving._solved(client, assignment, stored, threading.Event(), "local:2"))
+        list(cluster.solved(client, assignment, stored, threading.Event(), "local:2"))
     assert scaled == [2, 2, 2]
+    for nanny in created:
+        nanny.is_alive = lambda: True
+    local.workers = {}  # as long as they are starting
+    assert cluster._replace_ended(local, 0, dict.fromkeys(nannies, -math.inf), 0.0) == 0
     future.status, future.add_done_callback = "cancelled", lambda put: put(future)
     with raises_code(ConfigurationError, "fleet.scheduler_lost"):
-        list(resolving._solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
+        list(cluster.solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
     future.status, future.exception = "error", lambda: ModuleNotFoundError("calstation")
     with raises_code(ConfigurationError, "fleet.task_failed"):
-        list(resolving._solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
+        list(cluster.solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
 
 
 def test_an_empty_archive_is_refused(tmp_path: Path, calstation: Run) -> None:
@@ -269,7 +336,7 @@ def test_an_empty_archive_is_refused(tmp_path: Path, calstation: Run) -> None:
 def test_what_cannot_be_solved_is_refused_at_once(
     logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("calstation.fleet.resolving._CONNECT_TIMEOUT", "1s")
+    monkeypatch.setattr("calstation.fleet.cluster._CONNECT_TIMEOUT", "1s")
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     empty = tmp_path / "empty"
     empty.mkdir()

@@ -1,31 +1,42 @@
 """The solutions of single logs, without workers: failures count for their log, and only lasting ones are stored."""
 
+import hashlib
 import json
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
+from datetime import date, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import create_engine, select
+from botocore.exceptions import EndpointConnectionError
+from fsspec.implementations.local import LocalFileSystem
+from sqlalchemy import create_engine, select, text
 
-from calstation.database import connect, solutions
+from calstation.database import connect, locations, solutions
 from calstation.errors import InputError
 from calstation.fleet import compare, task
 from calstation.fleet.changes import Changes
+from calstation.fleet.selection import Selection
 from calstation.fleet.sources import StoredLog
-from calstation.fleet.store import Wanted, find_solution, label_used
-from calstation.records import open_log, write_log
+from calstation.fleet.store import KnownFile, Wanted, enter_version, find_solution, known_files
+from calstation.records import LogMeta, open_log, write_log
 from tests.helpers import ignore_progress
 
 BEFORE, AFTER = Wanted(Changes(label="before")), Wanted(Changes(label="after"))
 
 
-def solve(url: str, wanted: Wanted, log: Path) -> task.Status:
+def stored(log: Path, **more: Any) -> StoredLog:
+    """A log as it is listed."""
+    return StoredLog(str(log), "stamp", (log.stat().st_size,), **more)
+
+
+def solve(url: str, wanted: Wanted, log: Path, **more: Any) -> task.Status:
     """Solve a log and write the solution."""
     engine = connect(url)
     try:
-        return task._solve(engine, wanted, StoredLog(str(log), "stamp"), log, {})
+        return task._LogTask(engine, task.Assignment(url, wanted, **more), stored(log), log, {}).solve()
     finally:
         engine.dispose()
 
@@ -89,12 +100,25 @@ def test_a_solution_that_postgresql_cannot_store_fails_alone(
     assert column(shared_database, "log_sha256") == [open_log(path).facts().sha256]
 
 
-def test_lack_of_memory_is_not_stored(logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def on_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., task.Status]:
+    """The task of a worker, without a worker and without pauses between its attempts."""
+    monkeypatch.setattr(task, "get_worker", lambda: type("Worker", (), {"local_directory": str(tmp_path)}))
+    monkeypatch.setattr(task, "PAUSES", (0.0, 0.0, 0.0))
+    task._engine.cache_clear()
+
+    def solve_log(url: str, log: StoredLog, **more: Any) -> task.Status:
+        return task.solve_stored_log(task.Assignment(url, BEFORE, **more), log)
+
+    return solve_log
+
+
+def test_lack_of_memory_is_not_stored(
+    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, on_worker: Callable[..., task.Status]
+) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     monkeypatch.setattr(task, "resolve_log", fails(MemoryError()))
-    monkeypatch.setattr(task, "_copied", lambda location, folder: Path(location))
-    monkeypatch.setattr(task, "get_worker", lambda: type("Worker", (), {"local_directory": str(tmp_path)}))
-    status = task.solve_stored_log(task.Assignment(url, BEFORE), StoredLog(str(logs[0]), "stamp"))
+    status = on_worker(url, stored(logs[0]))
     assert (status.outcome, status.error["error_code"]) == ("unreachable", "fleet.no_memory")
     assert column(url, "outcome") == []
 
@@ -108,8 +132,8 @@ def test_parameters_alone_are_never_taken_for_a_full_solution(
     alone = replace(AFTER, diagnostics=False)
     assert [solve(url, alone, logs[0]).outcome for _ in range(2)] == ["solved", "there"]
     engine = connect(url)
-    assert label_used(engine, AFTER)
-    assert label_used(engine, replace(BEFORE, diagnostics=False))
+    assert [enter_version(engine, wanted) for wanted in (alone, AFTER, alone)] == [True, False, True]
+    assert [enter_version(engine, wanted) for wanted in (BEFORE, replace(BEFORE, diagnostics=False))] == [True, False]
     key = column(url, "log_sha256")[0], column(url, "configuration_sha256")[0]
     assert find_solution(engine, BEFORE, *key) is not None
     assert find_solution(engine, replace(BEFORE, diagnostics=False), *key) is None
@@ -128,13 +152,219 @@ def test_parameters_alone_are_never_taken_for_a_full_solution(
     assert len(found.moves) == 30
 
 
-def test_a_label_stands_for_one_range_and_one_set_of_stages(logs: list[Path], tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
-    assert solve(url, replace(BEFORE, stages=("designed",)), logs[0]).outcome == "solved"
+def test_a_label_stands_for_one_range_one_set_of_stages_and_one_set_of_changes(url: str) -> None:
+    first = replace(BEFORE, stages=("designed",))
+    others = [BEFORE, replace(first, first_seq=5), replace(first, changes=Changes({"site": {}}, "before"))]
+    engines = [connect(url) for _ in range(2)]  # of two jobs
+    assert [enter_version(engine, first) for engine in engines] == [True, True]
+    for other in others:
+        assert [enter_version(engine, other) for engine in engines] == [False, False]
+    for engine in engines:
+        engine.dispose()
+
+
+def known(url: str, wanted: Wanted) -> dict[tuple[str, str], KnownFile]:
+    """What the database knows of files."""
     engine = connect(url)
-    used = {
-        more: label_used(engine, replace(BEFORE, **dict(more)))
-        for more in ((("stages", ("designed",)),), (), (("stages", ("designed",)), ("first_seq", 5)))
-    }
+    found = known_files(engine, wanted)
     engine.dispose()
-    assert list(used.values()) == [False, True, True]
+    return found
+
+
+def test_only_selected_logs_are_solved(logs: list[Path], url: str) -> None:
+    meta = open_log(logs[1]).meta
+    assert meta.run is not None
+    assert meta.product is not None
+    day = date.fromisoformat(meta.run.started_utc[:10])
+    earlier, later = day - timedelta(days=1), day + timedelta(days=1)
+    taken = Selection(meta.run.station, meta.product.name, day, day)
+    others = [
+        replace(taken, station="other"),
+        replace(taken, product="other"),
+        replace(taken, since=later, until=None),
+        replace(taken, since=None, until=earlier),
+    ]
+    for other in others:
+        assert solve(url, BEFORE, logs[1], selection=other).outcome == "not_selected"
+    assert column(url, "outcome") == []
+    origin = (meta.run.station, meta.product.name, meta.run.started_utc)
+    assert known(url, BEFORE) == {(str(logs[1]), "stamp"): KnownFile(origin, None)}
+    assert solve(url, BEFORE, logs[1], selection=taken).outcome == "solved"
+    assert solve(url, BEFORE, logs[1], selection=others[0]).outcome == "not_selected"
+
+
+def test_a_log_that_does_not_say_its_origin_is_not_selected_and_an_unreadable_one_fails(
+    logs: list[Path], tmp_path: Path
+) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    log, path = open_log(logs[0]), tmp_path / "foreign.h5"
+    write_log(path, log.meta.model_copy(update={"run": None}), log.blocks())
+    for selection in (
+        Selection(station="bench 1"),
+        Selection(since=date(2000, 1, 1)),
+        Selection(until=date(2100, 1, 1)),
+    ):
+        assert solve(url, BEFORE, path, selection=selection).outcome == "not_selected"
+    path.write_bytes(b"no log")
+    assert solve(url, BEFORE, path, selection=Selection(station="bench 1")).outcome == "failed"
+
+
+def test_a_log_that_the_changes_do_not_change_is_counted(logs: list[Path], tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    meta = open_log(logs[0]).meta
+    assert meta.run is not None
+    changed = Changes({"site": {"gravity_mps2": 9.81}}, "before")
+    same = Changes({"site": {"gravity_mps2": meta.site.gravity_mps2}}, "same")
+    stages = tuple(meta.run.stages)
+    wanted = [
+        replace(BEFORE, changes=changed),
+        replace(AFTER, changes=same),
+        replace(AFTER, stages=stages),
+        replace(AFTER, first_seq=0),
+    ]
+    assert [solve(url, each, logs[0]).changed for each in wanted] == [True, False, False, True]
+    assert solve(url, wanted[1], logs[0]) == task.Status(str(logs[0]), "there", 2, changed=False)
+
+
+class Broken(LocalFileSystem):
+    """A file system whose library fails in its own way, or which delivers other bytes, a number of times."""
+
+    protocol = "broken"
+    left = 0
+    damage: Callable[[bytes], bytes] | None = None
+
+    @classmethod
+    def _strip_protocol(cls, path: str) -> str:
+        return str(super()._strip_protocol(path.removeprefix("broken://")))
+
+    def get_file(self, rpath: str, lpath: str, **more: Any) -> None:
+        if not Broken.left:
+            super().get_file(rpath, lpath, **more)
+            return
+        Broken.left -= 1
+        if Broken.damage is None:
+            raise EndpointConnectionError(endpoint_url="http://storage")
+        Path(lpath).write_bytes(Broken.damage(Path(rpath).read_bytes()))
+
+
+@pytest.fixture
+def broken(monkeypatch: pytest.MonkeyPatch) -> type[Broken]:
+    """The file system, registered as ``broken://``."""
+    import fsspec
+
+    fsspec.register_implementation("broken", Broken, clobber=True)
+    monkeypatch.setattr(Broken, "left", 0)
+    monkeypatch.setattr(Broken, "damage", None)
+    return Broken
+
+
+@pytest.mark.parametrize(
+    ("damage", "code"),
+    [
+        (None, "fleet.unreachable"),
+        (lambda content: content[:-1], "fleet.copy_damaged"),
+        (lambda content: content[:-1] + bytes([content[-1] ^ 1]), "fleet.copy_damaged"),
+    ],
+)
+def test_a_log_that_does_not_arrive_is_tried_again_and_not_stored_as_failed(
+    logs: list[Path],
+    tmp_path: Path,
+    broken: type[Broken],
+    on_worker: Callable[..., task.Status],
+    damage: Callable[[bytes], bytes] | None,
+    code: str,
+) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    broken.damage = None if damage is None else staticmethod(damage)
+    digest = hashlib.sha256(logs[0].read_bytes()).hexdigest()
+    log = replace(stored(logs[0], file_sha256=digest), location=f"broken://{logs[0]}")
+    broken.left = len(task.PAUSES) + 1
+    status = on_worker(url, log)
+    assert (status.outcome, status.error["error_code"], broken.left) == ("unreachable", code, 0)
+    assert "\n" not in status.error["error"]
+    connect(url).dispose()
+    assert column(url, "outcome") == []
+    broken.left = len(task.PAUSES)
+    assert on_worker(url, log).outcome == "solved"
+
+
+def test_a_failed_log_is_solved_again_on_request(
+    logs: list[Path], url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    solver = task.resolve_log
+    engine = connect(url)
+    enter_version(engine, BEFORE)
+    engine.dispose()
+    monkeypatch.setattr(task, "resolve_log", fails(InputError("log.altered", file="x")))
+    assert [solve(url, BEFORE, logs[0]).outcome for _ in range(2)] == ["failed", "failed"]
+    assert solve(url, BEFORE, logs[0], retry_failed=True).outcome == "failed"
+    monkeypatch.setattr(task, "resolve_log", solver)
+    assert solve(url, BEFORE, logs[0]).outcome == "failed"
+    assert [solve(url, BEFORE, logs[0], retry_failed=True).outcome for _ in range(2)] == ["solved", "there"]
+    assert solve(url, BEFORE, logs[0]).outcome == "there"
+    assert column(url, "attempt") == [0, 1, 2]
+    assert column(url, "outcome") == ["failed", "failed", "resolved"]
+    (found,) = known(url, BEFORE).values()
+    assert found.solution is not None
+    assert (found.solution.attempt, found.solution.error) == (2, {})
+    compared = compare(ignore_progress, url, BEFORE.changes.version, BEFORE.changes.version)
+    assert (compared.logs, [*compared.verdicts]) == (1, ["passed"])
+
+
+def test_a_mistake_of_the_program_does_not_stop_the_job(
+    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, on_worker: Callable[..., task.Status]
+) -> None:
+    monkeypatch.setattr(task, "add_solution", fails(ZeroDivisionError("division by zero")))
+    status = on_worker(f"sqlite:///{tmp_path / 'shared.sqlite'}", stored(logs[0]))
+    assert (status.outcome, status.error["error_code"]) == ("unreachable", "fleet.solving_failed")
+    assert "ZeroDivisionError: division by zero" in status.error["error"]
+
+
+def test_a_refused_statement_ends_the_job_with_one_line(
+    logs: list[Path], shared_database: str, on_worker: Callable[..., task.Status]
+) -> None:
+    engine = create_engine(shared_database)
+    with engine.begin() as connection:
+        connection.execute(text("DROP TABLE locations"))
+    engine.dispose()
+    status = on_worker(shared_database, stored(logs[0]))
+    assert (status.outcome, status.error["error_code"]) == ("refused", "database.refused")
+    assert status.error["error"].endswith(
+        'refuses a request: relation "locations" does not exist. Check the rights of the user in the database, '
+        "then ask the maintainers of the program."
+    )
+
+
+def test_a_worker_has_no_connection_while_it_solves(
+    logs: list[Path],
+    shared_database: str,
+    postgres: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    on_worker: Callable[..., task.Status],
+) -> None:
+    name = shared_database.rpartition("/")[2]
+    query = f"SELECT count(*) FROM pg_stat_activity WHERE datname = '{name}'"
+    counted: list[str] = []
+    solver = task.resolve_log
+
+    def resolve_log(log: Any, meta: LogMeta, *arguments: Any, **more: Any) -> Any:
+        counted.append(postgres.execute(query))
+        return solver(log, meta, *arguments, **more)
+
+    monkeypatch.setattr(task, "resolve_log", resolve_log)
+    assert [on_worker(shared_database, stored(log)).outcome for log in logs[:2]] == ["solved", "solved"]
+    assert counted == ["0", "0"]
+
+
+def test_the_location_of_every_copy_is_remembered(logs: list[Path], url: str, tmp_path: Path) -> None:
+    copy = Path(shutil.copy(logs[0], tmp_path / "copy.h5"))
+    assert [solve(url, BEFORE, log).outcome for log in (logs[0], copy, logs[0])] == ["solved", "there", "there"]
+    found = known(url, BEFORE)
+    assert {location for location, _ in found} == {str(logs[0]), str(copy)}
+    assert {each.solution.number for each in found.values() if each.solution is not None} == {1}
+    assert column(url, "location") == [str(logs[0])]
+    engine = create_engine(url)
+    with engine.connect() as connection:
+        assert set(connection.execute(select(locations.c.log_sha256)).scalars()) == {open_log(copy).facts().sha256}
+    engine.dispose()

@@ -54,10 +54,10 @@ def open_versions(page: HistoryPage, qtbot: QtBot) -> None:
     settle(page, qtbot)
 
 
-def filled(tmp_path: Path) -> None:
+def filled(tmp_path: Path, **more: object) -> None:
     """Put two versions of four units into the database."""
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
-    add(url, *(row(unit, "0.1.0", 0) for unit in UNITS), *(row(unit, "0.1.0+gravity", 1) for unit in UNITS))
+    add(url, *(row(unit, "0.1.0", 0, **more) for unit in UNITS), *(row(unit, "0.1.0+gravity", 1) for unit in UNITS))
 
 
 def test_two_versions_are_compared(page: HistoryPage, tmp_path: Path, qtbot: QtBot) -> None:
@@ -93,6 +93,23 @@ def test_two_versions_are_compared(page: HistoryPage, tmp_path: Path, qtbot: QtB
     assert not page.findChild(QPushButton, "versions_compare_button").isEnabled()
     press(page, "versions_back_button")
     assert not page.versions.isVisible()
+
+
+def test_a_partial_calibration_is_not_shown_as_a_pass(page: HistoryPage, tmp_path: Path, qtbot: QtBot) -> None:
+    filled(tmp_path, partial=True)
+    open_versions(page, qtbot)
+    press(page, "versions_compare_button")
+    settle(page, qtbot)
+    summary = page.findChild(QLabel, "versions_summary_label")
+    assert summary.text() == "4 logs in both versions  ·  PASS to FAIL: 0, FAIL to PASS: 1"
+    changes = page.findChild(QTableWidget, "versions_changes_table")
+    cells = [[changes.item(line, k).text() for k in (0, 4, 5)] for line in range(changes.rowCount())]
+    assert cells == [
+        ["A", "PARTIAL", "FAIL"],
+        ["B", "FAIL", "PASS"],
+        ["C", "PARTIAL", "PASS"],
+        ["D", "PARTIAL", "not judged"],
+    ]
 
 
 def test_the_comparison_and_the_later_version_are_exported(

@@ -1,0 +1,165 @@
+"""Workers: local processes or a Dask cluster, which solve logs whatever becomes of single workers."""
+
+import logging
+import math
+import re
+import threading
+import time
+from collections.abc import Hashable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from queue import Empty, SimpleQueue
+
+from calstation.errors import CalstationError, ConfigurationError
+from calstation.fleet.sources import StoredLog
+from calstation.fleet.task import Assignment, Status, WarmUp, error_of, solve_stored_log
+from calstation.messages import values_from_json
+
+try:
+    import dask
+    from distributed import Client, Future, KilledWorker, LocalCluster
+    from distributed.comm.core import CommClosedError
+    from distributed.core import Status as ServerStatus
+except ImportError as exc:
+    raise ConfigurationError("database.not_installed") from exc
+
+#: Largest number of logs given to the scheduler at a time.
+WINDOW = 1000
+#: Number of times that each local worker is replaced, and time, s, without any answer before the workers are given up.
+_REPLACED, _UNANSWERED = 3, 120.0
+#: Number of workers that may end while they solve a log before it is given up; some end for other reasons.
+_DEATHS = 6
+#: Longest time without a process until a local worker is replaced, s; its nanny starts another one at once.
+_RESTART = 10.0
+#: Interval at which a wish to stop is noticed, s.
+_POLL = 0.2
+#: Longest time to fetch an answer from the worker that has it, s.
+_ANSWER = 2.0
+#: Longest time to wait for a scheduler's answer.
+_CONNECT_TIMEOUT = "10s"
+_LOCAL = re.compile(r"local(?::([1-9]\d*))?")
+
+
+def worker_count(scheduler: str) -> int | None:
+    """Return the number of local workers; None for a cluster."""
+    local = _LOCAL.fullmatch(scheduler)
+    if local is not None:
+        return int(local[1]) if local[1] else int(dask.system.CPU_COUNT)
+    if not scheduler.startswith(("tcp://", "tls://")):
+        raise ConfigurationError("fleet.scheduler", scheduler=scheduler)
+    return None
+
+
+@contextmanager
+def started_cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
+    """Connect to a scheduler, or start local workers, and prepare the workers."""
+    settings = {
+        "distributed.scheduler.allowed-failures": _DEATHS,
+        "distributed.scheduler.worker-saturation": 1.0,
+        "distributed.comm.timeouts.connect": _CONNECT_TIMEOUT,
+    }
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(settings))
+        if workers is None:
+            try:
+                client = Client(scheduler, timeout=_CONNECT_TIMEOUT)
+            except (OSError, ValueError) as exc:
+                raise ConfigurationError("fleet.no_scheduler", scheduler=scheduler, reason=str(exc)) from exc
+            stack.callback(client.close)
+            with suppress(CommClosedError):  # of a worker that ends meanwhile; all others have the plugin
+                client.register_plugin(WarmUp(local=False))
+        else:
+            cluster = LocalCluster(
+                n_workers=0,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+            stack.callback(cluster.close)  # kills workers that are still solving after 4 s
+            client = Client(cluster)
+            stack.callback(client.close)
+            client.register_plugin(WarmUp(local=True))
+            cluster.scale(workers)
+        yield client
+
+
+def _replace_ended(cluster: LocalCluster | None, replaced: int, dead: dict[Hashable, float], answered: float) -> int:
+    """Replace local workers that their nannies do not start again, and return how many in all.
+
+    A nanny gives up if its worker ends while it starts, or waits for it for ever. `replaced` is the number since the
+    last answer at time `answered`, s, `dead` since when a worker has no process, by name. Raises ConfigurationError if
+    workers have ended again and again.
+    """
+    if cluster is None:
+        return replaced
+    now, count = time.monotonic(), len(cluster.worker_spec)
+    nannies = {nanny.name: nanny for nanny in cluster._created}  # `workers` lacks those that are starting
+    for name in cluster.worker_spec:
+        nanny = nannies.get(name)
+        if nanny is not None and nanny.is_alive():
+            dead.pop(name, None)
+        elif nanny is not None and nanny.status in (ServerStatus.closed, ServerStatus.failed):
+            dead[name] = -math.inf
+        else:
+            dead.setdefault(name, now)
+    ended = [name for name in cluster.worker_spec if now - dead.get(name, now) > _RESTART]
+    if replaced + len(ended) > _REPLACED * count and now - answered > _UNANSWERED:
+        raise ConfigurationError("fleet.workers_end", count=replaced)
+    if ended:
+        for name in ended:
+            cluster.worker_spec.pop(name, None)
+            cluster.workers.pop(name, None)
+            dead.pop(name)
+        cluster.scale(count)
+    return replaced + len(ended)
+
+
+def solved(
+    client: Client, assignment: Assignment, logs: Sequence[StoredLog], stop: threading.Event, scheduler: str
+) -> Iterator[Status]:
+    """Yield the status of each log in the order in which they are done, until `stop` is set."""
+    done: SimpleQueue[Future[Status]] = SimpleQueue()
+    waiting = iter(logs)
+    running: dict[Hashable, tuple[Future[Status], StoredLog]] = {}
+    replaced, dead, answered = 0, dict[Hashable, float](), time.monotonic()
+    while not stop.is_set():
+        while len(running) < WINDOW and (log := next(waiting, None)) is not None:
+            future = client.submit(solve_stored_log, assignment, log, pure=False)
+            running[future.key] = (future, log)
+            future.add_done_callback(done.put)
+        if not running:
+            return
+        try:
+            future = done.get(timeout=_POLL)
+        except Empty:
+            replaced = _replace_ended(client.cluster, replaced, dead, answered)
+            continue
+        if future.status == "cancelled":  # not by this program
+            raise ConfigurationError("fleet.scheduler_lost", scheduler=scheduler)
+        try:
+            status = _status(running[future.key][1], future)
+        except TimeoutError:  # the worker ended with its answer, and the log is given to another one
+            done.put(future)
+            replaced = _replace_ended(client.cluster, replaced, dead, answered)
+            continue
+        replaced, answered = 0, time.monotonic()
+        del running[future.key]
+        yield status
+    client.cancel([future for future, _ in running.values()], force=True)
+
+
+def _status(log: StoredLog, future: Future[Status]) -> Status:
+    """Return the status of a log.
+
+    Raises ConfigurationError if the reason of a failure is not the log, TimeoutError if no worker has the answer.
+    """
+    if future.status == "error":
+        cause = future.exception()
+        if not isinstance(cause, KilledWorker):
+            raise ConfigurationError("fleet.task_failed", reason=f"{type(cause).__name__}: {cause}")
+        died = CalstationError("fleet.worker_died", file=log.location)
+        return Status(log.location, "unreachable", error=error_of(died))
+    status: Status = future.result(timeout=_ANSWER)
+    if status.outcome == "refused":
+        raise ConfigurationError(status.error["error_code"], **values_from_json(status.error["error_values"]))
+    return status
