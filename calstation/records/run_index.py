@@ -2,6 +2,7 @@
 
 import json
 import math
+import secrets
 import sqlite3
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -189,6 +190,9 @@ _runs = Table(
 Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
 #: One row: the shared database from which runs of other folders came, and the last revision that was received.
 _received = Table("received", _metadata, Column("database", String, primary_key=True), Column("revision", BigInteger))
+#: One row after the first change of the folder's runs: a random mark, which every change of them replaces.
+_changed = Table("changed", _metadata, Column("mark", String, primary_key=True))
+_mark = select(_changed.c.mark)
 _rowid: ColumnElement[int] = literal_column("runs.rowid", Integer)
 
 
@@ -202,12 +206,25 @@ class RunIndex:
         self._engine = _file_engine(self._path)
         self._memory: Engine | None = None  #: In place of the file until `_again`.
         self._again = 0.0
+        self._stamps: tuple[str | None, dict[str, str]] = (None, {})  #: As they were read last, with their mark.
         self._try(_create)
 
-    def stamps(self) -> dict[str, str]:
+    @property
+    def mark(self) -> str | None:
+        """A mark of the folder's runs, which differs after any change of them; None if changes are unknown."""
+        return self._try(lambda connection: connection.execute(_mark).scalar())
+
+    def stamps(self) -> Mapping[str, str]:
         """Return the stamp of each run of the folder by name."""
         query = select(_runs.c.name, _runs.c.stamp).where(_runs.c.origin == "")
-        return self._try(lambda connection: {row.name: row.stamp for row in connection.execute(query)})
+
+        def read(connection: Connection) -> dict[str, str]:
+            mark = connection.execute(_mark).scalar()
+            if mark is None or mark != self._stamps[0]:
+                self._stamps = mark, dict(_rows(connection, query))
+            return self._stamps[1]
+
+        return self._try(read)
 
     def put(self, runs: Iterable[IndexedRun], gone: Iterable[str] = ()) -> None:
         """Add or replace runs of the folder, and remove those in `gone`."""
@@ -219,8 +236,11 @@ class RunIndex:
                 connection.execute(delete(_runs).where(_runs.c.origin == "", _runs.c.name == name))
             if rows:
                 connection.execute(insert(_runs), rows)
+            connection.execute(delete(_changed))
+            connection.execute(insert(_changed).values(mark=secrets.token_hex(8)))
 
-        self._try(change)
+        if names:
+            self._try(change)
 
     def own(self, names: Sequence[str]) -> list[IndexedRun]:
         """Return the runs of the folder with these names."""
