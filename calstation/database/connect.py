@@ -4,8 +4,8 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from sqlalchemy import URL, Engine, create_engine, make_url, text
-from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError, SQLAlchemyError
+from sqlalchemy import URL, Engine, create_engine, event, make_url, text
+from sqlalchemy.exc import ArgumentError, DBAPIError, InterfaceError, OperationalError, SQLAlchemyError
 
 from calstation.config import check_database_url
 from calstation.errors import ConfigurationError
@@ -29,6 +29,9 @@ KEYRING = "calstation database"
 #: Longest time to wait for a connection, s.
 CONNECT_TIMEOUT_S = 5
 
+#: What PostgreSQL's codes of a lost connection begin with: connection exceptions, and the server's shutdown.
+_LOST = ("08", "57P")
+
 #: A connection whose other end has vanished ends within half a minute on both sides; its locks end with it.
 #: A statement that waits for another station's or takes too long fails, and the exchange tries again.
 _CONNECTION: dict[str, int | str] = {
@@ -51,36 +54,44 @@ def connect(url: str, *, create: bool = True) -> Engine:
     ``calstation database``, user ``user@host``). Raises ConfigurationError, also if the database is not reachable.
     """
     parsed = _parse(url)
-    if parsed.get_backend_name() == "sqlite":
-        if not create and not Path(parsed.database or "").is_file():
-            raise ConfigurationError("database.missing", database=public(parsed))
-        upgrade(url)
+    is_sqlite = parsed.get_backend_name() == "sqlite"
+    if is_sqlite and not create and not Path(parsed.database or "").is_file():
+        raise ConfigurationError("database.missing", database=public(parsed))
+    scripts = ScriptDirectory.from_config(_alembic())
+    earlier = {None, *(script.revision for script in scripts.walk_revisions())} - {scripts.get_current_head()}
     engine = _engine(parsed)
     try:
-        with engine.connect() as connection:
-            found = MigrationContext.configure(connection).get_current_revision()
+        found = _revision(engine)
+        if found in earlier and is_sqlite:
+            upgrade(url)
+            found = _revision(engine)
     except DBAPIError as exc:
         engine.dispose()
-        code = "database.unreachable" if isinstance(exc, OperationalError) else "database.refused"
-        raise ConfigurationError(code, database=public(parsed), reason=reason_of(exc)) from exc
-    scripts = ScriptDirectory.from_config(_alembic())
+        raise failure(exc, parsed) from exc
     if found == scripts.get_current_head():
         return engine
     engine.dispose()
-    if found is None or found in {script.revision for script in scripts.walk_revisions()}:
-        raise ConfigurationError("database.older_version", database=public(parsed))
-    raise ConfigurationError("database.newer_version", database=public(parsed))
+    code = "database.older_version" if found in earlier else "database.newer_version"
+    raise ConfigurationError(code, database=public(parsed))
 
 
 def upgrade(url: str) -> bool:
-    """Bring the tables of a database to this version; return whether they changed. Raises ConfigurationError."""
+    """Bring the tables of a database to this version; return whether they changed. Raises ConfigurationError.
+
+    All changes are one transaction. Of several processes that do so at once, one changes the tables of an SQLite file
+    and the others wait for it.
+    """
     parsed = _parse(url)
     engine = _engine(parsed)
+    if parsed.get_backend_name() == "sqlite":
+        # the driver would begin no transaction before the first change, and none for changes of tables
+        event.listen(engine, "connect", lambda connection, _: setattr(connection, "isolation_level", None))
+        event.listen(engine, "begin", lambda connection: connection.exec_driver_sql("BEGIN IMMEDIATE"))
     try:
         try:
             connection = engine.connect()
         except OperationalError as exc:
-            raise ConfigurationError("database.unreachable", database=public(parsed), reason=reason_of(exc)) from exc
+            raise failure(exc, parsed) from exc
         with connection, connection.begin():
             configuration = _alembic()
             configuration.attributes["connection"] = connection
@@ -97,6 +108,19 @@ def upgrade(url: str) -> bool:
         engine.dispose()
 
 
+def failure(error: DBAPIError, url: URL) -> ConfigurationError:
+    """Return the error that a database is not reachable, or that it refuses what was requested."""
+    state = sqlstate(error)
+    lost = isinstance(error, OperationalError | InterfaceError) and (not state or state.startswith(_LOST))
+    code = "database.unreachable" if lost or error.connection_invalidated else "database.refused"
+    return ConfigurationError(code, database=public(url), reason=reason_of(error))
+
+
+def sqlstate(error: DBAPIError) -> str:
+    """Return PostgreSQL's code of an error; "" for one of SQLite, of the driver or of the connection."""
+    return getattr(error.orig, "sqlstate", None) or ""
+
+
 def public(url: URL) -> str:
     """Return the text of a URL for messages, without a password."""
     return url.render_as_string(hide_password=True)
@@ -106,6 +130,11 @@ def reason_of(error: SQLAlchemyError) -> str:
     """Return the first line of what the database says, without the statement and its values."""
     text = str(error.orig) if isinstance(error, DBAPIError) else str(error)
     return text.partition("\n")[0]
+
+
+def _revision(engine: Engine) -> str | None:
+    with engine.connect() as connection:
+        return MigrationContext.configure(connection).get_current_revision()
 
 
 def _parse(url: str) -> URL:
