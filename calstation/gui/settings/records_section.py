@@ -46,7 +46,7 @@ class RecordsSection(Section):
             contact = state.contact_utc
             when = "" if contact is None else local_time(contact.isoformat())
             lines.append(self.tr("Last exchange: {0}").format(when) if when else self.tr("Not exchanged yet"))
-            for error in (state.error_text, state.archive_error_text):
+            for error in (state.error_text, state.refusal_text, state.archive_error_text):
                 if error is not None:
                     lines += [rendered(error).text, rendered(error).remedy]
         show_text(self._status, "\n".join(lines))
