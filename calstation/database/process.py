@@ -150,7 +150,7 @@ def watch(
     folder : runs folder of the station
     url, station : URL of the database, and name of the station
     wait : waits for a pause, s, and returns whether to end after a last exchange
-    claimed : returns the operator by serial number of the units to claim at present
+    claimed : returns the operator by serial number of the units to claim now
     archive : folder or URL for copies of the logs; None for no copies
     """
     pauses, ended, exchange = growing_pauses(FAILED_S, LONGEST_S), False, None

@@ -249,7 +249,7 @@ def test_the_command_archives_all_logs_at_once_and_says_that_the_archive_is_abse
     exchanged = "All runs of the folder are in the shared database."
     assert " ".join(capsys.readouterr().err.split()) == (
         f"{exchanged} Program: The archive {archive} does not exist, so logs wait to be copied into it. "
-        "Mount its share or create the folder; a window or a service tries again by itself."
+        "Mount its share or create the folder; a window or a service tries again automatically."
     )
     assert not archive.exists()
     archive.mkdir()

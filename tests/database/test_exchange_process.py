@@ -81,7 +81,7 @@ def test_runs_are_exchanged_while_the_process_lives(shared_database: str, folder
     assert state.contact_utc == state.attempt_utc
 
 
-def test_only_present_claims_on_the_unit_are_returned(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_current_claims_on_the_unit_are_returned(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calstation.database.process._READ_S", 0.0)
     now = datetime.now(UTC)
     mine, other = (Claim(serial, "line 2", None, now) for serial in ("SN-7", "SN-8"))

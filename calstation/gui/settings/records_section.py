@@ -33,7 +33,9 @@ class RecordsSection(Section):
             Row(button("archive_browse_button", lambda: self.tr("Choose a folder"), self._choose_folder)),
             None,
         )
-        right = panel(about, self._status, ExchangeLabel(app), spacing=2 * theme.GRID)
+        waiting = ExchangeLabel(app)
+        waiting.setWordWrap(True)
+        right = panel(about, self._status, waiting, spacing=2 * theme.GRID)
         row(left, (right, 1), on=self, spacing=3 * theme.GRID)
         app.exchange_changed.connect(self._show_status)
         on_language_change(self, self._show_status)
