@@ -1,5 +1,6 @@
 """Connection to a shared database: URL, credentials and version of its tables."""
 
+import logging
 import os
 from contextlib import suppress
 from pathlib import Path
@@ -22,6 +23,9 @@ try:
     from keyring.errors import KeyringError
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
+
+# psycopg warns of a connection that is lost within a page, which is an error of the request as well
+logging.getLogger("psycopg").setLevel(logging.ERROR)
 
 #: Name under which a password is kept in the system's keyring.
 KEYRING = "calstation database"
