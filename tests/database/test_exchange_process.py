@@ -254,6 +254,7 @@ def test_a_state_that_does_not_change_is_seldom_written(
     exchange.close()
 
 
+@pytest.mark.long
 def test_the_end_waits_for_nothing_and_a_process_that_hangs_ends(folder: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:  # accepts connections and says nothing
         url = f"postgresql+psycopg://line@127.0.0.1:{server.getsockname()[1]}/none"
