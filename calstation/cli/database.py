@@ -3,14 +3,18 @@
 import signal
 import sys
 import threading
+from contextlib import suppress
 from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
 from calstation.cli.options import JsonOption, StationOption, existing_folder
+
+if TYPE_CHECKING:
+    from calstation.database import ExchangeState
 
 database = typer.Typer(help="The database that stations share.", no_args_is_help=True)
 
@@ -24,38 +28,66 @@ def exchange(
     watch: Annotated[bool, typer.Option("--watch", help="Go on until Ctrl-C.")] = False,
 ) -> None:
     """Send the runs of a folder to the shared database and receive those of other stations."""
-    from calstation.cli.show import say, show_line
+    from calstation.cli.show import show_line
     from calstation.database import Exchange, LogArchiver, exchange_once, read_state
-    from calstation.database import watch as watch_folder
     from calstation.errors import CalstationError
     from calstation.messages import event_text, sentence
 
     url, name, archive = _database_of(station)
     if watch:
-        stop = threading.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: stop.set())
-        watch_folder(out, url, name, stop.wait, archive=archive)
+        _watch(out, url, name, archive)
         return
     made = Exchange(out, url, name)
     try:
         exchange_once(made, out)
         if archive is not None:
             archiver = LogArchiver(out, archive)
-            while archiver.copy_next():
-                pass
+            with suppress(CalstationError):  # which is in the state
+                while archiver.copy_next():
+                    pass
             exchange_once(made, out)
     finally:
         made.close()
     state = read_state(out)
     console = Console(stderr=True)
-    show_line(console, say("cli.exchanged"))
-    if state.archive_error_text is not None:
-        show_line(console, sentence(state.archive_error_text))
+    for line in _lines(state):
+        show_line(console, line)
     for claim in state.claims:
         show_line(console, sentence(event_text(claim.message.id, claim.message.values)))
-    if state.logs_pending and state.archive_error is not None:
+    if state.refusal is not None or (state.logs_pending and state.archive_error is not None):
         raise typer.Exit(CalstationError.exit_code)
+
+
+def _watch(out: Path, url: str, name: str, archive: str | None) -> None:
+    """Exchange a folder until a signal to end, and show each change of its state in a line."""
+    from calstation.cli.show import show_line
+    from calstation.database import read_state, watch
+
+    stop, console, shown = threading.Event(), Console(stderr=True), list[str]()
+
+    def wait(seconds: float) -> bool:
+        lines = _lines(read_state(out))
+        for line in lines:
+            if line not in shown:
+                show_line(console, line)
+        shown[:] = lines
+        return stop.wait(seconds)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    watch(out, url, name, wait, archive=archive)
+
+
+def _lines(state: "ExchangeState") -> list[str]:
+    """Return what prevents the exchange of runs and the copies of logs, or that all runs are exchanged."""
+    from calstation.cli.show import say
+    from calstation.messages import sentence
+
+    errors = (state.error_text, state.refusal_text, state.archive_error_text)
+    lines = [sentence(error) for error in errors if error is not None]
+    if not state.pending and state.error is None and state.refusal is None:
+        lines.insert(0, say("cli.exchanged"))
+    return lines
 
 
 @database.command()
@@ -102,7 +134,7 @@ def status(out: OutOption = Path("runs"), json: JsonOption = None) -> None:
     console = Console()
     contact = "-" if state.contact_utc is None else local_time(state.contact_utc.isoformat())
     show_line(console, say("cli.exchange_state", pending=state.pending, contact=contact))
-    for error in (state.error_text, state.archive_error_text):
+    for error in (state.error_text, state.refusal_text, state.archive_error_text):
         if error is not None:
             show_line(console, sentence(error))
 

@@ -75,7 +75,6 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
                 verdicts.append(event)
             elif isinstance(event, Fault) and not event.slot:
                 fault = event
-        # before the last exchange, which may take seconds
         if verdicts and request.serials:
             names = station.slot_names
             _show_batch(sorted(verdicts, key=lambda verdict: names.index(verdict.slot)), json, request)
@@ -132,8 +131,6 @@ def shared_records(request: RunRequest) -> Iterator[Callable[[], Sequence[Claim]
         return
     with exchange:
         yield exchange.new_claims
-    for claim in exchange.new_claims():  # those of the last exchange
-        show_line(Console(stderr=True), sentence(event_text(claim.message.id, claim.message.values)))
 
 
 def engine_events(

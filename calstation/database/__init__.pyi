@@ -8,7 +8,6 @@ from .exchange import Exchange as Exchange
 from .outbox import Outbox as Outbox
 from .outbox import adopt_folder as adopt_folder
 from .process import ExchangeProcess as ExchangeProcess
-from .process import close_exchanges as close_exchanges
 from .process import exchange_once as exchange_once
 from .process import start_exchange as start_exchange
 from .process import watch as watch

@@ -1,6 +1,5 @@
 """Copies the closed logs of a folder of runs to the archive of the station, one after the other."""
 
-import time
 from pathlib import Path
 
 from calstation.database.archive import archive_log
@@ -8,9 +7,6 @@ from calstation.database.outbox import Outbox
 from calstation.database.state import change_state
 from calstation.errors import CalstationError
 from calstation.records import SUFFIX, being_written, locked
-
-#: Shortest and longest pause after a failure, s.
-_FAILED_S, _LONGEST_S = 5.0, 600.0
 
 
 class LogArchiver:
@@ -21,15 +17,15 @@ class LogArchiver:
         self._outbox = Outbox(folder)
         self._waiting: list[str] = []  #: Names of the closed logs that are not in the archive.
         self._failed: set[str] = set()  #: Names of the logs that failed since the last success.
-        self._due, self._pause = 0.0, _FAILED_S
+        #: Mark of the index when nothing was left to copy, or to be closed; None before.
+        self._done: str | None = None
 
     def copy_next(self) -> bool:
-        """Copy the next log, unless another process does so or a failure was too recent; return whether one was copied.
+        """Copy the next log, unless another process does so; return whether one was copied.
 
-        Raises OSError if the folder cannot be used.
+        Raises CalstationError if the copy fails, after which the next call takes another log if there is one, and
+        OSError if the folder cannot be used.
         """
-        if time.monotonic() < self._due:
-            return False
         try:
             with locked(self._folder / ".archive.lock", 0.0):
                 return self._copy_next()
@@ -49,10 +45,8 @@ class LogArchiver:
             self._failed.add(name)
             self._note(error)
             self._waiting.clear()
-            self._due, self._pause = time.monotonic() + self._pause, min(2.0 * self._pause, _LONGEST_S)
-            return False
+            raise
         self._failed.clear()
-        self._pause = _FAILED_S
         del self._waiting[0]
         self._note(None)
         return True
@@ -60,10 +54,16 @@ class LogArchiver:
     def _uncopied(self) -> list[str]:
         """Return the closed logs that are not in the archive; after a failure others first, as a log may be the cause.
 
-        Each log is opened to see whether a run writes it, so that the list is kept until a failure or its end.
+        Each log is opened to see whether a run writes it, so that the list is kept until a failure or its end, and is
+        not made again until the index changes if it is empty and no log is being written.
         """
+        mark = self._outbox.index.mark
+        if mark is not None and mark == self._done:
+            return []
         copied = self._outbox.copies()
-        names = sorted(name for name in self._outbox.index.stamps() if name not in copied and self._is_closed(name))
+        logs = [name for name in self._outbox.index.stamps() if name not in copied and self._log(name).exists()]
+        names = sorted(name for name in logs if self._is_closed(name))
+        self._done = None if logs else mark
         if self._failed.issuperset(names):
             self._failed.clear()
         return sorted(names, key=lambda name: (name in self._failed, name))
@@ -72,9 +72,8 @@ class LogArchiver:
         return self._folder / f"{name}{SUFFIX}"
 
     def _is_closed(self, name: str) -> bool:
-        log = self._log(name)
         try:
-            return log.exists() and not being_written(log)
+            return not being_written(self._log(name))
         except CalstationError:  # no log
             return False
 

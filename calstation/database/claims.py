@@ -1,31 +1,33 @@
 """Claims: which units stations work on, so that two stations that have scanned the same unit are warned."""
 
+from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime, timedelta
 
-from sqlalchemy import Connection, Engine, delete, func, insert, select, update
+from sqlalchemy import Connection, Engine, case, delete, func, select
 
 from calstation.database.state import Claim
-from calstation.database.tables import claims
+from calstation.database.tables import claims, upsert
 
 #: Time after which a claim ends unless it is renewed, s; longer than the longest pause between two exchanges.
 EXPIRY_S = 300.0
 
 
-def claim_unit(engine: Engine, outbox: str, station: str, serial: str, operator: str | None) -> None:
-    """Claim a unit for the station of an outbox, or renew its claim."""
+def claim_units(engine: Engine, outbox: str, station: str, operators: Mapping[str, str | None]) -> None:
+    """Claim units for the station of an outbox, or renew its claims; `operators` are by the units' serial numbers."""
+    if not operators:
+        return
     with engine.begin() as connection:
-        now = _now(connection)
-        same = (claims.c.outbox == outbox, claims.c.serial == serial)
-        row = {"station": station, "operator": operator, "expires": now + timedelta(seconds=EXPIRY_S)}
-        connection.execute(delete(claims).where(*same, claims.c.expires <= now))
-        if connection.execute(update(claims).where(*same).values(row)).rowcount == 0:
-            connection.execute(insert(claims).values(outbox=outbox, serial=serial, claimed=now, **row))
+        now = database_time(connection)
+        common = {"outbox": outbox, "station": station, "claimed": now, "expires": now + timedelta(seconds=EXPIRY_S)}
+        rows = [{**common, "serial": serial, "operator": operator} for serial, operator in operators.items()]
+        ended = claims.c.expires <= now
+        upsert(connection, claims, rows, claimed=case((ended, now), else_=claims.c.claimed))
 
 
-def release_unit(engine: Engine, outbox: str, serial: str) -> None:
-    """End the claim of the station of an outbox on a unit."""
+def release_units(engine: Engine, outbox: str, serials: Iterable[str]) -> None:
+    """End the claims of the station of an outbox on units."""
     with engine.begin() as connection:
-        connection.execute(delete(claims).where(claims.c.outbox == outbox, claims.c.serial == serial))
+        connection.execute(delete(claims).where(claims.c.outbox == outbox, claims.c.serial.in_(serials)))
 
 
 def other_claims(engine: Engine, outbox: str) -> list[Claim]:
@@ -34,15 +36,17 @@ def other_claims(engine: Engine, outbox: str) -> list[Claim]:
     Of two stations that claim a unit at once and then ask, at least one sees the other.
     """
     with engine.connect() as connection:
-        now = _now(connection)
+        now = database_time(connection)
         mine = select(claims.c.serial).where(claims.c.outbox == outbox, claims.c.expires > now)
         others = (claims.c.outbox != outbox, claims.c.expires > now, claims.c.serial.in_(mine))
         rows = connection.execute(select(claims).where(*others).order_by(claims.c.claimed)).all()
     return [Claim(row.serial, row.station, row.operator, _utc(row.claimed)) for row in rows]
 
 
-def _now(connection: Connection) -> datetime:
-    """Return the time of the database, UTC."""
+def database_time(connection: Connection) -> datetime:
+    """Return the time of the database, UTC; an SQLite file has that of this computer."""
+    if connection.dialect.name == "sqlite":
+        return datetime.now(UTC)
     return _utc(connection.execute(select(func.now())).scalar_one())
 
 

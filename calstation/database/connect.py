@@ -1,10 +1,11 @@
 """Connection to a shared database: URL, credentials and version of its tables."""
 
+import logging
 import os
 from contextlib import suppress
 from pathlib import Path
 
-from sqlalchemy import URL, Engine, create_engine, make_url, text
+from sqlalchemy import URL, Engine, create_engine, event, make_url, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, InterfaceError, OperationalError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
@@ -23,6 +24,9 @@ try:
     from keyring.errors import KeyringError
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
+
+# psycopg warns of a connection that is lost within a page, which is an error of the request as well
+logging.getLogger("psycopg").setLevel(logging.ERROR)
 
 #: Name under which a password is kept in the system's keyring.
 KEYRING = "calstation database"
@@ -55,35 +59,44 @@ def connect(url: str, *, create: bool = True, pooled: bool = True) -> Engine:
     ``calstation database``, user ``user@host``). Raises ConfigurationError, also if the database is not reachable.
     """
     parsed = _parse(url)
-    if parsed.get_backend_name() == "sqlite":
-        if not create and not Path(parsed.database or "").is_file():
-            raise ConfigurationError("database.missing", database=public(parsed))
-        upgrade(url)
+    is_sqlite = parsed.get_backend_name() == "sqlite"
+    if is_sqlite and not create and not Path(parsed.database or "").is_file():
+        raise ConfigurationError("database.missing", database=public(parsed))
+    scripts = ScriptDirectory.from_config(_alembic())
+    earlier = {None, *(script.revision for script in scripts.walk_revisions())} - {scripts.get_current_head()}
     engine = _engine(parsed, pooled=pooled)
     try:
-        with engine.connect() as connection:
-            found = MigrationContext.configure(connection).get_current_revision()
+        found = _revision(engine)
+        if found in earlier and is_sqlite:
+            upgrade(url)
+            found = _revision(engine)
     except DBAPIError as exc:
         engine.dispose()
         raise failure(exc, parsed) from exc
-    scripts = ScriptDirectory.from_config(_alembic())
     if found == scripts.get_current_head():
         return engine
     engine.dispose()
-    if found is None or found in {script.revision for script in scripts.walk_revisions()}:
-        raise ConfigurationError("database.older_version", database=public(parsed))
-    raise ConfigurationError("database.newer_version", database=public(parsed))
+    code = "database.older_version" if found in earlier else "database.newer_version"
+    raise ConfigurationError(code, database=public(parsed))
 
 
 def upgrade(url: str) -> bool:
-    """Bring the tables of a database to this version; return whether they changed. Raises ConfigurationError."""
+    """Bring the tables of a database to this version; return whether they changed. Raises ConfigurationError.
+
+    All changes are one transaction. Of several processes that do so at once, one changes the tables of an SQLite file
+    and the others wait for it.
+    """
     parsed = _parse(url)
     engine = _engine(parsed)
+    if parsed.get_backend_name() == "sqlite":
+        # the driver would begin no transaction before the first change, and none for changes of tables
+        event.listen(engine, "connect", lambda connection, _: setattr(connection, "isolation_level", None))
+        event.listen(engine, "begin", lambda connection: connection.exec_driver_sql("BEGIN IMMEDIATE"))
     try:
         try:
             connection = engine.connect()
         except OperationalError as exc:
-            raise ConfigurationError("database.unreachable", database=public(parsed), reason=reason_of(exc)) from exc
+            raise failure(exc, parsed) from exc
         with connection, connection.begin():
             configuration = _alembic()
             configuration.attributes["connection"] = connection
@@ -122,6 +135,11 @@ def reason_of(error: SQLAlchemyError) -> str:
     """Return the first line of what the database says, without the statement and its values."""
     text = str(error.orig) if isinstance(error, DBAPIError) else str(error)
     return text.partition("\n")[0]
+
+
+def _revision(engine: Engine) -> str | None:
+    with engine.connect() as connection:
+        return MigrationContext.configure(connection).get_current_revision()
 
 
 def _parse(url: str) -> URL:

@@ -11,14 +11,27 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from sqlalchemy import Connection, Engine, Row, func, insert, select, update
-from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy import (
+    Connection,
+    Engine,
+    Row,
+    String,
+    bindparam,
+    case,
+    func,
+    insert,
+    literal_column,
+    null,
+    select,
+    update,
+)
+from sqlalchemy.exc import DataError, DBAPIError
 
-from calstation.database.claims import claim_unit, other_claims, release_unit
-from calstation.database.connect import connect, public, reason_of
+from calstation.database.claims import claim_units, database_time, other_claims, release_units
+from calstation.database.connect import connect, failure, public, reason_of, sqlstate
 from calstation.database.outbox import Outbox, OutboxMessage
 from calstation.database.state import Claim
-from calstation.database.tables import log_copies, outboxes, revisions, runs
+from calstation.database.tables import log_copies, outboxes, revisions, runs, upsert
 from calstation.errors import ConfigurationError
 from calstation.records import IndexedRun, from_columns
 
@@ -26,6 +39,9 @@ logger = logging.getLogger(__name__)
 
 #: Number of runs that are received at once.
 _PAGE = 500
+
+#: PostgreSQL's codes of a row that is too large for an index, and of a row whose foreign key does not exist.
+_TOO_LARGE, _NO_RUN = "54000", "23503"
 
 #: Columns of a run that the local index needs; its result JSON stays in the database.
 _INDEXED = [column for column in runs.c if column.name != "result"]
@@ -39,48 +55,42 @@ class Exchange:
         self._url, self._station = url, station
         #: Operator by serial number of the units that every exchange claims, in place of the previous ones.
         self.claimed = claimed
-        self._held = set[str]()  #: Serial numbers of the units that are claimed in the database.
+        self.complete = False  #: Whether the last exchange left nothing; if not, the next one continues.
+        self._held: set[str] = set()  #: Serial numbers of the units that are claimed in the database.
         self._engine: Engine | None = None
         self.begun_utc = datetime.now(UTC)  #: Time when this exchange was created.
         self.outbox = Outbox(folder)
         self._index = self.outbox.index
 
-    def exchange(self, within: float = math.inf) -> list[Claim] | None:
-        """Send all that is pending, receive what is new, and return other stations' claims on this one's units.
+    def exchange(self, within: float = math.inf) -> list[Claim]:
+        """Claim units, send all that is pending, receive what is new; return other stations' claims on the units.
 
-        Ends with the first page after `within` s, and returns None if there is more; the next call continues. Raises
-        ConfigurationError if the database is not reachable or refuses something; the next call continues then too.
+        Ends with the first page after `within` s, and sets `complete`. Raises ConfigurationError if the database is not
+        reachable or refuses something; the next call continues then too.
         """
         end = time.monotonic() + within
         try:
-            sent = True
-            while sent:
-                self.outbox.fill()
+            try:
                 engine = self._connected()
-                self._hold(engine)
                 self._synchronise(engine)
-                sent = False
-                while self._send(engine):
-                    sent = True
-                    if time.monotonic() >= end:
-                        return None
-            if not self._receive(engine, end):
-                return None
+                self._hold(engine)
+            except (ConfigurationError, DBAPIError):
+                self.outbox.fill()  # the runs that wait are counted
+                raise
+            self.complete = self._send_all(engine, end) and self._receive(engine, end)
             return other_claims(engine, self.outbox.id)
         except DBAPIError as exc:
-            lost = isinstance(exc, OperationalError | InterfaceError) or exc.connection_invalidated
-            database = "" if self._engine is None else public(self._engine.url)
+            assert self._engine is not None
+            url = self._engine.url
             self._disconnect()
-            if lost:
-                raise ConfigurationError("database.unreachable", database=database, reason=reason_of(exc)) from exc
-            raise ConfigurationError("database.refused", database=database, reason=reason_of(exc)) from exc
+            raise failure(exc, url) from exc
 
     def close(self) -> None:
         """End the claims and close the connection; the next exchange opens a new one."""
-        if self._engine is not None:
-            with suppress(DBAPIError):  # the claims end by themselves
-                while self._held:
-                    release_unit(self._engine, self.outbox.id, self._held.pop())
+        if self._engine is not None and self._held:
+            with suppress(DBAPIError):  # the claims end without it
+                release_units(self._engine, self.outbox.id, self._held)
+            self._held.clear()
         self._disconnect()
 
     def _disconnect(self) -> None:
@@ -94,69 +104,112 @@ class Exchange:
         return self._engine
 
     def _hold(self, engine: Engine) -> None:
-        """Claim the present units, or renew their claims, and end those on the previous ones.
+        """Claim the current units, or renew their claims, and end those on the previous ones.
 
         A claim of another process on the same folder is not ended.
         """
         claimed = dict(self.claimed)
-        for serial in self._held - claimed.keys():
-            release_unit(engine, self.outbox.id, serial)
-        self._held.clear()
-        for serial, operator in claimed.items():
-            claim_unit(engine, self.outbox.id, self._station, serial, operator)
-            self._held.add(serial)
+        if previous := self._held - claimed.keys():
+            release_units(engine, self.outbox.id, previous)
+        claim_units(engine, self.outbox.id, self._station, claimed)
+        self._held = set(claimed)
 
     def _synchronise(self, engine: Engine) -> None:
-        """Take the messages that the database has out of the outbox; queue again what one of the two has lost.
+        """Take the messages that the database has out of the outbox; empty the outbox if one of the two has lost some.
 
         If the database lost some, it was restored from a backup or replaced, and all folders receive all runs again.
         If it has later ones than the outbox, the outbox was lost or restored: what its later numbers mean is unknown.
+        In both cases the outbox is filled with all runs again.
         """
         sent, begun = self.outbox.sent, self.outbox.begun
         with engine.begin() as connection:
-            here = outboxes.c.id == self.outbox.id
-            arrived = connection.execute(select(outboxes.c.last_number).where(here)).scalar() or 0
+            arrived = self._registered(connection)
             if arrived < sent:
                 connection.execute(update(revisions).values(database=str(uuid4())))
         if not sent <= arrived <= begun:
             self.outbox.restart(arrived)
-            self.outbox.fill()
         else:
             self.outbox.arrived(arrived)
 
+    def _registered(self, connection: Connection) -> int:
+        """Return the number of the last message that has arrived; register the outbox, and its login, if necessary.
+
+        Raises ConfigurationError if the outbox belongs to another login, whose runs this one may not change.
+        """
+        here = outboxes.c.id == self.outbox.id
+        login = func.current_user() if connection.dialect.name == "postgresql" else null()
+        own = outboxes.c.login.is_not_distinct_from(login).label("own")
+        row = connection.execute(select(outboxes.c.last_number, outboxes.c.login, own).where(here)).first()
+        if row is None:
+            new = {"id": self.outbox.id, "station": self._station, "last_number": 0, "login": login}
+            connection.execute(insert(outboxes).values(new))
+            return 0
+        if not row.own and connection.execute(update(outboxes).where(here).values(login=login)).rowcount == 0:
+            database = public(connection.engine.url)
+            raise ConfigurationError("database.other_login", database=database, login=row.login)
+        return int(row.last_number)
+
+    def _send_all(self, engine: Engine, end: float) -> bool:
+        """Send what is pending; return False if there is more at the time `end`."""
+        sent = True
+        while sent:
+            if not self.outbox.fill(end):
+                return False
+            sent = False
+            while self._send(engine):
+                sent = True
+                if time.monotonic() >= end:
+                    return False
+        return True
+
     def _send(self, engine: Engine) -> bool:
-        """Send the first messages in one transaction; return whether there were any.
+        """Send the first messages; return whether there were any.
+
+        If the database refuses one of them, they are sent one by one, and those that it refuses are skipped.
+        """
+        messages = self.outbox.messages()
+        try:
+            if messages:
+                self._deliver(engine, messages)
+        except DBAPIError as exc:
+            if not _is_refusal(exc):
+                raise
+            for message in messages:
+                self._deliver_or_skip(engine, message)
+        return bool(messages)
+
+    def _deliver_or_skip(self, engine: Engine, message: OutboxMessage) -> None:
+        try:
+            self._deliver(engine, [message])
+        except DBAPIError as exc:
+            if not _is_refusal(exc):
+                raise
+            logger.warning("run %s is refused and skipped: %s", message.columns["name"], reason_of(exc))
+            self.outbox.refuse(message, reason_of(exc))
+            self._deliver(engine, [message], store=False)
+
+    def _deliver(self, engine: Engine, messages: Sequence[OutboxMessage], *, store: bool = True) -> None:
+        """Count messages as arrived and store them, in one transaction, unless others than these are the next.
 
         The database counts the messages of each outbox, so that one whose arrival was not noticed is not repeated.
         """
-        messages = self.outbox.messages()
-        if not messages:
-            return False
-        last = messages[-1].number
+        before, last = messages[0].number - 1, messages[-1].number
+        in_order = (outboxes.c.id == self.outbox.id, outboxes.c.last_number == before)
+        step = update(outboxes).where(*in_order).values(last_number=last, station=self._station)
         with engine.begin() as connection:
-            in_order = self._advance(connection, messages[0].number - 1, last)
-            if in_order:
+            are_next = bool(connection.execute(step).rowcount)
+            if are_next and store:
                 _store(connection, self.outbox.id, messages)
-        if in_order:
+        if are_next:
             self.outbox.arrived(last)
         else:
             self._synchronise(engine)
-        return True
-
-    def _advance(self, connection: Connection, before: int, last: int) -> bool:
-        """Set the last number of the outbox, which locks its row; return False unless it was `before`."""
-        here = outboxes.c.id == self.outbox.id
-        values = {"last_number": last, "station": self._station}
-        step = update(outboxes).where(here, outboxes.c.last_number == before).values(values)
-        if connection.execute(step).rowcount:
-            return True
-        if before or connection.execute(select(outboxes.c.id).where(here)).first():
-            return False
-        connection.execute(insert(outboxes).values(id=self.outbox.id, **values))
-        return True
 
     def _receive(self, engine: Engine, end: float) -> bool:
-        """Receive the runs of other folders that are new or have changed; return False if there are more at `end`."""
+        """Receive the runs of other folders that are new or have changed.
+
+        Returns False if there are more at the time `end`.
+        """
         database, cursor = self._index.received()
         more = True
         while more:
@@ -166,6 +219,8 @@ class Exchange:
                 if found != database or last < cursor:
                     self._index.receive((), "", 0)  # a database that was restored or replaced
                     database, cursor = found, 0
+                if last == cursor:
+                    return True
                 wanted = (runs.c.revision > cursor, runs.c.outbox != self.outbox.id)
                 query = select(*_INDEXED).where(*wanted).order_by(runs.c.revision).limit(_PAGE)
                 rows = connection.execute(query).all()
@@ -181,32 +236,37 @@ class Exchange:
 
 
 def _store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> None:
-    step = update(revisions).values(last=revisions.c.last + len(messages)).returning(revisions.c.last)
-    revision = connection.execute(step).scalar_one() - len(messages)
-    for message in messages:
-        revision += 1
-        store = _store_run if message.kind == "run" else _store_copy
-        store(connection, outbox, revision, dict(message.columns))
+    """Add or replace runs and copies of logs, and note in a run where the copy of its log is."""
+    now = int(database_time(connection).timestamp() * 1e6)
+    last = case((revisions.c.last < now, now), else_=revisions.c.last) + len(messages)
+    first = connection.execute(update(revisions).values(last=last).returning(revisions.c.last)).scalar_one()
+    first -= len(messages) - 1
+    added: dict[str, list[dict[str, Any]]] = {"run": [], "copy": []}
+    located = []
+    for revision, message in enumerate(messages, first):
+        row = {"outbox": outbox, **message.columns}
+        added[message.kind].append(row)
+        if message.kind == "run":
+            row["revision"] = revision
+        else:
+            located.append({"run": row["name"], "url": row["url"], "changed": revision})
+    name, log = literal_column("excluded.name", String), literal_column("excluded.log", String)  # of the new row
+    url = select(log_copies.c.url).where(log_copies.c.outbox == outbox, log_copies.c.name == name).scalar_subquery()
+    upsert(connection, runs, added["run"], log=func.coalesce(url, log))
+    upsert(connection, log_copies, added["copy"])
+    if located:
+        run = (runs.c.outbox == outbox, runs.c.name == bindparam("run"))
+        note = update(runs).where(*run).values(log=bindparam("url"), revision=bindparam("changed"))
+        connection.execute(note, located)
 
 
-def _store_run(connection: Connection, outbox: str, revision: int, columns: dict[str, Any]) -> None:
-    """Add or replace a run."""
-    same = (runs.c.outbox == outbox, runs.c.name == columns["name"])
-    copy = (log_copies.c.outbox == outbox, log_copies.c.name == columns["name"])
-    url = connection.execute(select(log_copies.c.url).where(*copy)).scalar()
-    columns = {**columns, "log": url or columns["log"], "revision": revision}
-    if connection.execute(update(runs).where(*same).values(columns)).rowcount == 0:
-        connection.execute(insert(runs).values(outbox=outbox, **columns))
+def _is_refusal(error: DBAPIError) -> bool:
+    """Whether a database refuses the content of messages, so that a repetition fails too.
 
-
-def _store_copy(connection: Connection, outbox: str, revision: int, columns: dict[str, Any]) -> None:
-    """Add or replace the copy of a log, and note in its run where it is."""
-    same = (log_copies.c.outbox == outbox, log_copies.c.name == columns["name"])
-    row = {**columns, "archived": func.now()}
-    if connection.execute(update(log_copies).where(*same).values(row)).rowcount == 0:
-        connection.execute(insert(log_copies).values(outbox=outbox, **row))
-    run = (runs.c.outbox == outbox, runs.c.name == columns["name"])
-    connection.execute(update(runs).where(*run).values(log=columns["url"], revision=revision))
+    A run may hold characters or numbers that a column does not take, or a text that is too long for an index. The copy
+    of a log whose run was refused lacks its run.
+    """
+    return isinstance(error, DataError) or sqlstate(error) in (_TOO_LARGE, _NO_RUN)
 
 
 def _received(row: Row[Any]) -> IndexedRun | None:

@@ -5,8 +5,10 @@ its message loses nothing.
 """
 
 import json
+import math
 import socket
 import sqlite3
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -27,6 +29,7 @@ from sqlalchemy import (
     create_engine,
     delete,
     event,
+    exists,
     func,
     insert,
     select,
@@ -36,7 +39,9 @@ from sqlalchemy import (
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.pool import NullPool
 
+from calstation.database.tables import upsert
 from calstation.errors import ConfigurationError, InputError
+from calstation.messages import Text
 from calstation.records import IndexedRun, RunIndex, to_columns, write_atomic
 from calstation.results import History
 
@@ -84,6 +89,8 @@ _messages = Table(
     Column("content", String, nullable=False),
     Column("numbers", LargeBinary, nullable=False),
 )
+#: Name of the run that a message is about.
+_name = func.json_extract(_messages.c.content, "$.name")
 #: Verified copies of the folder's logs in an archive.
 _copies = Table(
     "copies",
@@ -92,6 +99,16 @@ _copies = Table(
     Column("url", String, nullable=False),
     Column("file_sha256", String, nullable=False),
     Column("size", Integer, nullable=False),
+)
+
+
+#: Runs that the database refuses as they are: the last message of each that was refused.
+_refused = Table(
+    "refused",
+    _metadata,
+    Column("name", String, primary_key=True),
+    Column("number", Integer, nullable=False),
+    Column("reason", String, nullable=False),
 )
 
 
@@ -115,6 +132,8 @@ class Outbox:
         self._folder, self._path = folder, folder / FILE
         self._engine = _engine(self._path)
         self._beyond = 0  #: Number of runs that `fill` has left to be queued later.
+        #: Mark of the index, and number of queued runs, after all of them were queued; None before.
+        self._compared: tuple[str | None, int] | None = None
         first = text("INSERT OR IGNORE INTO outbox (one, id, last_number) VALUES (1, :id, 0)")
         begun = text("INSERT OR IGNORE INTO begun (one, last_number) SELECT 1, last_number FROM outbox")
         with self._transaction() as connection:
@@ -136,37 +155,52 @@ class Outbox:
     def _history(self) -> History:
         return History(self._folder, self.index)
 
-    def refresh(self) -> None:
-        """Update the index from the folder, as `fill` does, but also while another process fills the outbox."""
-        self._history.refresh()
+    def fill(self, end: float = math.inf) -> bool:
+        """Queue the runs and copies that are new or have changed, the oldest runs first.
 
-    def fill(self) -> int:
-        """Queue the runs and copies that are new or have changed, the oldest runs first; return their number.
-
-        At most `CAPACITY` messages wait; the others are queued when these have arrived.
+        At most `CAPACITY` messages wait; the others are queued when these have arrived. Returns False, before it queues
+        any, if the index of the folder is not up to date at the time `end`, s of the monotonic clock; the next call
+        continues.
         """
-        self._history.refresh()
-        stamps = self.index.stamps()
+        for changed, _ in self._history.refresh_in_parts():
+            if changed and time.monotonic() >= end:
+                return False
+        self._queue_runs()
+        self._queue_copies()
+        return True
+
+    def _queue_runs(self) -> None:
+        mark, stamps = self.index.mark, self.index.stamps()
         with self._transaction() as connection:
-            queued = {(row.kind, row.name): row.stamp for row in connection.execute(select(_queued))}
-            copies = connection.execute(select(_copies)).all()
-            room = max(0, CAPACITY - _count(connection))
-        changed = [name for name in stamps if queued.get(("run", name)) != stamps[name]]
+            if mark is not None and (mark, _queued_runs(connection)) == self._compared:
+                return
+            query = select(_queued.c.name, _queued.c.stamp).where(_queued.c.kind == "run")
+            queued = {row.name: row.stamp for row in connection.execute(query)}
+            room = max(0, CAPACITY - _waiting(connection))
+        changed = [name for name in stamps if queued.get(name) != stamps[name]]
         self._beyond = max(0, len(changed) - room)
         changed = sorted(changed, key=lambda name: (_file_time(stamps[name]), name))[:room]
-        count = 0
+        left = len(changed) + self._beyond
         for start in range(0, len(changed), _AT_ONCE):
-            names = changed[start : start + _AT_ONCE]
-            runs = {run.name: run for run in self.index.own(names)}
-            rows = [_run_row(self._folder, runs[name], self._history) for name in names if name in runs]
-            self._append("run", rows, [stamps[name] for name in names if name in runs])
-            count += len(rows)
+            runs = {run.name: run for run in self.index.own(changed[start : start + _AT_ONCE])}
+            names = [name for name in changed[start : start + _AT_ONCE] if name in runs]
+            rows = [_run_row(self._folder, runs[name], self._history) for name in names]
+            self._append("run", rows, [stamps[name] for name in names])
+            left -= len(names)
         with self._transaction() as connection:
-            known = set(connection.execute(select(_queued.c.name).where(_queued.c.kind == "run")).scalars())
-        new = [row for row in copies if row.name in known and queued.get(("copy", row.name)) != row.url]
-        new = new[: room - count]
-        self._append("copy", [dict(row._mapping) for row in new], [row.url for row in new])
-        return count + len(new)
+            self._compared = (mark, _queued_runs(connection)) if not left else None
+
+    def _queue_copies(self) -> None:
+        """Queue the copies whose runs are queued, unless the database refused the run."""
+        run, copy = _queued.alias(), _queued.alias()
+        same_run = (run.c.kind == "run") & (run.c.name == _copies.c.name)
+        same_copy = (copy.c.kind == "copy") & (copy.c.name == _copies.c.name)
+        ready = select(_copies).join(run, same_run).outerjoin(copy, same_copy)
+        refused = select(_refused.c.name)
+        ready = ready.where(copy.c.stamp.is_distinct_from(_copies.c.url), _copies.c.name.not_in(refused))
+        with self._transaction() as connection:
+            rows = connection.execute(ready.limit(max(0, CAPACITY - _waiting(connection)))).all()
+        self._append("copy", [dict(row._mapping) for row in rows], [row.url for row in rows])
 
     def add_copy(self, name: str, url: str, file_sha256: str, size: int) -> None:
         """Record the verified copy of the log of a run in an archive; `fill` queues it after its run."""
@@ -190,9 +224,25 @@ class Outbox:
         return [_message(row.number, row.kind, json.loads(row.content), row.numbers) for row in rows]
 
     def arrived(self, number: int) -> None:
-        """Delete the messages up to a number, which are in the database."""
+        """Delete the messages up to a number, which are in the database or were refused."""
+        later = (_messages.c.kind == "run", _messages.c.number <= number, _messages.c.number > _refused.c.number)
+        accepted = exists().where(*later, _name == _refused.c.name)
         with self._transaction() as connection:
+            connection.execute(delete(_refused).where(accepted))
             connection.execute(delete(_messages).where(_messages.c.number <= number))
+
+    def refuse(self, message: OutboxMessage, reason: str) -> None:
+        """Note that the database refuses a message; the copy of a log is queued again after a change of its run.
+
+        The reason for a refused run is kept if the copy of its log, which lacks the run, is refused too.
+        """
+        name = message.columns["name"]
+        with self._transaction() as connection:
+            if message.kind == "run":
+                connection.execute(delete(_refused).where(_refused.c.name == name))
+            row = {"name": name, "number": message.number, "reason": reason}
+            connection.execute(insert(_refused).prefix_with("OR IGNORE").values(row))
+            connection.execute(delete(_queued).where(_queued.c.kind == "copy", _queued.c.name == name))
 
     def restart(self, number: int) -> None:
         """Forget what was queued, for a database that has other messages; `fill` queues it again from `number` + 1."""
@@ -202,16 +252,26 @@ class Outbox:
     @property
     def pending(self) -> int:
         """Number of runs that have not arrived as they were at the last `fill`."""
-        names = func.count(func.json_extract(_messages.c.content, "$.name").distinct())
+        query = select(func.count(_name.distinct())).where(_messages.c.kind == "run")
         with self._transaction() as connection:
-            query = select(names).where(_messages.c.kind == "run")
             return int(connection.execute(query).scalar_one()) + self._beyond
+
+    @property
+    def refusal(self) -> Text | None:
+        """A message about the runs of the folder that the database refuses; None if there are none."""
+        with self._transaction() as connection:
+            found = connection.execute(select(_refused).order_by(_refused.c.number)).all()
+        rows = [row for row in found if row.name in self.index.stamps()]
+        if not rows:
+            return None
+        values = {"count": len(rows), "run": rows[-1].name, "reason": rows[-1].reason}
+        return Text("database.runs_refused", values)
 
     @property
     def sent(self) -> int:
         """Number of the last message that has arrived."""
         with self._transaction() as connection:
-            return int(connection.execute(select(_outbox.c.last_number)).scalar_one()) - _count(connection)
+            return int(connection.execute(select(_outbox.c.last_number)).scalar_one()) - _waiting(connection)
 
     @property
     def begun(self) -> int:
@@ -249,13 +309,20 @@ class Outbox:
         step = update(_outbox).values(last_number=_outbox.c.last_number + len(rows)).returning(_outbox.c.last_number)
         with self._transaction() as connection:
             first = connection.execute(step).scalar_one() - len(rows) + 1
-            for number, (row, stamp) in enumerate(zip(rows, stamps, strict=True), first):
-                content = json.dumps({name: value for name, value in row.items() if name != "numbers"})
-                message = {"number": number, "kind": kind, "content": content, "numbers": row.get("numbers", b"")}
-                same = (_queued.c.kind == kind, _queued.c.name == row["name"])
-                connection.execute(insert(_messages).values(message))
-                connection.execute(delete(_queued).where(*same))
-                connection.execute(insert(_queued).values(kind=kind, name=row["name"], stamp=stamp))
+            messages = [
+                {
+                    "number": number,
+                    "kind": kind,
+                    "content": json.dumps({name: value for name, value in row.items() if name != "numbers"}),
+                    "numbers": row.get("numbers", b""),
+                }
+                for number, row in enumerate(rows, first)
+            ]
+            connection.execute(insert(_messages), messages)
+            queued = [
+                {"kind": kind, "name": row["name"], "stamp": stamp} for row, stamp in zip(rows, stamps, strict=True)
+            ]
+            upsert(connection, _queued, queued)
 
 
 def adopt_folder(folder: Path, *, copied: bool) -> None:
@@ -284,8 +351,8 @@ def _place(folder: Path) -> tuple[str, str]:
 
 
 def _forget(connection: Connection, number: int) -> None:
-    connection.execute(delete(_messages))
-    connection.execute(delete(_queued))
+    for table in (_messages, _queued, _refused):
+        connection.execute(delete(table))
     for table in (_outbox, _begun):
         connection.execute(update(table).values(last_number=number))
 
@@ -300,8 +367,14 @@ def _engine(path: Path) -> Engine:
     return engine
 
 
-def _count(connection: Connection) -> int:
+def _waiting(connection: Connection) -> int:
+    """Return the number of messages that have not arrived."""
     return int(connection.execute(select(func.count()).select_from(_messages)).scalar_one())
+
+
+def _queued_runs(connection: Connection) -> int:
+    """Return the number of runs that were queued."""
+    return int(connection.execute(select(func.count()).where(_queued.c.kind == "run")).scalar_one())
 
 
 def _file_time(stamp: str) -> int:

@@ -100,7 +100,7 @@ def _fetch(station: Path | None, runs: Sequence[RunRecord]) -> None:
     from sqlalchemy.exc import DBAPIError
 
     from calstation.database import tables
-    from calstation.database.connect import connect, public, reason_of
+    from calstation.database.connect import connect, failure
 
     path, config = load_station(station)
     if config.records.database is None:
@@ -117,6 +117,6 @@ def _fetch(station: Path | None, runs: Sequence[RunRecord]) -> None:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 write_atomic(target, text)
     except DBAPIError as exc:
-        raise ConfigurationError("database.unreachable", database=public(engine.url), reason=reason_of(exc)) from exc
+        raise failure(exc, engine.url) from exc
     finally:
         engine.dispose()

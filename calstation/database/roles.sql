@@ -2,7 +2,7 @@
 -- owner, once it has its tables and again after every upgrade; the owner may create roles (CREATEROLE), or an
 -- administrator has created the three roles before.
 --
---   calstation_station  a station: adds and changes runs, claims units; deletes no run, sees no solution
+--   calstation_station  a station: adds and changes runs of its own folders, claims units; deletes no run, reads all
 --   calstation_fleet    solves logs again: reads runs, adds solutions, changes where their logs lie
 --   calstation_reader   reads all, for evaluations
 --
@@ -26,13 +26,36 @@ REVOKE ALL ON ALL TABLES IN SCHEMA public FROM PUBLIC, calstation_station, calst
 GRANT USAGE ON SCHEMA public TO calstation_station, calstation_fleet, calstation_reader;
 
 GRANT SELECT ON alembic_version TO calstation_station, calstation_fleet, calstation_reader;
-GRANT SELECT ON outboxes, revisions, runs, log_copies TO calstation_station, calstation_fleet, calstation_reader;
+GRANT SELECT ON outboxes, revisions, runs, log_copies, solutions TO calstation_station, calstation_fleet, calstation_reader;
 
 GRANT INSERT, UPDATE ON outboxes, runs, log_copies TO calstation_station;
 GRANT UPDATE ON revisions TO calstation_station;
 GRANT SELECT, INSERT, UPDATE, DELETE ON claims TO calstation_station;
 
-GRANT SELECT, INSERT, UPDATE (location, fingerprint) ON solutions TO calstation_fleet;
+GRANT INSERT, UPDATE (location, fingerprint) ON solutions TO calstation_fleet;
 GRANT USAGE ON SEQUENCE solutions_id_seq TO calstation_fleet;
 
-GRANT SELECT ON claims, solutions TO calstation_reader;
+GRANT SELECT ON claims TO calstation_reader;
+
+-- A login changes only the outboxes that it has registered, or that no login has, and what belongs to them. Policies do
+-- not concern the owner of the tables.
+DO $$
+DECLARE
+    name text;
+    own text;
+BEGIN
+    FOREACH name IN ARRAY ARRAY['outboxes', 'runs', 'log_copies', 'claims'] LOOP
+        own := 'EXISTS (SELECT FROM outboxes WHERE outboxes.id = outbox AND outboxes.login = current_user)';
+        IF name = 'outboxes' THEN
+            own := 'coalesce(login, current_user) = current_user';
+        END IF;
+        EXECUTE format('ALTER TABLE %I ENABLE ROW LEVEL SECURITY', name);
+        EXECUTE format('DROP POLICY IF EXISTS readable ON %I', name);
+        EXECUTE format('DROP POLICY IF EXISTS own ON %I', name);
+        EXECUTE format('CREATE POLICY readable ON %I FOR SELECT USING (true)', name);
+        EXECUTE format('CREATE POLICY own ON %I TO calstation_station USING (%s)', name, own);
+    END LOOP;
+    IF to_regclass('versions') IS NOT NULL THEN
+        GRANT SELECT ON versions TO calstation_station, calstation_fleet, calstation_reader;
+    END IF;
+END $$;

@@ -31,8 +31,10 @@ class Claim:
     @property
     def message(self) -> Message:
         """The message for the operator."""
-        since = f"{self.since.astimezone():%H:%M}"
-        return Message("claimed_elsewhere", {"serial": self.serial, "station": self.station, "since": since})
+        values = {"serial": self.serial, "station": self.station, "since": f"{self.since.astimezone():%H:%M}"}
+        if self.operator is None:
+            return Message("claimed_elsewhere", values)
+        return Message("claimed_by", {**values, "operator": self.operator})
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,7 @@ class ExchangeState:
     contact_utc: datetime | None = None  #: Time of the last exchange that succeeded.
     error: dict[str, Any] | None = None  #: Code and values of the error of the attempt; None if it succeeded.
     claims: tuple[Claim, ...] = ()  #: As of the last exchange that succeeded.
+    refusal: dict[str, Any] | None = None  #: Code and values of the message about runs that the database refuses.
     logs_pending: int = 0  #: Logs that have not been copied to the archive.
     archive_error: dict[str, Any] | None = None  #: Code and values of the error of the last copy of a log.
 
@@ -51,6 +54,11 @@ class ExchangeState:
     def error_text(self) -> Text | None:
         """The error as a message."""
         return _text(self.error)
+
+    @property
+    def refusal_text(self) -> Text | None:
+        """The message about runs that the database refuses."""
+        return _text(self.refusal)
 
     @property
     def archive_error_text(self) -> Text | None:

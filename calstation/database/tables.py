@@ -1,9 +1,14 @@
 """Tables of the shared database, for PostgreSQL and SQLite; times are UTC."""
 
+from collections.abc import Sequence
+from typing import Any
+
 from sqlalchemy import (
     BigInteger,
     Boolean,
     Column,
+    ColumnElement,
+    Connection,
     DateTime,
     ForeignKey,
     ForeignKeyConstraint,
@@ -18,6 +23,7 @@ from sqlalchemy import (
     false,
     text,
 )
+from sqlalchemy.dialects import postgresql, sqlite
 
 metadata = MetaData(
     naming_convention={
@@ -29,7 +35,8 @@ metadata = MetaData(
 )
 
 #: One row: the last revision of a run, and a random name of the database. The row's lock orders the transactions, so
-#: that revisions appear in their order.
+#: that revisions appear in their order. Revisions are not below the time, µs since 1970, so that a database which is
+#: restored from a backup gives none for a second time.
 revisions = Table(
     "revisions",
     metadata,
@@ -37,13 +44,15 @@ revisions = Table(
     Column("database", String(36), nullable=False),
 )
 
-#: The outbox of each folder of runs; `last_number` is the last of its messages that arrived.
+#: The outbox of each folder of runs; `last_number` is the last of its messages that arrived. Only `login`, a role of
+#: PostgreSQL, may change what belongs to the outbox (`roles.sql`).
 outboxes = Table(
     "outboxes",
     metadata,
     Column("id", String(36), primary_key=True),
     Column("station", String, nullable=False),
     Column("last_number", BigInteger, nullable=False),
+    Column("login", String),
 )
 
 #: Runs of all stations; `name` is the file name of the log without suffix. The columns from `serial` to `numbers` have
@@ -77,7 +86,6 @@ log_copies = Table(
     Column("url", Text, nullable=False),
     Column("file_sha256", String(64), nullable=False),
     Column("size", BigInteger, nullable=False),
-    Column("archived", DateTime(timezone=True), nullable=False),
     ForeignKeyConstraint(["outbox", "name"], ["runs.outbox", "runs.name"]),
 )
 
@@ -150,3 +158,24 @@ solutions = Table(
     UniqueConstraint("log_sha256", "version", "configuration_sha256", "first_seq", "last_seq", "stages", "attempt"),
     Index("ix_solutions_version", "version", "id"),
 )
+
+
+def upsert(
+    connection: Connection, table: Table, rows: Sequence[dict[str, Any]], **replaced: ColumnElement[Any]
+) -> None:
+    """Add rows, or replace those with the same primary keys; psycopg sends all of them in one round trip.
+
+    Parameters
+    ----------
+    connection : connection in a transaction
+    table : table of the rows
+    rows : values by the names of the columns, the same columns in each row
+    replaced : expressions for columns of an existing row that do not simply get the new value
+    """
+    if not rows:
+        return
+    insert = postgresql.insert if connection.dialect.name == "postgresql" else sqlite.insert
+    statement = insert(table)
+    keys = [column.name for column in table.primary_key]
+    values = {name: statement.excluded[name] for name in rows[0] if name not in keys}
+    connection.execute(statement.on_conflict_do_update(index_elements=keys, set_={**values, **replaced}), rows)

@@ -17,11 +17,11 @@ def product_runs(folder: Path, product: str) -> RunColumns:
     They are read again only if the index has changed or the last call was for others: a filter of 100,000 runs need not
     read them.
     """
-    return _columns(folder, product, History(folder).token())
+    return _columns(folder, product, History(folder).mark())
 
 
 @lru_cache(maxsize=3)
-def _columns(folder: Path, product: str, token: str) -> RunColumns:
+def _columns(folder: Path, product: str, mark: str | None) -> RunColumns:
     return History(folder).columns(RunFilter(product=product))
 
 

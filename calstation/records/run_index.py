@@ -2,6 +2,7 @@
 
 import json
 import math
+import secrets
 import sqlite3
 import time
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -10,7 +11,6 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Generic, TypeVar
-from uuid import uuid4
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -229,8 +229,9 @@ _runs = Table(
 Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
 #: One row: the shared database from which runs of other folders came, and the last revision that was received.
 _received = Table("received", _metadata, Column("database", String, primary_key=True), Column("revision", BigInteger))
-#: One row: a text that differs after each change of the runs.
-_state = Table("state", _metadata, Column("token", String, primary_key=True))
+#: One row after the first change of the runs: a random mark, which every change of them replaces.
+_changed = Table("changed", _metadata, Column("mark", String, primary_key=True))
+_mark = select(_changed.c.mark)
 _rowid: ColumnElement[int] = literal_column("runs.rowid", Integer)
 
 
@@ -244,17 +245,25 @@ class RunIndex:
         self._engine = _file_engine(self._path)
         self._memory: Engine | None = None  #: In place of the file until `_again`.
         self._again = 0.0
+        self._stamps: tuple[str | None, dict[str, str]] = (None, {})  #: As they were read last, with their mark.
         self._try(_create)
 
-    def stamps(self) -> dict[str, str]:
+    @property
+    def mark(self) -> str | None:
+        """A mark of the runs, which differs after any change of them; None before the first."""
+        return self._try(lambda connection: connection.execute(_mark).scalar())
+
+    def stamps(self) -> Mapping[str, str]:
         """Return the stamp of each run of the folder by name."""
         query = select(_runs.c.name, _runs.c.stamp).where(_runs.c.origin == "")
-        return self._try(lambda connection: dict(_rows(connection, query)))
 
-    def token(self) -> str:
-        """Return a text that differs after each change of the runs."""
-        rows = self._try(lambda connection: connection.execute(select(_state)).all())
-        return str(rows[0].token) if rows else ""
+        def read(connection: Connection) -> dict[str, str]:
+            mark = connection.execute(_mark).scalar()
+            if mark is None or mark != self._stamps[0]:
+                self._stamps = mark, dict(_rows(connection, query))
+            return self._stamps[1]
+
+        return self._try(read)
 
     def put(self, runs: Iterable[IndexedRun], gone: Iterable[str] = ()) -> None:
         """Add or replace runs of the folder, and remove those in `gone`."""
@@ -266,7 +275,7 @@ class RunIndex:
                 connection.execute(delete(_runs).where(_runs.c.origin == "", _runs.c.name == name))
             if rows:
                 connection.execute(insert(_runs), rows)
-            _renew_token(connection)
+            _renew_mark(connection)
 
         if names:
             self._try(change)
@@ -299,7 +308,7 @@ class RunIndex:
                 connection.execute(delete(_runs).where(*same))
             if rows:
                 connection.execute(insert(_runs), rows)
-            _renew_token(connection)
+            _renew_mark(connection)
 
         if self.received()[0] != database:
             self._in_file(lambda connection: connection.execute(delete(_received)))
@@ -526,9 +535,9 @@ def from_columns(
     return IndexedRun(name, stamp, record, values, sigmas, tuple(json.loads(failed_checks)), table)
 
 
-def _renew_token(connection: Connection) -> None:
-    connection.execute(delete(_state))
-    connection.execute(insert(_state).values(token=uuid4().hex))
+def _renew_mark(connection: Connection) -> None:
+    connection.execute(delete(_changed))
+    connection.execute(insert(_changed).values(mark=secrets.token_hex(8)))
 
 
 def _estimates(

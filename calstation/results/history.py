@@ -3,7 +3,7 @@
 import json
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, time, timedelta
 from itertools import takewhile
@@ -57,22 +57,29 @@ class History:
 
     def refresh(self, report: Callable[[float], None] | None = None) -> int:
         """Update the index from the folder; return the number of changed runs."""
+        count = 0
+        for changed, fraction in self.refresh_in_parts():
+            count += changed
+            if report is not None:
+                report(fraction)
+        return count
+
+    def refresh_in_parts(self) -> Iterator[tuple[int, float]]:
+        """Update the index from the folder; yield the number of changed runs of each part, and the fraction done."""
         known = self._index.stamps()
         files = _files(self._folder, known)
         gone = [name for name in known if name not in files]
         changed = [name for name, stamp in files.items() if known.get(name) != stamp]
-        self._index.put([], gone)
-        count = len(gone)
+        if gone:
+            self._index.put([], gone)
+            yield len(gone), 0.0
         for start in range(0, len(changed), _AT_ONCE):
             names = changed[start : start + _AT_ONCE]
             read = {name: _read(self._folder, name, files[name]) for name in names}
             runs = [run for run in read.values() if run is not None]
             no_runs = [name for name, run in read.items() if run is None and name in known]
             self._index.put(runs, no_runs)
-            count += len(runs) + len(no_runs)
-            if report is not None:
-                report((start + len(names)) / len(changed))
-        return count
+            yield len(runs) + len(no_runs), (start + len(names)) / len(changed)
 
     def runs(self, wanted: RunFilter = NO_FILTER, limit: int | None = 200) -> list[RunRecord]:
         """Return at most `limit` runs that meet all conditions, the latest first."""
@@ -86,9 +93,9 @@ class History:
         """Return the runs that meet all conditions and have a time of start in columns, the oldest first."""
         return self._ask(lambda: self._index.columns(wanted))
 
-    def token(self) -> str:
-        """Return a text that differs after each change of the indexed runs."""
-        return self._ask(self._index.token)
+    def mark(self) -> str | None:
+        """Return a mark of the indexed runs, which differs after any change of them; None before the first."""
+        return self._ask(lambda: self._index.mark)
 
     def count(self, wanted: RunFilter) -> int:
         """Return the number of runs that meet all conditions."""
@@ -187,14 +194,14 @@ def _files(folder: Path, known: Mapping[str, str]) -> dict[str, str]:
     """
     if not folder.is_dir():
         return {}
-    stamps: dict[str, dict[str, str]] = {SUFFIX: {}, ".json": {}}
+    stamps: dict[str, dict[str, str]] = {SUFFIX.removeprefix("."): {}, "json": {}}
     with os.scandir(folder) as entries:
         for entry in entries:
-            stem, suffix = os.path.splitext(entry.name)  # noqa: PTH122 - a Path is slow for thousands of files
-            if suffix in stamps and not stem.startswith("."):
+            stem, _, suffix = entry.name.rpartition(".")
+            if suffix in stamps and stem and not stem.startswith("."):
                 status = entry.stat()
                 stamps[suffix][stem] = f"{status.st_mtime_ns} {status.st_size}"
-    logs, results = stamps[SUFFIX], stamps[".json"]
+    logs, results = stamps.values()
     alone = {stem: f"log {stamp}" for stem, stamp in logs.items() if stem not in results}
     ended = {stem: stamp for stem, stamp in alone.items() if known.get(stem) == stamp or not _is_running(folder, stem)}
     return {**ended, **results}
@@ -214,20 +221,37 @@ def _is_running(folder: Path, stem: str) -> bool:
 
 def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
     """Read a run from its result, or from its log if it has no result; return None for other or damaged files."""
-    beside = folder / f"{name}.json"
     try:
-        if not stamp.startswith("log "):
-            result = Result.from_json(json.loads(beside.read_text(encoding="utf-8")))
-            return _from_result(folder, name, stamp, result, beside) if _is_run(result, name) else None
-        contents = read_contents(folder / f"{name}{SUFFIX}")
-        if contents.outcome is None:
-            return _from_log(folder, name, stamp, contents)
-        for result in map(Result.from_json, reversed(contents.results)):
-            if _is_run(result, name):
-                return _from_result(folder, name, stamp, result, None)
+        run = _read_file(folder, name, stamp)
+        if run is not None:
+            _check_texts(run)
     except (OSError, InputError, *_NO_RESULT):
-        pass
+        return None
+    return run
+
+
+def _read_file(folder: Path, name: str, stamp: str) -> IndexedRun | None:
+    beside = folder / f"{name}.json"
+    if not stamp.startswith("log "):
+        result = Result.from_json(json.loads(beside.read_text(encoding="utf-8")))
+        return _from_result(folder, name, stamp, result, beside) if _is_run(result, name) else None
+    contents = read_contents(folder / f"{name}{SUFFIX}")
+    if contents.outcome is None:
+        return _from_log(folder, name, stamp, contents)
+    for result in map(Result.from_json, reversed(contents.results)):
+        if _is_run(result, name):
+            return _from_result(folder, name, stamp, result, None)
     return None
+
+
+def _check_texts(run: IndexedRun) -> None:
+    """Raise ValueError for a run with text that an index or a database cannot store."""
+    record = run.record
+    searched = (run.name, record.serial, record.started_utc, record.product, record.station, record.operator)
+    further = (record.outcome, *record.stages, record.error, record.resumed_from, record.batch, record.slot)
+    "".join(filter(None, (*searched, *further))).encode()  # raises for a lone surrogate
+    if "\0" in record.serial + record.started_utc:
+        raise ValueError("PostgreSQL has no such character")
 
 
 def _is_run(result: Result, name: str) -> bool:
@@ -257,11 +281,6 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
         batch=result.batch,
         slot=result.slot,
     )
-    texts = (record.serial, record.started_utc, record.outcome, record.product, record.station, record.operator)
-    further = (*record.stages, record.error, record.batch, record.slot)
-    "".join(filter(None, (*texts, *further))).encode()  # raises for a lone surrogate
-    if "\0" in record.serial + record.started_utc:
-        raise ValueError("PostgreSQL has no such character")
     known = {name: row for name, row in result.parameters.items() if math.isfinite(row.value)}
     values = {name: row.value for name, row in known.items()}
     sigmas = {name: row.sigma for name, row in known.items() if math.isfinite(row.sigma)}

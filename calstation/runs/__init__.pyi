@@ -4,7 +4,7 @@ from .hooks import RunHooks as RunHooks
 from .incomplete import close_incomplete_job as close_incomplete_job
 from .incomplete import finish_incomplete as finish_incomplete
 from .incomplete import recover_startup as recover_startup
-from .prepare import prepare as prepare
+from .preparation import prepare as prepare
 from .resume import Resumable as Resumable
 from .resume import filled as filled
 from .resume import find_resumable as find_resumable

@@ -24,7 +24,7 @@ from calstation.registers import (
 )
 from calstation.registers import journal as register_journal
 from calstation.results import estimate_of, judge
-from calstation.runs.prepare import OpenRun
+from calstation.runs.preparation import OpenRun
 from calstation.runs.verdict import close_run
 from calstation.sequencer import Ended, Judged, Message, RunInBackground, StopRequested, VerificationData
 

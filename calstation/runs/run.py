@@ -17,7 +17,7 @@ from calstation.results import HandOver, one_blas_thread
 from calstation.runs.automatic_report import start_reports
 from calstation.runs.finalize import Finalization
 from calstation.runs.hooks import RunHooks
-from calstation.runs.prepare import OpenRun, PreparedRun, prepare
+from calstation.runs.preparation import OpenRun, PreparedRun, prepare
 from calstation.runs.verdict import close_run
 from calstation.sequencer import (
     Control,

@@ -10,7 +10,7 @@ from calstation.quality import table_charts
 from calstation.records import RunFilter
 from calstation.results import Ending, build_result, judge, write_json
 from calstation.runs.automatic_report import report_command, start_reports
-from calstation.runs.prepare import OpenRun
+from calstation.runs.preparation import OpenRun
 from calstation.sequencer import Ended, Message, State, Verdict
 
 _OUTCOMES = {State.PASSED: "passed", State.FAILED: "failed", State.STOPPED: "stopped", State.FAULT: "fault"}

@@ -3,10 +3,10 @@ from .bench_recordings import Kind as Kind
 from .bench_recordings import make_recording as make_recording
 from .golden import golden_demo as golden_demo
 from .hooks import BenchHooks as BenchHooks
-from .lock_demo import LockStep as LockStep
-from .lock_demo import lock_demo as lock_demo
 from .many_logs import record_logs as record_logs
 from .method_study import run_method_study as run_method_study
+from .production_lock import LockStep as LockStep
+from .production_lock import lock_demo as lock_demo
 from .recordings import record_on_bench as record_on_bench
 from .recordings import recordings_folder as recordings_folder
 from .run_history import synthesise_runs as synthesise_runs

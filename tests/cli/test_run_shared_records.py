@@ -1,6 +1,6 @@
 """`calstation run` shares its records and says when another station works on the unit; it never waits for it."""
 
-import sys
+import socket
 import time
 import tomllib
 from collections.abc import Callable
@@ -10,9 +10,13 @@ from typing import Any
 import pytest
 import tomli_w
 
-from calstation.database import Exchange, ExchangeProcess, read_state
+from calstation.cli import run as run_module
+from calstation.cli.run import shared_records
+from calstation.config import RunRequest
+from calstation.database import Exchange, read_state
 from calstation.database.outbox import Outbox
 from tests.database.result_files import in_database
+from tests.database.test_exchange_process import eventually
 from tests.postgres import postgres as postgres
 from tests.postgres import shared_database as shared_database
 from tests.site_folder import SiteFolder
@@ -28,42 +32,48 @@ def sharing(folder: Path, url: str) -> SiteFolder:
 
 
 def test_a_run_is_shared_and_names_another_station_with_its_unit(
-    shared_database: str, tmp_path: Path, calstation: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+    shared_database: str, tmp_path: Path, calstation: Callable[..., Any]
 ) -> None:
-    monkeypatch.setattr("calstation.database.process._END_S", 60.0)  # on a busy computer the process starts slowly
     other = tmp_path / "line 2"
     other.mkdir()
     there = Exchange(other, shared_database, "line 2", {"SN-000042": "li"})
     assert there.exchange() == []
     site, out = sharing(tmp_path, shared_database), tmp_path / "runs"
-    where = ("--station", site.station, "--product", site.product, "--out", out)
-    done = calstation("run", *where, "--serial", "SN-000042", "--json", "-")
-    assert done.code == 0, done.err
-    assert "SN-000042 is also being calibrated at line 2 since" in done.err
-    assert in_database(shared_database) == [(Path(done.json["log"]["file"]).stem, "test bench")]
-    assert read_state(out).pending == 0
-    assert there.exchange() == []  # the claim has ended
+    request = RunRequest("SN-000042", site.station, site.product, out=out)
+    with shared_records(request) as new_claims:
+        claims = []
+        eventually(lambda: claims.extend(new_claims()) or claims)
+        assert [(claim.serial, claim.station, claim.operator) for claim in claims] == [("SN-000042", "line 2", "li")]
+        eventually(there.exchange)
+        where = ("--station", site.station, "--product", site.product, "--out", out)
+        done = calstation("run", *where, "--serial", "SN-000042", "--json", "-")
+        assert done.code == 0, done.err
+        assert "SN-000042 is also being calibrated by li at line 2 since" in done.err
+    run = (Path(done.json["log"]["file"]).stem, "test bench")
+    eventually(lambda: in_database(shared_database) == [run])
+    eventually(lambda: read_state(out).pending == 0)
+    eventually(lambda: there.exchange() == [])  # the claim has ended
     there.close()
 
 
-def test_a_run_does_not_wait_for_an_unreachable_database(
+def test_a_run_does_not_wait_for_a_database_that_hangs(
     tmp_path: Path, calstation: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    close = ExchangeProcess.close
+    shown: list[float] = []
+    emit = run_module.emit_json
 
-    def noted(exchange: ExchangeProcess) -> None:
-        sys.stderr.write("last exchange\n")
-        close(exchange)
+    def noted(result: Any, json: str | None) -> None:
+        shown.append(time.monotonic())
+        emit(result, json)
 
-    monkeypatch.setattr(ExchangeProcess, "close", noted)
-    site, out = sharing(tmp_path, "postgresql+psycopg://line@127.0.0.1:1/none"), tmp_path / "runs"
-    where = ("--station", site.station, "--product", site.product, "--out", out)
-    done = calstation("run", *where, "--json", "-")
-    assert done.code == 0, done.err
-    assert "database" not in done.err
-    assert done.err.index("\nresult:") < done.err.index("last exchange")
-    ended = max(path.stat().st_mtime for path in out.glob("*.json"))
-    assert time.time() - ended < 30.0
-    outbox = Outbox(out)
+    monkeypatch.setattr(run_module, "emit_json", noted)
+    with socket.create_server(("127.0.0.1", 0)) as server:  # accepts connections and says nothing
+        site = sharing(tmp_path, f"postgresql+psycopg://line@127.0.0.1:{server.getsockname()[1]}/none")
+        where = ("--station", site.station, "--product", site.product, "--out", tmp_path / "runs")
+        done = calstation("run", *where, "--json", "-")
+        assert done.code == 0, done.err
+        assert time.monotonic() - shown[-1] < 1.0
+        assert "database" not in done.err
+    outbox = Outbox(tmp_path / "runs")
     outbox.fill()
     assert outbox.pending == 1

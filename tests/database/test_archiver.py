@@ -15,8 +15,10 @@ from calstation.config import library
 from calstation.database import Exchange, fetch_log, fetch_result, read_state, remote, watch
 from calstation.database.archiver import LogArchiver
 from calstation.database.outbox import Outbox
-from calstation.errors import ConfigurationError
+from calstation.database.process import ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S, PAUSE_S, _copy_logs
+from calstation.errors import ConfigurationError, InputError
 from calstation.records import RunFilter, RunIndex, RunRecord
+from calstation.records.files import take
 from calstation.results import load_result
 from tests.database.result_files import in_database, write_result
 from tests.database.test_exchange_process import eventually
@@ -193,6 +195,35 @@ def test_each_log_is_opened_once_for_all_copies(
     archiver = LogArchiver(folder, str(archive))
     assert [archiver.copy_next() for _ in range(4)] == [True, True, False, False]
     assert opened == ["a.h5", "b.h5"]
+    monkeypatch.setattr(Outbox, "copies", lambda _: pytest.fail("the logs are listed again"))
+    assert not archiver.copy_next()
+    monkeypatch.undo()
+    write_result(folder, "c", 3)
+    (folder / "c.h5").write_bytes(b"samples of c")
+    Outbox(folder).fill()
+    with (folder / "c.h5").open() as running:
+        assert take(running.fileno(), 0.0)
+        assert not archiver.copy_next()
+    assert archiver.copy_next()
+
+
+def test_failures_are_followed_by_growing_pauses(
+    url: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pauses: list[float] = []
+
+    class Stop(threading.Event):
+        def wait(self, timeout: float | None = None) -> bool:
+            pauses.append(timeout or 0.0)
+            if len(pauses) == 10:
+                (tmp_path / "share").mkdir()
+            if len(pauses) == 11:
+                self.set()
+            return True
+
+    Outbox(folder).fill()
+    _copy_logs(folder, str(tmp_path / "share"), Stop())
+    assert pauses == [ARCHIVE_FAILED_S * 2**k for k in range(7)] + [ARCHIVE_LONGEST_S] * 3 + [PAUSE_S]
 
 
 def test_a_log_that_cannot_be_copied_does_not_hold_up_the_others(url: str, folder: Path, archive: Path) -> None:
@@ -200,9 +231,8 @@ def test_a_log_that_cannot_be_copied_does_not_hold_up_the_others(url: str, folde
     exchange.exchange()
     (archive / exchange.outbox.id / "a.h5").mkdir(parents=True)  # in the way
     archiver = LogArchiver(folder, str(archive))
-    assert not archiver.copy_next()
-    assert not archiver.copy_next()  # a pause follows a failure
-    archiver._due = 0.0
+    with raises_code(InputError, "database.archive_failed"):
+        archiver.copy_next()
     assert archiver.copy_next()
     assert list(exchange.outbox.copies()) == ["b"]
     exchange.close()
@@ -219,7 +249,7 @@ def test_the_command_archives_all_logs_at_once_and_says_that_the_archive_is_abse
     exchanged = "All runs of the folder are in the shared database."
     assert " ".join(capsys.readouterr().err.split()) == (
         f"{exchanged} Program: The archive {archive} does not exist, so logs wait to be copied into it. "
-        "Mount its share or create the folder; a window or a service tries again by itself."
+        "Mount its share or create the folder; a window or a service tries again automatically."
     )
     assert not archive.exists()
     archive.mkdir()

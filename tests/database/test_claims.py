@@ -11,7 +11,7 @@ from sqlalchemy import create_engine, select, update
 
 from calstation.config import library
 from calstation.database import Claim, Exchange, Outbox, connect
-from calstation.database.claims import claim_unit, other_claims
+from calstation.database.claims import claim_units, other_claims
 from calstation.database.process import LONGEST_S
 from calstation.database.tables import claims
 from calstation.messages import event_text, sentence
@@ -31,7 +31,7 @@ def scan(start: float, url: str, folder: Path, serial: str) -> list[Claim]:
     """Claim a unit at a given time, in a process of its own, and return the claims of others on it."""
     time.sleep(max(0.0, start - time.time()))
     engine, outbox = connect(url), Outbox(folder).id
-    claim_unit(engine, outbox, folder.name, serial, "li")
+    claim_units(engine, outbox, folder.name, {serial: "li"})
     found = other_claims(engine, outbox)
     engine.dispose()
     return [claim for claim in found if claim.serial == serial]
@@ -72,8 +72,8 @@ def test_two_stations_that_scan_a_unit_at_once_are_both_told(shared_database: st
     utc = there[0].since
     assert abs(datetime.now(UTC) - utc) < timedelta(minutes=5)
     text = event_text(there[0].message.id, there[0].message.values)
-    assert sentence(text) == f"SN-0 is also being calibrated at line 1 since {utc.astimezone():%H:%M}."
-    assert sentence(text, "zh_CN") == f"SN-0 自 {utc.astimezone():%H:%M} 起也在 line 1 标定。"
+    assert sentence(text) == f"SN-0 is also being calibrated by li at line 1 since {utc.astimezone():%H:%M}."
+    assert sentence(text, "zh_CN") == f"SN-0 自 {utc.astimezone():%H:%M} 起也在 line 1 由 li 标定。"
 
 
 def serials(url: str, changes: dict[str, Any] | None = None) -> list[str]:

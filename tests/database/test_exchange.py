@@ -2,17 +2,21 @@
 
 import csv
 import json
+import random
 import shutil
 import socket
 import sqlite3
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from sqlalchemy import create_engine, delete, select, text, update
+from sqlalchemy import Connection, create_engine, delete, event, select, text, update
+from sqlalchemy.exc import DataError
 
 from calstation.cli.app import run_app
-from calstation.database import Exchange, export_shared_runs, load_shared_results
-from calstation.database.outbox import FILE, Outbox
+from calstation.database import Exchange, exchange_once, export_shared_runs, load_shared_results, read_state
+from calstation.database.exchange import _store
+from calstation.database.outbox import FILE, Outbox, OutboxMessage
 from calstation.database.tables import log_copies, outboxes, revisions, runs
 from calstation.errors import ConfigurationError, InputError
 from calstation.records import RunFilter, RunIndex
@@ -85,17 +89,21 @@ def test_the_database_has_result_digest_and_place_of_the_log(url: str, stations:
     assert row.log_sha256 == "0" * 64
     assert row.log.endswith(f":{path.with_suffix('.h5')}")
     assert '"gyro_bias_x"' in row.result
-    outbox.add_copy("a", "s3://logs/a.h5", "1" * 64, 17)
+    write_result(one, "b", 2)
+    for name in "ba":
+        outbox.add_copy(name, f"s3://logs/{name}.h5", "1" * 64, 17)
     exchange(one, url)
     exchange(two, url)
     write_result(one, "a", 2)  # its log remains where it is
     exchange(one, url)
+    locations = ["s3://logs/a.h5", "s3://logs/b.h5"]
     with engine.connect() as connection:
-        assert connection.execute(select(runs.c.log)).scalar_one() == "s3://logs/a.h5"
-        copy = connection.execute(select(log_copies)).one()
+        assert connection.execute(select(runs.c.log).order_by(runs.c.name)).scalars().all() == locations
+        copy = connection.execute(select(log_copies).order_by(log_copies.c.name)).first()
     engine.dispose()
+    assert copy is not None
     assert (copy.url, copy.size, copy.file_sha256) == ("s3://logs/a.h5", 17, "1" * 64)
-    assert [run.record.location for run in RunIndex(two).find(RunFilter())] == ["s3://logs/a.h5"]
+    assert sorted(run.record.location or "" for run in RunIndex(two).find(RunFilter())) == locations
 
 
 def test_a_message_whose_arrival_was_not_noticed_is_not_repeated(url: str, stations: tuple[Path, Path]) -> None:
@@ -175,6 +183,43 @@ def test_a_run_that_cannot_be_read_holds_up_no_other(url: str, stations: tuple[P
     for folder in stations:
         exchange(folder, url)
     assert [row[0] for row in in_index(two)] == ["a0", "a2", "b"]
+
+
+@pytest.mark.parametrize("at_c", ["before", "after"])
+def test_a_restored_database_loses_no_run_of_other_stations(
+    request: pytest.FixtureRequest, url: str, tmp_path: Path, at_c: str
+) -> None:
+    a, b, c = folders = [tmp_path / name for name in "abc"]
+    for number, folder in enumerate(folders):
+        folder.mkdir()
+        write_result(folder, f"{folder.name}0", number)
+        exchange(folder, url)
+    restored = backup(request, url)
+    for number in range(1, 4):
+        write_result(a, f"a{number}", number)
+    for folder in (a, b) if at_c == "before" else (a, b, c):
+        exchange(folder, url)
+    assert [row[0] for row in in_index(b) if row[0].startswith("a")] == ["a0", "a1", "a2", "a3"]
+
+    # the database is restored, which loses three runs of `a`; `a` is off
+    for number in range(1, 6):
+        write_result(c, f"c{number}", number)
+    for folder in (c, b):
+        exchange(folder, restored)
+    assert [row[0] for row in in_index(b) if row[0].startswith("c")] == [f"c{number}" for number in range(6)]
+    for folder in (a, b, c):
+        exchange(folder, restored)
+    assert in_index(a) == in_index(b) == in_index(c)
+    assert len(in_index(a)) == len(in_database(restored)) == 11
+
+
+def backup(request: pytest.FixtureRequest, url: str) -> str:
+    """Copy a database, and return the URL of the copy."""
+    if url.startswith("sqlite"):
+        path = Path(url.removeprefix("sqlite:///"))
+        return f"sqlite:///{shutil.copyfile(path, path.with_name('restored.sqlite'))}"
+    server = request.getfixturevalue("postgres")
+    return str(server.url(server.new_database(url.rpartition("/")[2])))
 
 
 def test_a_restored_outbox_loses_no_run(url: str, stations: tuple[Path, Path]) -> None:
@@ -257,7 +302,8 @@ def test_a_copy_of_a_log_whose_run_is_not_queued_waits(
     outbox.add_copy("a", "s3://logs/a.h5", "1" * 64, 17)
     with monkeypatch.context() as patch:
         patch.setattr(RunIndex, "own", lambda *_: [])  # the index was recreated in between
-        assert outbox.fill() == 0
+        assert outbox.fill()
+        assert outbox.messages() == []
     exchange(one, url)
     assert Outbox(one).pending == 0
     assert in_database(url) == [("a", "one")]
@@ -276,6 +322,151 @@ def test_characters_that_a_database_does_not_have_hold_nothing_up(url: str, stat
     assert RunIndex(two).find(RunFilter(names=("a",)))[0].failed_checks == ("\ud800\0",)
 
 
+#: Runs that PostgreSQL refuses: too long for a column, or for an index.
+REFUSED = {
+    "value too long": {"log": {"file": "b.h5", "sha256": "0" * 100}},
+    "index row": {"serial": "".join(random.Random(1).choices("0123456789ABCDEF", k=9000))},
+}
+
+
+@pytest.mark.parametrize("reason", REFUSED)
+def test_a_run_that_the_database_refuses_holds_up_no_other(
+    shared_database: str, stations: tuple[Path, Path], capsys: pytest.CaptureFixture[str], reason: str
+) -> None:
+    one, two = stations
+    for number, name in enumerate("abc"):
+        write_result(one, name, number, **REFUSED[reason] if name == "b" else {})
+        Outbox(one).add_copy(name, f"s3://logs/{name}.h5", "1" * 64, 17)
+    command = ["database", "exchange", "--station", str(station_file(one, shared_database)), "--out", str(one)]
+    assert run_app(command) == 2
+    shown = capsys.readouterr().err
+    assert "Runs of this folder that the shared database refuses: 1; the last one is b: " in shown
+    assert reason in shown
+    assert "All runs" not in shown
+    assert run_app(["database", "status", "--out", str(one)]) == 0
+    assert "the last one is b: " in capsys.readouterr().out
+    state = read_state(one)
+    assert (state.pending, state.error) == (0, None)
+    write_result(one, "d", 3)
+    for folder in stations:
+        exchange(folder, shared_database)
+    assert [row[0] for row in in_index(two)] == ["a", "c", "d"]
+    assert [run.record.location for run in RunIndex(two).find(RunFilter(names=("c",)))] == ["s3://logs/c.h5"]
+
+    write_result(one, "b", 1)  # corrected; its log is in the archive
+    assert run_app(command) == 0
+    assert "All runs of the folder are in the shared database." in capsys.readouterr().err
+    exchange(two, shared_database)
+    assert [row[0] for row in in_index(two)] == ["a", "b", "c", "d"]
+    locations = {run.name: run.record.location for run in RunIndex(two).find(RunFilter())}
+    assert [locations[name] for name in "abc"] == [f"s3://logs/{name}.h5" for name in "abc"]
+
+
+def test_the_runs_that_were_refused_are_counted_while_they_exist(
+    stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> None:
+        if any(message.columns["name"].startswith("b") for message in messages):
+            raise DataError("", None, Exception("too long"))
+        _store(connection, outbox, messages)
+
+    monkeypatch.setattr("calstation.database.exchange._store", store)
+    one, _ = stations
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    for number, name in enumerate(["a", "b1", "b2", "c"]):
+        write_result(one, name, number)
+    made = Exchange(one, url, "one")
+    for count, run in ((2, "b2"), (1, "b1")):
+        state = exchange_once(made, one)
+        assert state.refusal_text is not None
+        assert state.refusal_text.values == {"count": count, "run": run, "reason": "too long"}
+        (one / f"{run}.json").unlink()
+    assert exchange_once(made, one).refusal is None
+    made.close()
+    assert [name for name, _ in in_database(url)] == ["a", "c"]
+
+
+def test_an_error_that_is_not_about_a_run_skips_none(
+    postgres, shared_database: str, stations: tuple[Path, Path]
+) -> None:
+    one, _ = stations
+    write_result(one, "a", 1)
+    name = shared_database.rpartition("/")[2]
+    postgres.execute("ALTER TABLE runs ADD CONSTRAINT closed CHECK (false)", name)
+    made = Exchange(one, shared_database, "one")
+    with raises_code(ConfigurationError, "database.refused"):
+        made.exchange()
+    postgres.execute("ALTER TABLE runs DROP CONSTRAINT closed", name)
+    made.exchange()
+    made.close()
+    assert [name for name, _ in in_database(shared_database)] == ["a"]
+
+
+def test_a_page_takes_a_handful_of_statements(url: str, stations: tuple[Path, Path]) -> None:
+    one, _ = stations
+    for number in range(50):
+        write_result(one, f"a{number:02d}", number)
+        Outbox(one).add_copy(f"a{number:02d}", f"s3://logs/a{number:02d}.h5", "1" * 64, 17)
+    made = Exchange(one, url, "one")
+    made.outbox.fill()
+    engine = made._connected()
+    made._synchronise(engine)
+    said: list[str] = []
+    event.listen(engine, "before_cursor_execute", lambda *args: said.append(args[2].split()[1:3]))
+    for _ in range(2):
+        made._send(engine)
+    made.close()
+    step = [["outboxes", "SET"], ["now()", "AS"], ["revisions", "SET"]]
+    step = [words for words in step if url.startswith("postgresql") or words[0] != "now()"]
+    runs_and_copies = [["INTO", "runs"], ["INTO", "log_copies"], ["runs", "SET"]]
+    assert said == [*step, *runs_and_copies[:1], *step, *runs_and_copies[1:]]
+    assert len(in_database(url)) == 50
+
+
+def test_a_claim_waits_for_no_backlog(url: str, stations: tuple[Path, Path]) -> None:
+    one, two = stations
+    for number in range(170):
+        write_result(one, f"a{number:03d}", number)
+    there = Exchange(two, url, "two", {"SN-1": "li"})
+    there.exchange()
+    made = Exchange(one, url, "one", {"SN-1": None})
+    pending = []
+    while not made.complete:
+        assert [claim.station for claim in made.exchange(0.0)] == ["two"]
+        assert [claim.station for claim in there.exchange()] == ["one"]
+        pending.append(made.outbox.pending)
+    assert pending[:2] == [0, 0]  # the runs are read, 100 at a time
+    assert pending[2:6] == [120, 70, 20, 0]
+    made.close()
+    there.close()
+
+
+def test_an_exchange_without_changes_reads_no_rows(
+    url: str, stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, _ = stations
+    write_result(one, "a", 1)
+    made = Exchange(one, url, "one")
+    made.exchange()
+    made.exchange()  # with the revision of its own run
+    monkeypatch.setattr("calstation.records.run_index._rows", lambda *_: pytest.fail("rows of the index are read"))
+    monkeypatch.setattr("calstation.database.exchange._received", lambda *_: pytest.fail("rows are received"))
+    monkeypatch.setattr("calstation.database.outbox._file_time", lambda *_: pytest.fail("runs are compared"))
+    made.exchange()
+    monkeypatch.undo()
+    other = Exchange(one, url, "one")  # a service that exchanges the same folder
+    write_result(one, "b", 2)
+    other.exchange()
+    made.exchange()
+    write_result(one, "c", 3)
+    made.exchange()
+    made.outbox.restart(0)  # as if the database had been replaced
+    made.outbox.fill()
+    assert len(made.outbox.messages()) == 3
+    for each in (made, other):
+        each.close()
+
+
 def test_a_folder_with_more_runs_than_an_outbox_holds(
     url: str, stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -284,7 +475,9 @@ def test_a_folder_with_more_runs_than_an_outbox_holds(
     for number in range(40):
         write_result(one, f"a{number:02d}", number)
     outbox = Outbox(one)
-    assert (outbox.fill(), outbox.fill(), outbox.pending) == (7, 0, 40)
+    for _ in range(2):
+        assert outbox.fill()
+        assert (len(outbox.messages()), outbox.pending) == (7, 40)
     exchange(one, url)
     assert [name for name, _ in in_database(url)] == [f"a{number:02d}" for number in range(40)]
 

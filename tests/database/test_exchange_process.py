@@ -4,31 +4,32 @@ import errno
 import json
 import multiprocessing
 import os
+import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from sqlalchemy import create_engine, select
+from sqlalchemy import Connection
 
 from calstation.cli.app import run_app
 from calstation.database import (
     Claim,
     Exchange,
-    close_exchanges,
     connect,
     exchange_once,
     read_state,
-    revisions,
     start_exchange,
     watch,
 )
+from calstation.database.exchange import _store
+from calstation.database.outbox import OutboxMessage
 from calstation.database.process import FAILED_S, LONGEST_S, PAUSE_S, ExchangeProcess
 from calstation.database.state import change_state
 from calstation.errors import ConfigurationError
@@ -55,10 +56,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.long
-def test_runs_are_exchanged_while_the_process_lives(
-    shared_database: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("calstation.database.process._END_S", 60.0)  # on a busy computer the last exchange takes longer
+def test_runs_are_exchanged_while_the_process_lives(shared_database: str, folder: Path, tmp_path: Path) -> None:
     other = tmp_path / "line 2"
     other.mkdir()
     write_result(folder, "a", 1)
@@ -76,26 +74,22 @@ def test_runs_are_exchanged_while_the_process_lives(
         # its last exchange sends what it had
         eventually(lambda: len(in_index(folder)) == 3)
         write_result(folder, "d", 4)
+    eventually(lambda: exchange.process.poll() is not None)
     assert [name for name, _ in in_database(shared_database)] == ["a", "b", "c", "d"]
     state = read_state(folder)
     assert (state.pending, state.error) == (0, None)
     assert state.contact_utc == state.attempt_utc
 
 
-def _idle(owner, *_) -> None:
-    """The work of a process that exchanges nothing."""
-    with suppress(EOFError):
-        while True:
-            owner.recv()
-
-
-def test_only_present_claims_on_the_unit_are_returned(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_current_claims_on_the_unit_are_returned(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calstation.database.process._READ_S", 0.0)
-    monkeypatch.setattr("calstation.database.process._work", _idle)
     now = datetime.now(UTC)
     mine, other = (Claim(serial, "line 2", None, now) for serial in ("SN-7", "SN-8"))
     change_state(folder, contact_utc=now, claims=(mine, other))
-    with ExchangeProcess(folder, "sqlite://", "line 1", {"SN-7": None}) as exchange:
+    with monkeypatch.context() as patch:
+        patch.setattr("calstation.database.process.sys.executable", shutil.which("cat"))  # exchanges nothing
+        exchange = ExchangeProcess(folder, "sqlite://", "line 1", {"SN-7": None})
+    with exchange:
         assert exchange.new_claims() == []  # of the last session
         change_state(folder, contact_utc=now + timedelta(seconds=1))
         assert exchange.new_claims() == [mine]
@@ -222,6 +216,13 @@ def test_a_long_exchange_lets_another_process_exchange_the_same_folder(
     monkeypatch.setattr("calstation.database.process._PART_S", 0.0)
     monkeypatch.setattr("calstation.database.exchange._PAGE", 50)
     pending: list[int] = []
+    stored: list[str] = []
+
+    def store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> None:
+        stored.extend(message.columns["name"] for message in messages)
+        _store(connection, outbox, messages)
+
+    monkeypatch.setattr("calstation.database.exchange._store", store)
 
     def pause(_: float) -> None:
         pending.append(one.outbox.pending)
@@ -232,12 +233,9 @@ def test_a_long_exchange_lets_another_process_exchange_the_same_folder(
     monkeypatch.setattr("calstation.database.process.time", clock)
     state = exchange_once(one, folder)
     assert (state.pending, state.error) == (0, None)
-    assert pending[:3] == [120, 20, 0]  # one page by each of the two in turn
+    assert pending[:3] == [0, 120, 20]  # 100 runs are read, then each of the two sends a page in turn
     assert [name for name, _ in in_database(url) if name in names] == names
-    engine = create_engine(url)
-    with engine.connect() as connection:
-        assert connection.execute(select(revisions.c.last)).scalar_one() == 2 * len(names)  # none was sent twice
-    engine.dispose()
+    assert stored == names  # none was sent twice
     station.exchange()
     assert len(in_index(folder)) == 2 * len(names)
     assert in_index(folder) == in_index(there)
@@ -256,32 +254,18 @@ def test_a_state_that_does_not_change_is_seldom_written(
     exchange.close()
 
 
-def test_several_processes_that_hang_end_within_one_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    waited = []
-
-    class Hanging:
-        def join(self, seconds: float) -> None:
-            waited.append(seconds)
-            now[0] += seconds
-
-        def is_alive(self) -> bool:
-            return True
-
-        def kill(self) -> None:
-            pass
-
-        def close(self) -> None:
-            raise AssertionError
-
-    now = [0.0]
-    monkeypatch.setattr("calstation.database.process.time.monotonic", lambda: now[0])
-    exchanges = []
-    for _ in range(3):
-        exchange = object.__new__(ExchangeProcess)
-        exchange.process, exchange._connection = Hanging(), multiprocessing.Pipe()[0]
-        exchanges.append(exchange)
-    close_exchanges(exchanges)
-    assert waited == [3.0, 0.0, 0.0, 1.0, 0.0, 0.0]
+@pytest.mark.long
+def test_the_end_waits_for_nothing_and_a_process_that_hangs_ends(folder: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:  # accepts connections and says nothing
+        url = f"postgresql+psycopg://line@127.0.0.1:{server.getsockname()[1]}/none"
+        exchange = ExchangeProcess(folder, url, "line 1")
+        server.settimeout(60.0)
+        connection, _ = server.accept()
+        with connection:
+            begin = time.monotonic()
+            exchange.end()
+            assert time.monotonic() - begin < 0.5
+            assert exchange.process.wait(60.0) == 0
 
 
 @pytest.mark.long
@@ -347,12 +331,27 @@ def test_a_missing_folder_is_refused_and_not_created(
 
 
 @pytest.mark.long
-def test_a_service_ends_at_its_signal(shared_database: str, folder: Path) -> None:
+def test_a_service_shows_changes_of_its_state_and_ends_at_its_signal(
+    postgres, shared_database: str, folder: Path, tmp_path: Path
+) -> None:
     station = station_file(folder, shared_database)
     command = [sys.executable, "-m", "calstation", "database", "exchange", "--watch", "--station", str(station)]
-    process = subprocess.Popen([*command, "--out", str(folder)])
-    eventually(lambda: read_state(folder).contact_utc)
-    write_result(folder, "a", 1)
-    process.send_signal(signal.SIGTERM)
-    assert process.wait(60.0) == 0
-    assert len(in_database(shared_database)) == 1
+    log = tmp_path / "journal"
+    with log.open("w", encoding="utf-8") as stream:
+        process = subprocess.Popen([*command, "--out", str(folder)], stderr=stream)
+        eventually(lambda: log.read_text("utf-8").count("All runs of the folder are in the shared database.") == 1)
+        postgres.stop()
+        try:
+            eventually(lambda: "is not reachable" in log.read_text("utf-8"))
+            write_result(folder, "a", 1)
+            eventually(lambda: read_state(folder).pending)
+        finally:
+            postgres.start()
+        eventually(lambda: log.read_text("utf-8").count("All runs of the folder are in the shared database.") == 2)
+        write_result(folder, "b", 2)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(60.0) == 0
+    assert len(in_database(shared_database)) == 2
+    shown = log.read_text("utf-8").splitlines()
+    assert len(shown) < 8
+    assert len(set(shown[1:-1])) == len(shown[1:-1])  # no line is repeated while nothing changes

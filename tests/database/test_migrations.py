@@ -1,5 +1,9 @@
 """The migrations make exactly the declared tables, on PostgreSQL and SQLite, forwards and backwards."""
 
+import itertools
+import multiprocessing
+import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,7 +12,7 @@ from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.config import Config
 from alembic.migration import MigrationContext
-from sqlalchemy import create_engine, inspect, select, text
+from sqlalchemy import Engine, create_engine, event, inspect, select, text
 
 from calstation.cli.app import run_app
 from calstation.database import connect, upgrade
@@ -52,6 +56,66 @@ def test_the_migrations_make_the_declared_tables(url: str, capsys: pytest.Captur
     engine.dispose()
 
 
+def dies_at(number: int, url: str) -> bool:
+    """Create the tables in a process that dies before a statement with a number; return False if there are fewer."""
+    pid = os.fork()
+    if pid == 0:
+        count = itertools.count(1)
+
+        def step(*_: object) -> None:
+            if next(count) == number:
+                os._exit(9)
+
+        for name in ("before_cursor_execute", "commit"):
+            event.listen(Engine, name, step)
+        connect(url)
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 9
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.parametrize("stride", [17, pytest.param(1, marks=pytest.mark.exhaustive)])
+def test_a_process_that_dies_while_it_creates_the_tables_leaves_a_file_that_can_be_used(
+    tmp_path: Path, stride: int
+) -> None:
+    number, died = stride, True
+    while died:
+        url = f"sqlite:///{tmp_path / f'{number}.sqlite'}"
+        died = dies_at(number, url)
+        engine = connect(url)
+        with engine.connect() as connection:
+            assert compare_metadata(MigrationContext.configure(connection), metadata) == []
+            assert connection.execute(select(revisions.c.last)).all() == [(0,)]
+        engine.dispose()
+        number += stride
+    assert number > 25
+
+
+def create(start: float, url: str) -> None:
+    """Connect to a database at a given time."""
+    time.sleep(max(0.0, start - time.time()))
+    connect(url).dispose()
+
+
+@pytest.mark.long
+def test_two_processes_create_the_same_file_at_once(tmp_path: Path) -> None:
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        pool.starmap(create, [(0.0, f"sqlite:///{tmp_path / 'first.sqlite'}")] * 2, chunksize=1)  # imports are done
+        for number in range(5):
+            work = [(time.time() + 0.2, f"sqlite:///{tmp_path / f'{number}.sqlite'}")] * 2
+            pool.starmap(create, work, chunksize=1)
+
+
+def test_a_file_that_another_process_writes_is_opened_without_waiting(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    upgrade(url)
+    engine = create_engine(url)
+    with engine.connect() as writer:
+        writer.exec_driver_sql("BEGIN IMMEDIATE")
+        connect(url).dispose()  # does not wait for the right to write
+    engine.dispose()
+
+
 def test_a_database_without_tables_is_refused(postgres) -> None:
     with raises_code(ConfigurationError, "database.older_version"):
         connect(postgres.url(postgres.new_database()))
@@ -84,8 +148,12 @@ def test_no_statement_waits_for_ever(shared_database: str) -> None:
     assert found == ["20s", "10min"]
 
 
-def test_an_unreachable_database_is_named_without_its_password(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PGPASSWORD", "geheim")
+@pytest.mark.parametrize("place", ["environment", "keyring"])
+def test_an_unreachable_database_is_named_without_its_password(monkeypatch: pytest.MonkeyPatch, place: str) -> None:
+    if place == "environment":
+        monkeypatch.setenv("PGPASSWORD", "geheim")
+    else:
+        monkeypatch.setattr("keyring.get_password", lambda *_: "geheim")
     with raises_code(ConfigurationError, "database.unreachable") as caught:
         connect("postgresql+psycopg://line@127.0.0.1:1/none")
     assert "line@127.0.0.1" in str(caught.value)

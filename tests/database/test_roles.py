@@ -1,13 +1,18 @@
 """Each role can do its work in the shared database and nothing else."""
 
+import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.database import Exchange
+from calstation.database import Exchange, adopt_folder
+from calstation.errors import ConfigurationError
+from calstation.fleet import compare_job, versions_job
 from tests.database.result_files import in_database, in_index, write_result
+from tests.database.test_claims import station_file
+from tests.helpers import ignore_progress, raises_code
 
 
 @pytest.fixture
@@ -47,6 +52,92 @@ def test_stations_exchange_and_claim_with_their_role(postgres, database: str, tm
     assert len(in_database(postgres.url(database))) == 2
 
 
+def test_a_station_compares_versions(postgres, database: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    folder = tmp_path / "line 1"
+    folder.mkdir()
+    write_result(folder, "a", 1)
+    url = postgres.url(database, "line")
+    exchange = Exchange(folder, url, "line 1")
+    exchange.exchange()
+    exchange.close()
+    station = station_file(folder, url)
+    assert versions_job(ignore_progress, station) == ["online"]
+    assert compare_job(ignore_progress, station, "online", "online").logs == 1
+    with raises_code(ConfigurationError, "fleet.no_version"):
+        compare_job(ignore_progress, station, "online", "9.9")
+
+
+def test_a_station_changes_only_its_own_runs(postgres, database: str, tmp_path: Path) -> None:
+    postgres.execute("DROP ROLE IF EXISTS line2")
+    postgres.execute("CREATE ROLE line2 LOGIN IN ROLE calstation_station")
+    url = postgres.url(database)
+    folder = tmp_path / "line 1"
+    folder.mkdir()
+    write_result(folder, "a", 1)
+    station = Exchange(folder, postgres.url(database, "line"), "line 1", {"SN-1": "li"})
+    station.outbox.add_copy("a", "s3://logs/a.h5", "0" * 64, 1)
+    station.exchange()
+    for command in (
+        "UPDATE runs SET serial = 'x'",
+        "UPDATE outboxes SET last_number = 0",
+        "UPDATE outboxes SET login = 'line2'",
+        "UPDATE log_copies SET url = ''",
+        "DELETE FROM claims",
+    ):
+        assert (
+            postgres.execute(f"WITH changed AS ({command} RETURNING 1) SELECT count(*) FROM changed", database, "line2")
+            == "0"
+        )
+    for command in (
+        f"INSERT INTO claims VALUES ('SN-9', '{station.outbox.id}', 'line 2', NULL, now(), now())",
+        f"INSERT INTO log_copies VALUES ('{station.outbox.id}', 'b', '', '', 1)",
+        "INSERT INTO outboxes VALUES ('other', 'line 2', 0, 'line')",
+    ):
+        with pytest.raises(subprocess.CalledProcessError) as refused:
+            postgres.execute(command, database, "line2")
+        assert "violates row-level security policy" in refused.value.output
+
+    # a copy of the folder that counts as the folder itself, at a station with another login
+    copy = tmp_path / "line 2"
+    shutil.copytree(folder, copy)
+    adopt_folder(copy, copied=False)
+    write_result(copy, "b", 2)
+    other = Exchange(copy, postgres.url(database, "line2"), "line 2")
+    with raises_code(ConfigurationError, "database.other_login") as caught:
+        other.exchange()
+    other.close()
+    assert caught.value.values["login"] == "line"
+    assert len(in_database(url)) == 1
+    adopt_folder(copy, copied=True)
+    other = Exchange(copy, postgres.url(database, "line2"), "line 2")
+    other.exchange()
+    assert len(in_database(url)) == 3
+
+    # the folder gets another login
+    postgres.execute("UPDATE outboxes SET login = NULL WHERE station = 'line 1'", database)
+    station.close()
+    write_result(folder, "a", 3)
+    station = Exchange(folder, postgres.url(database, "line2"), "line 1")
+    station.exchange()
+    assert sorted(name for name, _ in in_database(url)) == ["a", "a", "b"]
+    assert postgres.execute("SELECT string_agg(login, ' ') FROM outboxes", database) == "line2 line2"
+    for each in (station, other):
+        each.close()
+
+
+def test_without_policies_a_folder_follows_its_login(postgres, shared_database: str, tmp_path: Path) -> None:
+    postgres.execute("DROP ROLE IF EXISTS anybody")
+    postgres.execute("CREATE ROLE anybody SUPERUSER LOGIN")
+    name = shared_database.rpartition("/")[2]
+    write_result(tmp_path, "a", 1)
+    for login in ("owner", "anybody"):
+        exchange = Exchange(tmp_path, postgres.url(name, login), "line 1")
+        exchange.exchange()
+        exchange.close()
+        assert postgres.execute("SELECT login FROM outboxes", name) == login
+
+
 FORBIDDEN = {
     "line": [
         "DELETE FROM runs",
@@ -55,7 +146,7 @@ FORBIDDEN = {
         "DELETE FROM log_copies",
         "DELETE FROM revisions",
         "INSERT INTO revisions VALUES (9, 'x')",
-        "SELECT * FROM solutions",
+        "UPDATE solutions SET passed = true",
         "INSERT INTO solutions (id) VALUES (1)",
         "UPDATE alembic_version SET version_num = '0'",
         "CREATE TABLE mine (a int)",

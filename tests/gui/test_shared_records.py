@@ -10,6 +10,7 @@ from pytestqt.qtbot import QtBot
 
 from calstation.database import Claim, Exchange, read_state, upgrade
 from calstation.database.state import change_state
+from calstation.messages import Text
 from calstation.results import History
 from tests.database.result_files import write_result
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
@@ -50,7 +51,7 @@ def test_a_unit_at_another_station_is_named_and_does_not_block(
     operator.scan(SERIAL)
     notice = operator.widget("claim_notice")
     operator.until(notice.isVisible)
-    assert f"{SERIAL} is also being calibrated at line 2 since" in operator.says()
+    assert f"{SERIAL} is also being calibrated by Li Na at line 2 since" in operator.says()
     assert operator.widget("start_button", QPushButton).isEnabled()
     operator.scan("SN-000043")
     assert not notice.isVisible()
@@ -87,7 +88,7 @@ def test_a_unit_is_claimed_when_the_database_is_back_and_released_when_the_windo
     operator.until(lambda: other.exchange())
     operator.until(operator.widget("claim_notice").isVisible)
     app.close()
-    assert other.exchange() == []
+    operator.until(lambda: other.exchange() == [])
     other.close()
 
 
@@ -119,6 +120,9 @@ def test_what_waits_is_shown_until_it_is_sent(
     assert "Not exchanged yet" in operator.says()
     assert "is not reachable" in operator.says()
     assert waiting in operator.says()
+    refused = Text("database.runs_refused", {"count": 3, "run": "SN-9_20261101T000000", "reason": "too long"})
+    change_state(site_folder.runs, refusal=refused.to_json())
+    operator.until(lambda: "refuses: 3; the last one is SN-9_20261101T000000: too long" in operator.says())
     operator.window.show_page("operator_page")
 
     assert "does not exist, so logs wait to be copied into it" in label.toolTip()

@@ -23,7 +23,7 @@ from calstation.quality.standards import due_certificates
 from calstation.records import audit_path, open_log, read_audit
 from calstation.results import History, load_result
 from calstation.runs import finalize
-from calstation.runs.prepare import prepare
+from calstation.runs.preparation import prepare
 from calstation.sequencer import Control, Message
 from calstation.simulation import BenchHooks
 from calstation.simulation.golden import golden_run, golden_unit

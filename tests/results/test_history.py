@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import sqlite3
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -219,6 +220,38 @@ def test_a_closed_log_without_a_result_is_an_incomplete_run(tmp_path: Path) -> N
     writer.close("stopped")
     history.refresh()
     assert [run.log.stem for run in history.runs()] == ["y"]
+
+
+def test_an_incomplete_log_with_text_that_cannot_be_stored_hides_no_other_run(three: Path) -> None:
+    meta = LogMeta.model_validate({**META, "imu": {**META["imu"], "serial": "SN\0"}})
+    writer = RawLogWriter(three / "x.h5", meta)
+    writer.append(make_block("rate", 0, 10))
+    writer.flush()
+    shutil.copyfile(three / "x.h5", three / "d.h5")
+    writer.close("stopped")
+    (three / "x.h5").unlink()
+    assert [run.log.stem for run in refreshed(three).runs()] == ["c", "b", "a"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes on Linux only")
+def test_a_file_name_that_is_no_text_hides_no_run(three: Path) -> None:
+    write(three, "d\udcff", "SN-1", "passed", 4)
+    assert len(refreshed(three).runs()) == 3
+
+
+def test_a_refresh_without_changes_reads_no_rows(three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    history = refreshed(three)
+    mark = RunIndex(three).mark
+    other = History(three)
+    other.refresh()
+    monkeypatch.setattr("calstation.records.run_index._rows", lambda *_: pytest.fail("rows are read"))
+    assert other.refresh() == 0
+    assert RunIndex(three).mark == mark
+    monkeypatch.undo()
+    write(three, "d", "SN-4", "passed", 4)
+    assert history.refresh() == 1  # by another program than the one below
+    assert RunIndex(three).mark != mark
+    assert other.refresh() == 0
 
 
 def test_a_refresh_waits_for_no_log_that_is_being_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,7 +23,7 @@ from calstation.results.resolving import resolve
 from calstation.runs import automatic_report
 from calstation.runs import run as run_module
 from calstation.runs.automatic_report import start_reports
-from calstation.runs.prepare import PreparedRun
+from calstation.runs.preparation import PreparedRun
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Message, StageStarted, StateChanged, StepStarted, Verdict

@@ -33,7 +33,9 @@ class RecordsSection(Section):
             Row(button("archive_browse_button", lambda: self.tr("Choose a folder"), self._choose_folder)),
             None,
         )
-        right = panel(about, self._status, ExchangeLabel(app), spacing=2 * theme.GRID)
+        waiting = ExchangeLabel(app)
+        waiting.setWordWrap(True)
+        right = panel(about, self._status, waiting, spacing=2 * theme.GRID)
         row(left, (right, 1), on=self, spacing=3 * theme.GRID)
         app.exchange_changed.connect(self._show_status)
         on_language_change(self, self._show_status)
@@ -46,7 +48,7 @@ class RecordsSection(Section):
             contact = state.contact_utc
             when = "" if contact is None else local_time(contact.isoformat())
             lines.append(self.tr("Last exchange: {0}").format(when) if when else self.tr("Not exchanged yet"))
-            for error in (state.error_text, state.archive_error_text):
+            for error in (state.error_text, state.refusal_text, state.archive_error_text):
                 if error is not None:
                     lines += [rendered(error).text, rendered(error).remedy]
         show_text(self._status, "\n".join(lines))

@@ -2,7 +2,7 @@
 
 from PySide6.QtCore import QObject, QTimer
 
-from calstation.database import ExchangeProcess, close_exchanges, start_exchange
+from calstation.database import ExchangeProcess, start_exchange
 from calstation.errors import CalstationError
 from calstation.gui.shell.context import AppContext
 
@@ -17,7 +17,6 @@ class RecordsExchange(QObject):
         super().__init__(app)
         self._app = app
         self._process: ExchangeProcess | None = None
-        self._ended: list[ExchangeProcess] = []
         app.station_changed.connect(self._restart)
         app.runs_folder_changed.connect(self._restart)
         app.claim_changed.connect(self._claim)
@@ -51,11 +50,8 @@ class RecordsExchange(QObject):
     def _end(self) -> None:
         if self._process is not None:
             self._process.end()
-            self._ended.append(self._process)
             self._process = None
 
     def _close(self) -> None:
         self._timer.stop()
         self._end()
-        close_exchanges(self._ended)
-        self._ended.clear()
