@@ -21,7 +21,6 @@ from calstation.estimation.common import (
     StageData,
     StoredPair,
     nis_consistency,
-    stage_data,
 )
 from calstation.estimation.effects import effect_tests
 from calstation.estimation.pairs import (
@@ -61,7 +60,7 @@ class PairStage:
         self._context, self._prior, self._schedule = context, prior, schedule
         self._calibration = PairCalibration(context, prior, schedule)
         self._watch: PairWatch | None = None
-        self.spool = Spool()
+        self.spool = Spool(context.imu)
         self._events: list[WatchEvent] = []
         if schedule.trigger != "command":
             self._watch = PairWatch(context.imu, context.secondaries, self._calibration)
@@ -82,7 +81,7 @@ class PairStage:
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the recording. Raises InputError if it is unusable."""
         if self._watch is None:
-            return self._all(stage_data([self.spool.block()], self._context.imu), progress)
+            return self._all(self.spool.data(), progress)
         return self._watched(self._watch)
 
     def _all(self, data: StageData, progress: Progress | None) -> Solution:

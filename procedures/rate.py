@@ -237,7 +237,11 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
     noise = filter_noise(context)
     places = sorted({r for t in turns for r in t.rest})
     earth = rotation_rate(site.latitude)
-    earths = [_earth_integral(data, t, geometry, earth, site.azimuth or 0.0) for t in turns]
+    integrals = [_earth_integral(data, t, geometry, earth, site.azimuth or 0.0) for t in turns]
+    level, north, east = np.array(integrals).transpose(1, 0, 2)
+    angles, duration = np.array([t.angles for t in turns]), np.array([[t.duration] for t in turns])
+    first, second = np.searchsorted(places, [t.rest for t in turns]).T
+    joint = np.array([[t.joint] for t in turns])
 
     # nuisances: mounting (3), azimuth (1), directions of outer and inner axis (3 + 3), encoders at each rest (2)
     azimuth_sigma = table.azimuth_sigma if site.azimuth is not None and not assumed else FREE_AZIMUTH_SIGMA
@@ -251,16 +255,13 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
         mount = (rotation_matrix(nuisance[:3]) @ orientation).T
         outer_axis = rotation_matrix(nuisance[4:7]) @ np.array(table.outer_axis)
         inner_axis = rotation_matrix(nuisance[7:10]) @ np.array(table.inner_axis)
-        encoder = dict(zip(places, nuisance[10:].reshape(-1, 2), strict=True))
-        predicted = []
-        for t, (level, north) in zip(turns, earths, strict=True):
-            before, after = t.angles[0] + encoder[t.rest[0]], t.angles[1] + encoder[t.rest[1]]
-            angle = after[t.joint] - before[t.joint]
-            inner = 0.5 * (before[INNER] + after[INNER])
-            bent = inner_axis if t.joint == INNER else axis_rotation(table.inner_axis, -inner) @ outer_axis
-            earth_b = level + np.cos(nuisance[3]) * north[0] + np.sin(nuisance[3]) * north[1]
-            predicted.append(M @ mount @ (bent * angle + earth_b) + bias * t.duration)
-        return np.concatenate(predicted)
+        encoder = nuisance[10:].reshape(-1, 2)
+        before, after = angles[:, 0] + encoder[first], angles[:, 1] + encoder[second]
+        angle = np.take_along_axis(after - before, joint, axis=1)
+        bent = axis_rotations(table.inner_axis, -0.5 * (before + after)[:, INNER]) @ outer_axis
+        turned = angle * np.where(joint == INNER, inner_axis, bent)
+        earth_b = level + np.cos(nuisance[3]) * north + np.sin(nuisance[3]) * east
+        return np.asarray((turned + earth_b) @ (M @ mount).T + bias * duration).ravel()
 
     observed = np.concatenate([t.total for t in turns])
     bias_drift = 2.0 * noise.bias_drift[0] ** 2 / BIAS_DRIFT_TIME
@@ -314,7 +315,7 @@ def _effects(data: StageData, turn: Turn) -> FloatArray:
 
 def _earth_integral(
     data: StageData, turn: Turn, geometry: TableGeometry, earth: FloatArray, azimuth: float
-) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Integrate earth rate in b over a rotation, rad: vertical part, and cosine and sine parts of a heading error.
 
     The joint angle is interpolated between encoder readings by the integrated gyro rate. Each part has shape (3,).
@@ -327,7 +328,7 @@ def _earth_integral(
     turned = axis_rotations(geometry.outer_axis, outer) @ axis_rotations(geometry.inner_axis, inner)
     mean = axis_rotation((0.0, 0.0, 1.0), -azimuth) @ turned.mean(axis=0)  # of C_bn
     vertical, north, east = mean[2] * earth[2], mean[1] * earth[1], mean[0] * earth[1]
-    return vertical * turn.duration, (north * turn.duration, east * turn.duration)
+    return vertical * turn.duration, north * turn.duration, east * turn.duration
 
 
 METHOD = batch_method("rate", Schedule, plan, solve, ESTIMATED)

@@ -40,7 +40,6 @@ from calstation.physics import (
     group_indices,
     group_matrix,
     group_vector,
-    rotation_matrix,
 )
 
 ESTIMATED = tuple(f"{group}_{axis}" for group in ("accel_scale", "accel_bias") for axis in "xyz")
@@ -144,7 +143,7 @@ def _require_faces(positions: list[Position], prior: Belief) -> None:
 def _solve(data: StageData, positions: list[Position], context: SolveContext, prior: Belief) -> Solution:
     gravity, geometry, tilt = context.site.local_gravity, context.table.geometry, context.table.tilt_sigma
     constants = compensation(prior.mean)
-    directions, frames, nuisance, sigma = [], [], [], []
+    directions, tangents, nuisance, sigma = [], [], [], []
     for p in positions:
         measured = constants.accel_inverse @ (p.force - constants.accel_bias)
         measured /= np.linalg.norm(measured)
@@ -155,20 +154,20 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
             if nominal @ measured > np.cos(10.0 * tilt):
                 offset, width = frame @ np.cross(measured, nominal), tilt
         directions.append(measured)
-        frames.append(frame)
+        tangents.append(frame)
         nuisance.append(offset)
         sigma.append([width, width])
+    up, frames = np.array(directions), np.array(tangents)
     observed = np.concatenate([p.force for p in positions])
     noise = np.repeat([p.variance for p in positions], 3)
 
     def model(parameters: FloatArray, tilts: FloatArray) -> FloatArray:
         M = np.eye(3) + group_matrix(parameters, "accel_scale", "accel_misalign")
         K2, bias = group_vector(parameters, "accel_quadratic"), group_vector(parameters, "accel_bias")
-        predicted = []
-        for up, frame, t in zip(directions, frames, tilts.reshape(-1, 2), strict=True):
-            force = gravity * (rotation_matrix(t @ frame) @ up)
-            predicted.append(M @ force + K2 * force**2 + bias)
-        return np.concatenate(predicted)
+        turn = np.einsum("ka,kai->ki", tilts.reshape(-1, 2), frames)  # perpendicular to up
+        angle = np.linalg.norm(turn, axis=1, keepdims=True)
+        force = gravity * (np.cos(angle) * up + np.sinc(angle / np.pi) * np.cross(turn, up))
+        return np.asarray(force @ M.T + K2 * force**2 + bias).ravel()
 
     mask = np.array([name in ESTIMATED for name in NAMES])
     result = gauss_newton(

@@ -23,7 +23,6 @@ from calstation.estimation.common import (
     concentration,
     position_residuals,
     rest_residuals,
-    stage_data,
 )
 from calstation.estimation.effects import Sensitivity
 from calstation.estimation.positions import Evidence
@@ -197,7 +196,7 @@ class BatchStage:
     ) -> None:
         self.context, self.prior = context, prior
         self._solve = solve
-        self.spool = Spool()
+        self.spool = Spool(context.imu)
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""
@@ -213,7 +212,7 @@ class BatchStage:
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage; the solution is too fast for progress reports."""
-        data = stage_data([self.spool.block()], self.context.imu)
+        data = self.spool.data()
         return with_misfit(self._solve(data, self.context, self.prior), data, self.context)
 
 

@@ -62,7 +62,7 @@ class FactsBuilder:
         if block.stage != self._stage:
             self._stages.update(f"{self._samples}:{block.stage}\n".encode())
             self._stage = block.stage
-        rows = np.zeros(count, _ROW)
+        rows = np.empty(count, _ROW)
         rows["seq"], rows["time"], rows["counts"] = block.seq, block.time, block.counts
         rows["angles"] = np.where(np.isnan(block.angles), np.nan, block.angles)
         rows["step"], rows["valid"] = block.step, block.valid

@@ -79,15 +79,21 @@ def row_dtype(further_imus: int, joints: bool, station: bool = False) -> np.dtyp
     return np.dtype([*ROW.descr, *further, *gimbal, *clock, (CHECK, "<u4")])
 
 
-def row_checks(rows: np.ndarray) -> NDArray[np.uint32]:
-    """Compute the check values of rows, shape (n,), from all columns except `CHECK`."""
-    total = np.full(len(rows), _SEED, np.uint64)
-    names = [name for name in rows.dtype.names or () if name != CHECK]
-    columns = itertools.chain.from_iterable(rows[name].reshape(len(rows), -1).T for name in names)
-    for number, column in enumerate(columns):
-        wide = column.dtype.itemsize == 8
-        bits = np.ascontiguousarray(column).view(np.uint64) if wide else column.astype(np.uint64)
-        total += bits * _multiplier(number)
+def row_checks(rows: np.ndarray | Mapping[str, np.ndarray]) -> NDArray[np.uint32]:
+    """Compute the check values of n rows, shape (n,), from all columns except `CHECK`.
+
+    `rows` is an array with the dtype `row_dtype`, or its columns in this order, which takes less time.
+    """
+    names = rows.keys() if isinstance(rows, Mapping) else rows.dtype.names or ()
+    total = np.full(len(rows["seq"]), _SEED, np.uint64)
+    number = itertools.count()
+    for name in names:
+        if name == CHECK:
+            continue
+        values = rows[name]
+        bits = values.view(np.uint64) if values.dtype.itemsize == 8 else values.astype(np.uint64)
+        for column in bits.reshape(len(total), -1).T:
+            total += column * _multiplier(next(number))
     return (total >> np.uint64(32)).astype(np.uint32)
 
 

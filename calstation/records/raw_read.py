@@ -125,22 +125,27 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
         closed = file["closing"].shape[0] > 0
         end = _row_count(path, samples)
         last, good_end = -1, 0
+        stored = np.empty(min(_READ_ROWS, end), samples.dtype)
         for start in range(0, end, _READ_ROWS):
-            rows, sound = _rows_and_sound(samples, start, min(start + _READ_ROWS, end), checked)
-            sound &= rows["stage"] < len(names)
-            sound &= _rising(rows["seq"], sound, last)
+            rows = stored[: end - start]
+            _read(samples, start, rows, checked)
+            columns = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
+            sound = columns["stage"] < len(names)
+            if checked:
+                sound &= row_checks(columns) == columns[CHECK]
+            sound &= _rising(columns["seq"], sound, last)
             if not checked and not sound.all():
                 good = int(np.argmin(sound))
                 if closed:
                     raise InputError("log.damaged_row", file=path, row=start + good)
-                yield from _blocks(rows[:good], names)
+                yield from _blocks(columns, 0, good, names)
                 return
             for a, b in runs(sound):
                 if damaged is not None and start + a > good_end:
                     after = None if last < 0 else last
-                    damaged.append(DamagedRows(good_end, start + a - good_end, after, int(rows["seq"][a])))
-                last, good_end = int(rows["seq"][b - 1]), start + b
-                yield from _blocks(rows[a:b], names)
+                    damaged.append(DamagedRows(good_end, start + a - good_end, after, int(columns["seq"][a])))
+                last, good_end = int(columns["seq"][b - 1]), start + b
+                yield from _blocks(columns, a, b, names)
         lost = int(samples.shape[0]) - good_end
         if damaged is not None and closed and lost > 0:
             damaged.append(DamagedRows(good_end, lost, None if last < 0 else last, None))
@@ -170,21 +175,18 @@ def _row_count(path: Path, samples: h5py.Dataset) -> int:
     return min(int(samples.shape[0]), path.stat().st_size // int(samples.dtype.itemsize))
 
 
-def _rows_and_sound(
-    samples: h5py.Dataset, start: int, stop: int, checked: bool
-) -> tuple[np.ndarray, NDArray[np.bool_]]:
-    """Return rows `start` to `stop` and a mask of the intact ones; a chunk that cannot be read has none."""
+def _read(samples: h5py.Dataset, start: int, rows: np.ndarray, checked: bool) -> None:
+    """Read `rows` from `start` on; if they are checked, an unreadable chunk becomes zeros, which fail the check."""
     try:
-        rows = samples[start:stop]
+        samples.read_direct(rows, np.s_[start : start + len(rows)])
     except _BROKEN:
         if not checked:
             raise
-        if stop - start <= CHUNK_ROWS:
-            return np.zeros(stop - start, samples.dtype), np.zeros(stop - start, np.bool_)
-        cuts = [*range(start, stop, CHUNK_ROWS), stop]
-        parts = [_rows_and_sound(samples, a, b, checked) for a, b in itertools.pairwise(cuts)]
-        return np.concatenate([rows for rows, _ in parts]), np.concatenate([sound for _, sound in parts])
-    return rows, row_checks(rows) == rows[CHECK] if checked else np.ones(len(rows), np.bool_)
+        if len(rows) <= CHUNK_ROWS:
+            rows[:] = np.zeros((), rows.dtype)
+            return
+        for first in range(0, len(rows), CHUNK_ROWS):
+            _read(samples, start + first, rows[first : first + CHUNK_ROWS], checked)
 
 
 def _rising(seq: NDArray[np.int64], sound: NDArray[np.bool_], last: int) -> NDArray[np.bool_]:
@@ -193,21 +195,22 @@ def _rising(seq: NDArray[np.int64], sound: NDArray[np.bool_], last: int) -> NDAr
     return kept > np.maximum.accumulate(np.concatenate([[last], kept[:-1]]))
 
 
-def _blocks(rows: np.ndarray, names: list[str]) -> Iterator[SampleBlock]:
-    stage, columns = rows["stage"], rows.dtype.names or ()
-    edges = np.concatenate(([0], np.flatnonzero(stage[1:] != stage[:-1]) + 1, [len(rows)]))
+def _blocks(columns: Mapping[str, np.ndarray], start: int, stop: int, names: list[str]) -> Iterator[SampleBlock]:
+    """Yield rows `start` to `stop` in blocks of one stage, which share the memory of `columns`."""
+    stage = columns["stage"]
+    edges = np.unique([start, *(start + 1 + np.flatnonzero(np.diff(stage[start:stop]))), stop])
     for a, b in itertools.pairwise(edges.tolist()):
-        part = rows[a:b]
+        part = {name: values[a:b] for name, values in columns.items()}
         yield SampleBlock(
-            names[int(part["stage"][0])],
-            np.ascontiguousarray(part["seq"]),
-            np.ascontiguousarray(part["time"]),
-            np.ascontiguousarray(part["counts"]),
-            np.ascontiguousarray(part["angles"]),
+            names[int(stage[a])],
+            part["seq"],
+            part["time"],
+            part["counts"],
+            part["angles"],
             part["step"].astype(np.int64),
             part["valid"] != 0,
-            np.ascontiguousarray(part["temperature"]),
-            **{name: np.ascontiguousarray(part[name]) for name in ("others", "joints", "station") if name in columns},
+            part["temperature"],
+            **{name: part[name] for name in ("others", "joints", "station") if name in part},
         )
 
 
@@ -244,7 +247,8 @@ def _open(path: Path, stack: ExitStack) -> h5py.File:
         raise OSError("the superblock is damaged")
     short = path.stat().st_size < superblock_end(head)
     source = stack.enter_context(AsClosed(path)) if short or left_open(head) else path
-    file = stack.enter_context(h5py.File(source, "r", libver="latest"))
+    # without HDF5's chunk cache, which every chunk would pass through once
+    file = stack.enter_context(h5py.File(source, "r", libver="latest", rdcc_nbytes=0))
     if not _is_raw_log(file):
         raise InputError("log.foreign", file=path)
     return file

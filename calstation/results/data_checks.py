@@ -47,12 +47,16 @@ class DataChecks:
         details: dict[str, Any] = {}
         if clocks:
             details["sample_clock"] = {name: vars(found) for name, found in clocks.items()}
-        windows = _windows(samples.temperature[:, None], self._context.imu.sample_rate)[:, 0]
+        temperature = samples.temperature[~np.isnan(samples.temperature)]
+        windows = _windows(temperature, self._context.imu.sample_rate)
         if len(windows):
             self._temperatures += [float(windows.min()), float(windows.max())]
             tests.append(self._temperature())
-            residuals = rest_residuals(data, self._context, solution.belief)
-            details["temperature"] = temperature_coefficients(residuals, samples, self._context.site.local_gravity)
+            found = {"low": float(temperature.min()), "high": float(temperature.max())}
+            if found["high"] - found["low"] > _LEAST_CHANGE:
+                residuals = rest_residuals(data, self._context, solution.belief)
+                found |= temperature_coefficients(residuals, samples, self._context.site.local_gravity)
+            details["temperature"] = found
         return replace(solution, tests=(*solution.tests, *tests), details={**solution.details, **details})
 
     def _clipping(self, samples: SampleBlock) -> ModelTest:
@@ -267,31 +271,29 @@ def _clock(nominal: FloatArray, time: FloatArray, rate: float) -> SampleClock | 
 
 
 def _windows(values: FloatArray, rate: float) -> FloatArray:
-    """Return the means of the rows without NaN over windows of `_WINDOW`, shape (m, columns)."""
-    values = values[~np.isnan(values).any(axis=1)]
+    """Return the means of values over windows of `_WINDOW`, shape (m,)."""
     width = max(round(_WINDOW * rate), 1)
-    return np.asarray(values[: len(values) // width * width].reshape(-1, width, values.shape[1]).mean(axis=1))
+    return np.asarray(values[: len(values) // width * width].reshape(-1, width).mean(axis=1))
 
 
 def temperature_coefficients(rests: RestResiduals, samples: SampleBlock, gravity: float) -> dict[str, Any]:
     """Regress the residuals of rests on the temperature.
 
-    Return its range, °C, and the change of each bias and accelerometer scale per °C that the rests determine, with its
-    sigma, SI, as JSON values. A rest shows the gyros' biases along up, and the force's component along up.
+    Return the change of each bias and accelerometer scale per °C that the rests determine, with its sigma, SI, as JSON
+    values; {} if the temperature of the rests is constant. A rest shows the gyros' biases along up, and the force's
+    component along up.
     """
     known = ~np.isnan(samples.temperature)
-    temperature = samples.temperature[known]
-    found: dict[str, Any] = {"low": float(temperature.min()), "high": float(temperature.max())}
-    warmth = np.interp(0.5 * (rests.first_seq + rests.last_seq), samples.seq[known], temperature)
+    warmth = np.interp(0.5 * (rests.first_seq + rests.last_seq), samples.seq[known], samples.temperature[known])
     if not len(rests) or not np.ptp(warmth) > _LEAST_CHANGE:
-        return found
+        return {}
     up = rests.up
     square = gravity * up**2
-    found["per_degree"] = {
+    per_degree = {
         **_per_degree(up, warmth, rests.vertical_rate, rests.rate_sigma, ("gyro_bias",)),
         **_per_degree(np.hstack([up, square]), warmth, rests.force, rests.force_sigma, ("accel_bias", "accel_scale")),
     }
-    return found
+    return {"per_degree": per_degree}
 
 
 def _per_degree(

@@ -13,10 +13,10 @@ from calstation.estimation import Progress, Ranking, Solution, StageSolver
 from calstation.estimation.common import (
     RestOutput,
     SampleBlock,
+    Spool,
     gravity_sensitivity,
     has_gyros,
     resolves_earth_rate,
-    stage_data,
     with_gravity,
 )
 from calstation.estimation.navigation import warm_up
@@ -96,8 +96,6 @@ class StageChain:
             self._lacks_gyros = True
             return
         self._solver.feed(block)
-        if self._resting is not None:
-            self._resting.feed(block)
 
     def sigma(self) -> FloatArray:
         """Return the current standard deviations of the 30 parameters, shape (30,), SI."""
@@ -112,16 +110,17 @@ class StageChain:
         assert self._solver is not None, "start a stage before finishing it"
         if self._lacks_gyros:
             raise InsufficientDataError("recording.no_gyros")
+        if self._resting is not None:
+            self._resting.feed(self._solver.spool.block())
         try:
             solution = self._solver.finish(progress)
         except np.linalg.LinAlgError as exc:
             what = Text.of("solution.diverged", detail=str(exc))
             raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
-        samples = self._solver.spool.block() if self._diagnostics else None
-        self._solver = None
+        spool, self._solver = self._solver.spool, None
         solved = solution.belief
-        if samples is not None:
-            solution = self._tested(solution, samples)
+        if self._diagnostics:
+            solution = self._tested(solution, spool)
         else:
             solution = replace(self._model.with_states(solution), observability={}, tests=())
         self._gravity = gravity_sensitivity(self._solved, solved, solution.estimated, self._gravity)
@@ -131,16 +130,16 @@ class StageChain:
         self.solutions.append(solution)
         return solution
 
-    def _tested(self, solution: Solution, samples: SampleBlock) -> Solution:
+    def _tested(self, solution: Solution, spool: Spool) -> Solution:
         """Return a solution with what its samples show beside the parameters."""
-        data = stage_data([samples], self._context.imu)
+        data = spool.data()
         if self._gather:
             found = gather(self._stage, data, self._context, self._uncalibrated, solution.belief.mean)
             solution = replace(solution, evidence=found)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))
         solution = self._model.tested(solution, self.solutions, self.belief)
-        solution = self._data_checks.checked(solution, samples, data)
+        solution = self._data_checks.checked(solution, spool.block(), data)
         if not data.joints.size:  # a gimbal has three joints, and no base that stays in its place
             self._table_rests.append(table_rests(data, self._context, solution.belief))
         return solution

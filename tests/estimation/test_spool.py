@@ -1,12 +1,14 @@
 """Stored samples are read back unchanged, and memory does not grow with them."""
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from calstation.estimation.common.samples import SampleBlock, Spool
+from calstation.estimation.common import ImuModel, SampleBlock, Spool
 
+IMU = ImuModel("SIM", 200.0, "increment", 1e-9, 1e-9, 1e-6, 1e-5)
 COLUMNS = ("seq", "time", "counts", "angles", "step", "valid", "temperature")
 
 
@@ -26,7 +28,7 @@ def block(count, first=0):
 
 @pytest.mark.parametrize("sizes", [[], [1], [10, 0, 3], [70_000, 1, 70_000]])
 def test_stored_samples_are_read_back_unchanged(sizes):
-    spool = Spool()
+    spool = Spool(IMU)
     parts = []
     for size in sizes:
         parts.append(block(size, sum(len(p) for p in parts)))
@@ -40,7 +42,7 @@ def test_stored_samples_are_read_back_unchanged(sizes):
 
 
 def test_samples_may_be_stored_after_reading():
-    spool = Spool()
+    spool = Spool(IMU)
     spool.append(block(5))
     assert len(spool.block()) == 5
     assert spool.block() is spool.block()
@@ -49,7 +51,7 @@ def test_samples_may_be_stored_after_reading():
 
 
 def test_memory_does_not_grow_with_stored_samples():
-    spool, part = Spool(), block(2000)
+    spool, part = Spool(IMU), block(2000)
     spool.append(part)
     tracemalloc.start()
     for _ in range(500):
@@ -58,3 +60,12 @@ def test_memory_does_not_grow_with_stored_samples():
     tracemalloc.stop()
     assert held < 100_000
     assert peak < 2_000_000
+
+
+def test_physical_units_are_computed_once_until_more_samples_are_stored():
+    spool = Spool(IMU)
+    spool.append(replace(block(400), valid=np.ones(400, dtype=bool)))
+    data = spool.data()
+    assert spool.data() is data
+    spool.append(replace(block(400, 400), valid=np.ones(400, dtype=bool)))
+    assert len(spool.data()) == 2 * len(data)

@@ -52,7 +52,6 @@ from .residuals import RestResiduals as RestResiduals
 from .residuals import before_after as before_after
 from .residuals import rest_residuals as rest_residuals
 from .samples import SampleBlock as SampleBlock
-from .samples import Spool as Spool
 from .samples import has_gyros as has_gyros
 from .samples import joined as joined
 from .samples import since as since
@@ -60,12 +59,14 @@ from .samples import snap_angles as snap_angles
 from .sequence import SequenceError as SequenceError
 from .sequence import SequenceUnwrapper as SequenceUnwrapper
 from .sequence import unwrap_counter as unwrap_counter
+from .spool import Spool as Spool
 from .stage import BIAS_SIGMAS as BIAS_SIGMAS
 from .stage import REST_MARGIN as REST_MARGIN
 from .stage import REST_WINDOW as REST_WINDOW
 from .stage import SLOWEST as SLOWEST
 from .stage import StageData as StageData
 from .stage import find_rests as find_rests
+from .stage import group_means as group_means
 from .stage import largest as largest
 from .stage import mean_angles as mean_angles
 from .stage import quietest as quietest

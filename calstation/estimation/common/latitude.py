@@ -13,7 +13,7 @@ from calstation.estimation.common.context import Belief, ImuModel
 from calstation.estimation.common.noise import bias_drift_sigmas
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage import FORCE_STEP, largest, runs
-from calstation.physics import RATE, FloatArray, IntArray, compensate, compensation, group_indices
+from calstation.physics import RATE, BoolArray, FloatArray, IntArray, compensate, compensation, group_indices
 
 #: Deviation, in standard deviations, that indicates a different latitude; noise exceeds it once in 10^9 cases.
 SIGMAS = 6.0
@@ -55,23 +55,16 @@ class RestOutput:
     def __init__(self, imu: ImuModel) -> None:
         self._imu = imu
         self._width = max(round(_WINDOW * imu.sample_rate), 1)
-        self._pending: tuple[IntArray, FloatArray] = (np.empty(0, np.int64), np.empty((0, 6)))
+        #: Number of the second that is summed, number of its samples and their sum.
+        self._second, self._sum = np.array([-1, 0]), np.zeros(6)
         self._seconds: list[IntArray] = []
         self._means: list[FloatArray] = []
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples; a second with a missing or invalid sample is omitted."""
-        seq = np.concatenate([self._pending[0], block.seq[block.valid]])
-        counts = np.concatenate([self._pending[1], block.counts[block.valid]])
-        second = seq // self._width
-        complete = int(np.searchsorted(second, second[-1])) if len(second) else 0
-        if len(second) and seq[-1] % self._width == self._width - 1:
-            complete = len(seq)
-        self._pending = seq[complete:], counts[complete:]
-        first = np.flatnonzero(np.diff(second[:complete], prepend=-1))
-        whole = first[np.diff(first, append=complete) == self._width]
-        self._seconds.append(second[whole])
-        self._means.append(_means(counts, whole, self._width))
+        seconds, means = _means(block.seq, block.counts, block.valid, self._width, self._second, self._sum)
+        self._seconds.append(seconds)
+        self._means.append(means)
 
     def latitude(self, belief: Belief) -> LatitudeEstimate | None:
         """Estimate the latitude from all rests so far; return None if they do not distinguish latitudes 5° apart.
@@ -112,16 +105,31 @@ class RestOutput:
 
 
 @nb.njit(cache=True)
-def _means(counts: FloatArray, first: IntArray, width: int) -> FloatArray:
-    """Return the means of `width` rows of six channels from each of `first` on, shape (k, 6)."""
-    means = np.zeros((len(first), 6))
-    for n in range(len(first)):
-        for k in range(first[n], first[n] + width):
-            for i in range(6):
-                means[n, i] += counts[k, i]
+def _means(
+    seq: IntArray, counts: FloatArray, valid: BoolArray, width: int, second: IntArray, total: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Return the numbers of the whole seconds, `width` samples each, that end in a block, and their mean counts.
+
+    `second`, shape (2,), and `total`, shape (6,), are the second that is summed with the number of its samples, and
+    their sum; they are updated in place.
+    """
+    most = len(seq) // width + 1
+    seconds, means, found = np.empty(most, np.int64), np.empty((most, 6)), 0
+    for k in range(len(seq)):
+        if not valid[k]:
+            continue
+        if seq[k] // width != second[0]:
+            second[0], second[1] = seq[k] // width, 0
+            total[:] = 0.0
+        second[1] += 1
         for i in range(6):
-            means[n, i] /= width
-    return means
+            total[i] += counts[k, i]
+        if second[1] == width:
+            seconds[found] = second[0]
+            for i in range(6):
+                means[found, i] = total[i] / width
+            found += 1
+    return seconds[:found], means[:found]
 
 
 def _noise(imu: ImuModel) -> float:

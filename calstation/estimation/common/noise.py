@@ -5,12 +5,11 @@ Noise measured in the data of a stage widens that of the profiles where it is la
 
 from dataclasses import dataclass, replace
 
-import numba as nb
 import numpy as np
 
 from calstation.estimation.common.context import ImuModel, SolveContext
 from calstation.estimation.common.model_test import Misfit, ModelTest
-from calstation.estimation.common.stage import StageData, find_rests
+from calstation.estimation.common.stage import StageData, find_rests, group_means
 from calstation.physics import CHANNELS, FloatArray
 
 #: Correlation time of the Gauss-Markov process that models bias instability, s.
@@ -192,7 +191,7 @@ def _vibration(rests: list[FloatArray], noise: FilterNoise, dt: float) -> tuple[
     It is that of the profile if there are too few.
     """
     stride = max(round(noise.interval / dt), 1)
-    changes = (_means(rest, stride) * stride * dt for rest in rests)
+    changes = (group_means(rest, stride) * stride * dt for rest in rests)
     centred = (change - change.mean(axis=0) for change in changes if len(change))
     products = np.concatenate([np.empty((0, 3)), *(-change[1:] * change[:-1] for change in centred)])
     if len(products) < _FEWEST:
@@ -223,7 +222,7 @@ def _ratio(
     `expected` is the variance of the profile, `table` that of the table, shape (3,), with its uncertainty. The median
     ignores what creeps after a move; as a sigma, that of n values reaches 1 + 5 √(2/n) less than once in 10⁵.
     """
-    steps = np.concatenate([np.empty((0, 3)), *(np.diff(_means(rest, width), axis=0) for rest in rests)])
+    steps = np.concatenate([np.empty((0, 3)), *(np.diff(group_means(rest, width), axis=0) for rest in rests)])
     if len(steps) < _FEWEST:
         return NoiseRatio(time, np.ones(3), np.full(3, np.inf))
     variance = 0.5 * np.median(steps**2, axis=0) / _MEDIAN - table
@@ -257,16 +256,3 @@ def noise_tests(profile: SolveContext, used: SolveContext, measured: RestNoise) 
         ModelTest("table_noise", table, MOST_NOISE, "1", vibrates),
         ModelTest("imu_noise", ratio, MOST_NOISE, "1", noisy),
     )
-
-
-@nb.njit(cache=True)
-def _means(values: FloatArray, width: int) -> FloatArray:
-    """Return the means of consecutive groups of `width` rows of three channels."""
-    means = np.zeros((len(values) // width, 3))
-    for k in range(len(means)):
-        for i in range(k * width, (k + 1) * width):
-            for j in range(3):
-                means[k, j] += values[i, j]
-        for j in range(3):
-            means[k, j] /= width
-    return means

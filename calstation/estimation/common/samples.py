@@ -1,7 +1,5 @@
-"""`SampleBlock`, which transfers samples from the sequencer to log and solver, and `Spool`, which stores them."""
+"""`SampleBlock`, which transfers samples from the sequencer to log and solver."""
 
-import tempfile
-import weakref
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -10,16 +8,6 @@ from calstation.physics import BoolArray, FloatArray, IntArray
 
 #: Grid of encoder angles, rad (2e-7″), coarse enough for angles in a file in degrees to be read back exactly.
 ANGLE_STEP = 2.0**-40
-#: Spool columns of every block; optional columns follow them.
-_ROW = [
-    ("seq", np.int64),
-    ("time", np.float64),
-    ("counts", np.float64, 6),
-    ("angles", np.float64, 2),
-    ("step", np.int64),
-    ("valid", np.bool_),
-    ("temperature", np.float64),
-]
 
 
 @dataclass(frozen=True)
@@ -57,10 +45,11 @@ class SampleBlock:
 
     def part(self, start: int, stop: int) -> "SampleBlock":
         """Return samples `start` to `stop` as a block of array views."""
-        return SampleBlock(self.stage, *(getattr(self, name)[start:stop] for name in _COLUMNS))
+        return SampleBlock(self.stage, *(getattr(self, name)[start:stop] for name in COLUMNS))
 
 
-_COLUMNS = tuple(f.name for f in fields(SampleBlock) if f.name != "stage")
+#: Names of the columns of a block, the optional ones last.
+COLUMNS = tuple(f.name for f in fields(SampleBlock) if f.name != "stage")
 
 
 def has_gyros(output: FloatArray) -> bool:
@@ -69,8 +58,10 @@ def has_gyros(output: FloatArray) -> bool:
 
 
 def joined(blocks: list[SampleBlock]) -> SampleBlock:
-    """Join consecutive blocks into one with the stage of the first."""
-    return SampleBlock(blocks[0].stage, *(np.concatenate([getattr(b, name) for b in blocks]) for name in _COLUMNS))
+    """Join consecutive blocks into one with the stage of the first; a single one is returned as it is."""
+    if len(blocks) == 1:
+        return blocks[0]
+    return SampleBlock(blocks[0].stage, *(np.concatenate([getattr(b, name) for b in blocks]) for name in COLUMNS))
 
 
 def since(blocks: list[SampleBlock], seq: int) -> list[SampleBlock]:
@@ -88,42 +79,3 @@ def snap_angles(angles: FloatArray) -> FloatArray:
     in a file in degrees.
     """
     return np.round(np.asarray(angles) / ANGLE_STEP) * ANGLE_STEP
-
-
-class Spool:
-    """Samples of one stage, in order, in a temporary file that is deleted with the object."""
-
-    def __init__(self) -> None:
-        self._file = tempfile.TemporaryFile(prefix="calstation-")  # noqa: SIM115 - open for the spool's life
-        weakref.finalize(self, self._file.close)
-        self._stage = ""
-        self._row: np.dtype | None = None
-        self._block: SampleBlock | None = None
-
-    def append(self, block: SampleBlock) -> None:
-        """Append samples; all blocks need the same columns. Raises OSError if the disk is full."""
-        if self._row is None:
-            self._row = _row_type(block)
-        rows = np.empty(len(block), self._row)
-        for name in self._row.names or ():
-            rows[name] = getattr(block, name)
-        self._stage, self._block = block.stage, None
-        self._file.write(rows.data)
-
-    def block(self) -> SampleBlock:
-        """Return all samples stored so far; the same object until more are stored."""
-        if self._block is None:
-            self._file.seek(0)
-            rows = np.frombuffer(self._file.read(), self._row or np.dtype(_ROW))
-            columns = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
-            self._block = SampleBlock(self._stage, **columns)
-        return self._block
-
-
-def _row_type(block: SampleBlock) -> np.dtype:
-    more = [
-        (name, np.float64, values.shape[1:])
-        for name, values in (("others", block.others), ("joints", block.joints), ("station", block.station))
-        if values.shape[1]
-    ]
-    return np.dtype([*_ROW, *more])

@@ -125,6 +125,19 @@ def window_mean(values: FloatArray, offset: FloatArray, width: int) -> FloatArra
 
 
 @nb.njit(cache=True)
+def group_means(values: FloatArray, width: int) -> FloatArray:
+    """Return the means of consecutive groups of `width` rows of three channels; a remainder is not used."""
+    means = np.zeros((len(values) // width, 3))
+    for k in range(len(means)):
+        for i in range(k * width, (k + 1) * width):
+            for j in range(3):
+                means[k, j] += values[i, j]
+        for j in range(3):
+            means[k, j] /= width
+    return means
+
+
+@nb.njit(cache=True)
 def largest(values: FloatArray) -> FloatArray:
     """Return the largest magnitude in each row, shape (n,), NaN if the row has one; NumPy is slow on short rows."""
     found = np.empty(len(values))
@@ -276,5 +289,5 @@ def slope_weights(count: int, stride: int) -> FloatArray:
 def mean_angles(data: StageData, start: int, stop: int) -> FloatArray | None:
     """Return the mean encoder angles of a rest, rad, shape (2,); None if the encoders were not polled during it."""
     polled = data.angles[start:stop]
-    polled = polled[~np.isnan(polled).any(axis=1)]
+    polled = polled[np.isfinite(polled[:, 0]) & np.isfinite(polled[:, 1])]
     return polled.mean(axis=0) if len(polled) else None

@@ -1,4 +1,5 @@
 from .candidates import CONSTANT as CONSTANT
+from .candidates import OF_ACCELEROMETERS as OF_ACCELEROMETERS
 from .candidates import Candidate as Candidate
 from .candidates import Motion as Motion
 from .candidates import changing as changing
@@ -13,3 +14,4 @@ from .sensitivity import Sensitivity as Sensitivity
 from .sensitivity import all_errors as all_errors
 from .sensitivity import batch_sensitivity as batch_sensitivity
 from .sensitivity import mean_errors as mean_errors
+from .sensitivity import mean_regressors as mean_regressors

@@ -6,6 +6,7 @@ Science and Technology* 27 (2016) 095005 (g-sensitivity and cross-coupling on a 
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,14 @@ class Motion:
     time: FloatArray  #: Time since the start of the stage, s, shape (n,).
 
 
+class Place(NamedTuple):
+    """Where an effect adds a regressor to the output."""
+
+    channel: int  #: 0 to 5: gyro x y z, accel x y z.
+    component: int  #: Component whose size multiplies the regressor.
+    regressor: int
+
+
 @dataclass(frozen=True)
 class Candidate:
     """An effect with as many unknown sizes as it has components."""
@@ -38,39 +47,30 @@ class Candidate:
     #: that is little more than noise would otherwise be given an absurd size.
     plausible: float | None
     components: tuple[str, ...]  #: Names of the components: axes or pairs of axes, or "".
-    #: (motion) -> error of the six channels per unit of each size, shape (n, 6, k).
-    errors: Callable[[Motion], FloatArray]
+    #: (motion) -> errors of channels per unit of a size, shape (n, r).
+    regressors: Callable[[Motion], FloatArray]
+    places: tuple[Place, ...]  #: Channels that have these errors; the others have none.
     #: Parameter that each component changes during the stage; empty for an effect that is always there.
     parameters: tuple[str, ...] = ()
     #: Change of these parameters from the start to the end of the stage per unit of each size, given its duration, s.
     change: Callable[[float], FloatArray] = lambda duration: np.zeros(0)
     begin: float = 0.0  #: Time in the stage before which its errors are zero, s.
 
+    def errors(self, motion: Motion) -> FloatArray:
+        """Return the error of the six channels per unit of each size, shape (n, 6, k)."""
+        regressors = self.regressors(motion)
+        errors = np.zeros((len(regressors), 6, len(self.components)))
+        for place in self.places:
+            errors[:, place.channel, place.component] = regressors[:, place.regressor]
+        return errors
+
     def parameter_of(self, component: int) -> str:
         """Return the parameter that a component changes, "" for an effect that is always there."""
         return self.parameters[component] if self.parameters else ""
 
 
-def _diagonal(sensor: int, values: FloatArray) -> FloatArray:
-    """Place the errors of three axes, shape (n, 3), on the channels of a sensor: one component each."""
-    errors = np.zeros((len(values), 6, 3))
-    for axis in range(3):
-        errors[:, 3 * sensor + axis, axis] = values[:, axis]
-    return errors
-
-
-def _g_sensitivity(m: Motion) -> FloatArray:
-    errors = np.zeros((len(m.force), 6, 9))
-    for i in range(3):
-        errors[:, i, 3 * i : 3 * i + 3] = m.force
-    return errors
-
-
-def _cross(m: Motion) -> FloatArray:
-    errors = np.zeros((len(m.force), 6, 6))
-    for k, (i, j) in enumerate(_PAIRS):
-        errors[:, 3 + i, k] = m.force[:, i] * m.force[:, j]
-    return errors
+#: Places of an effect with a regressor for each gyro, or for each accelerometer, and a component for each of them.
+OF_GYROS, OF_ACCELEROMETERS = (tuple(Place(first + i, i, i) for i in range(3)) for first in (0, 3))
 
 
 def _off_axis(m: Motion) -> FloatArray:
@@ -79,17 +79,13 @@ def _off_axis(m: Motion) -> FloatArray:
     The force at a displacement d is ω̇×d + ω×(ω×d), of which an accelerometer senses its own component. What the two
     displacements have in common is a lever arm.
     """
-    errors = np.zeros((len(m.rate), 6, 3))
+    errors = np.zeros((len(m.rate), 6))
     for axis in range(3):
         unit = np.eye(3)[axis]
         force = np.cross(m.angular_acceleration, unit) + np.cross(m.rate, np.cross(m.rate, unit))
-        for i, half in (((axis + 1) % 3, 0.5), ((axis + 2) % 3, -0.5)):
-            errors[:, 3 + i, axis] = half * force[:, i]
+        errors[:, 2 * axis] = 0.5 * force[:, (axis + 1) % 3]
+        errors[:, 2 * axis + 1] = -0.5 * force[:, (axis + 2) % 3]
     return errors
-
-
-def _skew(m: Motion) -> FloatArray:
-    return np.concatenate([np.zeros_like(m.jerk), -m.jerk], axis=1)[:, :, None]
 
 
 #: Sensor, kind, unit and names of the parameters that may change.
@@ -103,23 +99,28 @@ _PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 _AXES = tuple(AXES)
 
 
-def _optional(cause: EffectName, errors: Callable[[Motion], FloatArray]) -> Candidate:
+def _optional(cause: EffectName, regressors: Callable[[Motion], FloatArray], places: tuple[Place, ...]) -> Candidate:
     """Return an effect that the model of a unit may contain."""
     unit, components, plausible = EFFECTS[cause]
-    return Candidate(cause, unit, plausible, components, errors)
+    return Candidate(cause, unit, plausible, components, regressors, places)
 
 
 #: Effects that are there all the time.
 CONSTANT: tuple[Candidate, ...] = (
-    _optional("g_sensitivity", _g_sensitivity),
-    _optional("gyro_asymmetry", lambda m: _diagonal(0, np.abs(m.rate))),
-    Candidate("gyro_square", "s/rad", 1e-2, _AXES, lambda m: _diagonal(0, m.rate**2)),
-    Candidate("gyro_cubic", "s²/rad²", 1e-2, _AXES, lambda m: _diagonal(0, m.rate**3)),
-    _optional("accel_cubic", lambda m: _diagonal(1, m.force**3)),
-    _optional("accel_cross", _cross),
-    Candidate("accel_asymmetry", "1", 1e-2, _AXES, lambda m: _diagonal(1, np.abs(m.force))),
-    _optional("accel_off_axis", _off_axis),
-    _optional("time_skew", _skew),
+    _optional("g_sensitivity", lambda m: m.force, tuple(Place(k // 3, k, k % 3) for k in range(9))),
+    _optional("gyro_asymmetry", lambda m: np.abs(m.rate), OF_GYROS),
+    Candidate("gyro_square", "s/rad", 1e-2, _AXES, lambda m: m.rate**2, OF_GYROS),
+    Candidate("gyro_cubic", "s²/rad²", 1e-2, _AXES, lambda m: m.rate**3, OF_GYROS),
+    _optional("accel_cubic", lambda m: m.force**3, OF_ACCELEROMETERS),
+    _optional(
+        "accel_cross",
+        lambda m: m.force * np.roll(m.force, -1, axis=1),
+        # regressor k is the product of axes k and k + 1
+        tuple(Place(3 + i, k, i if j == (i + 1) % 3 else j) for k, (i, j) in enumerate(_PAIRS)),
+    ),
+    Candidate("accel_asymmetry", "1", 1e-2, _AXES, lambda m: np.abs(m.force), OF_ACCELEROMETERS),
+    _optional("accel_off_axis", _off_axis, tuple(Place(3 + (k // 2 + k % 2 + 1) % 3, k // 2, k) for k in range(6))),
+    _optional("time_skew", lambda m: -m.jerk, tuple(Place(3 + i, 0, i) for i in range(3))),
 )
 
 
@@ -141,13 +142,13 @@ def changing(duration: float) -> Iterator[Candidate]:
     """Yield the drifts and jumps of every bias and scale factor within a stage of `duration` s, as they begin."""
     for sensor, what, unit, axes in _CHANGING:
         yield Candidate(
-            "drift", unit, None, 6 * ("",), _changing(sensor, what, _drift, duration),
+            "drift", unit, None, 6 * ("",), *_changing(sensor, what, 2, _drift, duration),
             tuple(np.repeat(axes, 2).tolist()), lambda end: np.tile(_drift(np.array([end]), end)[0], 3),
         )  # fmt: skip
     for share in JUMPS:
         for sensor, what, unit, axes in _CHANGING:
             yield Candidate(
-                "jump", unit, None, 3 * ("",), _changing(sensor, what, _jump(share), duration), axes,
+                "jump", unit, None, 3 * ("",), *_changing(sensor, what, 1, _jump(share), duration), axes,
                 lambda _: np.ones(3), share * duration,
             )  # fmt: skip
 
@@ -167,17 +168,20 @@ def _jump(share: float) -> Callable[[FloatArray, float], FloatArray]:
 
 
 def _changing(
-    sensor: int, what: str, shape: Callable[[FloatArray, float], FloatArray], duration: float
-) -> Callable[[Motion], FloatArray]:
-    """Return the errors of channels whose biases or scale factors change over time by `shape`, axis after axis."""
+    sensor: int, what: str, width: int, shape: Callable[[FloatArray, float], FloatArray], duration: float
+) -> tuple[Callable[[Motion], FloatArray], tuple[Place, ...]]:
+    """Return the errors of channels whose biases or scale factors change over time, axis after axis.
 
-    def errors(m: Motion) -> FloatArray:
+    `shape` returns the `width` courses of the change.
+    """
+
+    def regressors(m: Motion) -> FloatArray:
         course = shape(m.time, duration)
-        width = course.shape[1]
-        found = np.zeros((len(course), 6, 3 * width))
-        for axis in range(3):
-            input_ = (m.rate, m.force)[sensor][:, axis : axis + 1] if what == "scale" else 1.0
-            found[:, 3 * sensor + axis, width * axis : width * (axis + 1)] = course * input_
-        return found
+        if what == "bias":
+            return course
+        input_ = (m.rate, m.force)[sensor]
+        return np.asarray(input_[:, :, None] * course[:, None, :]).reshape(len(course), -1)
 
-    return errors
+    each = width if what == "scale" else 0  # a bias has the same errors on every axis
+    places = (Place(3 * sensor + axis, width * axis + k, each * axis + k) for axis in range(3) for k in range(width))
+    return regressors, tuple(places)

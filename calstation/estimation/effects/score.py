@@ -144,12 +144,12 @@ class _Tested:
         covariance = plausible @ np.linalg.inv(plausible @ information @ plausible + np.eye(len(score))) @ plausible
         size, own = covariance @ score, np.sqrt(np.diag(covariance))
         freedom = float(np.sum(covariance * information))
-        best = int(np.argmax(np.abs(size) / own))
+        best, at = int(np.argmax(np.abs(size) / own)), [INDEX[name] for name in names]
         moved = error @ size / np.where(sigma > 0.0, sigma, np.inf)
         c = self.candidate
         return EffectFound(
             c.cause, c.components[best], c.parameter_of(best), self.stage, float(score @ size) - freedom,
-            float(size[best]), float(own[best]), c.unit, {name: float(moved[INDEX[name]]) for name in names},
+            float(size[best]), float(own[best]), c.unit, dict(zip(names, moved[at].tolist(), strict=True)),
         )  # fmt: skip
 
 
@@ -284,5 +284,5 @@ def _jump_before(stage: str, group: str, count: int) -> _Tested:
     """Return the test for a jump of the parameters of a group before a stage."""
     unit = {"gyro_bias": "rad/s", "accel_bias": "m/s²"}.get(group, "1")
     names = tuple(f"{group}_{axis}" for axis in AXES)
-    candidate = Candidate("jump_before", unit, None, 3 * ("",), lambda motion: np.empty(0), names)
+    candidate = Candidate("jump_before", unit, None, 3 * ("",), lambda motion: np.empty((0, 0)), (), names)
     return _Tested.begun(candidate, stage, np.eye(COUNT)[:, [INDEX[name] for name in names]], count)

@@ -41,24 +41,40 @@ def all_errors(motion: Motion, candidates: Sequence[Candidate], counts: IntArray
 
 def mean_errors(motion: Motion, candidates: Sequence[Candidate], counts: IntArray) -> FloatArray:
     """Return the same as `all_errors` for `candidates` alone."""
-    found, done = np.empty((len(counts), 6, sum(len(c.components) for c in candidates))), 0
+    regressors, places = mean_regressors(motion, candidates, counts)
+    errors = np.zeros((len(counts), 6, sum(len(c.components) for c in candidates)))
+    channel, component, regressor = places.T
+    errors[:, channel, component] = regressors[:, regressor]
+    return errors
+
+
+def mean_regressors(motion: Motion, candidates: Sequence[Candidate], counts: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return the regressors of candidates averaged over k groups of `counts` intervals, and where they are added.
+
+    The means have the shape (k, r), the places (channel, component, regressor) the shape (places, 3).
+    """
+    means = [np.empty((len(counts), 0))]
+    places: list[tuple[int, int, int]] = []
+    component = regressor = 0
     for c in candidates:
-        _write_means(c.errors(motion), counts, found[:, :, done : (done := done + len(c.components))])
-    return found
+        means.append(_means(c.regressors(motion), counts))
+        places += [(p.channel, component + p.component, regressor + p.regressor) for p in c.places]
+        component, regressor = component + len(c.components), regressor + means[-1].shape[1]
+    return np.hstack(means), np.array(places, dtype=np.int64).reshape(-1, 3)
 
 
 @nb.njit(cache=True)
-def _write_means(errors: FloatArray, counts: IntArray, out: FloatArray) -> None:
-    """Average errors, shape (n, 6, m), over k groups of `counts` rows, shape (k,), into `out`, shape (k, 6, m)."""
-    first = 0
+def _means(values: FloatArray, counts: IntArray) -> FloatArray:
+    """Return the means of the rows of `values`, shape (n, m), over k groups of `counts` rows, shape (k, m)."""
+    means, first = np.zeros((len(counts), values.shape[1])), 0
     for g in range(len(counts)):
-        for i in range(errors.shape[1]):
-            for j in range(errors.shape[2]):
-                total = 0.0
-                for k in range(first, first + counts[g]):
-                    total += errors[k, i, j]
-                out[g, i, j] = total / counts[g]
+        for k in range(first, first + counts[g]):
+            for j in range(values.shape[1]):
+                means[g, j] += values[k, j]
+        for j in range(values.shape[1]):
+            means[g, j] /= counts[g]
         first += counts[g]
+    return means
 
 
 def batch_sensitivity(

@@ -78,7 +78,7 @@ class ObservabilityAnalysis:
         tilt = context.table.mount_sigma
         azimuth = np.hypot(tilt, context.table.azimuth_sigma)
         self._scale = np.array([tilt, tilt, azimuth, *[self._velocity] * 3, *[POSITION_SIGMA] * 3, *prior.sigma])
-        self._R, self._total, self._carried = np.zeros((STATES, STATES)), np.zeros((STATES, STATES)), np.eye(STATES)
+        self._R, self._information, self._carried = np.zeros((STATES, STATES)), np.eye(STATES), np.eye(STATES)
         self._step: int | None = None
         self._seqs, self._count = (0, 0), 0
         self._segments: list[dict[str, Any]] = []
@@ -105,8 +105,9 @@ class ObservabilityAnalysis:
                 self._end_step()
                 self._step, self._seqs, self._count = step, (int(seqs[first[chosen[0]]]), 0), 0
             part = slice(chosen[0], chosen[-1] + 1)
-            self._R = _stacked(self._R, rows[part] * weight[part])
-            self._total = _stacked(self._total, carried[part] * weight[part])
+            stripped, total = ((x[part] * weight[part]).reshape(-1, STATES) for x in (rows, carried))
+            self._R = np.asarray(np.linalg.qr(np.vstack([self._R, stripped]), mode="r"))
+            self._information += total.T @ total
             self._count += len(chosen)
             self._seqs = (self._seqs[0], int(seqs[last[chosen[-1]] - 1]))
 
@@ -120,8 +121,7 @@ class ObservabilityAnalysis:
 
     def _strengths(self) -> FloatArray:
         """Return the prior sigma divided by the sigma from the total matrix, shape (39,)."""
-        left = np.linalg.inv(np.eye(STATES) + self._total.T @ self._total)
-        return np.asarray(1.0 / np.sqrt(np.diag(left)))
+        return np.asarray(1.0 / np.sqrt(np.diag(np.linalg.inv(self._information))))
 
     def _segment(self) -> dict[str, Any]:
         singular = self._singular_values()
@@ -170,11 +170,6 @@ def observability_analysis(
     analysis = ObservabilityAnalysis(context, prior, point)
     analysis.take(data, history)
     return analysis.found()
-
-
-def _stacked(R: FloatArray, rows: FloatArray) -> FloatArray:
-    """Append `rows`, shape (k, r, 39), to the triangular factor R, shape (39, 39), and return the updated factor."""
-    return np.asarray(np.linalg.qr(np.vstack([R, rows.reshape(-1, STATES)]), mode="r"))
 
 
 @nb.njit(cache=True)

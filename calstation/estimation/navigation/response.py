@@ -7,8 +7,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solve_triangular
 
-from calstation.estimation.common import SolveContext, StageData, Start
-from calstation.estimation.effects import Motion, Sensitivity, all_errors, changing
+from calstation.estimation.common import SolveContext, StageData, Start, group_means
+from calstation.estimation.effects import CONSTANT, Motion, Sensitivity, changing, mean_regressors
 from calstation.estimation.navigation.filter import History
 from calstation.estimation.navigation.group_update import Updates
 from calstation.estimation.navigation.small_matrices import add_product, forward, subtract_transposed_product
@@ -20,6 +20,7 @@ from calstation.physics import (
     UP,
     BoolArray,
     FloatArray,
+    IntArray,
     compensate,
     compensation,
     group_vector,
@@ -50,8 +51,8 @@ def filter_sensitivity(
     candidates = tuple(changing(duration))
     motion = motion_between_observations(history, data, starts, context, point)
     counts = np.repeat([u.innovation.shape[1] // 3 for u in updates], [len(u.innovation) for u in updates])
-    errors = all_errors(motion, candidates, counts[counts > 0])
-    columns = COUNT + errors.shape[2]
+    regressors, places = mean_regressors(motion, (*CONSTANT, *candidates), counts[counts > 0])
+    columns = COUNT + sum(len(c.components) for c in (*CONSTANT, *candidates))
     begin = np.repeat([c.begin for c in candidates], [len(c.components) for c in candidates])
     ends = motion.time[np.cumsum(counts) - 1]
     error = np.zeros((updates[0].H.shape[2], columns - len(begin)))
@@ -67,7 +68,7 @@ def filter_sensitivity(
         begun = columns - len(begin) + int(np.searchsorted(begin, ends[done - 1], side="right"))
         error = np.hstack([error, np.zeros((len(error), begun - error.shape[1]))])
         white = np.empty((update.innovation.size, begun))
-        _follow(update, errors[first:done], error, white)
+        _follow(update, regressors[first:done], places[places[:, 1] < begun - COUNT], error, white)
         information[:begun, :begun] += white.T @ white
         score[:begun] += white.T @ update.innovation.ravel()
     error = np.hstack([error, np.zeros((len(error), columns - error.shape[1]))])
@@ -76,16 +77,18 @@ def filter_sensitivity(
 
 
 @nb.njit(cache=True)
-def _follow(update: Updates, added: FloatArray, error: FloatArray, white: FloatArray) -> None:
+def _follow(update: Updates, regressors: FloatArray, places: IntArray, error: FloatArray, white: FloatArray) -> None:
     """Write the effect of the errors on the normalised innovations of g groups, shape (g r, columns).
 
-    `added` is the error of the biases during each group, shape (g, 6, at least columns − 30). `error`, that of the
+    `regressors` and `places` of the effects are those of `mean_regressors` for these groups. `error`, that of the
     states, shape (n, columns), is updated in place, but for δp, on which nothing depends.
     """
     groups, rows, _ = update.H.shape
     size, columns = error.shape
-    moved = np.empty((OBSERVED, columns))
+    moved, added = np.empty((OBSERVED, columns)), np.zeros((len(BIAS), columns - COUNT))
     for g in range(groups):
+        for k in range(len(places)):
+            added[places[k, 0], places[k, 1]] = regressors[g, places[k, 2]]
         F, H, response = update.transition[g], update.H[g], white[g * rows : (g + 1) * rows]
         moved[:] = 0.0
         add_product(F[:OBSERVED], error, moved)
@@ -93,10 +96,10 @@ def _follow(update: Updates, added: FloatArray, error: FloatArray, white: FloatA
         for i in range(STATES, size):
             for j in range(columns):
                 error[i, j] *= update.decay[i - STATES]
-        _add_bias(F[:OBSERVED], added[g], error)
+        _add_bias(F[:OBSERVED], added, error)
         response[:] = 0.0
         add_product(H, error, response)
-        _add_bias(H, added[g], response)
+        _add_bias(H, added, response)
         forward(update.root[g], response)
         subtract_transposed_product(update.gain[g], response, error)
 
@@ -130,7 +133,7 @@ def motion_between_observations(
         stride = int(index[0]) - start.begin
         T = stride * data.dt
         stop = start.begin + stride * len(index)
-        mean = data.gyro[start.begin : stop].reshape(len(index), stride, 3).mean(axis=1)
+        mean = group_means(data.gyro[start.begin : stop], stride)
         omega, _ = compensate(constants, mean, np.zeros_like(mean))
         turning = rate - np.einsum("nji,j->ni", C, earth)
         arm = np.einsum("nij,nj->ni", C, np.cross(turning, lever))

@@ -98,7 +98,7 @@ class NavigationStage:
         self.stage, self.context, self.prior, self.estimated = stage, context, prior, estimated
         self._targets = targets
         self._measured: tuple[int, float] | None = None  # number of samples, and the excess of their noise at rest
-        self.spool = Spool()
+        self.spool = Spool(context.imu)
         self._live = LiveFilter(context, prior)
 
     def feed(self, block: SampleBlock) -> None:
@@ -114,7 +114,7 @@ class NavigationStage:
         sigma = self._live.sigma()
         if not self._targets or not reached(sigma, self._targets):
             return sigma
-        data = self._data()
+        data = self.spool.data()
         if self._measured is None or self._measured[0] != len(data):
             self._measured = len(data), self._noise_excess(data)
         return np.asarray(sigma * self._measured[1])
@@ -125,7 +125,7 @@ class NavigationStage:
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage. Raises InsufficientDataError if it has no rest for alignment."""
-        data = self._data()
+        data = self.spool.data()
         mask = np.array([name in self.estimated for name in NAMES])
         measured = self._rest_noise(data)
         before = widened(self.context, measured)
@@ -158,9 +158,6 @@ class NavigationStage:
             local_scores=partial(local_scores, updates=result.updates, index=result.history.index),
         )
         return with_misfit(solution, data, self.context)
-
-    def _data(self) -> StageData:
-        return stage_data([self.spool.block()], self.context.imu)
 
     def _rest_noise(self, data: StageData) -> RestNoise:
         bias = group_indices("gyro_bias")

@@ -9,14 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.effects import CONSTANT, Candidate, EffectFound, Motion, changing
+from calstation.estimation.effects import CONSTANT, OF_ACCELEROMETERS, Candidate, EffectFound, Motion, changing
 from calstation.physics import AXES, FloatArray
 
 #: Second-order term of the accelerometers, which is a parameter in other methods.
-_QUADRATIC = Candidate(
-    "accel_quadratic", "s²/m", 1e-3, tuple(AXES),
-    lambda m: np.concatenate([np.zeros((len(m.force), 3, 3)), np.eye(3) * m.force[:, None, :] ** 2], axis=1),
-)  # fmt: skip
+_QUADRATIC = Candidate("accel_quadratic", "s²/m", 1e-3, tuple(AXES), lambda m: m.force**2, OF_ACCELEROMETERS)
 
 
 #: Fewest blocks for a test: the jackknife has as many degrees of freedom.

@@ -115,7 +115,7 @@ def table_axes(rests: Sequence[TableRests], context: SolveContext, found: Belief
     if 2 * count <= _VALUES:
         return {}
     up = _directions(found.mean, force)
-    frames = np.array([_perpendicular(direction) for direction in up])  # shape (k, 2, 3)
+    frames = np.linalg.svd(up[:, None])[2][:, 1:]  # two unit vectors perpendicular to each and to each other
     start = np.zeros(_VALUES)
 
     def flat(directions: FloatArray) -> FloatArray:
@@ -171,8 +171,3 @@ def _directions(parameters: FloatArray, force: FloatArray) -> FloatArray:
     """Return the unit vectors of raw forces, shape (k, 3), compensated with 30 parameters."""
     _, compensated = compensate(compensation(parameters), np.zeros_like(force), force)
     return np.asarray(compensated / np.linalg.norm(compensated, axis=1, keepdims=True))
-
-
-def _perpendicular(direction: FloatArray) -> FloatArray:
-    """Return two unit vectors perpendicular to a direction and to each other, shape (2, 3)."""
-    return np.linalg.svd(direction[None])[2][1:]
