@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -135,7 +134,7 @@ def test_the_archive_is_listed_by_the_database_alone(engine: Engine, monkeypatch
     content = {"station": "bench 2", "product": "nav", "outcome": "passed"}
     run = {"serial": "A", "started_utc": "2026-03-05T00:00:00+00:00", "content": json.dumps(content), "revision": 1}
     run |= {"failed_checks": "[]", "parameters": "[]", "numbers": b""}
-    copy = {"url": "s3://logs/x/a.h5", "file_sha256": "f" * 64, "size": 7, "archived": datetime.now(UTC)}
+    copy = {"url": "s3://logs/x/a.h5", "file_sha256": "f" * 64, "size": 7}
     with engine.begin() as connection:
         connection.execute(insert(outboxes).values(id="x", station="bench 2", last_number=1))
         connection.execute(insert(runs).values(outbox="x", name="a", **run))

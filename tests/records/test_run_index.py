@@ -128,11 +128,11 @@ def test_columns_have_the_runs_with_a_time_the_oldest_first(index: RunIndex) -> 
     )
     found = index.columns(RunFilter(since="2026-11-04T00:00:00"))
     assert found.names == ("d", "e", "f")
-    assert found.serials == ("D", "E", "F")
+    assert tuple(found.serials) == ("D", "E", "F")
     assert found.started.tolist() == [(BEGIN + timedelta(days=day)).timestamp() for day in (3, 4, 5)]
-    assert found.verdicts == ("passed", "failed", "partial")
+    assert tuple(found.verdicts) == ("passed", "failed", "partial")
     assert found.partial.tolist() == [False, False, True]
-    assert found.failed_checks == ((), ("a b", "c"), ())
+    assert tuple(found.failed_checks) == ((), ("a b", "c"), ())
     assert found.values.keys() == found.sigmas.keys() == {"gyro_bias_x", "accel_bias_x"}
     nan = math.nan
     np.testing.assert_array_equal(found.values["gyro_bias_x"], [nan, 3e-6, 1e-6])
