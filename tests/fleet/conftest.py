@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,13 +17,11 @@ from tests.postgres import url as url
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], list[Path]]:
-    """Make that many logs of different units, or take those made before."""
-    logs: list[Path] = []
+    """Make that many logs of different units in a folder of their own, once."""
 
+    @cache
     def make(count: int) -> list[Path]:
-        if len(logs) < count:
-            logs[:] = record_logs(ignore_progress, tmp_path_factory.mktemp("logs"), count, seed=4)
-        return logs[:count]
+        return record_logs(ignore_progress, tmp_path_factory.mktemp("logs"), count, seed=4)
 
     return make
 

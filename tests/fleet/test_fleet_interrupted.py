@@ -22,9 +22,10 @@ from calstation.results import resolve
 
 pytestmark = pytest.mark.long
 
-LOGS = 300
+#: Number of logs of the rehearsals; `make exhaustive` solves 300 while workers are killed.
+LOGS = 60
 #: A worker is killed after at least this time, s, and this number of logs, so that a slow computer gets on too.
-KILLED_EVERY, KILLED_AFTER = 3.0, 20
+KILLED_EVERY, KILLED_AFTER = 2.0, 4
 #: Longest time for anything, s.
 WITHIN = 240.0
 
@@ -97,17 +98,20 @@ def wait_for(url: str, count: int) -> None:
 
 
 @pytest.mark.timeout(1800)
-def test_300_logs_are_solved_once_each_while_workers_are_killed(made: Callable[[int], list[Path]], url: str) -> None:
-    logs = made(LOGS)
+@pytest.mark.parametrize("count", [LOGS, pytest.param(300, marks=pytest.mark.exhaustive)])
+def test_logs_are_solved_once_each_while_workers_are_killed(
+    count: int, made: Callable[[int], list[Path]], url: str
+) -> None:
+    logs = made(count)
     connect(url).dispose()
     killed: list[int] = []
     with command(logs[0].parent, url) as process, killing_workers(process, url, killed):
         _, errors = process.communicate()
     assert process.returncode == 0, errors
-    assert len(killed) >= 5
+    assert len(killed) >= min(count // 30, 5)
     assert sorted(stored(url)) == [(str(log), "resolved") for log in sorted(logs)]
     summary = resolve_fleet(FleetRequest((str(logs[0].parent),), url, "local:1"))
-    assert (summary.solved_now, summary.already_there, summary.failed) == (0, LOGS, 0)
+    assert (summary.solved_now, summary.already_there, summary.failed) == (0, count, 0)
     found = {result["log"]["file"]: result for result in map(json.loads, solved_results(url, summary))}
     for log in logs[:: 1 if url.startswith("sqlite") else 10]:
         assert found[str(log)] == resolve(log).result.to_json(), log

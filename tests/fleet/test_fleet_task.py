@@ -331,8 +331,8 @@ def test_a_refused_statement_ends_the_job_with_one_line(
     status = on_worker(shared_database, stored(logs[0]))
     assert (status.outcome, status.error["error_code"]) == ("refused", "database.refused")
     assert status.error["error"].endswith(
-        'refuses a request: relation "locations" does not exist. Check the rights of the user in the database, '
-        "then ask the maintainers of the program."
+        'refuses a request: relation "locations" does not exist. Check the rights of the user and the free space of '
+        "the server, then ask the maintainers of the program."
     )
 
 
