@@ -26,13 +26,15 @@ REVOKE ALL ON ALL TABLES IN SCHEMA public FROM PUBLIC, calstation_station, calst
 GRANT USAGE ON SCHEMA public TO calstation_station, calstation_fleet, calstation_reader;
 
 GRANT SELECT ON alembic_version TO calstation_station, calstation_fleet, calstation_reader;
-GRANT SELECT ON outboxes, revisions, runs, log_copies, solutions TO calstation_station, calstation_fleet, calstation_reader;
+GRANT SELECT ON outboxes, revisions, runs, log_copies, solutions, versions, locations
+    TO calstation_station, calstation_fleet, calstation_reader;
 
 GRANT INSERT, UPDATE ON outboxes, runs, log_copies TO calstation_station;
 GRANT UPDATE ON revisions TO calstation_station;
 GRANT SELECT, INSERT, UPDATE, DELETE ON claims TO calstation_station;
 
-GRANT INSERT, UPDATE (location, fingerprint) ON solutions TO calstation_fleet;
+GRANT INSERT ON solutions, versions TO calstation_fleet;
+GRANT INSERT, UPDATE ON locations TO calstation_fleet;
 GRANT USAGE ON SEQUENCE solutions_id_seq TO calstation_fleet;
 
 GRANT SELECT ON claims TO calstation_reader;
@@ -55,7 +57,4 @@ BEGIN
         EXECUTE format('CREATE POLICY readable ON %I FOR SELECT USING (true)', name);
         EXECUTE format('CREATE POLICY own ON %I TO calstation_station USING (%s)', name, own);
     END LOOP;
-    IF to_regclass('versions') IS NOT NULL THEN
-        GRANT SELECT ON versions TO calstation_station, calstation_fleet, calstation_reader;
-    END IF;
 END $$;

@@ -1,5 +1,6 @@
 """Workers: local processes or a Dask cluster, which solve logs whatever becomes of single workers."""
 
+import asyncio
 import logging
 import math
 import re
@@ -16,7 +17,7 @@ from calstation.messages import values_from_json
 
 try:
     import dask
-    from distributed import Client, Future, KilledWorker, LocalCluster
+    from distributed import Client, Future, KilledWorker, LocalCluster, Nanny
     from distributed.comm.core import CommClosedError
     from distributed.core import Status as ServerStatus
 except ImportError as exc:
@@ -75,12 +76,27 @@ def started_cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
                 dashboard_address="127.0.0.1:0",
                 silence_logs=logging.CRITICAL,
             )
-            stack.callback(cluster.close)  # kills workers that are still solving after 4 s
+            stack.callback(_close, cluster)
             client = Client(cluster)
             stack.callback(client.close)
             client.register_plugin(WarmUp(local=True))
             cluster.scale(workers)
         yield client
+
+
+def _close(cluster: LocalCluster) -> None:
+    """Close local workers; those that are still solving after 4 s are killed.
+
+    The cluster does not close workers that it has lost or replaced, but fails if one of them runs.
+    """
+    lost = [nanny for nanny in cluster._created if nanny not in cluster.workers.values()]
+    if lost:
+        cluster.sync(_close_nannies, lost)
+    cluster.close()
+
+
+async def _close_nannies(nannies: Sequence[Nanny]) -> None:
+    await asyncio.wait([asyncio.ensure_future(nanny.close()) for nanny in nannies], timeout=_RESTART)
 
 
 def _replace_ended(cluster: LocalCluster | None, replaced: int, dead: dict[Hashable, float], answered: float) -> int:

@@ -268,7 +268,9 @@ def dies_at(number: int, folder: Path, url: str) -> bool:
     return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 9
 
 
-@pytest.mark.parametrize("stride", [29, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "stride", [29, pytest.param(7, marks=pytest.mark.long), pytest.param(1, marks=pytest.mark.exhaustive)]
+)
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_process_that_dies_at_any_statement_loses_and_repeats_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stride: int

@@ -2,14 +2,17 @@
 
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from calstation import __version__
 from calstation.cli.app import run_app
 from calstation.database import Exchange, adopt_folder
 from calstation.errors import ConfigurationError
-from calstation.fleet import compare_job, versions_job
+from calstation.fleet import FleetRequest, compare, compare_job, resolve_fleet, versions_job
+from calstation.simulation import record_logs
 from tests.database.result_files import in_database, in_index, write_result
 from tests.database.test_claims import station_file
 from tests.helpers import ignore_progress, raises_code
@@ -189,9 +192,15 @@ def test_a_role_can_do_nothing_else(postgres, database: str, login: str) -> None
         assert any(words in said for words in refused), f"{command}: {said}"
 
 
-def test_fleet_and_reader_read_runs_and_solutions(postgres, database: str) -> None:
+def test_fleet_and_reader_read_runs_and_solutions(postgres, database: str, tmp_path: Path) -> None:
+    logs = record_logs(ignore_progress, tmp_path / "logs", 2, seed=7)
+    request = FleetRequest((str(tmp_path / "logs"),), postgres.url(database, "solver"), "local:1")
+    assert resolve_fleet(request).solved_now == 2
+    moved = tmp_path / "moved"
+    shutil.move(logs[0].parent, moved)
+    assert resolve_fleet(replace(request, sources=(str(moved),))).already_there == 2
     for login in ("solver", "quality"):
-        for table in ("runs", "outboxes", "log_copies", "solutions", "alembic_version"):
-            assert postgres.execute(f"SELECT count(*) FROM {table}", database, login) in ("0", "1")
-    assert postgres.execute("SELECT nextval('solutions_id_seq')", database, "solver") == "1"
-    postgres.execute("UPDATE solutions SET location = '', fingerprint = ''", database, "solver")
+        for table in ("runs", "outboxes", "log_copies", "solutions", "versions", "locations", "alembic_version"):
+            postgres.execute(f"SELECT count(*) FROM {table}", database, login)
+    compared = compare(ignore_progress, postgres.url(database, "quality"), __version__, __version__)
+    assert compared.logs == 2

@@ -327,6 +327,15 @@ def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path], monkeypat
         list(cluster.solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
 
 
+def test_a_cluster_closes_workers_that_it_has_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    with cluster.started_cluster("local:1", 1) as client:
+        client.wait_for_workers(1)
+        (nanny,) = client.cluster.workers.values()
+        client.cluster.workers.clear()
+        client.cluster.worker_spec.clear()
+    assert nanny.status == Status.closed
+
+
 def test_an_empty_archive_is_refused(tmp_path: Path, calstation: Run) -> None:
     done = calstation("fleet", "resolve", "archive", "--database", f"sqlite:///{tmp_path / 'shared.sqlite'}")
     assert (done.code, done.out) == (2, "")
