@@ -31,8 +31,8 @@ from tests.database.result_files import in_database, in_index, write_result
 from tests.helpers import ignore_progress
 
 #: Duration, s.
-SOAK_S = float(os.environ.get("CALSTATION_SOAK_S", "60"))
-#: Factor by which actions follow more slowly and outages last longer than in a minute's soak.
+SOAK_S = float(os.environ.get("CALSTATION_SOAK_S", "30"))
+#: Factor by which actions follow more slowly and outages last longer than in a short soak.
 PACE = max(1.0, SOAK_S / 600.0)
 #: Number of real logs that the stations archive and a fleet job solves; the other runs have none.
 LOGS = round(12 * SOAK_S / 60.0 / PACE**0.5)

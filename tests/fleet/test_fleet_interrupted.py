@@ -118,6 +118,7 @@ def test_logs_are_solved_once_each_while_workers_are_killed(
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.parametrize("url", ["sqlite"], indirect=True)
 def test_interrupted_and_started_again_it_solves_only_the_rest(made: Callable[[int], list[Path]], url: str) -> None:
     logs = made(LOGS)
     folder = logs[0].parent
@@ -151,6 +152,7 @@ def test_interrupted_and_started_again_it_solves_only_the_rest(made: Callable[[i
 
 
 @pytest.mark.timeout(300)
+@pytest.mark.parametrize("url", ["postgresql"], indirect=True)
 def test_a_cluster_solves_the_logs(made: Callable[[int], list[Path]], url: str, tmp_path: Path) -> None:
     logs = made(LOGS)[:20]
     file = tmp_path / "scheduler.json"

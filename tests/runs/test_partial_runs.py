@@ -22,7 +22,7 @@ from tests.helpers import sampled
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
 
-GRADES = {"nav_a": "nav", "tactical_b": "tactical", "mems_c": "mems"}
+GRADES = {"mems_c": "mems", "nav_a": "nav", "tactical_b": "tactical"}
 GROUPS = ("azimuth_flip", "rate,six_position", "excitation")
 
 
