@@ -64,7 +64,7 @@ def test_another_unit_is_cautioned_about(calstation: Run, log: Path, result: Pat
     log.with_suffix(".toml").write_text(META.replace("SN-7", "SN-8"), encoding="utf-8")
     done = calstation("apply", result, log)
     assert done.code == 0
-    assert "This recording is of SN-8; the answer was found for SN-7." in done.err
+    assert "This recording is of SN-8; the result is for SN-7." in done.err
 
 
 def test_one_source_of_data(calstation: Run, log: Path, result: Path) -> None:
@@ -87,7 +87,7 @@ def test_output_behind_other_registers_is_not_corrected_twice(calstation: Run, l
     behind.with_suffix(".toml").write_text(META + "[registers]\naccel_scale_x = 1e-3\n", encoding="utf-8")
     log.with_suffix(".toml").unlink()
     done = calstation("apply", result, behind, "--json", behind.with_name("shown.json"))
-    assert "the answer is not applied a second time" in done.err
+    assert "the result is not applied a second time" in done.err
     shown = json.loads(behind.with_name("shown.json").read_text())
     assert shown["corrected"]
     assert shown["rms"]["force_after"] == shown["rms"]["force_before"]

@@ -36,7 +36,7 @@ def test_a_unit_is_released_by_two(calstation, answers: dict[str, str], failed: 
 
 
 def test_pins_are_set_and_changed(calstation, answers: dict[str, str], home: Path) -> None:
-    answers |= {"The engineer's PIN of this site": "000000", "New PIN": "333333", "Present PIN": "333333"}
+    answers |= {"The engineer's PIN of this site": "000000", "New PIN": "333333", "Current PIN": "333333"}
     assert calstation("pin", "--badge", "B0003").code == 0
     assert access.check("333333", "B0003")
     answers["New PIN"] = "444444"

@@ -20,7 +20,7 @@ def test_a_product_with_the_shortest_schedule_is_written_and_told(calstation, tm
     assert tomllib.loads(written)["schedule"]["designed"]["moves"] == found["moves"]
     assert found["worst_sigma_over_limit"] <= 0.801
     assert found["duration_s"] < found["default_duration_s"]
-    for words in ("The present stages take", "noise, 1.5 times the profile's", "accel_cubic", str(out)):
+    for words in ("The current stages take", "noise, 1.5 times the profile's", "accel_cubic", str(out)):
         assert words in done.out
 
 

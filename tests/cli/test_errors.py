@@ -106,8 +106,8 @@ def test_range_outside_the_log(calstation: Run, tmp_path: Path) -> None:
     check(calstation("resolve", log, "--from", 10**6), 2, "The log holds")
     check(calstation("resolve", log, "--from", 20, "--to", 10), 2, "--from")
     rows = len(six_position_rows())
-    check(calstation("resolve", log, "--to", rows), 2, f"holds sequence numbers 0 to {rows - 1}, not {rows}.")
-    check(calstation("resolve", log, "--from", -1), 2, f"holds sequence numbers 0 to {rows - 1}, not -1.")
+    check(calstation("resolve", log, "--to", rows), 2, f"contains sequence numbers 0 to {rows - 1}, not {rows}.")
+    check(calstation("resolve", log, "--from", -1), 2, f"contains sequence numbers 0 to {rows - 1}, not -1.")
     check(calstation("resolve", log, "--from", 0, "--to", 100), 2, "Stage Six positions:")
 
 

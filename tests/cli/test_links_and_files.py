@@ -151,7 +151,7 @@ def test_a_gravity_that_a_run_refuses_is_a_problem(calstation: Run, tmp_path: Pa
     done = calstation("test", "imu", "--station", file)
     assert done.code == 3
     assert "LOOK   site.gravity_mps2 = 9.83 does not match latitude 34.25°" in done.out
-    assert done.out.splitlines()[-1] == "The link works, but a run would not start like this."
+    assert done.out.splitlines()[-1] == "The link works, but a run would not start with these settings."
 
 
 @pytest.mark.long

@@ -73,4 +73,4 @@ def test_a_full_disk_or_the_log_itself_as_the_file_of_corrected_data(calstation:
 def test_refuses_a_log_of_one_imu(calstation: Run, tmp_path: Path) -> None:
     done = calstation("watch", write_log(tmp_path, six_position_rows()), "--pairs", tmp_path)
     assert done.code == 2
-    assert "log.csv: The log holds one IMU only. Add [imu2]" in done.err
+    assert "log.csv: The log contains only one IMU. Add [imu2]" in done.err

@@ -73,7 +73,7 @@ def test_wrong_entries_of_a_station(site_folder: SiteFolder, entries: dict[str, 
 def test_a_file_that_a_product_names_must_exist(site_folder: SiteFolder, entry: str) -> None:
     name = {"picture": "fixture.png", "label": "small.zpl"}[entry]
     site_folder.write({entry: name})
-    message = f"{entry}: There is no file “{name}” beside the product file"
+    message = f"{entry}: There is no file “{name}” next to the product file"
     with pytest.raises(ConfigurationError, match=message):
         load_product(site_folder.product)
     text = site_folder.product.read_text(encoding="utf-8")

@@ -137,7 +137,7 @@ def test_another_measured_latitude_fails_the_check_and_ends_the_run() -> None:
         assert (check.name, check.unit, check.passed) == ("latitude", "rad", agrees)
         assert latitude_agrees([check]) is agrees
         assert agrees or (check.misfit is not None and check.misfit.cause == "latitude_unlike")
-    with pytest.raises(ConfigurationError, match=r"as at latitude 34.38° \(sigma 0.01°\)"):
+    with pytest.raises(ConfigurationError, match=r"the earth rate of latitude 34.38° \(sigma 0.01°\)"):
         check_seen_latitude(log_meta, solved(LatitudeEstimate(0.60, 1e-4)))
 
 

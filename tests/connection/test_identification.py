@@ -102,7 +102,7 @@ def test_a_run_commands_nothing_to_another_model(run: Callable[..., Fault], imu:
     plc.words[0:8] = struct.unpack(">8H", b"WRONGPLC".ljust(16, b"\0"))
     with server(plc.answer) as address:
         fault = run(f"tcp://{address}", imu)
-    assert "Model 'WRONGPLC' answers, but the profile is for 'bench-table'" in fault.text
+    assert "Model 'WRONGPLC' responds, but the profile is for 'bench-table'" in fault.text
     assert set(plc.functions) == {READ}
 
 

@@ -153,7 +153,7 @@ def test_a_fault_whose_cause_persists_is_reported(refuses: bool, outcome: str, m
     with server(fake.answer) as address:
         result = reset_table(ignore_progress, order(table={"port": f"tcp://{address}"}))
     assert (result.outcome, result.latched, result.left, result.clear) == (outcome, "drive", "drive", False)
-    assert ("present state" in result.words) == refuses
+    assert ("current state" in result.words) == refuses
     assert fake.written == ([] if refuses else [(16, 0x06), (16, 0x86), (16, 0x06)]), "nothing else is written"
 
 

@@ -267,8 +267,8 @@ def test_a_lost_outbox_keeps_its_name(url: str, stations: tuple[Path, Path]) -> 
 @pytest.mark.parametrize(
     ("copied", "shown"),
     [
-        (False, "folder is exchanged at its present place"),
-        (True, "copy is exchanged as a folder of its own beside the original"),
+        (False, "folder is exchanged at its new location"),
+        (True, "copy is exchanged as a separate folder, in addition to the original"),
     ],
 )
 def test_a_folder_at_another_place_is_exchanged_when_it_was_adopted(

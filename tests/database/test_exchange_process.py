@@ -303,7 +303,7 @@ def test_the_commands_exchange_and_show_the_state(
     common = ["--station", str(station), "--out", str(folder)]
     assert run_app(["database", "upgrade", "--station", str(station)]) == 0
     assert run_app(["database", "upgrade", shared_database]) == 0
-    line = f"The tables of the database {shared_database} are of this version already; nothing was changed.\n"
+    line = f"The tables of the database {shared_database} have this version already; nothing was changed.\n"
     assert capsys.readouterr().err == 2 * line
     assert run_app(["database", "exchange", *common]) == 0
     assert "All runs of the folder are in the shared database." in capsys.readouterr().err

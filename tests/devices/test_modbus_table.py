@@ -227,7 +227,7 @@ def test_a_table_that_falls_silent_is_reported_once() -> None:
         with raises_code(DeviceFaultError, "table.read_unanswered") as caught:
             driver.status()
     assert str(caught.value) == (
-        f"Table: Registers 17-63 cannot be read on {server.port} (no answer). Check cable, power and unit number."
+        f"Table: Registers 17-63 cannot be read on {server.port} (no response). Check cable, power and unit number."
     )
 
 

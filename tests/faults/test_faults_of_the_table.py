@@ -27,11 +27,11 @@ pytestmark = pytest.mark.long
         pytest.param("interlock", 0, ("interlock",), marks=pytest.mark.exhaustive),
         ("jam", None, ("did not reach", "obstacle")),
         pytest.param(
-            "overshoot", 2, ("the table stands 2.", "° away from outer 360.0°", "encoder"), marks=pytest.mark.exhaustive
+            "overshoot", 2, ("the table is 2.", "° away from outer 360.0°", "encoder"), marks=pytest.mark.exhaustive
         ),
         pytest.param("never_settle", 600, ("does not settle", "tuning"), marks=pytest.mark.exhaustive),
-        ("mute_table", 40, ("no answer", "check cable, power")),
-        ("refuse_table", 4, ("cannot do it in its present state", "drive's display")),
+        ("mute_table", 40, ("no response", "check cable, power")),
+        ("refuse_table", 4, ("cannot do it in its current state", "drive's display")),
     ],
 )
 def test_a_fault_of_the_table_stops_the_run(
@@ -51,7 +51,7 @@ def test_a_fault_of_the_table_stops_the_run(
             ("limit_fault", None, ("fault", "then run calstation table reset")),
             ("interlock", 0, ("fault", "then run calstation table reset")),
             ("jam", None, ("outer 360.0°", "obstacle")),
-            ("overshoot", 2, ("the table stands 2.", "° away from outer 360.0°")),
+            ("overshoot", 2, ("the table is 2.", "° away from outer 360.0°")),
             ("never_settle", 600, ("does not settle", "tuning")),
         ],
     ),
@@ -72,14 +72,14 @@ def test_a_fault_stops_the_run_on_every_protocol(
 def test_a_refusing_drive_stops_the_run_although_the_other_obeys(fault_runs: FaultRuns) -> None:
     fault_runs.table = "cia402_drives"
     ran = fault_runs.run(fault("refuse_table", 4))
-    ran.assert_stopped("table: ", "cannot do it in its present state", "drive's display")
+    ran.assert_stopped("table: ", "cannot do it in its current state", "drive's display")
 
 
 def test_a_silent_table_without_a_watchdog_completes_its_move_and_rests(fault_runs: FaultRuns) -> None:
     fault_runs.table = "mn_ascii"
     ran = fault_runs.run(fault("mute_table", 400))
     assert ran.verdict.outcome == "fault"
-    assert "is not answered" in ran.fault.text
+    assert "gets no response" in ran.fault.text
     assert not ran.bench["moving"]
     assert ran.moves_after_fault() == 0
 

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "value", "words"),
     [
-        ("silence_imu", 600, ("no data come although", "check cable, power")),
+        ("silence_imu", 600, ("no data arrive although", "check cable, power")),
         ("garble_imu", 600, ("check baud, parity",)),
         ("saturate_imu", 600, ("saturates", "lower the rate")),
         ("invalid_imu", 600, ("saturates", "lower the rate")),
@@ -141,7 +141,9 @@ def test_gyros_detect_a_wrong_latitude_before_anything_is_written(fault_runs: Fa
     rests = {**PRODUCT["schedule"], "six_position": {"dwell_s": 10.0, **QUICK}}
     fault_runs.product = {**PRODUCT, "schedule": rests}
     ran = fault_runs.run({"kind": "wrong_latitude", "value": -2.0}, stages=("rate", "six_position", "azimuth_flip"))
-    ran.assert_stopped("site.latitude_deg of the station file is 32.25", "as at latitude 34.", "correct latitude")
+    ran.assert_stopped(
+        "site.latitude_deg of the station file is 32.25", "the earth rate of latitude 34.", "correct latitude"
+    )
     assert ran.fault.code == "site.latitude_contradicts"
     assert ran.verdict.result["stages"] == ["rate", "six_position"]
     assert not ran.verdict.result["registers"]
@@ -207,7 +209,7 @@ def test_a_register_page_lost_in_a_brown_out_is_reported_by_the_refusal(fault_ru
     limits = {"gyro_scale": loose, "accel_scale": loose}
     fault_runs.product = {**PRODUCT, "imu": "dsp_modbus", "bench_grade": "mems", "limits": limits}
     ran = fault_runs.run({"kind": "brown_out_write", "value": 20.0})
-    ran.assert_stopped("IMU: Register 118 is refused: no such register", "Check its supply (a unit that restarts")
+    ran.assert_stopped("IMU: Register 118 is refused: no such register", "Check its power supply (a unit that restarts")
     assert ran.bench["flash_cycles"] == 0
 
 

@@ -79,7 +79,7 @@ def test_the_answer_is_shown_with_path_parameters_and_robustness(designer: Desig
     designer.design()
     assert "The shortest schedule for this product" not in designer.says()
     assert designer.headline == (
-        "0:33 planned, 0:48 at most. The present stages take 5:30, 10 times as long.\n"
+        "0:33 planned, 0:48 at most. The current stages take 5:30, 10 times as long.\n"
         "Limited by accel bias y: σ is 0.78 of its limit."
     )
     assert "limits reached" in designer.says()
@@ -103,7 +103,7 @@ def test_the_answer_is_shown_with_path_parameters_and_robustness(designer: Desig
     designer.show_answer(3)
     conditions = designer.cells("design_variations")
     assert [tuple(row.values()) for row in conditions.values()] == [
-        ("Unit mounted 1.7° askew", "0:40", "0.95"),
+        ("Mounting of the unit off by 1.7°", "0:40", "0.95"),
         ("1.5 times the noise", "0:48", "0.99"),
         ("Table heading turned by 90°", "missed", "1.25"),
     ]

@@ -292,7 +292,7 @@ def test_a_schedule_is_checked_previewed_and_saved_to_the_product(
         ("schedule_rate_dwell_s", "1", "Too small; enter 2 to 600 s."),
         ("schedule_rate_dwell_s", "long", "Not a number; enter 2 to 600 s."),
         ("schedule_rate_turns", "1.5", "Must be a whole number, 1 to 50."),
-        ("schedule_rate_rate_dps", "130", "The table reaches 120 °/s at most; lower the value."),
+        ("schedule_rate_rate_dps", "130", "The table allows 120 °/s at most; lower the value."),
     ):
         engineer.type(field, text)
         assert problem in engineer.says()
@@ -605,7 +605,7 @@ def test_two_engineers_confirm_a_write_where_the_product_requires_it(engineer: E
     for key, text in (("badge", "B0001"), ("pin", "B0001-"), ("second_badge", "B0001"), ("second_pin", "B0001-")):
         engineer.type(f"registers_{key}_edit", text)
     engineer.press("registers_confirm_button")
-    assert "cannot confirm what the same person does" in engineer.says()
+    assert "cannot confirm their own action" in engineer.says()
     for key, text in (("pin", "B0001-"), ("second_badge", "B0002"), ("second_pin", "B0002-")):
         engineer.type(f"registers_{key}_edit", text)
     engineer.press("registers_confirm_button")
@@ -674,7 +674,7 @@ def test_a_partial_run_shows_its_stages_and_when_its_registers_were_written(engi
     assert f"{SERIAL}  ·  PARTIAL: Rate, Six positions" in engineer.says()
     assert "PASS" not in engineer.says()
     assert "registers written 2026-11-21" in engineer.says()
-    assert "kept, found better before: gyro scale factor x" in engineer.says()
+    assert "kept, known more accurately from before: gyro scale factor x" in engineer.says()
     rows = engineer.cells("register_table")
     assert (rows["gyro_scale_x"]["In the unit"], rows["gyro_scale_x"]["New"]) == ("500.0000", "–")
     assert (rows["gyro_scale_y"]["In the unit"], rows["gyro_scale_y"]["Change"]) == ("100.0000", "0")

@@ -232,14 +232,14 @@ def test_details_give_the_reason(page: HistoryPage, runs: dict[str, Path], qtbot
     assert page.details.reason_label.text() == "Every value is inside its limits."
     assert len(page.details.trend._plot.listDataItems()[0].xData) == 3
     select_row(page, 2, qtbot)
-    assert page.details.reason_label.text() == "No more data come.\nCheck cable, power and port."
+    assert page.details.reason_label.text() == "No more data arrive.\nCheck cable, power and port."
     language.use("zh_CN")
     qtbot.waitUntil(lambda: page.details.reason_label.text().startswith("数据中断。\n"), timeout=WAIT)
     language.use("en")
     assert not button(page, "history_log_button").isEnabled()
     select_row(page, 3, qtbot)
     assert page.details.badge.text() == "FAIL"
-    assert "gyro bias x is 5 °/h, allowed are ±3 °/h" in page.details.failed_label.text()
+    assert "gyro bias x is 5 °/h; allowed: ±3 °/h" in page.details.failed_label.text()
     assert not button(page, "history_resume_button").isVisible()
     assert not button(page, "history_close_button").isVisible()
 

@@ -174,7 +174,7 @@ def test_data_of_the_connected_unit_are_shown_before_and_after(
     assert "not applied a second time" in said.text()
     assert "→" not in view.force_figure.number.text()
     view.watch.done.emit(OtherUnit("SN-000007"))
-    assert "is SN-000007, but the answer was found for BENCH-mems" in said.text()
+    assert "is SN-000007, but the result is for BENCH-mems" in said.text()
     assert not view.force_figure.isVisible()
     link = panel.app.engine_link
     with monkeypatch.context() as going_on:

@@ -66,7 +66,7 @@ def test_scan_reaches_the_serial_field_from_any_focus(operator: Operator) -> Non
         focused.setFocus()
         scan_into_focus(operator, "TX-100")
         assert serial_and_focus(operator)[0] == "TX-100"
-        assert "does not fit this product" in operator.says()
+        assert "does not match this product" in operator.says()
         focused.setFocus()
         scan_into_focus(operator, SERIAL)
         assert serial_and_focus(operator) == (SERIAL, operator.widget("start_button"))
@@ -234,7 +234,7 @@ def test_failures_with_earlier_runs_are_reported(operator: Operator) -> None:
     assert "The run cannot be resumed" in operator.says()
     reason = Text.of("handover.no_answer", seconds=5.0)
     interrupted._recovery.done.emit(StartupRecovery((), Delivery(Path("share"), 0, 2, reason)))
-    assert "Hand-over: 2 waiting, share cannot be reached (no answer within 5 s)." in operator.says()
+    assert "Hand-over: 2 waiting, share cannot be reached (no response within 5 s)." in operator.says()
 
 
 @pytest.mark.parametrize("outcome", ["passed", "failed", "stopped"])

@@ -151,7 +151,7 @@ def test_fault_is_shown_until_acknowledged_and_a_passed_unit_needs_confirmation(
 def test_enter_of_the_scanner_checks_the_number_but_does_not_start(operator: Operator) -> None:
     start = operator.widget("start_button", QPushButton)
     operator.scan("WRONG 1")
-    assert "does not fit this product" in operator.says()
+    assert "does not match this product" in operator.says()
     assert "Serial number: not valid" in operator.says()
     assert "Example: SN-000123" in operator.says()
     assert "\\d" not in operator.says()

@@ -69,7 +69,7 @@ def test_advice_names_the_worst_failure_and_counts_the_rest() -> None:
     ]
     result = result_with(checks=checks, advice="reseat")
     reason = advice.reason("failed", result)
-    assert reason == "Gyro scale factor x is 2000 ppm, allowed are ±1000 ppm. (Other failed checks: 2.)"
+    assert reason == "Gyro scale factor x is 2000 ppm; allowed: ±1000 ppm. (Other failed checks: 2.)"
     assert advice.next_action("failed", result).startswith("Reseat the unit")
     assert advice.next_action("failed", result_with(advice="set_aside")).startswith("Set the unit aside")
 
@@ -78,7 +78,7 @@ def test_a_value_in_the_guard_band_is_compared_with_the_acceptance_limits() -> N
     row = {"unit": "1", "stage": "rate", "sigma": 5e-5}
     refused = {**check("gyro_scale_x within", 9.5e-4, [-1e-3, 1e-3], passed=False), "acceptance": [-9e-4, 9e-4]}
     result = result_with(parameters={"gyro_scale_x": {"value": 9.5e-4, **row}}, checks=[refused])
-    assert advice.reason("failed", result) == "Gyro scale factor x is 950 ppm, allowed are ±900 ppm."
+    assert advice.reason("failed", result) == "Gyro scale factor x is 950 ppm; allowed: ±900 ppm."
     (figure,) = advice.figures(result)
     assert (figure.passed, figure.limit) == (False, "±900")
 

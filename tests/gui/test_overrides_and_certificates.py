@@ -222,4 +222,4 @@ def test_a_run_says_that_the_folder_of_its_certificate_is_missing(operator: Oper
     missing = operator.site_folder.station.parent / "unmounted"
     for page in ("engineer_page", "operator_page"):
         operator.window.show_page(page)
-        operator.until(lambda: f"No certificate was made: {missing}, which [report]" in operator.says())
+        operator.until(lambda: f"No certificate was created: {missing}, which [report]" in operator.says())

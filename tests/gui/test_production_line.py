@@ -144,11 +144,11 @@ def test_a_badge_scanned_into_the_serial_field_signs_in(operator: Operator, play
     operator.window.app.settings.setValue("sounds", True)
     use_station(operator, sign_in={"badge_pattern": r"B\d{4}"})
     operator.scan("B77")
-    assert "does not fit this product" in operator.says()
+    assert "does not match this product" in operator.says()
     operator.scan("B1234")
     edit = operator.widget("operator_edit", QLineEdit)
     assert edit.text() == "B1234"
-    assert "does not fit this product" not in operator.says()
+    assert "does not match this product" not in operator.says()
     assert operator.widget("serial_edit", QLineEdit).text() != "B1234"
     operator.scan(SERIAL)
     assert operator.window.focusWidget() is operator.widget("start_button")

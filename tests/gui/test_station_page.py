@@ -688,7 +688,7 @@ def test_changing_the_pin_requires_the_current_pin(page_driver: PageDriver) -> N
 
     assert change("111111", "135792", "135798") == "The two are not the same."
     assert change(PIN, "13579", "13579") == "Too short: at least 6 characters."
-    assert change("111111", "135792", "135792") == "The present PIN is wrong. Try again."
+    assert change("111111", "135792", "135792") == "The current PIN is wrong. Try again."
     assert role.check(PIN)
     assert change(PIN, "135792", "135792") == "The PIN has been changed."
     assert role.check("135792")

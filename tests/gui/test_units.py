@@ -212,7 +212,7 @@ def test_wrong_and_repeated_serial_numbers_are_refused_in_the_field(hardware: Op
     hardware.scan("TX-1")
     assert "Serial number: not valid" in hardware.says()
     assert hardware.widget("serial_edit", QLineEdit).text() == "TX-1"
-    assert "The serial number 'TX-1' does not fit this product" in hardware.says()
+    assert "The serial number 'TX-1' does not match this product" in hardware.says()
     hardware.scan("SN-000002")
     assert "Serial number: slot C" in hardware.says()
     assert serials(hardware) == ("SN-000001", "SN-000002", "")
@@ -346,7 +346,7 @@ def test_a_unit_with_a_fault_leaves_and_the_others_go_on(operator: Operator) -> 
     operator.until(lambda: operator.message == "SN-000001 leaves the batch: no answer")
     assert operator.run.going
     assert operator.run.fault is None
-    assert "FAULT: No answer on socket" in tile(operator, "unit_1_tile").accessibleName()
+    assert "FAULT: No response on socket" in tile(operator, "unit_1_tile").accessibleName()
     link.event.emit(StageProgress("rate", 0.4, 6.0, {}, slot="2"))
     stages = operator.widget("stage_list", QListWidget)
     operator.until(lambda: "40 %" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole))
@@ -416,7 +416,7 @@ def test_all_verdicts_are_shown_and_a_click_opens_one(operator: Operator) -> Non
     assert not operator.widget("stage_list").isVisible()
     words = {slot: operator.widget(f"unit_{slot}_verdict_label", QLabel).text() for slot in ("1", "2", "3")}
     assert words == {"1": "PASS", "2": "FAIL", "3": "FAULT"}
-    for sentence in ("Accel scale factor y is 5000 ppm", "Reseat the unit", "No answer on socket", "Check baud"):
+    for sentence in ("Accel scale factor y is 5000 ppm", "Reseat the unit", "No response on socket", "Check baud"):
         assert sentence in says
     assert operator.verdict == ""
     click(operator, "unit_2_verdict")

@@ -259,7 +259,7 @@ def deaf(counts):
         (scale(slice(3, 6), 2.0), "accel_unit", "units are wrong by a factor of 2"),
         (scale(slice(0, 3), 180.0 / np.pi), "gyro_unit_no_rest", "(°/s instead of rad/s)"),
         (scale(slice(0, 3), 0.5), "gyro_unit", "rates are multiplied by 2"),
-        (deaf, "gyros_see_no_motion", "The gyros do not see the motions"),
+        (deaf, "gyros_see_no_motion", "The gyros do not measure the motions"),
     ],
 )
 def test_unusable_recording_is_refused_with_its_fault(mems, change, code, words):

@@ -149,7 +149,9 @@ def test_the_run_at_which_a_chart_alarms_says_so(site_folder: SiteFolder) -> Non
     assert message.values == {"quantities": ["orthogonality"]}
     assert site_folder.events.index(message) < site_folder.events.index(verdict)
     shown = event_text(message.id, message.values)
-    assert "its control chart alarms at this run (angle between the axes)" in render(shown.code, shown.values).text
+    assert (
+        "its control chart has an alarm at this run (angle between the axes)" in render(shown.code, shown.values).text
+    )
     unit = UnitStatus("SN-000042")
     unit.take(message)
     assert unit.remarks == [("table_moved", message.values)]

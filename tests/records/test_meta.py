@@ -77,7 +77,7 @@ def test_a_nominal_lever_arm_is_a_prior_mean() -> None:
         ("imu.output", "delta", "imu.output: 'delta' is unknown; it must be 'increment' or 'rate'"),
         ("imu.gyro_lbs", 1.0, "imu.gyro_lbs: The entry is unknown."),
         ("table.outer_axis", [1.0, 1.0, 0.0], "Give a unit vector"),
-        ("table.orientation", "+x-x", "+x-x is no right-angled orientation"),
+        ("table.orientation", "+x-x", "+x-x is not a right-angled orientation"),
         ("prior.gyro_bais_x", {"sigma": 1.0}, "Did you mean 'gyro_bias_x'?"),
         ("prior.gyro_bias_x", {"sigma": -1.0}, "prior.gyro_bias_x.sigma: -1.0 is out of range"),
         ("product.limits", {"gyro_bia": {"within": 1.0}}, "Did you mean 'gyro_bias'?"),

@@ -196,7 +196,7 @@ def test_a_journal_without_checks_is_read_and_continued(tmp_path: Path) -> None:
     assert [t.closing for t in journal.history(tmp_path, "SN-1")] == ["restored"]
     with made.path.open("a", encoding="utf-8") as stream:
         stream.write(json.dumps({"event": "closed", "id": made.id, "utc": "", "closing": "done"}) + "\n")
-    assert "line 5: it has lost its check value" in told(tmp_path)
+    assert "line 5: its checksum is missing" in told(tmp_path)
 
 
 @pytest.mark.parametrize(

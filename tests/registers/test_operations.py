@@ -131,7 +131,7 @@ def test_the_table_is_prepared_before_the_write_turned_after_it_and_left_at_its_
         ({"interlock_closed": False}, "The interlock is open"),
         pytest.param({"watchdog_ms": 0}, "The watchdog is off", marks=pytest.mark.long),
         pytest.param({"orders": [{"order": "drive_fault"}]}, "fault 'drive'", marks=pytest.mark.long),
-        pytest.param({"orders": [{"order": "mute_table", "value": 1e6}]}, "no answer", marks=pytest.mark.long),
+        pytest.param({"orders": [{"order": "mute_table", "value": 1e6}]}, "no response", marks=pytest.mark.long),
         pytest.param(
             {"low_deg": [-1080.0, -20.0], "high_deg": [1080.0, 20.0]},
             "The inner axis cannot turn by 30°",

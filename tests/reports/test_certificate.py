@@ -331,7 +331,7 @@ OTHERS: dict[str, tuple[dict[str, Any], str]] = {
     "without limits": ({"outcome": "resolved", "passed": None, "registers": None}, "solved again offline"),
     "lacking data": (
         {"outcome": "resolved", "passed": None, "lacking": {"rate": "No rest."}},
-        "The data lack a part that the limits need",
+        "The data lack a part that is needed for the limits",
     ),
     "standard overridden": ({"standard_override": "golden unit is away"}, "not in order: golden unit is away"),
     "gaps": (

@@ -411,7 +411,7 @@ def test_a_verdict_says_why_it_has_no_report(site_folder: SiteFolder, missing: s
     assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append) == []
     path = str(site_folder.folder / missing)
     assert told == [Message("certificate_not_made", {"path": path})]
-    assert f"No certificate was made: {path}, which" in sentence(event_text("certificate_not_made", {"path": path}))
+    assert f"No certificate was created: {path}, which" in sentence(event_text("certificate_not_made", {"path": path}))
     (site_folder.folder / missing).touch() if "." in missing else (site_folder.folder / missing).mkdir()
     assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
     assert len(told) == 1

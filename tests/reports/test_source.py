@@ -252,6 +252,6 @@ def test_a_check_that_failed_does_not_become_a_pass(
     path.write_text(json.dumps({**honest(path).content, "outcome": "passed", "passed": True}), encoding="utf-8")
     assert run_app(["report", str(path), "-o", str(tmp_path / "edited.pdf")]) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "differs from what its log" in said
+    assert "differs from the result that its log" in said
     assert "passed" in said
     assert not (tmp_path / "edited.pdf").exists()
