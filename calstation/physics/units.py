@@ -94,14 +94,14 @@ def display(name: str, value: float) -> tuple[float, str]:
 
 
 def in_unit(value: float, size: float) -> str:
-    """Format an SI value in a unit of a size in SI, with as many digits as the value has itself, but 6 to 12."""
+    """Format an SI value in a unit of `size` in SI, with as many digits as the value has, at least 6 and at most 12."""
     digits = len(Decimal(repr(float(value))).normalize().as_tuple().digits)
     text = f"{value / size:.{min(12, max(6, digits))}g}"
     return f"{Decimal(text):f}" if "e+" in text else text
 
 
 def from_unit(value: float, size: float) -> float:
-    """Convert a value in a unit of a size in SI to SI; `in_unit` gives up to 12 digits back as they were."""
+    """Convert a value in a unit of `size` in SI to SI; up to 12 digits survive a round trip through `in_unit`."""
     return float(f"{value * size:.15g}")
 
 
