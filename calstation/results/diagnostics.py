@@ -1,6 +1,7 @@
 """Diagnostics of a result: innovations, residuals and observability of every stage.
 
-A result JSON contains only a summary; the details are computed on demand by solving the log again, bit-exactly.
+A result JSON contains only a summary; the details are computed on demand by solving the log again, with bit-identical
+results.
 """
 
 from collections.abc import Callable, Mapping
