@@ -58,7 +58,7 @@ def check_register_map(entry: Transfer, setup: ResolvedConfiguration) -> None:
 
 
 def check_product(entry: Transfer, setup: ResolvedConfiguration) -> None:
-    """Check that a transfer was made with the product, which says who confirms register writes. Raises InputError."""
+    """Check that a transfer was made with the product, which sets who confirms register writes. Raises InputError."""
     recorded, own = entry.unit_type.product, setup.product.name
     if recorded and recorded != own:
         raise InputError("transfer.other_product", id=entry.id, serial=entry.serial, recorded=recorded, product=own)
