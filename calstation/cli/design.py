@@ -1,4 +1,4 @@
-"""`design`: the shortest schedule that reaches a product's limits, or shorter stages."""
+"""`design`: the shortest schedule that meets a product's limits, or shorter stages."""
 
 import tempfile
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ _NOTES = {"checking": "other mountings, headings and noise", "present": "sigmas 
 def design_command(request: DesignRequest, product: Path | None, out: Path, json: str | None) -> int:
     """Design a schedule, write the product with it, and show both; Ctrl-C ends the search with the best so far.
 
-    Returns 1 if the schedule misses a limit, as the best one for a given time may.
+    Returns 1 if the schedule exceeds a limit, which is possible for a given duration.
     """
     _check_out(out)
     check_json(json)
@@ -78,7 +78,7 @@ def _following() -> Iterator[ProgressCallback]:
 
 
 def _lines(found: Design, out: Path) -> Iterator[str]:
-    """Yield what a person wants to know of a design."""
+    """Yield the lines that summarise a design."""
     yield say("design.found", seconds=found.duration, moves=found.planned, worst=found.worst, parameter=found.limiting)
     if not found.searched:
         yield say("design.not_searched")
