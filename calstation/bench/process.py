@@ -24,12 +24,12 @@ from calstation.physics import Dwell, Move, Step
 TICK = 0.005
 #: Largest step of device time, s; limits the number of samples in memory during a long advance.
 SLICE = 0.5
-#: Largest step of a bench that follows host time, s; requests are answered between steps.
+#: Largest step of a bench that follows host time, s; requests are processed between steps.
 PACED_SLICE = 0.1
 #: Largest backlog of host time, s; if the computer is too slow, device time passes more slowly.
 BACKLOG = 1.0
-#: Iterations of the event loop before the watchdog is checked: a request waiting on the table's link is served first,
-#: because the computer, not the client, may have been late.
+#: Iterations of the event loop before the watchdog is checked: a pending request on the table's link is processed
+#: first, because the computer, not the client, may have been late.
 _LOOP_ITERATIONS = 3
 #: Device time allowed for the table to come to rest after the last client has disconnected, s.
 COASTING = 2.0
@@ -150,7 +150,7 @@ class BenchProcess:
         return {"now": self._bench.now, "samples": self._bench.sampled, "bytes": sent}
 
     def _obey(self, order: Order, line: Line) -> None:
-        """Carry out orders that concern the links; `line` is that of the unit."""
+        """Execute orders for the links; `line` is the line of the unit."""
         table, controller = self._modbus, self._text
         if order.order == "hang_up_imu":
             line.hang_up()
@@ -194,7 +194,7 @@ class BenchProcess:
 
 
 def _with_own_orders(config: BenchConfig) -> BenchConfig:
-    """Return the configuration with each order at the unit that it concerns."""
+    """Return the configuration with each order assigned to the affected unit."""
     if not config.secondaries:
         return config
 

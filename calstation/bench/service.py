@@ -2,7 +2,7 @@
 
     {"advance": seconds}                 -> {"now": s, "samples": n, "bytes": [n, ...]}
     {"now": null}                        -> the same, immediately
-    {"order": name, "value": number}     -> the same, once carried out; with {"unit": number} for another unit than 1
+    {"order": name, "value": number}     -> the same, after execution; with {"unit": number} for units other than 1
     {"carry": [outer, inner], "rest": s} -> the same; asks the simulated operator to set the rails to angles, rad
     anything else                        -> {"error": text}
 
@@ -85,7 +85,7 @@ class ClockService:
         return self._report()
 
     def _concerned(self, order: Order) -> LiveBench:
-        """Return the unit that carries out an order, the first one for the table or alone. Raises ValueError."""
+        """Return the unit that executes an order; the first unit for orders to the table. Raises ValueError."""
         first = self._units[0]
         if order.of_table or len(self._units) == 1:
             return first

@@ -73,7 +73,7 @@ class DspUnit(ImuUnit):
         return struct.pack(f"<{len(words)}H", *words)
 
     def conversation(self) -> Callable[[bytes, float], list[bytes]]:
-        """See `ImuUnit.conversation`."""
+        """Return a parser for one connection, see `ImuUnit.conversation`."""
         pending = b""
 
         def answer(data: bytes, time: float) -> list[bytes]:
@@ -159,7 +159,7 @@ class DspUnit(ImuUnit):
             raise _Refused(ILLEGAL_VALUE)
 
     def correction(self) -> Correction:
-        """See `ImuUnit.correction`; formulas and addresses are in the module docstring."""
+        """Return the correction, see `ImuUnit.correction`; formulas and addresses are in the module docstring."""
         gyros, accels = (np.array(self._words[page], dtype=">u2") for page in (1, 2))
         cubic = np.array(self._words[3], dtype=">u2").tobytes()
         columns = gyros[:18].reshape(9, 2)[:, ::-1].tobytes()

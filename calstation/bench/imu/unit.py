@@ -39,9 +39,9 @@ BOOT_TIME = 0.1
 class ImuUnit:
     """Replies to commands and converts samples to frames; all times are device time, s.
 
-    `scale` is the size of a count, rad/s and m/s², shape (6,). `axes` are the registers of the table's axes if they are
-    accessed over the unit's line. `fails_writing` and `fails_committing` are the numbers of bytes written to registers
-    or flash before the power fails briefly; None for no power failure.
+    `scale` is the size of a count, rad/s and m/s², shape (6,). `axes` contains the registers of the table's axes if
+    they are accessed over the unit's line. `fails_writing` and `fails_committing` are the numbers of bytes written to
+    registers or flash before the power fails briefly; None for no power failure.
     """
 
     #: Size of the flash content, bytes.
@@ -74,11 +74,11 @@ class ImuUnit:
         self.registers = np.frombuffer(held, "<f4").astype(np.float32)
 
     def _given(self) -> bytes:
-        """Return the registers as content of the flash."""
+        """Return the registers in the format of the flash."""
         return self.registers.astype("<f4").tobytes()
 
     def calibrate(self, model: FloatArray) -> None:
-        """Store an `ImuTruth.error_model`, shape (12, 3), in registers and flash unless the flash holds others."""
+        """Store an `ImuTruth.error_model`, shape (12, 3), in registers and flash unless the flash has other values."""
         if self.flash.load() is not None:
             return
         levers = np.diag(model[9:12])

@@ -15,7 +15,7 @@ MODEL = "VG-3"
 
 
 class GimbalDrive(TableDrive):
-    """The gimbal as the machine's drive: both of its commands, homing and stop, act on all joints."""
+    """The gimbal as the machine's drive: its two commands, homing and stop, act on all joints."""
 
     def __init__(self, stream: GimbalStream) -> None:
         super().__init__(EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0))

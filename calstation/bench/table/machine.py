@@ -145,7 +145,7 @@ class TableMachine:
         self.jammed = True
 
     def settled(self, time: float) -> bool:
-        """Whether both joints have been at rest for the settling time."""
+        """Return whether both joints have been at rest for the settling time."""
         return not self.jammed and time >= max(self.drive.settled + SETTLING_TIME, self.restless_until)
 
     def control(self, word: int, time: float, host_time: float) -> None:

@@ -34,7 +34,7 @@ class TextController(ABC):
 
     @abstractmethod
     def _answer(self, line: str) -> bytes:
-        """Carry out a line and return the reply."""
+        """Execute a line and return the reply."""
 
 
 def _joint(text: str) -> int:
@@ -51,7 +51,8 @@ def _radians(text: str) -> float:
 class Atl(TextController):
     """The subset of Ideal Aerosmith's table language that the bench implements.
 
-    Lines end with CR and LF, replies with the prompt ">". The reply to JOG is sent together with that to the next line.
+    Lines end with CR and LF, replies with the prompt ">". The reply to JOG is sent together with the reply to the next
+    line.
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
@@ -109,7 +110,7 @@ class Atl(TextController):
 class Acl(TextController):
     """The subset of Acutronic's command language that the bench implements.
 
-    Lines end with LF. Only queries get a reply; a wrong command is reported by *STB?.
+    Lines end with LF. Only queries get a reply; an invalid command is reported by *STB?.
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
