@@ -34,8 +34,7 @@ from calstation.physics import AXES, CHANNELS, INDEX, NAMES, FloatArray, GimbalT
 from calstation.schema import EntryError
 
 ESTIMATED = tuple(f"gyro_misalign_{pair}" for pair in ("xy", "xz", "yx", "yz", "zx", "zy"))
-#: Ratio of last to first drift above which the rates are considered uncorrected, if the turns should have halved the
-#: drift.
+#: Ratio of last to first drift above which the rates were not corrected, if the turns should have halved the drift.
 STUCK = 0.7
 #: Largest difference between the iteration and least squares in sigmas of the iteration. Both use the same samples, so
 #: the variance of their difference is below the iteration's variance.

@@ -21,8 +21,7 @@ class SigningSection(StrictModel):
 class ReportSection(StrictModel):
     """`[report]` of a station: language and templates of its reports, and the folder of automatic ones."""
 
-    #: Existing folder, relative to the station file, that receives a report of every verdict; None for no automatic
-    #: reports.
+    #: Existing folder, relative to the station file, for automatic reports of all verdicts; None for no such reports.
     folder: str | None = Field(default=None, min_length=1)
     #: None for English, or for the window's language if the window issues the report.
     language: Literal["en", "zh"] | None = None

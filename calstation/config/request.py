@@ -52,8 +52,7 @@ class RunRequest:
     #: of that run.
     resume: Path | None = None
     beyond_attempts: bool = False  #: Whether an engineer permits a run of a unit that has used up its attempts.
-    #: Reason why an engineer permits a run despite an overdue or failed check standard or certificate; None for no
-    #: override.
+    #: Reason why an engineer permits a run despite a failed or overdue check standard or certificate; None for none.
     override_standard: str | None = None
     #: Persons who permit it, see `calstation.config.confirm`; None for the operator, at a site without PINs.
     overridden_by: Confirmation | None = None

@@ -363,7 +363,7 @@ def _stop_rule(schedule: BaseModel) -> StopRule:
 
 
 def _with_limits(resolved: ResolvedConfiguration, schedule: BaseModel) -> BaseModel:
-    """Return a schedule that ends at the product's limits, with their sigmas minus the error of gravity as targets."""
+    """Return a schedule that ends at the product's limits: their sigmas, without the error of gravity, are targets."""
     if not getattr(schedule, "stop_at_limits", False) or getattr(schedule, "targets", None):
         return schedule
     any_unit = replace(resolved, request=replace(resolved.request, serial=resolved.product.example))

@@ -175,7 +175,7 @@ def _found_on_imu_port(
 
 
 def _with_line_finding(setup: ResolvedConfiguration, at: Endpoints, found: list[Finding]) -> list[Finding]:
-    """For a text protocol, replace a general finding by a specific one about a received line."""
+    """Replace a general finding by a specific one about a received line, for a text protocol."""
     index = next((i for i, finding in enumerate(found) if finding.id in _ABOUT_LINES), None)
     if index is None or setup.imu.frame.format != "text":
         return found

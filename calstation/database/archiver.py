@@ -17,7 +17,7 @@ class LogArchiver:
         self._outbox = Outbox(folder)
         self._waiting: list[str] = []  #: Names of closed logs that are not in the archive.
         self._failed: set[str] = set()  #: Names of logs that failed since the last success.
-        #: Value of `History.mark` when nothing was left to copy or to be closed; None before.
+        #: Value of the index's `mark` when nothing was left to copy or to be closed; None before.
         self._done: str | None = None
 
     def copy_next(self) -> bool:

@@ -69,8 +69,7 @@ _outbox = Table(
     Column("id", String, nullable=False),
     Column("last_number", Integer, nullable=False),
 )
-#: One row: the number of the last message whose sending has begun. The database cannot have later messages of this
-#: file.
+#: One row: the number of the last message whose sending has begun. The database has no later messages of this file.
 _begun = Table(
     "begun", _metadata, Column("one", Integer, primary_key=True), Column("last_number", Integer, nullable=False)
 )

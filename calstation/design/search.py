@@ -146,8 +146,7 @@ class Beam:
         self._begun: Stops = (Stop((0, 0), FIRST_REST),)
 
     def run(self, before: tuple[Stops, FloatArray, float] | None = None) -> Iterator[tuple[float, Stops | None]]:
-        """Yield the time reached, s, with None, and finally the time and the stops of the result, or None if there is
-        none.
+        """Yield the time reached, s, with None, and finally the time and the stops of the result, or None.
 
         `before` are the stops to continue, the information after them and their duration.
         """

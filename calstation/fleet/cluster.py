@@ -24,11 +24,9 @@ except ImportError as exc:
 
 #: Largest number of logs given to the scheduler at a time.
 WINDOW = 1000
-#: Number of times that each local worker is replaced, and time without any response, s, after which the workers are
-#: abandoned.
+#: Number of replacements of each local worker, and time without a response, s, after which workers are abandoned.
 _REPLACED, _UNANSWERED = 3, 120.0
-#: Number of workers that may terminate while solving a log before the log is given up; some terminate for other
-#: reasons.
+#: Number of workers that may terminate while solving a log before it is given up; some have other reasons.
 _DEATHS = 6
 #: Longest time without a process until a local worker is replaced, s; its nanny usually restarts it immediately.
 _RESTART = 10.0

@@ -18,7 +18,7 @@ from calstation.fleet.store import KnownFile, Wanted, enter_version, known_files
 from calstation.fleet.task import Assignment, Outcome, Status
 from calstation.results import SCHEMA
 
-#: Default label of solutions without diagnostics, or suffix of another label.
+#: Label of solutions without diagnostics, or suffix of the label of the changes, unless a label is given.
 PARAMETERS = "parameters"
 #: Name of the solutions by the same program with the logs' own configurations.
 UNCHANGED = "unchanged"

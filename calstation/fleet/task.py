@@ -96,7 +96,7 @@ def _warm() -> None:
 
 
 def _user() -> str:
-    """User id, because a lock cannot be opened by other users; on Windows the folder is already the user's own."""
+    """Return the user id, because other users cannot open the lock; on Windows the folder belongs to the user."""
     return "" if sys.platform == "win32" else str(os.getuid())
 
 

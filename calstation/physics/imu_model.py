@@ -59,10 +59,9 @@ def parameter_vector(values: Mapping[str, float]) -> FloatArray:
 
 
 def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, float]:
-    """Combine register values and a solution from the corrected output into all 30 parameters, SI; missing ones count
-    as 0.
+    """Combine register values and a solution from the corrected output into all 30 parameters, by name, SI.
 
-    Parameters of effects in the solution are appended.
+    Missing values count as 0. Parameters of effects in the solution are appended.
 
     With raw = (I + M_old) y + b_old and y = (I + M) ω + b, the raw output is
     (I + M_old)(I + M) ω + (I + M_old) b + b_old. Second-order terms and levers, which act on the specific force itself,

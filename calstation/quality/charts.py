@@ -25,7 +25,7 @@ D4 = 1.0 + 3.0 * D3 / D2
 #: Numbers of Nelson's rules.
 RULES = (1, 2, 3, 4, 5, 6, 7, 8)
 
-#: Number of first values from which centre and standard deviation are estimated; later values do not change them.
+#: Number of first values from which center and standard deviation are estimated; later values do not change them.
 BASELINE = 100
 
 #: Smallest number of values for an estimate.
@@ -56,8 +56,7 @@ KNOWN = Widths()
 #: 2004, 95-108).
 ESTIMATED = Widths(3.13, 3.06, 5.35)
 
-#: Origin of a chart's center and sigma: the first `BASELINE` values, all values if there are fewer, or values stated
-#: for the process.
+#: Origin of a chart's center and sigma: the first `BASELINE` values, all values if there are fewer, or stated values.
 Source = Literal["baseline", "retrospective", "stated"]
 
 

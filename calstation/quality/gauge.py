@@ -35,8 +35,7 @@ LEAST_CATEGORIES = 5
 _WIDTH = 6.0
 #: Number of categories for a ratio of part to measurement variation of 1: sqrt(2), as rounded by AIAG.
 _CATEGORIES = 1.41
-#: Number of draws for a generalised confidence interval, and their fixed seed, so that equal values have equal
-#: intervals.
+#: Number of draws for a generalised confidence interval, and their fixed seed, which makes intervals reproducible.
 _DRAWS, _SEED = 10_000, 1
 
 Verdict = Literal["acceptable", "marginal", "unacceptable"]

@@ -49,8 +49,7 @@ class Budget:
 
     #: Variance from each source by quantity, SI squared; the sum is the variance of the quantity.
     variance: Mapping[str, Mapping[str, float]]
-    #: Change of each quantity due to an error of the latitude of `LATITUDE_ERROR_DEG`, SI; not included in its
-    #: variance.
+    #: Change of each quantity due to an error `LATITUDE_ERROR_DEG` of the latitude, SI; not included in its variance.
     latitude: Mapping[str, float]
 
 

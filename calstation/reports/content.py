@@ -49,8 +49,7 @@ class Quantity:
     as_found: float | None
     as_left: float | None
     decision: Decision
-    #: Probability that the decision is wrong: false accept or false reject; None without a decision by limits of the
-    #: value.
+    #: Probability that the decision is wrong, false accept or false reject; None without limits of the value.
     risk: float | None = None
 
 

@@ -45,7 +45,7 @@ _MOST_NAMED = 4
 
 
 def document(certificate: Certificate, analysis: Analysis, language: Language) -> dict[str, Any]:
-    """Return the data of the template."""
+    """Return the data for a certificate's template."""
     built = _Document(certificate, analysis, language).sections()
     plain_data: dict[str, Any] = plain(built)
     return plain_data

@@ -14,8 +14,7 @@ from calstation.records import ChecksSection, LogMeta, SampleClockLimit, Tempera
 
 #: A channel is clipped if this many samples are expected above its largest one, given its noise.
 MISSING_SAMPLES = 30.0
-#: Default of the largest error of a clock with which the sample rate is compared, ppm: the error of a computer's
-#: quartz.
+#: Default of the largest error of a clock that is compared with the sample rate, ppm: a computer's quartz.
 CLOCK_ERROR_PPM = 50.0
 #: Window for the noise of a channel and the mean of times and temperatures, s.
 _WINDOW = 1.0
@@ -176,8 +175,7 @@ def _known(valid: BoolArray, counts: FloatArray) -> BoolArray:
 
 @nb.njit(cache=True)
 def _windows_of(counts: FloatArray, width: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return statistics of windows of `width` samples of m channels, and the smallest step between samples of each
-    channel.
+    """Return statistics of windows of `width` samples of m channels, and the smallest step of each channel.
 
     The smallest and the largest value of each window have the shape (k, m), the last window being the remainder.
     Further results are the noise from second differences and the variance of whole windows, shape (k or k − 1, m), and

@@ -85,7 +85,7 @@ def drop_partial(report: ProgressCallback, target: Path) -> None:
 
 
 def export_result(report: ProgressCallback, result: Result, stored: Result | None, target: Path) -> Path:
-    """Write a result as JSON, or to a ``.csv`` file its parameters next to the values stored by the run, if any.
+    """Job: write a result as JSON, or to a ``.csv`` file its parameters next to those stored by the run, if any.
 
     Raises ConfigurationError if the file cannot be written.
     """

@@ -93,11 +93,11 @@ def _files(result: Result, path: Path) -> tuple[ProductConfig, StationConfig]:
 def run_files(
     files: Mapping[str, FileSection], path: Path, texts: Mapping[str, str]
 ) -> tuple[ProductConfig, StationConfig]:
-    """Return product and station of a run: the product as used by the run, the station as it is now at the site, if
-    any.
+    """Return product and station of a run.
 
-    `files` names the files of the run, `texts` are the texts in its log, both by kind. Raises InputError, naming
-    `path`, if a file is neither in the log nor at the site.
+    The product is the one used by the run, the station the current one of the site, if it exists. `files` names the
+    files of the run, `texts` are the texts in its log, both by kind. Raises InputError, naming `path`, if a file is
+    neither in the log nor at the site.
     """
     product = _file("product", ProductConfig, files.get("product"), path, texts.get("product"))
     station = files.get("station")

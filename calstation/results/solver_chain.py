@@ -32,8 +32,7 @@ from procedures import method
 #: Function that starts reading the samples of a log from the beginning.
 Blocks = Callable[[], Iterable[SampleBlock]]
 
-#: Callback with the stage, the latest sequence number read, and the solved fraction of the stage, 0 while it is being
-#: read.
+#: Callback with the stage, the latest sequence number read, and the solved fraction of the stage, 0 during reading.
 SolveProgress = Callable[[str, int, float], None]
 
 

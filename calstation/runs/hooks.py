@@ -27,7 +27,7 @@ class RunHooks:
         return emit
 
     def connected(self, devices: Devices) -> None:
-        """Handle that the devices are open and identified."""
+        """Process the open and identified devices."""
 
     def log_opened(self, log: RawLogWriter) -> None:
-        """Handle that the run's log is open and empty."""
+        """Process the run's log, which is open and empty."""

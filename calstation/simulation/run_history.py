@@ -44,7 +44,7 @@ _STOPPED, _BAD_DATA = 0.01, 0.015
 #: Checks that fail for bad data.
 _DATA_CHECKS = ("excitation consistency", "six_position table noise", "rate imu noise")
 
-#: Units, operators and trials of the study; the smallest history contains it completely.
+#: Units, operators and trials of the study, and the smallest number of runs of a history that contains it.
 _STUDY = (10, 3, 3)
 _STUDY_FROM = 500
 

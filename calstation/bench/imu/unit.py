@@ -105,7 +105,7 @@ class ImuUnit:
         return float(config.ambient_c + config.warm_up_c * -np.expm1(-time / config.warm_up_time_s))
 
     def restart(self, time: float) -> None:
-        """Reset: reload the registers from flash, restart the counter at 0, set the ready bit after the ready time."""
+        """Reload the registers from flash, restart the counter at 0, and set the ready bit after the ready time."""
         self._busy_until = -np.inf
         self._start(time)
 

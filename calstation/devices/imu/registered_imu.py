@@ -52,7 +52,10 @@ class RegisteredImu(StreamedImu):
         self._expect(own or self._profile.frame)
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity:
-        """Identify the unit, see `Imu.wake`; raises OtherModelError at once, other faults after `reset_timeout_s`."""
+        """Identify the unit, see `Imu.wake`.
+
+        Raises OtherModelError at once, and another DeviceFaultError only after `reset_timeout_s`.
+        """
         deadline = time.monotonic() + self._reset_timeout
         while True:
             check_cancelled()

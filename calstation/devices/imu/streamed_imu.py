@@ -136,7 +136,10 @@ class StreamedImu(Imu):
         return iter(())
 
     def _between(self, timeout: float) -> bool:
-        """Return whether a reply arrives that cannot be a late one; no late reply can follow it."""
+        """Ask a question to which no late reply can belong; return whether its reply arrives.
+
+        After this reply, no late reply can arrive.
+        """
         while True:
             for question in self._other_questions():
                 if question.signature not in self._unanswered:

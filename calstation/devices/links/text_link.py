@@ -29,7 +29,7 @@ class Plain:
         self._end = section.line_end
 
     def request(self, line: str) -> bytes:
-        """The bytes to send."""
+        """Return the bytes to send."""
         return (line + self._end).encode("latin-1")
 
     def reply(self, line: str, received: bytes) -> tuple[str, bytes] | None:
@@ -54,7 +54,7 @@ class Prompted(Plain):
         self._prompt = section.prompt.encode("latin-1")
 
     def reply(self, line: str, received: bytes) -> tuple[str, bytes] | None:
-        """See `Plain`; an echo of the line is dropped."""
+        """Return the reply as in `Plain`, without an echo of the line."""
         text, prompt, rest = received.partition(self._prompt)
         if not prompt:
             return None
@@ -70,7 +70,7 @@ class Checked(Plain):
         self._lines, self._sum = lines, check_function("sum8")
 
     def request(self, line: str) -> bytes:
-        """The bytes to send."""
+        """Return the bytes to send."""
         body = self._lines.head + line
         return f"{body}{self._lines.mark}{self._check(body, self._lines.head)}{self._end}".encode("latin-1")
 

@@ -135,8 +135,9 @@ class Flag(StrictModel):
 
 
 class CheckedLines(StrictModel):
-    """`checked`: commands and replies are HEAD body MARK checksum; the checksum is the 8-bit sum of the bytes before
-    MARK.
+    """`checked`: commands and replies are HEAD body MARK checksum.
+
+    The checksum is the 8-bit sum of the bytes before MARK.
 
     counts_head : whether the sum includes the head
     """

@@ -52,9 +52,9 @@ def with_gravity(belief: Belief, sensitivity: FloatArray, sigma: float) -> Belie
 
 
 def without_gravity(sigma: FloatArray, gravity: float) -> FloatArray:
-    """Return the sigmas, shape (30,), that a stage may leave so that `sigma` still includes the error of gravity.
+    """Return the sigmas, shape (30,), that together with the error of gravity amount to `sigma`.
 
-    `gravity` is the relative standard deviation of gravity. The sigma is 0 where that error alone is larger.
+    `gravity` is the relative standard deviation of gravity. A sigma is 0 if the error of gravity alone is larger.
     """
     common = np.zeros(COUNT)
     common[list(group_indices("accel_scale"))] = gravity

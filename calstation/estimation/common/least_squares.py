@@ -29,8 +29,7 @@ class MapResult:
     nuisance: FloatArray  #: Posterior mean of the nuisance parameters, shape (k,).
     residual: FloatArray  #: Observations minus model at the solution, shape (m,).
     redundancy: "Redundancy"  #: Test of the part of the innovations that the unknowns cannot explain, at the solution.
-    #: Jacobian and gain of the parameters, shapes (m, 30) and (30, m), and covariance and innovation of the last
-    #: iteration.
+    #: Jacobian and gain of the parameters, shapes (m, 30) and (30, m); covariance and innovation of the last iteration.
     gain: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: ``not_settled`` if the iteration did not converge.
 

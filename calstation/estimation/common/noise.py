@@ -74,8 +74,7 @@ def filter_noise(context: SolveContext) -> FilterNoise:
 
 
 def coarse_rounding(imu: ImuModel) -> tuple[float, float]:
-    """Return the sigma of a rate, rad/s, and of a force, m/s², due to rounding that averaging does not reduce, or else
-    0.
+    """Return the sigma of a rate, rad/s, and of a force, m/s², due to rounding that averaging cannot reduce, else 0.
 
     The rounding errors of a constant input are independent only if the noise of a sample exceeds a part of the step (B.
     Widrow and I. Kollár, *Quantization Noise*, Cambridge 2008, chapter 4); an increment output carries them over to the

@@ -99,10 +99,10 @@ class _Tested:
         return cls(candidate, stage, np.zeros(k), np.zeros((k, k)), np.zeros((k, constants)), error)
 
     def follow(self, s: Sensitivity, constant: FloatArray, direct: FloatArray | None = None) -> None:
-        """Add a stage, in which the effect also contributes `direct` times the columns after the parameters and
-        `CONSTANT`.
+        """Add a stage.
 
-        `constant` is the contribution of each component of `CONSTANT` to the parameters and its own column.
+        The effect also contributes `direct` times the columns after the parameters and `CONSTANT`. `constant` is the
+        contribution of each component of `CONSTANT` to the parameters and its own column.
         """
         both, own = len(constant), self.error
         if direct is not None:

@@ -28,8 +28,7 @@ class Sensitivity:
     changing: tuple[Candidate, ...] = ()  #: Effects that change a parameter during the stage.
     begin: float = 0.0  #: Time at which the stage begins, s.
     duration: float = 0.0  #: Duration of the stage, s.
-    #: χ² of the innovations computed with the estimate's noise, divided by χ² with the noise of `score` and
-    #: `information`.
+    #: χ² of the innovations with the noise of the estimate, divided by χ² with the noise of `score` and `information`.
     noise_ratio: float = 1.0
 
 

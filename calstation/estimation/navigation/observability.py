@@ -36,8 +36,7 @@ STATE_NAMES = (
 SLOWEST_MOTION = np.deg2rad(0.5)
 #: Largest rotation of a piece, rad.
 LARGEST_TURN = np.deg2rad(5.0)
-#: Number of powers of F used: φ → δv → δp and the biases need four; each additional power adds the factor earth rate
-#: times T.
+#: Number of powers of F used: φ → δv → δp and the biases need four; each further power adds a factor earth rate × T.
 POWERS = 6
 
 
@@ -183,8 +182,7 @@ def _rows(
     time: FloatArray,
     carried: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the rows H (F T)^k / k! of k pieces, and the same rows referred to the start, shape (k, 3 POWERS, 39)
-    each.
+    """Return the rows H (F T)^k / k! of k pieces, and these rows referred to the start, shape (k, 3 POWERS, 39) each.
 
     `carried` is the transition from the start to the first piece, shape (39, 39); it is updated to the end of the last.
     Nothing depends on δp, and only φ, δv and δp change, so that six columns and nine rows of a power of F are used.

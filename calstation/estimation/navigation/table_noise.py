@@ -10,8 +10,7 @@ from calstation.estimation.navigation.filter import History
 from calstation.estimation.navigation.relinearise import NavigationResult, pass_about, solve_navigation
 from calstation.physics import BoolArray, FloatArray
 
-#: The profile's noise is used unless the median normalised innovation squared exceeds its expected median by this
-#: factor.
+#: Ratio of the median normalised innovation squared to its expected median up to which the profile's noise is used.
 _AGREES = 1.25
 #: Median of the χ² distribution with 3 degrees of freedom.
 _MEDIAN = 2.366

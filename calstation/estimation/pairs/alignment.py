@@ -35,8 +35,7 @@ ARRIVAL_SIGMA, _DRIFT_SIGMA = 0.05, 100e-6
 _DRIFT_WALK = 3e-9
 #: Smallest standard deviation of a measured offset, s.
 _FLOOR = 1e-6
-#: A measurement further from the prediction, in sigmas, is rejected; after this many rejections the offset is searched
-#: again.
+#: A measurement further from the prediction, in sigmas, is rejected; after this many rejections, search again.
 _GATE, _REJECTIONS = 6.0, 3
 #: Largest error of an offset from arrival times that the first measurement corrects, s.
 _SEARCH = 0.25

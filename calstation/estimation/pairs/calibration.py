@@ -167,7 +167,7 @@ class PairCalibration:
         static = {s: None if check is None else check.secondary[s].value for s in fitted}
         for sensor, value in static.items():
             threshold = self.schedule.threshold("secondary", sensor)
-            # the residual of a poor calibration would loosen the next threshold, and good ones must not add up
+            # the deviation after a poor calibration would loosen the next threshold; small ones must not accumulate
             if value is not None and value <= min(threshold.limit(last[sensor]), threshold.fixed):
                 last[sensor] = value
         return PairResult(fit, replace(found, gyro_static=last["gyro"], accel_static=last["accel"]), static)

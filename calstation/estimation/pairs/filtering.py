@@ -129,8 +129,7 @@ def _filtered(columns: FloatArray, kernel: FloatArray) -> FloatArray:
 
 
 def _kernels(part: float) -> tuple[FloatArray, FloatArray]:
-    """Return kernels that interpolate a band-limited signal and its derivative (per sample) a fraction `part` of a
-    sample later.
+    """Return kernels that interpolate a band-limited signal and its derivative (per sample) `part` samples later.
 
     Lagrange polynomials of order 20 (T. I. Laakso et al., *Splitting the unit delay*, IEEE Signal Processing Magazine
     13(1), 1996) are exact for slow motion and all-pass in the band, so that the noise does not depend on the offset.

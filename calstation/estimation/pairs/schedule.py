@@ -47,8 +47,7 @@ class PairSchedule(BaseModel):
     static_s: float = Field(2.0, ge=1.0, le=600.0)  #: Shortest rest for a check.
     motion_s: float = Field(20.0, ge=1.0, le=3600.0)  #: Duration of motion required for a fit.
     longest_s: float = Field(600.0, ge=10.0)  #: Longest time to wait for that motion.
-    #: Condition for calibrating a sensor of a secondary: the same sensor of the primary is within tolerance, or both
-    #: are.
+    #: Condition for calibrating a sensor of a secondary: the primary's same sensor is within tolerance, or both are.
     primary_valid: Literal["same_sensor", "both_sensors"] = "same_sensor"
     moving_dps: float = Field(10.0, gt=0.0)  #: Smallest rate above the rate at rest that counts as motion.
     primary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)  #: Permitted deviation at rest, rad/s.
@@ -58,8 +57,7 @@ class PairSchedule(BaseModel):
 
     @model_validator(mode="after")
     def _primary(self) -> "PairSchedule":
-        # a calibration of a pair does not change the primary: a threshold relative to the last one would follow its
-        # drift
+        # a calibration of a pair does not change the primary: a threshold relative to the last one would follow drift
         for name in ("primary_gyro", "primary_accel"):
             threshold: Threshold = getattr(self, name)
             if threshold.offset is not None or threshold.ratio is not None:

@@ -176,7 +176,7 @@ class EngineerPage(Page):
         self._update()
 
     def _running_changed(self, running: bool) -> None:
-        """After a run, clear its serial number and restore the product's stages, so that no later run is partial.
+        """Clear the serial number after a run, and restore the product's stages, so that no later run is partial.
 
         Show whether its certificate awaits two confirmations or could not be made, and whether the table has changed.
         """

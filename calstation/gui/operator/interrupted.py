@@ -35,7 +35,7 @@ class InterruptedRuns(QObject):
         app.resume_run.connect(lambda log: self.offer(log=log))
 
     def recover(self) -> None:
-        """When the window opens, close aborted runs, hand over pending results, then offer runs that can be resumed."""
+        """Close aborted runs, hand over pending results, then offer runs to resume; called when the window opens."""
         if self._app.runs_folder.is_dir():
             recovery = self._app.job_queue.submit(recover_startup, self._app.runs_folder, self._app.station_path)
             self._recovery.watch(recovery)

@@ -293,7 +293,7 @@ class OperatorPage(Page):
             self._ask_transfer()
 
     def _show_serial(self) -> None:
-        """During a run, show the serial number of its unit or how many units there are."""
+        """Show the serial number of the unit, or the number of units, during a run."""
         run, request = self.app.run, self.app.engine_link.request
         if run.going and request is not None and not run.register_operation:
             count = self.tr("{count} units").format(count=len(run.units))

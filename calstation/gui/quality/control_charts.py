@@ -30,7 +30,7 @@ class Shown:
     charts: Charts
     quantity: str
     unit: str
-    size: float  #: Size of this unit in the unit of the charts.
+    size: float  #: Factor from the values of the charts to the displayed unit.
 
 
 class ControlCharts(StackedPlots[Shown]):

@@ -57,8 +57,7 @@ class StageState:
 
     name: str
     duration: float  #: Planned duration, s of device time.
-    #: waiting, active, solving, good, bad, outside (one of its values fails), stopped, fault; kept if nothing is
-    #: written.
+    #: waiting, active, solving, good, bad, outside (one of its values fails), stopped, fault; kept without a write.
     state: str = "waiting"
     fraction: float = 0.0
     remaining: float = 0.0  #: Remaining device time, s.

@@ -131,7 +131,7 @@ def samples(
 
 
 def _polled(angles: FloatArray, temperature: FloatArray) -> FloatArray:
-    """Return the values that are polled and missing in most samples: angles, °, and temperature, °C, shape (n, 3)."""
+    """Return the polled values, which most samples lack: angles, converted to °, and temperature, °C, shape (n, 3)."""
     return np.column_stack([np.rad2deg(angles), temperature])
 
 

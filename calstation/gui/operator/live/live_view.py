@@ -92,8 +92,7 @@ class LiveView(QWidget):
         self._lower = stack(Preparation(run), self._convergence, self.gimbal)
         self.position.finish_wanted.connect(self.finish_wanted)
         self.table.setMinimumWidth(37 * theme.GRID)
-        #: Next to the table: the traces; while several units are prepared, whose tiles are below, the preparation
-        #: steps.
+        #: Next to the table: the traces or, while several units are prepared, with tiles below, the preparation steps.
         self._beside = stack(self._traces, Preparation(run))
         self._units = UnitTiles(run)
         row((self.table, 1), (self._beside, 3), on=self._upper)
