@@ -94,7 +94,7 @@ def _revolution(limits: JointLimits, joint: int, at: float, way: int) -> tuple[f
 
 
 def estimates(context: SolveContext) -> tuple[str, ...]:
-    """Return the names of all 30 parameters, or of 27 without the outer lever if the table determines it."""
+    """Return the names of all 30 parameters, or of 27 without the outer lever if the table model fixes it."""
     return tuple(n for n in NAMES if context.table.outer_lever == "estimated" or not n.startswith("outer"))
 
 

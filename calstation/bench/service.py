@@ -85,7 +85,7 @@ class ClockService:
         return self._report()
 
     def _concerned(self, order: Order) -> LiveBench:
-        """Return the unit that executes an order: the first one for the table, or if it is alone. Raises ValueError."""
+        """Return the unit that executes an order; the first unit executes orders for the table. Raises ValueError."""
         first = self._units[0]
         if order.of_table or len(self._units) == 1:
             return first

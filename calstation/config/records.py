@@ -12,7 +12,7 @@ _SCHEMES = ("postgresql+psycopg", "sqlite")
 
 #: ``user:password@`` after the scheme; a password may have any character but @, unlike in a well-formed URL.
 _PASSWORD = re.compile(r"[^:/]*:[^@]*@")
-#: The key of an option that holds a credential; `sslkey` is a path.
+#: Key of a URL option that contains a credential; `sslkey` is a path.
 _SECRET = re.compile(r"[?&][^=&]*(password|passwd|secret|token)[^=&]*=", re.IGNORECASE)
 
 

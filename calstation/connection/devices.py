@@ -127,7 +127,7 @@ def endpoints(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] 
 def batch_endpoints(
     setups: tuple[ResolvedConfiguration, ...], check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[Endpoints]:
-    """Lock and yield a station's ports, or yield those of a virtual bench that runs as long as the context.
+    """Lock and yield a station's ports, or yield the ports of a virtual bench, which runs while the context is open.
 
     Raises DeviceFaultError if another program uses a port or the bench does not start, ConfigurationError for a
     `port_conflict`; `check_cancelled` is called while the bench starts and may raise.

@@ -46,7 +46,7 @@ class ImuTest:
     progress: ProgressCallback
 
     def findings(self) -> Iterator[Finding]:
-        """Yield the findings, up to the first one that makes further ones meaningless."""
+        """Yield the findings, up to the first one that makes the remaining ones meaningless."""
         imu, setup = self.imu, self.setup
         self.progress(0.3, note="asking")
         try:
@@ -168,7 +168,7 @@ class ImuTest:
 def find_baud_rate(
     port: str, settings: SerialSettings, profile: ImuProfile, progress: ProgressCallback
 ) -> Iterator[Finding]:
-    """Find, without sending, a baud rate other than that of `settings` at which frames of a profile arrive."""
+    """Find, without sending, a baud rate other than the one in `settings` at which frames of a profile arrive."""
     others = [baud for baud in _BAUDS if baud != settings.baud]
     for i, baud in enumerate(others):
         progress(0.4 + 0.6 * i / len(others), note="trying_bauds")

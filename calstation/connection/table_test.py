@@ -39,7 +39,7 @@ def query_table(
     port: str,
     progress: ProgressCallback,
 ) -> Iterator[Finding]:
-    """Yield the findings on an open, not yet identified table, up to the first that makes further ones meaningless."""
+    """Yield the findings on an open, not yet identified table, up to the first that makes the rest meaningless."""
     progress(0.5, note="asking")
     try:
         identity = table.identify()

@@ -172,7 +172,7 @@ def values_from_json(values: Mapping[str, Any]) -> dict[str, Value]:
 class _Formatter(string.Formatter):
     """A `str.format` that also renders nested messages, the terms of a family (``{axis:@joint}``), times and names.
 
-    ``{utc:local_time}`` shows a time in UTC as that of this computer's time zone, and ``{name:parameter}`` a parameter
+    ``{utc:local_time}`` shows a UTC time in this computer's time zone, and ``{name:parameter}`` a parameter
     by its display name in the window, otherwise by its name in files.
     """
 

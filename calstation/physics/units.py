@@ -71,7 +71,7 @@ _BY_UNIT: dict[str, tuple[str, float]] = {
 
 
 def unit_of(unit: str) -> tuple[str, float]:
-    """Return the display unit of an SI unit, and its size in SI; an unknown unit is displayed as it is."""
+    """Return the display unit of an SI unit, and its size in SI; an unknown unit is displayed unchanged."""
     return _BY_UNIT.get(unit, (unit, 1.0))
 
 

@@ -252,7 +252,7 @@ class _Model:
         return _Model(squares, dofs)
 
     def expected(self, term: Term) -> dict[Term, float]:
-        """Return the sum of mean squares whose expectation equals that of a term's mean square if its variance is 0."""
+        """Return the sum of mean squares with the same expectation as a term's mean square if its variance is 0."""
         found = {_ERROR: 1.0}
         for other in self.containing(term):
             found[other] = found.get(other, 0.0) + 1.0

@@ -112,7 +112,7 @@ def is_increment(unit: str) -> bool:
 
 
 def unit_factor(name: str, unit: str) -> float:
-    """Return the factor from a unit of a column to that of the CSV format, for channels to SI."""
+    """Return the factor from a unit of a column to the unit of the CSV format, for channels to SI."""
     return _units(name)[unit]
 
 

@@ -76,7 +76,7 @@ def export_corrected(
 ) -> None:
     """Write samples compensated with `parameters`, SI, shape (30,), to `target` (.csv or .csv.gz) and its TOML.
 
-    `source` is their log, None for samples of a connected unit. The columns of gyros and accelerometers hold angular
+    `source` is their log, None for samples of a connected unit. The columns of gyros and accelerometers contain angular
     rate, rad/s, and specific force, m/s². Raises InputError if the samples cannot be read or the target cannot be
     written.
     """

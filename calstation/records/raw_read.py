@@ -1,4 +1,4 @@
-"""Reader of raw logs, including those of killed runs; damaged rows are omitted and reported."""
+"""Reader of raw logs, including logs of killed runs; damaged rows are omitted and reported."""
 
 import itertools
 import json
@@ -190,7 +190,7 @@ def _read(samples: h5py.Dataset, start: int, rows: np.ndarray, checked: bool) ->
 
 
 def _rising(seq: NDArray[np.int64], sound: NDArray[np.bool_], last: int) -> NDArray[np.bool_]:
-    """Return a mask of the intact rows whose sequence number is above those of all preceding intact rows."""
+    """Return a mask of the intact rows whose sequence number exceeds all preceding ones."""
     kept = np.where(sound, seq, -1)
     return kept > np.maximum.accumulate(np.concatenate([[last], kept[:-1]]))
 

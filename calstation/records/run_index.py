@@ -509,7 +509,7 @@ def _row(run: IndexedRun) -> dict[str, Any]:
 
 
 def to_columns(run: IndexedRun) -> dict[str, Any]:
-    """Return the columns that hold a run as a whole: ``content``, ``failed_checks``, ``parameters``, ``numbers``."""
+    """Return the columns that contain a whole run: ``content``, ``failed_checks``, ``parameters``, ``numbers``."""
     of_table = {f"{_OF_TABLE}{name}": row for name, row in run.table.items()}
     rows = {name: (value, run.sigmas.get(name, math.nan)) for name, value in run.values.items()} | of_table
     return {

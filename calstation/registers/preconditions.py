@@ -65,7 +65,7 @@ def check_product(entry: Transfer, setup: ResolvedConfiguration) -> None:
 
 
 def check_unit_model(entry: Transfer, model: str) -> None:
-    """Raise DeviceFaultError if a transfer was to another unit model than that of the connected unit."""
+    """Raise DeviceFaultError if a transfer was to a different unit model than the connected unit's."""
     recorded = entry.unit_type.model
     if recorded and recorded != model:
         raise DeviceFaultError("transfer.other_model", id=entry.id, serial=entry.serial, recorded=recorded, model=model)

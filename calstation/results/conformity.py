@@ -51,7 +51,7 @@ def probability_outside(measured: Measurement, limits: Interval, spread: float |
     """Return the probability that the true value is outside the limits, given the estimate (7.1, 7.4).
 
     Without a spread, the true value has the distribution given by the solver. With it, the prior N(μ, spread²) of the
-    product replaces that of the IMU profile, and Bayes' theorem (6.2) gives a normal distribution with
+    product replaces the prior of the IMU profile, and Bayes' theorem (6.2) gives a normal distribution with
 
         1/u² = κ/σ² + 1/s²,  mean = u² ((m − (1 − κ) m₀)/σ² + μ/s²).
     """

@@ -67,7 +67,7 @@ def diagnose(
 ) -> Diagnostics:
     """Job: solve a log again and return the details that its result omits.
 
-    Parameters and exceptions are those of `resolve`.
+    Parameters and exceptions are as in `resolve`.
     """
     log = open_log(path)
     expected = len(stages or (log.meta.run.stages if log.meta.run is not None else ()))

@@ -49,7 +49,7 @@ class PairConsumer(Protocol):
     def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
         """Process the next samples, which `watch` has already processed, and the resulting events.
 
-        `block` holds the raw counts of the primary and, in `others`, those of the secondaries at the same times; see
+        `block` contains the raw counts of the primary and, in `others`, of the secondaries at the same times; see
         `PairWatch` for the state of the primary and the stored calibrations. After the last samples, `block` is empty.
         """
 
@@ -131,7 +131,7 @@ class PairSession:
 
 
 def pair_report(watched: PairWatchResult, alignments: Mapping[int, Alignment] | None = None) -> dict[str, Any]:
-    """Return the JSON of a watch; `alignments` holds the clocks of secondaries that were watched live."""
+    """Return the JSON of a watch; `alignments` contains the clocks of secondaries that were monitored live."""
     return {
         "schema": "calstation.watch/1",
         "passed": watched.within,

@@ -75,7 +75,7 @@ class PreparedRun:
     def meta(self, registers: dict[str, float] | None) -> tuple[LogMeta, Message | None]:
         """Return the log's configuration, and a message about the prior of a partial run that is not resumed.
 
-        `registers` are those of the unit, SI, or None if they could not be read. The prior of a partial run is the
+        `registers` are the unit's registers, SI, or None if they could not be read. The prior of a partial run is the
         current calibration. Raises ConfigurationError or DeviceFaultError if a run to be resumed has changed.
         """
         before, serial, message = self.continuation, self.setup.request.serial, None

@@ -219,7 +219,7 @@ class Continuation:
         """Copy the finished stages into the new log and solve them again; return the last sample copied.
 
         `on_block` is called for every block and may raise, `on_solved` with each solution. Raises InputError if the
-        solution of a stage differs from that of the original run.
+        solution of a stage differs from the original run's.
         """
         last: SampleBlock | None = None
         for stage, block in self._blocks():

@@ -226,7 +226,7 @@ class Slot:
     solved: tuple[Solution, ...] = ()
 
     def take(self, block: SampleBlock) -> None:
-        """Log samples, and feed those of a stage to its solver."""
+        """Log samples, and feed samples of a stage to its solver."""
         if self.journal is not None:
             self.journal.append(block)
         if block.stage and self.solving is not None:

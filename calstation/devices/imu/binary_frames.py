@@ -181,7 +181,7 @@ class Layout:
         return found
 
 
-#: Largest number of stored layouts, so that noise which passes a check cannot fill the memory.
+#: Largest number of stored layouts, so that noise with a matching checksum cannot fill the memory.
 _LAYOUTS_KEPT = 256
 
 

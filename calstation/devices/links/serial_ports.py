@@ -31,7 +31,7 @@ class FoundPort:
 
 
 def found_ports() -> tuple[FoundPort, ...]:
-    """Return all serial ports of this computer, those of USB adapters first."""
+    """Return all serial ports of this computer, USB adapters first."""
     listed = _listed()
     ports = []
     for p in listed:

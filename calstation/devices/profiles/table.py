@@ -228,7 +228,7 @@ class TableProfile(StrictModel):
     def at_place(self, timeout_s: float | None, unit: int | None) -> "TableProfile":
         """Return the profile with a station's own reply timeout and unit number; None keeps the profile's.
 
-        Raises ConfigurationError if the unit number equals that of the inner axis's drive.
+        Raises ConfigurationError if the inner axis's drive has the same unit number.
         """
         if self.lines is not None:
             changed = {"timeout_s": timeout_s} if timeout_s is not None else {}

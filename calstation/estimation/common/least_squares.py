@@ -187,7 +187,7 @@ def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief
     """Return the posterior of a consider (Schmidt) estimator, in which only the `estimated` parameters change.
 
     The others keep their mean and covariance; the cross-covariances are updated. For data processed in one batch the
-    estimated part equals that of the full estimator (S. F. Schmidt, *Application of State-Space Methods*, 1966).
+    estimated part equals the full estimator's (S. F. Schmidt, *Application of State-Space Methods*, 1966).
     """
     mean = np.where(estimated, posterior.mean, prior.mean)
     considered = np.ix_(~estimated, ~estimated)

@@ -3,7 +3,7 @@
 A segment begins and ends at rest. Its observations depend on the boundary states (φ, δv and the drift of the biases) at
 both ends, the 30 parameters, and the sizes of effects outside the model; all states between are eliminated. Segments
 that follow each other are joined by eliminating the boundary states between them, so that a schedule is evaluated
-without another pass over its samples. The covariance equals that of the filter.
+without another pass over its samples. The covariance equals the filter's.
 
 With m boundary states and c columns of parameters and effects, the information at the end of a motion has shape (m + c,
 m + c). The information of a segment, about m states at its start and m at its end, has shape (2 m + c, 2 m + c). All
@@ -69,7 +69,7 @@ class _Gatherer:
         if self._start is None:
             both = np.r_[states, _PARAMETERS]
             covariance = run.state.P[np.ix_(both, both)]
-            known = np.diag(covariance) == 0.0  # parameters that the table determines
+            known = np.diag(covariance) == 0.0  # parameters with fixed values
             covariance[known, known] = (
                 _KNOWN * np.array([0.0] * len(states) + [p.prior_sigma**2 for p in PARAMETERS])[known]
             )

@@ -64,7 +64,7 @@ class RangeBar(QWidget):
         on_language_change(self, self._show_texts)
 
     def show_log(self, log_index: LogIndex) -> None:
-        """Set the limits to those of a log and select all of it."""
+        """Set the limits to the range of a log and select all of it."""
         self._log_index = log_index
         self.set_range(log_index.facts.first_seq, log_index.facts.last_seq)
         self._fill_menu()

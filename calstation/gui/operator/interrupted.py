@@ -52,7 +52,7 @@ class InterruptedRuns(QObject):
             self._notice.ask("caution", lambda: event_sentence("handover_waiting", values), str)
 
     def offer(self, serial: str | None = None, log: Path | None = None) -> None:
-        """Offer runs that can be resumed, or only those of the unit `serial` or the run of `log` if given."""
+        """Offer runs that can be resumed, or only runs of the unit `serial` or the run of `log` if given."""
         self._serial, self._wanted = serial, log
         if self._app.runs_folder.is_dir():
             self._search.watch(self._app.job_queue.submit(find_resumable, self._app.runs_folder))

@@ -357,7 +357,7 @@ class OperatorPage(Page):
         self._message.setText(self._message_text())
 
     def _choose_view(self) -> None:
-        """Show the loading view or the slots, the live view, or the verdicts; those of several units without stages."""
+        """Show the loading view or slots, the live view, or the verdicts; verdicts of several units hide the stages."""
         run = self.app.run
         if run.state == "idle":
             self._views.setCurrentWidget(self._slots if self._starting.slots else self._loading)

@@ -200,7 +200,7 @@ class QualityPage(Page):
         if isinstance(event, Verdict):
             self._refresh_visible()
 
-    # ---- what is shown
+    # ---- display
 
     def _show(self, summary: QualitySummary | None) -> None:
         self._summary = summary

@@ -155,7 +155,7 @@ class StudyView(QWidget):
         self.form.hide()
         self.open_plan(path)
 
-    # ---- what is shown
+    # ---- display
 
     def _show(self, state: StudyState) -> None:
         self._state, self._error = state, None

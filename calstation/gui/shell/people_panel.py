@@ -58,7 +58,7 @@ class PeoplePanel(QFrame):
     def ask(
         self, words: Words, required: ConfirmationRequired, then: Then, *, by: str = "", reason: bool = True
     ) -> None:
-        """Ask for the requirements of an action, with `words` as the title; `by` is the expected acting person."""
+        """Ask for the badges, PINs and reason of an action titled `words`; `by` is the expected acting person."""
         self._words, self._then, self._badges = words, then, required.badge
         shown = (reason, True, required.pin, required.second, required.second)
         for caption, edit, visible in zip(self._captions, self._edits, shown, strict=True):
