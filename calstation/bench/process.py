@@ -64,9 +64,9 @@ class BenchProcess:
             line_kind = TerminalLine if config.table_transport == "rtu" else SocketLine
             self._text_line = line_kind(lambda: controller.feed)
         self._clock = ClockService([bench, *self._others], self._advance, self._report, self.stop)
-        bench.on_link = lambda order: self._obey(order, self._line)
+        bench.on_link = lambda order: self._execute(order, self._line)
         for other, line in zip(self._others, self._other_lines, strict=True):
-            other.on_link = partial(self._obey, line=line)
+            other.on_link = partial(self._execute, line=line)
         self._moving = asyncio.Lock()
         self._moved = asyncio.Condition()
         self._stopped = asyncio.Event()
@@ -149,7 +149,7 @@ class BenchProcess:
         sent = [line.sent for line in (self._line, *self._other_lines)]
         return {"now": self._bench.now, "samples": self._bench.sampled, "bytes": sent}
 
-    def _obey(self, order: Order, line: Line) -> None:
+    def _execute(self, order: Order, line: Line) -> None:
         """Execute orders for the links; `line` is the line of the unit."""
         table, controller = self._modbus, self._text
         if order.order == "hang_up_imu":

@@ -34,7 +34,7 @@ def design_command(request: DesignRequest, product: Path | None, out: Path, json
     """
     _check_out(out)
     check_json(json)
-    with tempfile.TemporaryDirectory(prefix="calstation-design-") as folder, _following() as progress:
+    with tempfile.TemporaryDirectory(prefix="calstation-design-") as folder, _show_progress() as progress:
         stop = Path(folder) / "stop"
         with on_interrupt(stop.touch):
             found = design_schedule(progress, replace(request, stop=stop))
@@ -47,7 +47,7 @@ def shorten_command(request: DesignRequest, product: Path | None, out: Path, jso
     """Shorten the stages of a product, write the product with them, and show both."""
     _check_out(out)
     check_json(json)
-    with _following() as progress:
+    with _show_progress() as progress:
         found = shorten_stages(progress, request)
     out.write_text(shorter_product(read_text(_file(product)), found), encoding="utf-8")
     report(found.to_json(), json, _shorter_lines(found, out))
@@ -64,7 +64,7 @@ def _check_out(out: Path) -> None:
 
 
 @contextmanager
-def _following() -> Iterator[ProgressCallback]:
+def _show_progress() -> Iterator[ProgressCallback]:
     """Show the progress of the search on standard error."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[note]}"))
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:

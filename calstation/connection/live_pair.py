@@ -42,7 +42,7 @@ class _Unit:
         self._restarts, self._reopened = 0, False
         self._fault: str | None = None
         self._other: DeviceFaultError | None = None
-        self.heard = False  #: Whether it has sent samples.
+        self.has_sent = False  #: Whether it has sent samples.
         try:
             self.serial = self.imu.identify().serial
             self.imu.start()
@@ -70,7 +70,7 @@ class _Unit:
             logger.warning("%s: %s", self._port, fault)
         self._fault = fault
         if batch is not None and len(batch):
-            self.last_data, self.heard = now, True
+            self.last_data, self.has_sent = now, True
             return batch
         if now - self.last_data > _WAKE_AFTER and not self._closing.is_set():
             self.last_data = now
@@ -138,7 +138,7 @@ class LivePair:
         replaces it.
         """
         begin: float | None = None
-        start = heard = self._clock.now()
+        start = last_data = self._clock.now()
         while not stopped():
             self._clock.sleep(self._clock.tick)
             now = self._clock.now()
@@ -146,13 +146,13 @@ class LivePair:
             for number, unit in enumerate(self._units):
                 batch = unit.read(now)
                 if batch is not None:
-                    heard = now
+                    last_data = now
                     self._feed(number, unit, batch)
-            if now - heard > _ALL_SILENT:
+            if now - last_data > _ALL_SILENT:
                 raise DeviceFaultError("connection.all_silent", seconds=_ALL_SILENT)
             if now - start > _ALL_SILENT:
                 for number, unit in enumerate(self._units, 1):
-                    if not unit.heard:
+                    if not unit.has_sent:
                         raise DeviceFaultError("connection.imu_silent", number=number, seconds=_ALL_SILENT)
             block, aligned = self._aligner.take(now)
             if not len(block):

@@ -73,7 +73,7 @@ class Exchange:
             try:
                 engine = self._connected()
                 self._synchronise(engine)
-                self._hold(engine)
+                self._renew_claims(engine)
             except (ConfigurationError, DBAPIError):
                 self.outbox.fill()  # counts the pending runs
                 raise
@@ -103,7 +103,7 @@ class Exchange:
             self._engine = connect(self._url)
         return self._engine
 
-    def _hold(self, engine: Engine) -> None:
+    def _renew_claims(self, engine: Engine) -> None:
         """Claim the current units, or renew their claims, and release the previous ones.
 
         A claim of another process on the same folder is not released.

@@ -122,7 +122,7 @@ def solve_stored_log(assignment: Assignment, stored: StoredLog) -> Status:
         status = Status(stored.location, "refused", error=error_of(exc))
     except Exception as exc:  # a programming error must not stop the other tasks
         logger.exception("solving %s failed", stored.location)
-        status = Status(stored.location, "unreachable", error=error_of(_mistake(stored, exc)))
+        status = Status(stored.location, "unreachable", error=error_of(_internal_error(stored, exc)))
     return replace(status, seconds=seconds)
 
 
@@ -174,7 +174,7 @@ class _LogTask:
             raise
         except Exception as exc:  # a programming error must not stop the other tasks
             logger.exception("solving %s failed", stored.location)
-            failure = exc if isinstance(exc, CalstationError) else _mistake(stored, exc)
+            failure = exc if isinstance(exc, CalstationError) else _internal_error(stored, exc)
             digests = _digests(log, wanted, self.local)
             result = failed_result(failure, None if log is None else log.meta, str(self.local), *digests)
         self.seconds["solve"] = time.perf_counter() - begin
@@ -269,7 +269,7 @@ def error_of(error: CalstationError) -> dict[str, Any]:
     return {"error": str(error), "error_code": error.code, "error_values": values_to_json(error.values)}
 
 
-def _mistake(stored: StoredLog, error: Exception) -> CalstationError:
+def _internal_error(stored: StoredLog, error: Exception) -> CalstationError:
     return CalstationError("fleet.solving_failed", file=stored.location, detail=f"{type(error).__name__}: {error}")
 
 

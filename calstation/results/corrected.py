@@ -111,9 +111,9 @@ class CorrectedOutput:
         """Write the events, then the samples with the state after the events."""
         time = float(block.time[-1]) if len(block) else None
         for event in events:
-            self._tell(event.kind, event.time, event.number, values_to_json(event.values))
+            self._emit(event.kind, event.time, event.number, values_to_json(event.values))
         for kind, number, values in self._stream.update(watch):
-            self._tell(kind, time, number, values)
+            self._emit(kind, time, number, values)
         self.greeting = self._greeting()
         for start in range(0, len(block), self._rows):
             self._write_frame(block.part(start, min(start + self._rows, len(block))))
@@ -130,7 +130,7 @@ class CorrectedOutput:
         for sink in self._sinks:
             sink(line)
 
-    def _tell(self, kind: str, time: float | None, number: int, values: Mapping[str, Any]) -> None:
+    def _emit(self, kind: str, time: float | None, number: int, values: Mapping[str, Any]) -> None:
         imu = {"imu": f"imu{number}"} if number else {}
         self._write(_line({"type": "event", "kind": kind, "time_s": time, **imu, **values}))
 

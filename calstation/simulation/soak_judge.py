@@ -89,7 +89,7 @@ def judge_run(
     happened += [kind for kind in kinds if kind in HOST and outcome == "incomplete"]
     happened += [kind for kind in kinds if kind in FROM_LISTENER and outcome == "stopped"]
     lost_link = died or "mute_table" in happened
-    may_stay_on = lost_link and _left_alone(setup.table)
+    may_stay_on = lost_link and _keeps_axes_on(setup.table)
     samples, missing = _samples(result, "jump_counter" in happened)
     return Judged(
         planned=planned,
@@ -121,7 +121,7 @@ def _has_watchdog(table: TableProfile) -> bool:
     return any("watchdog" in name for name in names)
 
 
-def _left_alone(table: TableProfile) -> bool:
+def _keeps_axes_on(table: TableProfile) -> bool:
     """Return whether the axes stay on when the link is lost: the table completes its move and then rests."""
     return table.link_loss_stop_s is None and not _has_watchdog(table)
 

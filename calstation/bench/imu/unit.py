@@ -63,17 +63,17 @@ class ImuUnit:
         self.registers = np.zeros(REGISTERS, np.float32)
         held = self.flash.load()
         if held is not None:
-            self._take(held)
+            self._load_registers(held)
         self._started = time
         self.counter = 0
         self.corrected = False
         self._requantiser = Requantiser()
 
-    def _take(self, held: bytes) -> None:
+    def _load_registers(self, held: bytes) -> None:
         """Load the registers from the content of the flash."""
         self.registers = np.frombuffer(held, "<f4").astype(np.float32)
 
-    def _given(self) -> bytes:
+    def _register_bytes(self) -> bytes:
         """Return the registers in the format of the flash."""
         return self.registers.astype("<f4").tobytes()
 
@@ -84,12 +84,12 @@ class ImuUnit:
         levers = np.diag(model[9:12])
         rows = (model[6], model[0:3] - np.eye(3), model[7], model[3:6] - np.eye(3), model[8], levers)
         self.registers = np.concatenate([np.ravel(row) for row in rows]).astype(np.float32)
-        self.flash.burn(self._given())
+        self.flash.burn(self._register_bytes())
 
     def _burn(self) -> None:
         """Write all registers to flash. Raises PowerCut if the power fails."""
         power_for, self.fails_committing = self.fails_committing, None
-        self.flash.burn(self._given(), power_for)
+        self.flash.burn(self._register_bytes(), power_for)
 
     def _draw_power(self, written: int) -> None:
         """Count register bytes as they are written; raises PowerCut if the power fails while writing them."""

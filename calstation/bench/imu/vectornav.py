@@ -102,7 +102,7 @@ class VectorNavUnit(ImuUnit):
         except ValueError:
             sound = False
         try:
-            reply: str | int = self._obey(words.split(","), time) if sound else BAD_CHECK
+            reply: str | int = self._execute(words.split(","), time) if sound else BAD_CHECK
         except PowerCut:
             self.restart(time)
             return b""
@@ -111,7 +111,7 @@ class VectorNavUnit(ImuUnit):
         text = f"VNERR,{reply:02X}" if isinstance(reply, int) else reply
         return f"${text}*{check_line(text):02X}\r\n".encode()
 
-    def _obey(self, words: list[str], time: float) -> str | int:
+    def _execute(self, words: list[str], time: float) -> str | int:
         command, *rest = words
         if command == "VNWNV":
             self.registers[REGISTERS - 1] = float(self.streaming)

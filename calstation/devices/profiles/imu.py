@@ -289,9 +289,9 @@ def check_corrected(section: CorrectedSection, protocol: str, order: str, raw: t
     if protocol == "stream":
         raise EntryError("profile.not_with", "corrected", other='protocol = "stream"')
     needed, other = ("start", "stream") if protocol == "vectornav" else ("stream", "start")
-    if not _given(section, needed):
+    if not _is_set(section, needed):
         raise EntryError("profile.needed_by", "corrected", needed, owner=f'protocol = "{protocol}"')
-    if _given(section, other):
+    if _is_set(section, other):
         raise EntryError("profile.not_with", "corrected", other, other=f'protocol = "{protocol}"')
     if section.stream is None:
         return
@@ -303,7 +303,7 @@ def check_corrected(section: CorrectedSection, protocol: str, order: str, raw: t
         raise EntryError("entry.out_of_range", "corrected", "stream", value=section.stream, low=2, high=255)
 
 
-def _given(section: CorrectedSection, name: str) -> bool:
+def _is_set(section: CorrectedSection, name: str) -> bool:
     return getattr(section, name) not in (None, [])
 
 

@@ -247,8 +247,8 @@ class _System:
         halves = [(self._normals[part], self.gradient[part]) for part in (slice(0, middle), slice(middle, None))]
         everything = np.arange(len(self.normal))
         biases = np.flatnonzero(_BIASES[self._fitted])
-        told = all(_share(normals.sum(axis=0), self.normal) > LEAST_SHARE for normals, _ in halves)
-        chosen = everything if told else biases
+        determined = all(_share(normals.sum(axis=0), self.normal) > LEAST_SHARE for normals, _ in halves)
+        chosen = everything if determined else biases
         change, variance = np.full(COUNT, np.nan), np.full(COUNT, np.nan)
         at = np.flatnonzero(self._fitted)[chosen]
         if len(chosen) and middle > 1:

@@ -68,10 +68,10 @@ class DesignAnswer(QWidget):
         self._front, self._path, self._sphere = FrontPlot(), PathPlot(), SphereBox()
         self._parameters = self._make_parameters()
         self._variations, self._hidden = self._make_variations(), self._make_hidden()
-        self._sees = label(name="design_sees", wrap=True)
+        self._notes = label(name="design_sees", wrap=True)
         self._tabs = ViewTabs("design_views")
         robustness = QWidget()
-        column(self._variations, self._sees, None, on=robustness)
+        column(self._variations, self._notes, None, on=robustness)
         self._driving = EmptyState(JobRow(driving))
         path = self._drawn = stack(self._driving, split((self._path, 3), (self._sphere, 2)))
         self._views = stack(
@@ -179,7 +179,7 @@ class DesignAnswer(QWidget):
         self._badge.show_state(*_verdict(design))
         self._headline.setText(_headline(design))
         self._about.setText(_about(design, options))
-        self._sees.setText("\n".join(_sees(design)))
+        self._notes.setText("\n".join(_notes(design)))
         self._parameters.show_cells(_parameter_cells(design), ("sigma", "limit", "ratio"))
         conditions = _variation_cells(design)
         self._variations.show_cells(conditions)
@@ -282,7 +282,7 @@ def _hidden_cells(design: Design) -> dict[str, dict[str, str]]:
     return cells
 
 
-def _sees(design: Design) -> list[str]:
+def _notes(design: Design) -> list[str]:
     """Return the sentences about rests, latitude and noise."""
     longest = max(design.rests)
     if design.gravity_rest is None:
