@@ -51,7 +51,7 @@ class Exchange:
     """Exchange of one folder; its connection is kept between passes."""
 
     def __init__(self, folder: Path, url: str, station: str, claimed: Mapping[str, str | None] = {}) -> None:
-        """Create the exchange; `claimed` maps serial numbers of the units to claim to operators."""
+        """Create the exchange; `claimed` contains the operator of each unit to claim, by serial number."""
         self._url, self._station = url, station
         #: Operators by serial number of the units that every exchange claims, replacing the previous ones.
         self.claimed = claimed

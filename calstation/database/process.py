@@ -62,7 +62,7 @@ class ExchangeProcess:
         claimed: Mapping[str, str | None] = {},
         archive: str | None = None,
     ) -> None:
-        """Start the process; `claimed` maps serial numbers of the units to claim until the end to operators."""
+        """Start the process; `claimed` contains the operator of each unit to claim until the end, by serial number."""
         self._folder, self._claimed = folder, claimed
         self._contact_before = read_state(folder).contact_utc
         self.process = subprocess.Popen(
@@ -90,7 +90,7 @@ class ExchangeProcess:
             self.process.stdin.flush()
 
     def state(self) -> ExchangeState:
-        """Return the state of the exchange; before the first contact of this process without old claims."""
+        """Return the state of the exchange, without outdated claims before the first contact of this process."""
         state = read_state(self._folder)
         return replace(state, claims=()) if state.contact_utc == self._contact_before else state
 

@@ -42,7 +42,7 @@ class FleetRequest:
 
     @property
     def unchanged(self) -> "FleetRequest":
-        """The request for the same logs with their own configuration, range and stages."""
+        """A copy of the request for the logs' own configuration, range and stages."""
         return replace(self, patch=None, label=None, stages=None, first_seq=None, last_seq=None)
 
     def wanted(self) -> Wanted:

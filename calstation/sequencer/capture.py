@@ -44,7 +44,7 @@ class Restarted(Interruption):
 def verification_data(
     runner: StepRunner, path: VerificationPath, units: Iterable[Unit], *, is_reference: bool
 ) -> dict[Unit, VerificationData]:
-    """Capture rests and turns of some units along a path; units that leave the run meanwhile have no data.
+    """Capture rests and turns of some units along a path; units that leave the run during it have no data.
 
     A reference needs no opposite rest, but must return to the start, from where the next capture begins. The table must
     be at the start, and no stream must be broken. Raises DeviceFaultError or Restarted.
