@@ -46,7 +46,7 @@ class EntryError(ValueError):
 
 
 def check_pattern(pattern: str) -> str:
-    """Return a regular expression if it is one. Raises EntryError."""
+    """Return the pattern if it is a valid regular expression. Raises EntryError."""
     try:
         re.compile(pattern)
     except re.error as exc:
@@ -119,7 +119,7 @@ def _parsed(content: bytes, path: Path, error: type[CalstationError] = Configura
 
 
 def toml_error(error: tomllib.TOMLDecodeError, text: str) -> tuple[int, str]:
-    """Return the line of an error in a TOML text and what is wrong there; tomllib has both in its message only."""
+    """Return the line number and the description of a TOML error; tomllib gives both only in its message text."""
     position = _TOML_POSITION.search(str(error))
     line = int(position[1]) if position and position[1] else text.count("\n") + 1
     return line, _TOML_POSITION.sub("", str(error)).strip()
@@ -169,7 +169,7 @@ class Problem:
     kind: str
     what: Text  #: The message without the name of the entry.
     line: int = 0  #: Line number, counted from 1.
-    #: Data of the file, by which elements of its lists are named.
+    #: The data of the file; elements of its lists are named after it.
     data: Any = field(default=None, repr=False, compare=False)
 
     @classmethod
@@ -214,7 +214,7 @@ def _problems(error: ValidationError, data: Any, model: type[BaseModel]) -> list
 
 
 def _fitting_branches(details: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
-    """Report a value of several possible types once, by the type that it fits best, at its place in `data`.
+    """Report a value of several possible types once, by the type that it fits best, at its location in `data`.
 
     Pydantic reports the errors of each possible type, with the name of the type in the location.
     """

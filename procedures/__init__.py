@@ -1,4 +1,4 @@
-"""Calibration methods, one file with an object `METHOD` per method; docs/how-to/extend.md says how to add one."""
+"""Calibration methods, one file with an object `METHOD` per method; docs/how-to/extend.md explains how to add one."""
 
 from functools import cache
 from importlib import import_module
@@ -12,13 +12,13 @@ DEFAULT_STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
 
 @cache
 def names() -> list[str]:
-    """Return the names of all methods, those of the default stages first."""
+    """Return the names of all methods, starting with the default stages."""
     return sorted((m.name for m in iter_modules(__path__)), key=lambda n: (n not in DEFAULT_STAGES, n))
 
 
 @cache
 def method(name: str) -> Method:
-    """Return the method `name`. Raises ConfigurationError, which lists the known methods, if there is none."""
+    """Return the method with a name. Raises ConfigurationError listing the known methods if there is none."""
     if name not in names():
         raise ConfigurationError("plan.no_such_stage", stage=name, known=names())
     found: Method = import_module(f"{__name__}.{name}").METHOD

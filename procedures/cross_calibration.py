@@ -1,6 +1,6 @@
 """Cross-calibration of secondary IMUs against a primary IMU on the same body, from any common motion.
 
-On command the whole recording is fitted; with triggers, only secondaries that a check finds out of tolerance.
+On command the whole recording is fitted; with triggers, only the secondaries that are out of tolerance in a check.
 """
 
 from collections.abc import Iterator
@@ -38,11 +38,11 @@ from calstation.messages import values_to_json
 from calstation.physics import PAIR_PARAMETERS, FloatArray, Step, TableGeometry, pair_name
 
 NOTHING = Consistency(0.0, 0.0, 0.0, 0)
-#: A value with a larger sigma is not determined by the motion; for the clock offset the limit is half a sample.
+#: Sigmas above which the motion does not determine a value; for the clock offset the limit is half a sample.
 UNDETERMINED = {"secondary_gyro_matrix": 0.02, "secondary_accel_matrix": 0.02, "secondary_lever": 0.05}
 
 #: Largest change of a value from the first to the second half of the recording, in standard deviations: noise exceeds
-#: it in 28 values once in 5,000 recordings.
+#: it in one of 28 values once in 5,000 recordings.
 CHANGED = 4.5
 
 
@@ -159,7 +159,7 @@ def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[
     fit = calibrated.fit
     sigma = np.sqrt(np.diag(fit.covariance))
     limits = {**UNDETERMINED, "clock_offset": 0.5 / sample_rate}
-    # if only the bias was fitted, the matrix is listed too, because the bias is valid only with it
+    # if only the bias was fitted, the fixed matrix is listed too, because the bias is valid only in combination with it
     fixed = {
         f"secondary_{s}_matrix" for s, place in (("gyro", GYRO_BIAS), ("accel", ACCEL_BIAS)) if fit.fitted[place].any()
     }
@@ -171,7 +171,7 @@ def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[
 
 
 def _steady(number: int, calibrated: PairResult) -> ModelTest:
-    """Compare both halves of the recording: the value that changed most, in standard deviations of the change."""
+    """Return the test of the value that changed most between both halves, in standard deviations of the change."""
     fit = calibrated.fit
     changes = np.nan_to_num(fit.change / fit.change_sigma)
     names = [pair_name(p.name, number) for p in PAIR_PARAMETERS]
@@ -189,7 +189,7 @@ def _worst(tests: list[ModelTest]) -> ModelTest:
 
 
 def _of_pair(number: int, test: ModelTest) -> ModelTest:
-    """Return a test for effects outside the model with the names of a pair."""
+    """Return a test for effects outside the model with the parameter names of a pair."""
     found = test.misfit
     moves = {pair_name(name, number): move for name, move in found.moves.items()}
     if changed := found.values["parameter"]:

@@ -1,8 +1,9 @@
-"""Excitation: revolutions about y, x, z, then z, x, y in quarter turns with rests; the 39-state filter estimates all.
+"""Excitation: revolutions about y, x, z, then z, x, y in quarter turns with rests; all parameters are estimated.
 
-The inner axis is horizontal when used, so that gravity observes its rotation. From one revolution to the next a joint
-turns the other way, so that it does not wind up. Every second move is slower, and in every second revolution the rests
-are between two body axes: a second rate and other components of gravity show errors outside the model.
+The inner axis is horizontal while it rotates, so that its rotation is observable from gravity. A joint reverses its
+direction from one revolution to the next, so that its angle stays bounded. Every second move is slower, and in every
+second revolution the rests are between two body axes: a second rate and other components of gravity reveal errors
+outside the model.
 """
 
 from collections.abc import Iterator
@@ -36,7 +37,7 @@ class Schedule(RepeatedSchedule):
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     """Plan endless rounds of y, x, z, z, x, y, each followed by `RoundEnd`.
 
-    Raises ConfigurationError if the travel of a joint has no room for four quarter turns.
+    Raises ConfigurationError if the travel of a joint is too short for four quarter turns.
     """
     fast, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     rest, short = schedule.dwell_s, schedule.place_dwell_s
@@ -73,9 +74,10 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def _revolution(limits: JointLimits, joint: int, at: float, way: int) -> tuple[float, int]:
-    """Return start angle, rad, and direction of a revolution: `way` if possible, from `at` or a few quarters beside it.
+    """Return start angle, rad, and direction of a revolution: `way` if possible, from `at` or a few quarters from it.
 
-    If none fits, it begins at the nearest angle that does. Raises ConfigurationError if the travel has no room.
+    If none fits, the revolution starts at the nearest possible angle. Raises ConfigurationError if the travel is too
+    short.
     """
     last = limits.high[joint] - QUARTERS * QUARTER
     nearest = float(np.clip(at, limits.low[joint], last))
@@ -92,7 +94,7 @@ def _revolution(limits: JointLimits, joint: int, at: float, way: int) -> tuple[f
 
 
 def estimates(context: SolveContext) -> tuple[str, ...]:
-    """Return the names of all 30 parameters, or of 27 without the outer lever if the table fixes it."""
+    """Return the names of all 30 parameters, or of 27 without the outer lever if the table model fixes it."""
     return tuple(n for n in NAMES if context.table.outer_lever == "estimated" or not n.startswith("outer"))
 
 

@@ -1,4 +1,4 @@
-"""Gimbal: gyro misalignment from the joints of a gimbal that stabilises on the corrected rates, after each turn.
+"""Gimbal: gyro misalignment from the joints of a gimbal that stabilises on corrected rates, updated after each turn.
 
 A recording is replayed: its joints give the same corrections as online. A least-squares fit must agree with them.
 """
@@ -37,9 +37,9 @@ ESTIMATED = tuple(f"gyro_misalign_{pair}" for pair in ("xy", "xz", "yx", "yz", "
 #: Ratio of last to first drift above which the rates were not corrected, if the turns should have halved the drift.
 STUCK = 0.7
 #: Largest difference between the iteration and least squares in sigmas of the iteration. Both use the same samples, so
-#: the variance of their difference is below that of the iteration.
+#: the variance of their difference is below the iteration's variance.
 AGREEMENT = 4.0
-#: Rotation about the other axes, relative to the rms of it in certain turns, up to which a motion to zero is a turn.
+#: Largest rotation about the other axes, relative to its rms in definite turns, for which a motion to zero is a turn.
 SAME_ROTATION = 3.0
 
 
@@ -80,7 +80,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     """Plan the turns of each axis and the return to zero after them; a complete axis needs no further turn.
 
     Raises ConfigurationError on a table, which does not stabilise on the rates of the unit, and for a schedule that the
-    gimbal cannot make.
+    gimbal cannot execute.
     """
     gimbal = geometry.gimbal
     if gimbal is None:
@@ -144,8 +144,8 @@ def _replayed(
 ) -> tuple[GimbalIteration, dict[int, list[Motion]]]:
     """Reproduce the online iteration; return it and the turns of each axis.
 
-    A motion to zero is a turn if the corrected rates show no rotation about the other axes, as in turns that cannot be
-    anything else, or a return if it brings the other joints to zero: whichever is closer in sigmas.
+    A motion to zero is a turn if the corrected rates show no rotation about the other axes, as in definite turns, or a
+    return if it brings the other joints to zero: whichever fits better in sigmas.
     """
     iteration = schedule.iteration()
     turns: dict[int, list[Motion]] = {}
@@ -167,7 +167,7 @@ def _replayed(
 
 
 def _require_all_turns(data: StageData, motions: list[Motion]) -> None:
-    """Check that no turn is missing between two motions, as it is if the rest after it is too short."""
+    """Check that no turn is missing between two motions, as happens if the following rest is too short."""
     for m, following in itertools.pairwise(motions):
         jump = float(np.abs(following.before - m.after).max())
         if jump > TURNED and np.abs(following.before).max() > TURNED:
@@ -219,11 +219,11 @@ def _axis_solution(
     """Propagate the noise of every drift through the recursion.
 
     A commanded pure rotation makes the column of N parallel to the axis, so off the diagonal K = M / (1 + scale). The
-    part of the initial error, which least squares gives, that remains after the last turn is added to the uncertainty.
+    part of the initial error (from least squares) that remains after the last turn is added to the uncertainty.
     """
     noise, name = filter_noise(context), AXES[course.axis]
     encoder = context.table.encoder_sigma**2
-    # covariance of the error of K and of the joint errors at the last rest, which two successive turns share
+    # covariance of the error of K and of the joint errors at the last rest, which is shared by two successive turns
     P, shared, left, drift = np.zeros((2, 2)), np.zeros((2, 2)), np.eye(2), np.zeros((2, 2))
     before = None
     for m in motions:

@@ -1,6 +1,7 @@
 """Multi-position: joint calibration of gyros and accelerometers on a simple or manual rig without accurate angles.
 
-Rests and motions are found from the data alone. Gravity observes the rotation of every body axis about the horizontal.
+Rests and motions are found from the data alone. Gravity makes the rotation of every body axis about the horizontal
+observable.
 """
 
 from collections.abc import Iterator
@@ -50,14 +51,14 @@ class Schedule(BaseModel):
     rate_dps: float = Field(20.0, gt=0.0, le=360.0)
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
     manual: bool = False  #: Whether an operator, guided by the program, turns the rails at about `rate_dps`.
-    #: A rest shorter than this is a pause during a motion and not a position.
+    #: A shorter rest than this is a pause during a motion instead of a position.
     shortest_rest_s: float = Field(1.0, ge=0.5, le=60.0)
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     """Plan a revolution and back of the inner joint, of the outer joint, and of the outer joint with the inner at 90°.
 
-    Raises ConfigurationError if the travel allows only the first position.
+    Raises ConfigurationError if the travel permits only the first position.
     """
     poses = _poses(geometry, schedule)
     if schedule.manual:

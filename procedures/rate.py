@@ -1,8 +1,8 @@
 """Rate: gyro scale factors from whole turns about each gyro axis in both directions, measured by the table encoders.
 
-Mounting, table axes, misalignments and every encoder reading at rest are unknowns with a prior. Without encoder angles
-a turn must be proven whole: by gravity in the same direction before and after it, or, about the vertical, by the prior
-of the scale factor.
+Mounting, table axes, misalignments and every encoder reading at rest are unknowns with a prior. Without encoder angles,
+a turn must be verified to be a whole number of revolutions: by gravity in the same direction before and after it, or,
+about the vertical, by the prior of the scale factor.
 """
 
 import itertools
@@ -56,11 +56,11 @@ GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign")
 SMALLEST_TURN = np.deg2rad(300.0)
 #: Largest deviation of a rotation from a whole number of turns, rad.
 WHOLE = np.deg2rad(5.0)
-#: Smallest sine between a turn's axis and the vertical with which gravity shows whether the turn was whole.
+#: Smallest sine of the angle between a turn's axis and the vertical for which gravity verifies a whole turn.
 SEEN_BY_GRAVITY = 0.5
-#: Largest difference from a whole number, in turns, with which that number is beyond doubt.
+#: Largest deviation from a whole number of turns for which this number is certain.
 BEYOND_DOUBT = 0.25
-#: Largest difference, in standard deviations, of a turn from a whole one.
+#: Largest deviation of a turn from a whole turn, in standard deviations.
 PROOF = 3.0
 #: Sigma of the table axes relative to the profile, rad: non-orthogonality and wobble.
 AXIS_SIGMA = np.deg2rad(0.1)
@@ -179,7 +179,7 @@ def _require_whole(
     context: SolveContext,
     prior: Belief,
 ) -> None:
-    """Raise InsufficientDataError unless gravity or the prior of the scale factor proves a rotation to be whole turns.
+    """Raise InsufficientDataError unless gravity or the prior of the scale factor verifies a rotation by whole turns.
 
     `before` and `after` are the rests, `turned` is the measured rotation between them, rad.
     """
@@ -298,7 +298,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
 
 
 def _effects(data: StageData, turn: Turn) -> FloatArray:
-    """Return what every effect adds to the integral of the raw rate over a rotation, rad, shape (3, k)."""
+    """Return the contribution of every effect to the integral of the raw rate over a rotation, rad, shape (3, k)."""
     stride = max(round(EFFECT_INTERVAL / data.dt), 1)
     length = turn.stop - turn.start
     count = max(length // stride, 2)
@@ -326,7 +326,7 @@ def _earth_integral(
     shares = progress[stride // 2 :: stride, None]
     outer, inner = (turn.angles[0] + (turn.angles[1] - turn.angles[0]) * shares).T
     turned = axis_rotations(geometry.outer_axis, outer) @ axis_rotations(geometry.inner_axis, inner)
-    mean = axis_rotation((0.0, 0.0, 1.0), -azimuth) @ turned.mean(axis=0)  # of C_bn
+    mean = axis_rotation((0.0, 0.0, 1.0), -azimuth) @ turned.mean(axis=0)  # mean of C_bn
     vertical, north, east = mean[2] * earth[2], mean[1] * earth[1], mean[0] * earth[1]
     return vertical * turn.duration, north * turn.duration, east * turn.duration
 

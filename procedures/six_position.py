@@ -1,8 +1,8 @@
 """Six positions: each accelerometer axis up and down; the magnitude of gravity gives scale factors and biases.
 
 The faces are not assumed to be level: the direction of gravity in b is an unknown at every rest. Six faces determine
-three scale factors and three biases and test nothing. Four oblique positions, the corners of a tetrahedron, test them:
-summed over these, the modulus of gravity depends neither on misalignments nor on biases.
+three scale factors and three biases without redundancy. Four oblique positions, the corners of a tetrahedron, provide a
+test: the sum of the magnitude of gravity over them depends neither on misalignments nor on biases.
 """
 
 from collections.abc import Iterator
@@ -45,7 +45,7 @@ from calstation.physics import (
 ESTIMATED = tuple(f"{group}_{axis}" for group in ("accel_scale", "accel_bias") for axis in "xyz")
 #: Groups of parameters on which the force at rest depends.
 GROUPS = ("accel_bias", "accel_scale", "accel_misalign", "accel_quadratic")
-#: A rest shorter than this, s, is a pause during a rotation and not a position.
+#: A shorter rest than this, s, is a pause during a rotation instead of a position.
 SHORTEST_REST = 1.0
 #: Prior sigma of an unknown direction of gravity about the measured one, rad.
 FREE_DIRECTION_SIGMA = 1.0
@@ -79,7 +79,7 @@ class Position:
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     """Plan z up, z down, y up, y down, x up, x down, the oblique positions, and z up again.
 
-    Each is at the nearest joint angles. What differs between the first and the last rest has drifted.
+    Each position uses the nearest joint angles. A difference between the first and the last rest indicates drift.
     """
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     pose = (0.0, 0.0)
@@ -206,7 +206,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
 
 
 def _effects(data: StageData, positions: list[Position], duration: float) -> FloatArray:
-    """Return what every effect adds to the mean force of each of n rests, m/s², shape (n, 3, k)."""
+    """Return the contribution of every effect to the mean force of each of n rests, m/s², shape (n, 3, k)."""
     force = np.array([p.force for p in positions])
     still = np.zeros_like(force)
     time = np.array([data.seq[(p.start + p.stop) // 2] - data.seq[0] for p in positions]) * data.dt

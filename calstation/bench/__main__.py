@@ -26,7 +26,7 @@ def read_config(text: str) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Run the command; return exit code 0, or 2 if the configuration cannot be used."""
+    """Run the command; return exit code 0, or 2 if the configuration is unusable."""
     about = "Virtual calibration bench; prints its ports and lives until its standard input closes."
     parser = argparse.ArgumentParser(prog="calstation.bench", description=about)
     parser.add_argument("--config", default="{}", help="JSON text, or a .json or .toml file")

@@ -63,8 +63,8 @@ OrderName = Literal[_Trip, _Motion, _Frames, _Samples, _Unit, _TableLink, "brown
 class Order(BaseModel):
     """An order to inject a fault; `docs/reference/bench.md` explains the orders and their values.
 
-    `at` is a device time, s; `after` is a delay from the time of the order, s. `unit` is the number of the unit
-    concerned; an order for the table ignores it.
+    `at` is a device time, s; `after` is a delay from the time of the order, s. `unit` is the number of the affected
+    unit; it is ignored for the table.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -77,7 +77,7 @@ class Order(BaseModel):
 
     @property
     def of_table(self) -> bool:
-        """Whether the order concerns the table."""
+        """Whether the order applies to the table."""
         return self.order in _OF_TABLE
 
 
@@ -178,8 +178,8 @@ class BenchConfig(BaseModel):
     def truth(self, earlier: int = 0) -> BenchTruth:
         """Draw the true values of the bench from this configuration and its seed.
 
-        After `earlier` writes to its flash, the unit has been powered up as often since its first run, and its errors
-        have changed each time by the repeatability of its grade.
+        `earlier` is the number of writes to the unit's flash, which equals its number of power-ups since its first run;
+        at each one its errors have changed by the repeatability of its grade.
         """
         unit_seed, table_seed = np.random.SeedSequence(self.seed).spawn(2)
         imu = draw_imu(
@@ -271,7 +271,7 @@ class BenchConfig(BaseModel):
 
 
 class BenchReport(BaseModel):
-    """Final state of a bench at device time `time`, s, and the orders that it carried out; see `report_file`."""
+    """Final state of a bench at device time `time`, s, and the executed orders; see `report_file`."""
 
     model_config = ConfigDict(frozen=True)
 

@@ -40,9 +40,9 @@ _START = np.deg2rad(15.0)
 class LiveBench:
     """All devices on a common time, without their links.
 
-    `host_time` is the clock of the watchdog, `now` the time of the clock service, s. Orders that concern the links are
-    passed to `on_link`. A further unit is on the table or body of the `first` one and advances with it; `outbox` holds
-    the frames that it has sent since.
+    `host_time` is the clock of the watchdog, `now` the time of the clock service, s. Orders for the links are passed to
+    `on_link`. A further unit is on the table or body of the `first` one and advances with it; `outbox` contains the
+    frames it has sent since.
     """
 
     def __init__(self, config: BenchConfig, host_time: Callable[[], float], first: "LiveBench | None" = None) -> None:
@@ -154,7 +154,7 @@ class LiveBench:
         return [self._produce(cut) for cut in (*sorted(end for end in ends if self.now < end < now), now)]
 
     def obey(self, order: Order) -> None:
-        """Carry out an order immediately, or schedule it if `after` is positive."""
+        """Execute an order immediately, or schedule it if `after` is positive."""
         time, value, faults, machine = self.device_time, order.value, self.faults, self.machine
         if order.after > 0.0:
             later = order.model_copy(update={"after": 0.0, "at": time + order.after})

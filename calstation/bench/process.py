@@ -24,12 +24,12 @@ from calstation.physics import Dwell, Move, Step
 TICK = 0.005
 #: Largest step of device time, s; limits the number of samples in memory during a long advance.
 SLICE = 0.5
-#: Largest step of a bench that follows host time, s; requests are answered between steps.
+#: Largest step of a bench that follows host time, s; requests are processed between steps.
 PACED_SLICE = 0.1
 #: Largest backlog of host time, s; if the computer is too slow, device time passes more slowly.
 BACKLOG = 1.0
-#: Iterations of the event loop before the watchdog is checked: a request waiting on the table's link is served first,
-#: because the computer, not the client, may have been late.
+#: Iterations of the event loop before the watchdog is checked: a pending request on the table's link is processed
+#: first, because the computer, not the client, may have been late.
 _LOOP_ITERATIONS = 3
 #: Device time allowed for the table to come to rest after the last client has disconnected, s.
 COASTING = 2.0
@@ -64,9 +64,9 @@ class BenchProcess:
             line_kind = TerminalLine if config.table_transport == "rtu" else SocketLine
             self._text_line = line_kind(lambda: controller.feed)
         self._clock = ClockService([bench, *self._others], self._advance, self._report, self.stop)
-        bench.on_link = lambda order: self._obey(order, self._line)
+        bench.on_link = lambda order: self._execute(order, self._line)
         for other, line in zip(self._others, self._other_lines, strict=True):
-            other.on_link = partial(self._obey, line=line)
+            other.on_link = partial(self._execute, line=line)
         self._moving = asyncio.Lock()
         self._moved = asyncio.Condition()
         self._stopped = asyncio.Event()
@@ -149,8 +149,8 @@ class BenchProcess:
         sent = [line.sent for line in (self._line, *self._other_lines)]
         return {"now": self._bench.now, "samples": self._bench.sampled, "bytes": sent}
 
-    def _obey(self, order: Order, line: Line) -> None:
-        """Carry out orders that concern the links; `line` is that of the unit."""
+    def _execute(self, order: Order, line: Line) -> None:
+        """Execute orders for the links; `line` is the line of the unit."""
         table, controller = self._modbus, self._text
         if order.order == "hang_up_imu":
             line.hang_up()
@@ -194,7 +194,7 @@ class BenchProcess:
 
 
 def _with_own_orders(config: BenchConfig) -> BenchConfig:
-    """Return the configuration with each order at the unit that it concerns."""
+    """Return the configuration with each order assigned to the affected unit."""
     if not config.secondaries:
         return config
 

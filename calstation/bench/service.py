@@ -2,7 +2,7 @@
 
     {"advance": seconds}                 -> {"now": s, "samples": n, "bytes": [n, ...]}
     {"now": null}                        -> the same, immediately
-    {"order": name, "value": number}     -> the same, once carried out; with {"unit": number} for another unit than 1
+    {"order": name, "value": number}     -> the same, after execution; with {"unit": number} for units other than 1
     {"carry": [outer, inner], "rest": s} -> the same; asks the simulated operator to set the rails to angles, rad
     anything else                        -> {"error": text}
 
@@ -57,7 +57,7 @@ class ClockService:
         writer.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         try:
             while line := await reader.readline():
-                writer.write(json.dumps(await self._answer(line)).encode() + b"\n")
+                writer.write(json.dumps(await self._reply(line)).encode() + b"\n")
                 await writer.drain()
         except (ConnectionError, ValueError, asyncio.CancelledError):
             pass
@@ -67,7 +67,7 @@ class ClockService:
             if self._connections == 0:
                 self._on_deserted()
 
-    async def _answer(self, line: bytes) -> dict[str, Any]:
+    async def _reply(self, line: bytes) -> dict[str, Any]:
         try:
             request = json.loads(line)
             if "advance" in request:
@@ -85,7 +85,7 @@ class ClockService:
         return self._report()
 
     def _concerned(self, order: Order) -> LiveBench:
-        """Return the unit that carries out an order, the first one for the table or alone. Raises ValueError."""
+        """Return the unit that executes an order; the first unit executes orders for the table. Raises ValueError."""
         first = self._units[0]
         if order.of_table or len(self._units) == 1:
             return first

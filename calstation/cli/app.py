@@ -103,7 +103,7 @@ def run(
     ] = None,
     confirmed_by: ConfirmedByOption = None,
 ) -> None:
-    """Calibrate the unit on the station: one click without a window."""
+    """Calibrate the unit on the station without opening the window."""
     from calstation.cli.confirmation import confirm_override
     from calstation.cli.run import complete_request, run_command
     from calstation.config import RunRequest
@@ -170,7 +170,7 @@ def import_(
         ),
     ] = None,
 ) -> None:
-    """Turn a CSV, or a raw capture of an IMU's bytes, into a raw log."""
+    """Convert a CSV, or a raw capture of an IMU's bytes, to a raw log."""
     from calstation.cli.logs import import_command
 
     raise typer.Exit(import_command(source, out, meta, imu, station))
@@ -181,7 +181,7 @@ def export(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Raw log.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="CSV to write, its TOML beside it.")],
 ) -> None:
-    """Turn a raw log into a CSV and its TOML."""
+    """Convert a raw log to a CSV and its TOML."""
     from calstation.cli.logs import export_command
 
     raise typer.Exit(export_command(log, out))
@@ -200,7 +200,7 @@ def apply(
     ] = None,
     json: JsonOption = None,
 ) -> None:
-    """Apply a result to a recording or to the connected unit: every rest before and after. Nothing moves."""
+    """Apply a result to a recording or to the connected unit, and show every rest before and after. Nothing moves."""
     from calstation.cli.apply import apply_command
 
     raise typer.Exit(apply_command(result, log, station, product, out, json))
@@ -228,7 +228,7 @@ def watch(
         Path | None, typer.Option("-o", "--out", help="Write the corrected data to this file.", metavar="FILE.jsonl")
     ] = None,
 ) -> None:
-    """Follow IMUs on one body: check at rest, calibrate what is out of tolerance, store. Live: c and Enter checks."""
+    """Monitor IMUs on one body: check at rest, calibrate if out of tolerance, store. Live: c and Enter to check."""
     from calstation.cli.watch import Delivery, watch_log_command, watch_station_command
     from calstation.config import RunRequest
 
@@ -265,7 +265,7 @@ def design(
     seed: Annotated[int, typer.Option(min=0, help="Of the search.")] = 0,
     json: JsonOption = None,
 ) -> None:
-    """Find the shortest schedule that reaches the limits of a product. Ctrl-C: the best so far."""
+    """Find the shortest schedule that meets the limits of a product. Ctrl-C: the best so far."""
     from calstation.cli.design import design_command, shorten_command
     from calstation.design import DesignRequest
 
@@ -286,7 +286,7 @@ def try_link(
     product: ProductOption = None,
     json: JsonOption = None,
 ) -> None:
-    """Test a link: open it, identify the device, listen. Nothing moves; exit code 3 if a run would not start."""
+    """Test a link: open it, identify the device, receive. Nothing moves; exit code 3 if a run would not start."""
     from calstation.cli.devices import link_command
 
     raise typer.Exit(link_command(device, station, product, json))
@@ -303,7 +303,7 @@ def check(
     ] = None,
     json: JsonOption = None,
 ) -> None:
-    """Show all that is wrong in a file, or what a recording contains and can be solved with; exit code 2 if not."""
+    """Show all errors in a file, or the contents of a recording and how it can be solved; exit code 2 if invalid."""
     from calstation.cli.audit import check_audit_command
     from calstation.cli.devices import check_command
 
@@ -320,7 +320,7 @@ def audit(
     file: Annotated[Path | None, typer.Option(help="Another audit trail than the site's.")] = None,
     json: JsonOption = None,
 ) -> None:
-    """List the audit trail: changed files and PINs, registers written by hand, released units, certificates."""
+    """List the audit trail: changed files and PINs, register writes outside runs, released units, certificates."""
     from calstation.cli.audit import audit_command
 
     raise typer.Exit(audit_command(file, event, by, since, json))
@@ -334,7 +334,7 @@ def override(
     confirmed_by: ConfirmedByOption = None,
     json: JsonOption = None,
 ) -> None:
-    """Release a unit that failed; the result stays FAIL and says who released it. PINs are asked for."""
+    """Release a unit that failed; the result remains FAIL and states who released it. Asks for PINs."""
     from calstation.cli.confirmation import override_command
 
     raise typer.Exit(override_command(result, reason, by, confirmed_by, json))
@@ -344,7 +344,7 @@ def override(
 def pin(
     badge: Annotated[str, typer.Option(help="Badge of an engineer; default: the PIN of the site.")] = "",
 ) -> None:
-    """Set or change the engineer's PIN of the site, or the personal PIN of an engineer."""
+    """Set or change the site's engineering PIN, or the personal PIN of an engineer."""
     from calstation.cli.confirmation import pin_command
 
     raise typer.Exit(pin_command(badge))

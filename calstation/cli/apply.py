@@ -25,7 +25,7 @@ def apply_command(
 ) -> int:
     """Apply a result to a recording or to the output of the connected unit, and show every rest before and after.
 
-    Raises ConfigurationError if both or another unit are given, and what reading them raises.
+    Raises ConfigurationError if both are given or the unit is a different one, and the errors of reading them.
     """
     check_json(json)
     if log is not None and station is not None:
@@ -62,7 +62,7 @@ def apply_command(
 
 
 def _cautions(shown: Applied, serial: str) -> list[str]:
-    """Return warnings about the unit that the samples come from."""
+    """Return warnings about the unit that produced the samples."""
     if shown.serial != serial:
         return [say("applied.other_recording", recorded=shown.serial, serial=serial)]
     corrected = [say("applied.corrected")] if shown.corrected else []

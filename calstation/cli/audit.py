@@ -1,4 +1,4 @@
-"""`audit` and the check of the audit trail: list, filter and verify what was done at this site."""
+"""`audit` and the verification of the audit trail: list, filter and verify the actions at this site."""
 
 from datetime import date
 from pathlib import Path
@@ -23,7 +23,7 @@ def audit_command(file: Path | None, event: str | None, by: str | None, since: s
     except ValueError as exc:
         raise ConfigurationError("cli.not_a_date", option="--since", value=since, program="calstation audit") from exc
     path, trail = _read(file)
-    known = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in trail.events)))  # those of a later version, too
+    known = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in trail.events)))  # includes events of later versions
     if event is not None and event not in known:
         raise ConfigurationError("cli.unknown_choice", option="--event", value=event, choices=tuple(known))
     events = [

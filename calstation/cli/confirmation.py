@@ -1,4 +1,4 @@
-"""`override` and `pin`, and the confirmation of an action by one or two engineers: PINs are asked for, never given."""
+"""`override` and `pin`, and the confirmation of an action by one or two engineers, who enter their PINs."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,9 +29,9 @@ def ask_person(badge: str, *, pin: bool = True) -> Person:
 def ask_people(
     by: str | None, confirmed_by: str | None, default: str, *, pin: bool = False
 ) -> tuple[Person, Person | None]:
-    """Return the person who acts, by default `default`, and the one who confirms it, None if nobody does.
+    """Return the acting person, by default `default`, and the confirming person, None if there is none.
 
-    Whoever is named proves it with a PIN; `default` only if `pin` is set or somebody confirms.
+    Named persons must enter their PIN; `default` only if `pin` is set or somebody confirms.
     """
     first = ask_person(by or default, pin=pin or bool(by) or confirmed_by is not None)
     return first, None if confirmed_by is None else ask_person(confirmed_by)
@@ -49,7 +49,7 @@ def override_command(result: Path, reason: str, by: str | None, confirmed_by: st
 
 
 def confirm_registers(operation: RegisterOperation, by: str | None, confirmed_by: str | None) -> RegisterOperation:
-    """Return a register operation with the people who are responsible for it. Raises ConfigurationError."""
+    """Return a register operation with the responsible persons. Raises ConfigurationError."""
     station, product = load_station(operation.request.station)[1], load_product(operation.request.product)[1]
     needed = confirmation_required("registers", product, station)
     first, second = ask_people(by, confirmed_by, operation.request.operator or "", pin=needed.pin)
@@ -58,7 +58,7 @@ def confirm_registers(operation: RegisterOperation, by: str | None, confirmed_by
 
 
 def confirm_override(request: RunRequest, confirmed_by: str | None) -> RunRequest:
-    """Return a request whose override of a check standard is confirmed as product and site require it.
+    """Return a request with the confirmation of its check standard override that product and site require.
 
     At a site without PINs the reason suffices. Raises ConfigurationError.
     """

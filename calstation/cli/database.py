@@ -1,4 +1,4 @@
-"""`database`: exchange with the database that stations share, by hand or as a service; its tables; its state."""
+"""`database`: manual or continuous exchange with the shared database; its tables; its state."""
 
 import signal
 import sys
@@ -27,7 +27,7 @@ def exchange(
     out: OutOption = Path("runs"),
     watch: Annotated[bool, typer.Option("--watch", help="Go on until Ctrl-C.")] = False,
 ) -> None:
-    """Send the runs of a folder to the shared database and receive those of other stations."""
+    """Send the runs of a folder to the shared database and receive the runs of other stations."""
     from calstation.cli.show import show_line
     from calstation.database import Exchange, LogArchiver, exchange_once, read_state
     from calstation.errors import CalstationError
@@ -42,7 +42,7 @@ def exchange(
         exchange_once(made, out)
         if archive is not None:
             archiver = LogArchiver(out, archive)
-            with suppress(CalstationError):  # which is in the state
+            with suppress(CalstationError):  # the error is part of the state
                 while archiver.copy_next():
                     pass
             exchange_once(made, out)
@@ -79,7 +79,7 @@ def _watch(out: Path, url: str, name: str, archive: str | None) -> None:
 
 
 def _lines(state: "ExchangeState") -> list[str]:
-    """Return what prevents the exchange of runs and the copies of logs, or that all runs are exchanged."""
+    """Return the obstacles to the exchange of runs and the copying of logs, or that all runs are exchanged."""
     from calstation.cli.show import say
     from calstation.messages import sentence
 
@@ -97,7 +97,7 @@ def upgrade(
     ] = None,
     station: StationOption = None,
 ) -> None:
-    """Create the tables of the shared database, or bring them to this version; as the owner of the database."""
+    """Create the tables of the shared database, or upgrade them to this version; requires the database owner."""
     from calstation.cli.show import say, show_line
     from calstation.database import upgrade as upgrade_tables
 
@@ -111,7 +111,7 @@ def adopt(
     out: OutOption = Path("runs"),
     copy: Annotated[bool, typer.Option("--copy", help="The folder is a copy, and the original stays in use.")] = False,
 ) -> None:
-    """Exchange a folder of runs that was moved, at its present place."""
+    """Exchange a folder of runs that was moved, at its current location."""
     from calstation.cli.show import say, show_line
     from calstation.database import adopt_folder
 
@@ -121,7 +121,7 @@ def adopt(
 
 @database.command()
 def status(out: OutOption = Path("runs"), json: JsonOption = None) -> None:
-    """Show what waits for the shared database and when it was last reached. Does not use the network."""
+    """Show what is pending for the shared database and the last contact. Does not use the network."""
     from calstation.cli.show import check_json, emit_json, say, show_line
     from calstation.database import read_state
     from calstation.messages import local_time, sentence
@@ -141,7 +141,7 @@ def status(out: OutOption = Path("runs"), json: JsonOption = None) -> None:
 
 @database.command()
 def roles() -> None:
-    """Print the SQL of the roles with the least rights, to be executed by the owner of the database."""
+    """Print the SQL of the roles with minimal rights, to be executed by the database owner."""
     sys.stdout.write(resources.files("calstation.database").joinpath("roles.sql").read_text(encoding="utf-8"))
 
 

@@ -1,4 +1,4 @@
-"""`design`: the shortest schedule that reaches a product's limits, or shorter stages."""
+"""`design`: the shortest schedule that meets a product's limits, or shorter stages."""
 
 import tempfile
 from collections.abc import Iterator
@@ -30,11 +30,11 @@ _NOTES = {"checking": "other mountings, headings and noise", "present": "sigmas 
 def design_command(request: DesignRequest, product: Path | None, out: Path, json: str | None) -> int:
     """Design a schedule, write the product with it, and show both; Ctrl-C ends the search with the best so far.
 
-    Returns 1 if the schedule misses a limit, as the best one for a given time may.
+    Returns 1 if the schedule exceeds a limit, which is possible for a given duration.
     """
     _check_out(out)
     check_json(json)
-    with tempfile.TemporaryDirectory(prefix="calstation-design-") as folder, _following() as progress:
+    with tempfile.TemporaryDirectory(prefix="calstation-design-") as folder, _show_progress() as progress:
         stop = Path(folder) / "stop"
         with on_interrupt(stop.touch):
             found = design_schedule(progress, replace(request, stop=stop))
@@ -47,7 +47,7 @@ def shorten_command(request: DesignRequest, product: Path | None, out: Path, jso
     """Shorten the stages of a product, write the product with them, and show both."""
     _check_out(out)
     check_json(json)
-    with _following() as progress:
+    with _show_progress() as progress:
         found = shorten_stages(progress, request)
     out.write_text(shorter_product(read_text(_file(product)), found), encoding="utf-8")
     report(found.to_json(), json, _shorter_lines(found, out))
@@ -64,7 +64,7 @@ def _check_out(out: Path) -> None:
 
 
 @contextmanager
-def _following() -> Iterator[ProgressCallback]:
+def _show_progress() -> Iterator[ProgressCallback]:
     """Show the progress of the search on standard error."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[note]}"))
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
@@ -78,7 +78,7 @@ def _following() -> Iterator[ProgressCallback]:
 
 
 def _lines(found: Design, out: Path) -> Iterator[str]:
-    """Yield what a person wants to know of a design."""
+    """Yield the lines that summarise a design."""
     yield say("design.found", seconds=found.duration, moves=found.planned, worst=found.worst, parameter=found.limiting)
     if not found.searched:
         yield say("design.not_searched")

@@ -29,7 +29,7 @@ def list_(
     out: RunsOption = Path("runs"),
     json: JsonOption = None,
 ) -> None:
-    """Show what was written into units, when and by whom, and what is still open; --json has all values."""
+    """Show the register writes to units with time and person, and open transfers; --json shows all values."""
     from calstation.cli.registers import list_command
 
     raise typer.Exit(list_command(out, serial, json))
@@ -44,7 +44,7 @@ def read(
     slot: SlotOption = None,
     json: JsonOption = None,
 ) -> None:
-    """Show what a unit's registers hold now. Nothing moves, nothing is written."""
+    """Show the current registers of a unit. Nothing moves, nothing is written."""
     from calstation.cli.registers import read_command
 
     raise typer.Exit(read_command(_unit(serial, station, product, out, slot), json))
@@ -89,7 +89,7 @@ def restore(
     by: ByOption = None,
     confirmed_by: ConfirmedByOption = None,
 ) -> None:
-    """Restore the registers that a unit held before a transfer. The table turns to verify them."""
+    """Restore the registers that a unit had before a transfer. The table turns to verify them."""
     from calstation.cli.registers import operate_command
     from calstation.config import RegisterOperation
 
@@ -115,7 +115,7 @@ table = typer.Typer(
 
 @table.command()
 def status(station: StationOption = None, product: ProductOption = None, json: JsonOption = None) -> None:
-    """Show the table's state and what is latched; exit code 3 while a fault is latched."""
+    """Show the table's state and its latched fault; exit code 3 while a fault is latched."""
     from calstation.cli.devices import status_command
 
     raise typer.Exit(status_command(station, product, json))
@@ -123,7 +123,7 @@ def status(station: StationOption = None, product: ProductOption = None, json: J
 
 @table.command()
 def reset(station: StationOption = None, product: ProductOption = None, json: JsonOption = None) -> None:
-    """Reset a latched fault once its cause is removed; exit code 3 if it persists. No axis is switched on."""
+    """Reset a latched fault after its cause was removed; exit code 3 if it persists. No axis is switched on."""
     from calstation.cli.devices import reset_command
 
     raise typer.Exit(reset_command(station, product, json))

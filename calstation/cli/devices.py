@@ -35,7 +35,7 @@ _MARKS = {"ok": "ok", "told": "", "look": "LOOK", "wrong": "WRONG"}
 
 
 def link_command(device: str, station: Path | None, product: Path | None, json: str | None) -> int:
-    """Test a link, or those of the IMUs in all slots, and show every finding.
+    """Test a link, or the links of the IMUs in all slots, and show every finding.
 
     Return the exit code of a device fault if a run would not start.
     """
@@ -81,9 +81,9 @@ def _findings(tested: Report, options: Mapping[str, str]) -> tuple[list[dict[str
 
 
 def check_command(path: Path, json: str | None) -> int:
-    """Show what a recording contains, or every error in a station, table, IMU or product file.
+    """Show the contents of a recording, or every error in a station, table, IMU or product file.
 
-    Returns 0, or the exit code of a configuration error if anything is wrong or no method can solve the recording.
+    Returns 0, or the exit code of a configuration error if there is an error or no method can solve the recording.
     """
     check_json(json)
     if path.suffix == SUFFIX or is_text(path):
@@ -156,7 +156,7 @@ def status_command(station: Path | None, product: Path | None, json: str | None)
 
 
 def reset_command(station: Path | None, product: Path | None, json: str | None) -> int:
-    """Reset a fault that the table has latched; return the exit code of a device fault if it persists."""
+    """Reset a latched fault of the table; return the exit code of a device fault if it persists."""
     check_json(json)
     request = LinkTestRequest(load_station(station)[1], product)
     reset, name = reset_table(ignore_progress, request), request.station.name

@@ -46,7 +46,7 @@ def _needed(parameter: Any) -> str:
 
 
 def station_options(station: Path | None, product: Path | None) -> str:
-    """Return the options that name the station and the product, without those that are None."""
+    """Return the options that specify the station and the product, without the ones that are None."""
     named = (("--station", station), ("--product", product))
     return shlex.join(word for option, path in named if path is not None for word in (option, str(path)))
 

@@ -1,4 +1,4 @@
-"""`fleet`: many logs solved again on many cores, and the solutions of two versions compared."""
+"""`fleet`: re-solving of many logs on many cores, and comparison of the solutions of two versions."""
 
 import json as json_module
 import sys
@@ -23,9 +23,9 @@ fleet = typer.Typer(help="Many logs: solve them again on many cores, compare the
 
 #: Width of the tables, characters.
 _WIDTH = 150
-#: Changed verdicts that are listed; the JSON has all.
+#: Largest number of changed verdicts listed; the JSON contains all.
 _MOST_CHANGES = 30
-#: Interval of the lines of progress where no terminal shows a bar, s.
+#: Interval of progress lines without a terminal for a bar, s.
 _LINE_EVERY = 60.0
 
 DatabaseOption = Annotated[
@@ -70,7 +70,7 @@ def resolve(
     ] = None,
     json: JsonOption = None,
 ) -> None:
-    """Solve many logs again; what the database already has is not solved again. Ctrl-C stops, what is done stays."""
+    """Solve many logs again, except those already in the database. Ctrl-C stops and keeps finished solutions."""
     from rich.console import Console
 
     from calstation.cli.show import check_json, job_progress, say, show_line
@@ -193,7 +193,7 @@ VersionOption = Annotated[str, typer.Option(help="A version, e.g. 0.1.0+label; o
 
 @fleet.command()
 def compare(database: DatabaseOption, before: VersionOption, after: VersionOption, json: JsonOption = None) -> None:
-    """Show which verdicts differ between two versions, and by how many sigmas each parameter moves."""
+    """Show the verdicts that differ between two versions, and the change of each parameter in sigmas."""
     from calstation.cli.show import check_json, emit_json, job_progress
     from calstation.fleet import compare as compare_versions
 
@@ -211,7 +211,7 @@ def export(
     version: VersionOption,
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write.", metavar="FILE.parquet")],
 ) -> None:
-    """Write the solutions of a version into a Parquet file, for DuckDB, pandas and others."""
+    """Write the solutions of a version to a Parquet file, for DuckDB, pandas and others."""
     from rich.console import Console
 
     from calstation.cli.show import job_progress, show_line
@@ -223,7 +223,7 @@ def export(
 
 
 def _show(found: "Comparison") -> None:
-    """Show the changed verdicts, the moves of the parameters, and the groups."""
+    """Show the changed verdicts, the changes of the parameters, and the groups."""
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table

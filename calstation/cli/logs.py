@@ -32,8 +32,8 @@ def resolve_command(
 ) -> int:
     """Solve a log again, or selected stages between two sequence numbers, and show the result.
 
-    With `residuals`, also show those of every rest and move, or add them to the JSON. `states` are added to the model.
-    Without `diagnostics`, only the parameters are solved, and nothing is judged.
+    With `residuals`, also show the residuals of every rest and move, or add them to the JSON. `states` are added to the
+    model. Without `diagnostics`, only the parameters are solved, and there is no verdict.
 
     Returns 1 if it is outside the limits. Raises InsufficientDataError after showing the result if a stage lacks data.
     """

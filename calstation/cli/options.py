@@ -1,4 +1,4 @@
-"""Options that several commands have."""
+"""Options that several commands share."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +17,7 @@ JsonOption = Annotated[
 
 
 def by_name(kind: str) -> Callable[[Path | None], Path | None]:
-    """Return a callback that finds the file of an option by its path or name. It raises ConfigurationError."""
+    """Return a callback that finds the file of an option by path or name and raises ConfigurationError."""
 
     def look_up(path: Path | None) -> Path | None:
         from calstation.config import locate

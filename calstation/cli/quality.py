@@ -34,7 +34,7 @@ from calstation.simulation import synthesise_runs
 
 #: Width of the tables, characters.
 _WIDTH = 170
-#: Failed checks that are listed.
+#: Largest number of failed checks listed.
 _MOST_CHECKS = 10
 
 
@@ -80,7 +80,7 @@ def plan_command(
     seed: int,
     json: str | None,
 ) -> int:
-    """Write the plan of a study of a product, and show who measures which unit where in which order.
+    """Write the plan of a study of a product, and show who measures which unit, where, and in which order.
 
     `units`, `operators` and `stations` are names separated by commas.
     """

@@ -70,7 +70,7 @@ def standards(
     out: FolderOption = Path("runs"),
     json: JsonOption = None,
 ) -> None:
-    """Show which check standards and certificates are due; exit code 1 if production is refused."""
+    """Show the check standards and certificates with their due dates; exit code 1 if production is refused."""
     from calstation.cli.standards import standards_command
 
     raise typer.Exit(standards_command(station, product, out, json))

@@ -1,4 +1,4 @@
-"""`registers`: reads a unit's registers, lists transfers, completes interrupted ones, and restores earlier values."""
+"""`registers`: read a unit's registers, list transfers, complete interrupted ones, and restore earlier values."""
 
 import sys
 from collections.abc import Iterator

@@ -30,7 +30,7 @@ def report_command(
     by: str | None,
     confirmed_by: str | None,
 ) -> int:
-    """Write the certificate of a result or log, and say its number and verdict."""
+    """Write the certificate of a result or log, and show its number and verdict."""
     if language not in LANGUAGES:
         raise ConfigurationError("cli.unknown_choice", option="--language", value=language, choices=list(LANGUAGES))
     for file in (out, dcc):

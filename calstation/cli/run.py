@@ -1,4 +1,4 @@
-"""`run`: shows the events of a run as progress bars and messages, and turns Ctrl-C into a safe stop."""
+"""`run`: shows the events of a run as progress bars and messages, and converts Ctrl-C to a safe stop."""
 
 import shlex
 import sys
@@ -45,16 +45,16 @@ from calstation.sequencer import (
 )
 from calstation.simulation import BenchHooks
 
-#: Largest number of checks named per unit of a batch.
+#: Largest number of checks listed per unit of a batch.
 _NAMED = 3
 
-#: What the user enters to end a repeated stage.
+#: Line that the user enters to end a repeated stage.
 _END_STAGE = "e"
 
-#: Exit code by outcome; that of a fault is 3.
+#: Exit code by outcome; a fault exits with 3.
 _EXIT_CODES = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
 
-#: Outcome of a stage's innovation test, None if it had nothing to test.
+#: Text for the result of a stage's innovation test, None if it had nothing to test.
 _CONSISTENCY = {True: "consistent", False: "NOT consistent", None: "consistency not tested"}
 
 
@@ -86,7 +86,7 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
 
 
 def complete_request(request: RunRequest) -> RunRequest:
-    """Complete the request from the command line with serial numbers if there are none, and with an id of the batch.
+    """Complete the request from the command line with missing serial numbers, and with an id for a batch.
 
     Raises ConfigurationError if the serial numbers are missing, or if an option contradicts the resumed run.
     """
@@ -111,7 +111,7 @@ def complete_request(request: RunRequest) -> RunRequest:
 
 
 def _product_of(log: Path, run: RunSection | None) -> Path | None:
-    """Return the product file of the run of a log, None if the log does not name it. Raises ConfigurationError."""
+    """Return the product file of the run of a log, None if the log does not contain it. Raises ConfigurationError."""
     name = run.files["product"].name if run is not None and run.files else None
     if name is not None and name not in library.names("products"):
         raise ConfigurationError("cli.resume_product", path=log, name=name)
@@ -122,7 +122,7 @@ def _product_of(log: Path, run: RunSection | None) -> Path | None:
 def shared_records(request: RunRequest) -> Iterator[Callable[[], Sequence[Claim]]]:
     """Exchange records with the database of the station, if it has one, and claim the unit, while the context is open.
 
-    Gives a function that returns new claims of other stations on the unit.
+    Yields a function that returns new claims of other stations on the unit.
     """
     serials = filter(None, request.serials or (request.serial,))
     exchange = start_exchange(request.station, request.out, dict.fromkeys(serials, request.operator))
@@ -140,8 +140,8 @@ def engine_events(
 ) -> Iterator[Event]:
     """Run the engine, show its events and yield them; Ctrl-C requests a safe stop.
 
-    `work` is the job for the engine, by default the request itself. `new_claims` is asked after every event for claims
-    of other stations on the unit, which are shown.
+    `work` is the job for the engine, by default the request itself. After every event, `new_claims` is called for
+    claims of other stations on the unit, which are shown.
     """
     options = command_options(request.station, request.product, request.out, request.slot)
     display = _Display(Console(stderr=True), options)
@@ -220,7 +220,7 @@ def _show_batch(verdicts: Sequence[Verdict], json: str | None, request: RunReque
 
 
 def _why(outcome: str, result: Result) -> str:
-    """Return why a unit of a batch did not pass, and whether it holds registers that were not verified."""
+    """Return why a unit of a batch did not pass, and whether it contains unverified registers."""
     outside = [check.name for check in result.checks if check.passed is False]
     parts = [result.error or ", ".join(outside[:_NAMED]) + (" ..." if len(outside) > _NAMED else "")]
     if outcome == "stopped":
@@ -238,7 +238,7 @@ def _cycle_line(seconds: Mapping[str, float]) -> str:
 
 
 def outcome_text(outcome: str, result: Result) -> Text:
-    """Return the sentence that ends a run: its verdict, and what became of the registers."""
+    """Return the final sentence of a run: its verdict, and the state of the registers."""
     standard, registers = result.check_standard, result.registers
     written = registers is not None and registers.new is not None
     if standard is not None and outcome == ("passed" if standard.passed else "failed"):
@@ -269,12 +269,12 @@ class _Display:
     """Shows a bar per stage with the remaining time and the current step, or plain lines without a terminal."""
 
     def ending(self) -> None:
-        """Confirm that the user has asked for the end of the stage."""
+        """Confirm that the user has requested the end of the stage."""
         show_line(self._console, say("cli.ending_stage"))
 
     def __init__(self, console: Console, options: Mapping[str, str]) -> None:
         self._console = console
-        self._options = options  #: Of the commands in remedies.
+        self._options = options  #: Options of commands in remedies.
         self._bars: dict[str, TaskID] = {}
         self.progress = Progress(
             TextColumn("{task.fields[number]:>4}  {task.description:<14}"),

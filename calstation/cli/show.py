@@ -1,4 +1,4 @@
-"""Shows results and messages on the terminal: a table in display units, and JSON on request."""
+"""Display of results and messages on the terminal: a table in display units, and JSON on request."""
 
 import json as json_module
 import math
@@ -23,7 +23,7 @@ from calstation.physics import DEGREE, display, display_by_unit, number
 from calstation.records import Check
 from calstation.results import PositionResidual, Result, cause_text, write_json
 
-#: Marks of a rest or move whose residuals are notable, and of one whose data contradict the model.
+#: Marks of a rest or move with notable residuals, or with residuals that contradict the model.
 _MARKS = {"good": "", "caution": "!", "bad": "!!"}
 #: Largest width of the table of residuals, characters.
 _TABLE_WIDTH = 200
@@ -35,7 +35,7 @@ def say(code: str, **values: Value) -> str:
 
 
 def show_line(console: Console, text: str) -> None:
-    """Print a line as it is, without wrapping it."""
+    """Print a line without wrapping or formatting it."""
     console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
@@ -98,7 +98,7 @@ def on_line(line: str, action: Callable[[], object]) -> None:
     """Call `action` each time the user enters a line with this text, until the program ends; needs a terminal."""
 
     def listen() -> None:
-        # os.read takes no lock of sys.stdin, which the interpreter could not release at its end.
+        # os.read does not lock sys.stdin, which the interpreter could not release at exit.
         with suppress(OSError):
             while entered := os.read(sys.stdin.fileno(), 1024):
                 if entered.strip().lower() == line.encode():
@@ -114,7 +114,7 @@ def result_table(console: Console, result: Result) -> None:
     """Show every parameter with its sigma, unit, limit and verdict, then the other checks and the decision rule."""
     table = Table(title=f"unit {result.serial}", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     table.add_column("parameter", no_wrap=True, min_width=19)
-    narrowed = any(check.acceptance for check in result.checks)  # by the decision rule; the JSON has both
+    narrowed = any(check.acceptance for check in result.checks)  # by the decision rule; the JSON contains both
     for heading in ("value", "sigma", "unit", "accepted" if narrowed else "limit", "≤ sigma"):
         table.add_column(heading, justify="left" if heading == "unit" else "right", no_wrap=True)
     table.add_column("verdict")

@@ -21,7 +21,7 @@ def record(
     runs: Annotated[int, typer.Option(min=1, help="history: number of runs.")] = 2000,
     count: Annotated[int, typer.Option(min=1, help="logs: number of logs.")] = 300,
 ) -> None:
-    """Make a recording on the virtual bench for the methods that need no table, a history of runs, or many logs."""
+    """Make a virtual-bench recording for the methods that need no table, a history of runs, or many logs."""
     if kind == "history":
         from calstation.cli.quality import history_command
 
@@ -46,7 +46,7 @@ def study(
         str | None, typer.Option(help="multi_position, cross_calibration or gimbal, in place of the stages.")
     ] = None,
 ) -> None:
-    """Monte Carlo of the whole method against truth and the Cramer-Rao bound."""
+    """Run a Monte Carlo study of the whole method against truth and the Cramer-Rao bound."""
     from calstation.cli.studies import method_study_command, study_command
 
     if method is not None:
@@ -62,7 +62,7 @@ def soak(
     full: Annotated[bool, typer.Option("--full", help="The product's whole schedule in every run.")] = False,
     keep: Annotated[Path | None, typer.Option(help="Keep logs and results in this folder.", metavar="DIR")] = None,
 ) -> None:
-    """Calibrations back to back on the virtual bench with random faults, judged by its truth."""
+    """Run calibrations back to back on the virtual bench with random faults, and compare them with its truth."""
     from calstation.cli.studies import soak_command
 
     raise typer.Exit(soak_command(runs, seed, json, full=full, keep=keep))

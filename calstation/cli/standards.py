@@ -24,7 +24,7 @@ from calstation.simulation import LockStep, golden_demo, lock_demo
 def standards_command(station: Path | None, product: Path | None, out: Path, json: str | None) -> int:
     """Show the check standards of a product, the certificates of a station, and the charts of its table.
 
-    Returns 1 if one of them refuses production, or if a chart has alarmed since the table's calibration; otherwise 0.
+    Returns 1 if production is refused, or if a chart has raised an alarm since the table's calibration; otherwise 0.
     """
     check_json(json)
     (_, place), (_, unit) = load_station(station), load_product(product)
@@ -52,9 +52,9 @@ def standards_command(station: Path | None, product: Path | None, out: Path, jso
 
 
 def golden_demo_command(runs: int, shift: float, seed: int, quantity: str, production: int, json: str | None) -> int:
-    """Show when production is refused, and chart golden runs on the bench before and after a shift of an axis.
+    """Demonstrate when production is refused, and chart golden runs on the bench before and after a shift of an axis.
 
-    Returns 1 if something is not as it should be.
+    Returns 1 if a step differs from its expectation.
     """
     check_json(json)
     if quantity not in TABLE_QUANTITIES:
@@ -79,12 +79,12 @@ def golden_demo_command(runs: int, shift: float, seed: int, quantity: str, produ
 
 
 def _step_line(step: LockStep) -> str:
-    """Return the sentence of a step; one that is not as it should be says so."""
+    """Return the sentence of a step, marked if it differs from its expectation."""
     return say(f"cli.{step.code}", **step.values) if step.passed else say("cli.lock_wrong", step=step.code)
 
 
 def _demo_lines(found: Mapping[str, Any]) -> list[str]:
-    """Return what the charts did in a demonstration."""
+    """Return the behaviour of the charts in a demonstration."""
     quantity, period = found["quantity"], found["production"] + 1
     sigma = 3600.0 * degrees(found["sigma"][quantity])
     common = {"quantity": quantity, "sigma": sigma, "within": found["within_runs"]}

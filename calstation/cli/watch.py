@@ -1,4 +1,4 @@
-"""`watch`: follows IMUs on one body, from a log or live, and calibrates those out of tolerance."""
+"""`watch`: monitors IMUs on one body, from a log or live, and calibrates those out of tolerance."""
 
 import sys
 import threading
@@ -25,22 +25,22 @@ from calstation.results import CorrectedOutput, PairWatchResult, pair_report, wa
 _SMALL_RATE, _SMALL_FORCE = 0.1 * DEGREE, 10_000 * MICRO_G
 
 
-#: Time for which a replayed log waits for a client that falls behind, s per line.
+#: Time for which a replayed log waits for a slow client, s per line.
 _REPLAY_PATIENCE = 10.0
-#: Interval at which the waiting for motion is shown, s.
+#: Interval of the messages while waiting for motion, s.
 _SHOWN_EVERY = 5.0
 
 
 @dataclass(frozen=True)
 class Delivery:
-    """Where corrected data go."""
+    """Destinations of corrected data."""
 
     serve: str | None = None  #: ``HOST:PORT`` of a service for other programs.
     file: Path | None = None  #: File of JSON lines.
 
 
 class _LinesFile:
-    """A file of lines; at the first failure it is given up, which is shown on `out`, and `failed` is set.
+    """A file of lines; after the first failure, which is shown on `out`, nothing more is written and `failed` is set.
 
     Raises ConfigurationError if it cannot be opened.
     """
@@ -48,7 +48,7 @@ class _LinesFile:
     def __init__(self, path: Path, out: Console) -> None:
         self._path, self._out, self.failed = path, out, False
         try:
-            self._file = path.open("w", buffering=1, encoding="utf-8")  # every line is complete for other programs
+            self._file = path.open("w", buffering=1, encoding="utf-8")  # each line is complete for other programs
         except OSError as exc:
             raise self._error(exc) from exc
 
@@ -64,7 +64,7 @@ class _LinesFile:
 
     def close(self) -> None:
         """Close the file."""
-        with suppress(OSError):  # what a full disk has refused before
+        with suppress(OSError):  # data refused earlier by a full disk
             self._file.close()
 
     def _error(self, exc: OSError) -> ConfigurationError:
@@ -96,9 +96,9 @@ def watch_station_command(
     json: str | None,
     delivery: Delivery,
 ) -> int:
-    """Watch the IMUs of a station live until `seconds` of device time have passed or Ctrl-C is pressed.
+    """Monitor the IMUs of a station live until `seconds` of device time have passed or Ctrl-C is pressed.
 
-    The line c on the terminal requests a check. Returns as `watch_log_command`, or the exit code of a stop after
+    Entering c on the terminal requests a check. Returns like `watch_log_command`, or the exit code of a stop after
     Ctrl-C. Raises ConfigurationError or DeviceFaultError.
     """
 
@@ -126,7 +126,7 @@ def watch_station_command(
 
 
 def _console(json: str | None) -> Console:
-    """Return where events are shown: standard output, unless the JSON is written there."""
+    """Return the console for events: standard output, unless the JSON is written there."""
     return Console(file=sys.stderr if json == "-" else sys.stdout)
 
 
@@ -134,9 +134,9 @@ def _console(json: str | None) -> Console:
 def _delivered(
     meta: LogMeta, delivery: Delivery, out: Console, *, replay: bool = False
 ) -> Iterator[tuple[list[CorrectedOutput], Callable[[], bool]]]:
-    """Deliver corrected data while the context lasts; a replay starts with the first client and waits for slow ones.
+    """Deliver corrected data while the context is open; a replay waits for the first client and for slow ones.
 
-    Yields the consumers, and a function that returns whether the file, if any, holds all lines.
+    Yields the consumers, and a function that returns whether the file, if any, contains all lines.
     Raises ConfigurationError if the service or the file cannot be opened.
     """
     sinks: list[Callable[[str], object]] = []
@@ -157,12 +157,12 @@ def _delivered(
             server.greeting = lambda: output.greeting
             show_line(out, say("cli.serving", address=server.address))
             while replay and not server.wait_for_client(0.2):
-                pass  # Ctrl-C ends the waiting
+                pass  # Ctrl-C ends the wait
         yield [output], lambda: file is None or not file.failed
 
 
 class _Shown:
-    """Prints the events of a watch and, if it is live, what it is `waiting` for."""
+    """Prints the events of a session and, if it is live, what it is `waiting` for."""
 
     def __init__(self, out: Console, *, waiting: bool = False) -> None:
         self._out, self._waiting = out, waiting

@@ -1,4 +1,4 @@
-"""`calstation` without a command: the window, or a run in the terminal where there is no screen."""
+"""`calstation` without a command: the window, or a run in the terminal if there is no screen."""
 
 import os
 import subprocess
@@ -20,7 +20,7 @@ def window_command(run: Callable[[], int]) -> int:
 
 
 def has_screen() -> bool:
-    """Whether a window can be opened on this computer."""
+    """Return whether a window can be opened on this computer."""
     if sys.platform in ("win32", "darwin"):
         return True
     if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")):

@@ -1,6 +1,6 @@
-"""The engineer's PIN, required for everything that changes results, and personal PINs of engineers by badge.
+"""The site's engineering PIN, required for all changes that affect results, and the engineers' personal PINs by badge.
 
-Their salted hashes are in the site's folder. In all functions, the badge "" stands for the site's PIN.
+Their salted hashes are in the site's folder. In all functions, the badge "" denotes the site's PIN.
 """
 
 import hashlib
@@ -35,8 +35,8 @@ _LONGEST_DELAY = 300.0
 #: Longest time to wait for another program that checks or sets a PIN, s.
 _LOCKED_WITHIN = 10.0
 
-#: Cost of scrypt (RFC 7914) for new PINs, one of those that the OWASP Password Storage Cheat Sheet of 2025 recommends:
-#: 32 MiB and about 0.2 s. A stored PIN keeps the cost with which it was set.
+#: Cost of scrypt (RFC 7914) for new PINs, as recommended by the OWASP Password Storage Cheat Sheet of 2025: 32 MiB and
+#: about 0.2 s. A stored PIN keeps the cost with which it was set.
 _N, _R, _P = 2**15, 8, 3
 
 
@@ -53,20 +53,20 @@ class _Stored(StrictModel):
 
 
 def has_pin(badge: str = "") -> bool:
-    """Whether a PIN has been set. The first user sets the site's PIN."""
+    """Return whether a PIN has been set. The first user sets the site's PIN."""
     return _file(badge).exists()
 
 
 def set_pin(old: str, new: str, badge: str = "") -> None:
-    """Set a new PIN; an event of the audit trail, on disk before the PIN is. Raises ConfigurationError.
+    """Set a new PIN; the audit trail is written to disk before the PIN. Raises ConfigurationError.
 
-    `old` is the present PIN. It is ignored if the site has none; the first PIN of a badge needs the site's PIN.
+    `old` is the current PIN. It is ignored if the site has none; the first PIN of a badge needs the site's PIN.
     """
     if len(new) < SHORTEST:
         raise ConfigurationError("access.pin_too_short", shortest=SHORTEST)
     with _locked(badge):
         event: AuditEventName = "pin_changed" if has_pin(badge) else "pin_set"
-        owner = badge if has_pin(badge) else ""  # of the old PIN
+        owner = badge if has_pin(badge) else ""  # owner of the old PIN
         if badge and not has_pin(owner):
             raise ConfigurationError("access.no_site_pin")
         if has_pin(owner) and not _check(old, owner):
@@ -81,7 +81,7 @@ def set_pin(old: str, new: str, badge: str = "") -> None:
 
 
 def check(pin: str, badge: str = "") -> bool:
-    """Whether `pin` is correct; no PIN is accepted during the delay after wrong ones. Raises ConfigurationError."""
+    """Return whether `pin` is correct; none is accepted in the delay after wrong ones. Raises ConfigurationError."""
     if not has_pin(badge):
         return False
     with _locked(badge):
@@ -89,7 +89,7 @@ def check(pin: str, badge: str = "") -> bool:
 
 
 def _check(pin: str, badge: str) -> bool:
-    """Check a PIN under the lock, because each of several checks at the same time must count."""
+    """Check a PIN while the lock is held, because concurrent attempts must all count."""
     stored = _load(badge)
     if _wait(stored) > 0.0:
         return False

@@ -1,4 +1,4 @@
-"""Batches: the requests and the configurations of several units on one table."""
+"""Batches: the requests and configurations of several units on one table."""
 
 import random
 from dataclasses import replace
@@ -21,9 +21,9 @@ def new_batch_id() -> str:
 
 
 def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
-    """Return one request per unit of a batch, in the order of the slots; only itself for a single unit.
+    """Return one request per unit of a batch, in slot order; for a single unit only the request itself.
 
-    Raises ConfigurationError if there are more serial numbers than slots, the same one twice, or none.
+    Raises ConfigurationError if there are more serial numbers than slots, duplicates, or none.
     """
     if not request.serials:
         return (request,)
@@ -58,7 +58,7 @@ def prepare_batch(
     setups = tuple(prepare_run(unit, adjust) for unit in unit_requests(request))
     first = setups[0]
     for setup in setups[1:]:
-        # the order of the stages counts too
+        # the order of the stages matters, too
         if list(setup.schedules.items()) != list(first.schedules.items()):
             slot, product = setup.request.slot or "", setup.product.name
             raise ConfigurationError("batch.other_plan", slot=slot, product=product, first=first.product.name)
@@ -73,7 +73,7 @@ def batch_bench_config(setups: tuple[ResolvedConfiguration, ...]) -> dict[str, A
     further = [{"clock_drift_ppm": _clock_drift(own["seed"]), **own} for own in others if own is not None]
     numbered = zip(setups, (config, *further), strict=True)
     first, *rest = ({**own, "unit": setup.number} for setup, own in numbered)
-    # the first unit holds the orders for all of them
+    # the first unit contains the fault orders for all of them
     return {**first, "secondaries": [{**own, "orders": []} for own in rest]}
 
 

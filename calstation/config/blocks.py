@@ -1,4 +1,4 @@
-"""The tables of a TOML text as blocks of lines, so that a table is added, removed or moved with the comments on it."""
+"""Tables of a TOML text as blocks of lines, so that a table is added, removed or moved together with its comments."""
 
 import re
 import tomllib
@@ -17,20 +17,20 @@ from calstation.schema import KeyPath
 class _Block:
     """The comments directly above a table's header, the header, and the lines up to the next block.
 
-    A block without a table, `path` None, is what precedes the first header, a comment on several tables, or comments at
-    the end of a table, after an empty line, unless the next entry of the same list follows.
+    A block without a table (`path` None) contains the text before the first header, a comment on several tables, or
+    comments after an empty line at the end of a table, unless the next entry of the same list follows.
     """
 
     path: KeyPath | None  #: Keys in the header, with the number of the entry after the key of a list of tables.
     lines: tuple[str, ...]
 
     def inside(self, path: KeyPath) -> bool:
-        """Whether the block belongs to the table at a path, or to one of its subtables."""
+        """Return whether the block belongs to the table at a path, or to one of its subtables."""
         return self.path is not None and self.path[: len(path)] == path
 
     @property
     def content(self) -> tuple[str, ...]:
-        """The lines without the empty ones at the end."""
+        """The lines without trailing empty lines."""
         return self.lines[: max((i for i, line in enumerate(self.lines, 1) if line.strip()), default=0)]
 
     @property
@@ -40,7 +40,7 @@ class _Block:
 
 
 def has_table(text: str, path: KeyPath) -> bool:
-    """Whether a text has a header for the table, or for the entry of a list of tables, at a path."""
+    """Return whether a text has a header for the table, or for the entry of a list of tables, at a path."""
     return any(block.path == path for block in _blocks(text))
 
 
@@ -51,7 +51,7 @@ def remove_table(text: str, path: KeyPath) -> str:
 
 
 def add_table(text: str, path: KeyPath, values: Mapping[str, Any]) -> str:
-    """Add a table with a header after the last one with the same first key, or at the end."""
+    """Add a table with a header after the last table with the same first key, or at the end."""
     nested: Mapping[str, Any] = values
     for key in reversed(path):
         nested = {str(key): nested}
@@ -72,7 +72,7 @@ def add_value(text: str, path: KeyPath, key: str, value: Any) -> str:
 
 
 def replace_header(text: str, path: KeyPath, header: str, first: Mapping[str, Any]) -> str:
-    """Give a table that has a header another one, and its subtables accordingly; `first` are values to put first."""
+    """Replace the header of a table, and the headers of its subtables accordingly; `first` values are put first."""
     lines: list[str] = []
     for block in _blocks(text):
         if not block.inside(path):
@@ -89,10 +89,10 @@ def replace_header(text: str, path: KeyPath, header: str, first: Mapping[str, An
 
 
 def arrange_entries(text: str, key: str, order: Sequence[int | Mapping[str, Any]]) -> str:
-    """Arrange the entries of a list of tables: each is the number of a present entry, or the values of a new one.
+    """Arrange the entries of a list of tables: each is the number of an existing entry, or the values of a new one.
 
-    A present entry keeps its lines and the comments directly above it. A list in brackets becomes tables with headers;
-    the comments inside the brackets are lost.
+    An existing entry keeps its lines and the comments directly above it. A list in brackets becomes tables with
+    headers; the comments inside the brackets are lost.
     """
     blocks = _blocks(text)
     entries = [block for block in blocks if block.inside((key,))]
@@ -124,7 +124,7 @@ def _blocks(text: str) -> list[_Block]:
         end = starts[n + 1] if n + 1 < len(starts) else len(lines)
         alike = [k for k, other in enumerate(paths) if other[0] == path[0]]
         if n == alike[0] and len(alike) > 1 and all(starts[k] == headers[k] for k in alike[1:]):
-            blocks.append(_Block(None, tuple(lines[start:header])))  # the only comment is on all of them
+            blocks.append(_Block(None, tuple(lines[start:header])))  # the only comment refers to all of them
             start = header
         last = n + 1 == len(paths) or paths[n + 1][0] != path[0]
         own = _own_end(lines, header, end) if last else end
@@ -135,7 +135,7 @@ def _blocks(text: str) -> list[_Block]:
 
 
 def _own_end(lines: Sequence[str], header: int, end: int) -> int:
-    """Return the number of the first line before `end` that only comments follow, after an empty line; else `end`."""
+    """Return the first line number before `end` followed only by comments, after an empty line; or `end`."""
     free = end
     while free > header + 1 and (not lines[free - 1].strip() or lines[free - 1].lstrip().startswith("#")):
         free -= 1
@@ -173,7 +173,7 @@ def _paths(headers: Iterable[str]) -> list[KeyPath]:
 
 
 def _is_toml(lines: Sequence[str]) -> bool:
-    """Whether lines are valid alone, so that the next one is not inside a list or a text of several lines."""
+    """Return whether lines are valid TOML, so that the next line is not inside a list or a multi-line text."""
     try:
         tomllib.loads("".join(lines))
     except tomllib.TOMLDecodeError:
@@ -191,7 +191,7 @@ def _ended(lines: Sequence[str]) -> tuple[str, ...]:
 
 
 def _text(blocks: Sequence[_Block], before: Sequence[_Block]) -> str:
-    """Return the text of blocks, with an empty line between those that were not neighbours before."""
+    """Return the text of blocks, with an empty line between blocks that were not adjacent before."""
     neighbours = set(pairwise(before))
     lines: list[str] = []
     for block, following in zip(blocks, (*blocks[1:], None), strict=True):

@@ -1,4 +1,4 @@
-"""Check standards of a product: units that stay at the station and whose values are known (golden units)."""
+"""Check standards of a product: units with known values that stay at the station (golden units)."""
 
 from pydantic import Field, field_validator
 
@@ -18,10 +18,10 @@ class CheckStandardSection(StrictModel):
     """`[[check_standards]]` of a product: a unit that is calibrated regularly to check the station."""
 
     serial: str = Field(min_length=1)
-    interval_days: float = Field(gt=0)  #: Longest time between two of its runs that passed.
-    #: Day on which the reference values were determined; without it, the unit is assumed to change only at a power-up.
+    interval_days: float = Field(gt=0)  #: Longest time between two of its passed runs.
+    #: Date on which the reference values were determined; without it, the unit is assumed to change only at a power-up.
     date: Day | None = None
-    #: By parameter; the outer lever belongs to the mounting and is not compared.
+    #: Reference by parameter; the outer lever belongs to the mounting and is not compared.
     reference: dict[str, ReferenceSection] = Field(min_length=1)
 
     @field_validator("reference")

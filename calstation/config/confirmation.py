@@ -1,4 +1,4 @@
-"""Actions of an engineer that a second engineer confirms: each proves his identity by badge and personal PIN."""
+"""Actions of an engineer that a second engineer confirms; each confirms their identity by badge and personal PIN."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -8,8 +8,8 @@ from calstation.config.request import Confirmation, plain_text
 from calstation.config.station import ProductConfig, StationConfig
 from calstation.errors import ConfigurationError
 
-#: Release of a failed unit or of production while a check standard is not in order, a register write outside a run, or
-#: the issue of a certificate.
+#: Release of a failed unit, or of production despite a failed check standard; a register write outside a run; or the
+#: issue of a certificate.
 Action = Literal["override", "registers", "certificate"]
 
 
@@ -18,7 +18,7 @@ class Person:
     """A person who acts or confirms; without engineers at the station, a name and the site's PIN."""
 
     badge: str
-    pin: str = field(default="", repr=False)  #: "" if it was not asked for.
+    pin: str = field(default="", repr=False)  #: Empty if no PIN was requested.
 
     def __post_init__(self) -> None:
         """Remove control characters, which some badge readers send."""
@@ -27,7 +27,7 @@ class Person:
 
 @dataclass(frozen=True)
 class ConfirmationRequired:
-    """What an action requires: the PIN of the person who acts, the badge of an engineer, and a second person."""
+    """Requirements of an action: the PIN of the acting person, the badge of an engineer, and a second person."""
 
     pin: bool
     badge: bool
@@ -35,44 +35,44 @@ class ConfirmationRequired:
 
 
 def confirmation_required(action: Action, product: ProductConfig, station: StationConfig) -> ConfirmationRequired:
-    """Return what an action with a unit of a product requires at a station.
+    """Return the requirements for an action with a unit of a product at a station.
 
-    A release always needs a PIN; other actions only where the product requires a second person.
+    A release always needs a PIN; other actions only if the product requires a second person.
     """
     second = product.confirmation is not None and action in product.confirmation.required_for
     return ConfirmationRequired(second or action == "override", bool(_engineers(station)), second)
 
 
 def pin_known(station: StationConfig) -> bool:
-    """Whether somebody at a station can prove an identity: an engineer whom it names, or who knows the site's PIN."""
+    """Return whether anybody at a station can confirm an identity: a listed engineer, or anyone with the site's PIN."""
     return bool(_engineers(station)) or access.has_pin()
 
 
 def confirm(
     action: Action, product: ProductConfig, station: StationConfig, first: Person, second: Person | None = None
 ) -> Confirmation:
-    """Check the identity of the person who acts, and of the second person if the product requires one.
+    """Check the identity of the acting person, and of the second person if the product requires one.
 
-    The caller appends the action to the audit trail, with the names that are returned, before it acts.
+    The caller appends the action to the audit trail, with the returned names, before executing it.
 
     Parameters
     ----------
     action : the action
-    product, station : they say whether a second person is required, and who the engineers are
-    first : person who acts; a PIN is checked also where none is required
-    second : person who confirms; checked also where none is required
+    product, station : specify whether a second person is required, and who the engineers are
+    first : acting person; a PIN is checked even if none is required
+    second : confirming person; checked even if none is required
 
     Raises
     ------
     ConfigurationError : if a person is not an engineer of the station, a PIN is wrong or missing, the second person is
-        missing or is the first one, or the station names no engineers although two people are required or given.
+        missing or identical to the first, or the station lists no engineers although two people are required or given.
     """
     needed = confirmation_required(action, product, station)
     if not first.badge:
         raise ConfigurationError("confirmation.no_person")
     if not needed.pin and second is None and not first.pin:
         return Confirmation(first.badge)
-    if (needed.second or second is not None) and not needed.badge:  # one PIN of the site is no proof of two people
+    if (needed.second or second is not None) and not needed.badge:  # the site's single PIN does not identify two people
         raise ConfigurationError("confirmation.no_engineers", station=station.name, product=product.name)
     if needed.second and second is None:
         raise ConfigurationError("confirmation.second_missing", product=product.name)
@@ -88,7 +88,7 @@ def _engineers(station: StationConfig) -> list[str]:
 
 
 def _identify(person: Person, engineers: list[str]) -> None:
-    """Raise ConfigurationError unless the person is an engineer with this PIN, or knows the site's PIN without them."""
+    """Raise ConfigurationError unless the person is an engineer with this PIN, or has the site's without engineers."""
     if engineers and person.badge not in engineers:
         raise ConfigurationError("confirmation.not_engineer", badge=person.badge)
     badge = person.badge if engineers else ""

@@ -40,7 +40,7 @@ MODELS: dict[str, type[BaseModel]] = {
     "products": ProductConfig,
 }
 
-#: Patterns of lines that occur only in files of one kind.
+#: Patterns of lines that occur in only one kind of file.
 _SIGNATURES = {
     "stations": (r"\[site\]",),
     "imus": (r"\[frame\]", r"\[stream\]", r"\[noise\]"),
@@ -152,7 +152,7 @@ def _unknown_profile(kind: str, name: str, *place: str | int) -> Iterator[Proble
 
 
 def field_of(kind: str, place: KeyPath) -> FieldInfo | None:
-    """Return the field of the model of a file for an entry, None for an entry without one."""
+    """Return the model field for an entry of a file, None for an entry without one."""
     annotation: Any = MODELS[kind]
     field = None
     for key in place:
@@ -168,7 +168,7 @@ def field_of(kind: str, place: KeyPath) -> FieldInfo | None:
 
 
 def required_type(annotation: Any) -> tuple[Any, bool]:
-    """Return the type of an optional value, its first one if it has several, and whether it is optional."""
+    """Return the type of an optional value, the first one if there are several, and whether it is optional."""
     if get_origin(annotation) not in (Union, UnionType):
         return annotation, False
     options = get_args(annotation)
@@ -262,7 +262,7 @@ def _without(text: str, place: KeyPath) -> str:
 
 
 def is_name(name: str) -> bool:
-    """Whether the name is valid for a file."""
+    """Return whether a name is valid for a file."""
     return _NAME.fullmatch(name) is not None
 
 
@@ -285,7 +285,7 @@ def read_text(path: Path) -> str:
 
 
 def is_bench(path: Path) -> bool:
-    """Whether a station file describes a virtual bench; False if it cannot be read."""
+    """Return whether a station file describes a virtual bench; False if it cannot be read."""
     try:
         return "bench" in read_toml(path)
     except ConfigurationError:

@@ -22,7 +22,7 @@ from calstation.physics import (
 )
 from calstation.schema import KeyPath, Problem
 
-#: Returns the value at a key path of a file, None if there is none.
+#: Function that returns the value at a key path of a file, None if there is none.
 Get = Callable[[KeyPath], Any]
 
 #: Display unit and its size in SI.
@@ -31,10 +31,10 @@ Unit = tuple[str, float]
 _PLAIN: Unit = ("", 1.0)
 _MIXED: Unit = ("SI", 1.0)
 
-#: Kinds of problems that leave no entries which a form could show.
+#: Kinds of problems after which no entries can be shown in a form.
 _UNREADABLE = ("toml", "file", "model_type", "dict_type", "list_type")
 
-#: Types of number that are offered in a register map; others can be typed.
+#: Number types offered in a register map; others can be typed.
 _TYPES = ("f32", "f64", "i16", "i32", "u16", "u32", "q2.30", "q16.16")
 
 
@@ -42,12 +42,12 @@ _TYPES = ("f32", "f64", "i16", "i32", "u16", "u32", "q2.30", "q16.16")
 class FormCell:
     """A value of a file in a table.
 
-    place : key path of the value, or of the interval of which it is one end
-    kind : input: a number; a text; names separated by commas; or one of `choices`, None for an entry left out
+    place : key path of the value, or of the interval that it limits
+    kind : input: a number; a text; names separated by commas; or one of `choices`, None for an omitted entry
     end : 0 for the lowest value of an interval, 1 for the highest
-    magnitude : whether the interval may also be one number, which stands for ± that number
+    magnitude : whether the interval may also be one number, which means ± this number
     component : 0 to 2 for a component of a vector, each of which is 0 if the file has none
-    default : value that holds if the file has none
+    default : value used if the file has none
     """
 
     place: KeyPath
@@ -69,12 +69,12 @@ class FormCell:
         return -value if self.end == 0 and isinstance(value, float | int) else value
 
     def stated(self, get: Get) -> bool:
-        """Whether the file states the value itself; not the default, nor the lowest value of ± the highest."""
+        """Return whether the file contains the value itself, instead of a default or the lower end of a ± value."""
         value = get(self.place)
         return value is not None and (self.end != 0 or isinstance(value, list))
 
     def shown(self, get: Get) -> Any:
-        """Return the value to show: the choice, or the text of the value, or of the default, in the display unit."""
+        """Return the displayed value: the choice, or the text of the value or its default in the display unit."""
         value = self.value(get)
         value = self.default if value is None else value
         if self.kind == "choice":
@@ -88,9 +88,9 @@ class FormCell:
         return str(value)
 
     def changes(self, get: Get, entered: Any) -> dict[KeyPath, Any]:
-        """Return the changes of the file for a text or choice entered; none if it has the value that is shown.
+        """Return the changes of the file for an entered text or choice; none if it equals the displayed value.
 
-        A text that is not a number is stored as it is, so that the check of the file reports it.
+        A text that is not a number is stored unchanged, so that the validation of the file reports it.
         """
         value = self._parsed(entered)
         if self.component is not None and value is None:
@@ -123,7 +123,7 @@ class FormCell:
         return replace(problem, what=replace(problem.what, values=values))
 
     def concerns(self, problem: Problem) -> bool:
-        """Whether a problem is one of this value."""
+        """Return whether a problem refers to this value."""
         length, part = len(self.place), self._part
         inside = problem.place[:length] == self.place
         return inside and (part is None or problem.place[length : length + 1] in ((), (part,)))
@@ -134,7 +134,7 @@ class FormCell:
         return self.end if self.component is None else self.component
 
     def _parsed(self, entered: Any) -> Any:
-        """Return the value of the file for a text or choice, None for an empty text."""
+        """Return the value for the file from a text or choice, None for an empty text."""
         if self.kind == "choice":
             return entered
         text = str(entered).strip()
@@ -152,7 +152,7 @@ class FormCell:
 class FormRow:
     """A row of a form: its name, which is a parameter, group or key of the file, its unit, and its cells.
 
-    A text instead of a cell cannot be changed. `places` are the entries that are removed with the row.
+    A text in place of a cell cannot be changed. `places` are the entries that are removed with the row.
     """
 
     name: str
@@ -175,8 +175,8 @@ class Form:
 
     roots : entries that contain the values
     names : kind of the names of its rows
-    offered : names of the rows that can be added; the first root is the entry of each
-    new_entry : returns a new entry if the rows are the entries of a list in order; gets the model of a valid file
+    offered : names of the rows that can be added; the first root is the entry of each new row
+    new_entry : if the rows are the entries of an ordered list, returns a new entry from the model of a valid file
     """
 
     name: str
@@ -190,11 +190,11 @@ class Form:
 
     @property
     def listed(self) -> bool:
-        """Whether the rows are the entries of a list in order."""
+        """Whether the rows are the entries of an ordered list."""
         return self.new_entry is not None
 
     def unreadable(self, problems: Sequence[Problem]) -> Problem | None:
-        """Return a problem that leaves nothing to show in the form, None if there is none."""
+        """Return a problem that prevents the form from being shown, None if there is none."""
         found = (p for p in problems if p.kind in _UNREADABLE)
         return next(
             (p for p in found if any(p.place[: len(root)] == root[: len(p.place)] for root in self.roots)), None
@@ -202,7 +202,7 @@ class Form:
 
 
 def cells_with_problem(rows: Sequence[FormRow], problem: Problem) -> list[FormCell]:
-    """Return the cells in which to mark a problem: those of its value, or else the first one of its row."""
+    """Return the cells in which to mark a problem: the cells of its value, or else the first cell of its row."""
     for row in rows:
         cells = [cell for cell in row.cells if isinstance(cell, FormCell)]
         if found := [cell for cell in cells if cell.concerns(problem)]:
@@ -214,7 +214,7 @@ def cells_with_problem(rows: Sequence[FormRow], problem: Problem) -> list[FormCe
 
 
 def _number(text: str) -> float:
-    """Return a number, whole if it is typed without a point. Raises ValueError."""
+    """Return a number, an integer if entered without a decimal point. Raises ValueError."""
     try:
         return int(text)
     except ValueError:
@@ -222,7 +222,7 @@ def _number(text: str) -> float:
 
 
 def cell_of(kind: str, place: KeyPath, unit: Unit = _PLAIN, **more: Any) -> FormCell:
-    """Make the cell for an entry, with choices and default from the model of the file."""
+    """Create the cell for an entry, with choices and default from the model of the file."""
     field = field_of(kind, place)
     cell = FormCell(place, unit, **more)
     if field is None:
@@ -235,7 +235,7 @@ def cell_of(kind: str, place: KeyPath, unit: Unit = _PLAIN, **more: Any) -> Form
 
 
 def _choices(annotation: Any) -> tuple[Any, ...]:
-    """Return the values of a type that has a few, first None if it is optional; () for another type."""
+    """Return the values of a type with a few values, starting with None if it is optional; () for another type."""
     kind, optional = required_type(annotation)
     choices = (True, False) if kind is bool else get_args(kind) if get_origin(kind) is Literal else ()
     return (None, *choices) if choices and optional else choices
@@ -246,7 +246,7 @@ def _keys(table: Any) -> list[str]:
 
 
 def _unit(name: str) -> Unit:
-    """Return the display unit of a parameter or group; none for an unknown name, which is reported."""
+    """Return the display unit of a parameter or group; none for an unknown name, which is reported elsewhere."""
     try:
         return unit_of_parameter(name)
     except KeyError:
@@ -254,7 +254,7 @@ def _unit(name: str) -> Unit:
 
 
 def _limit_stages(get: Get) -> list[str]:
-    """Return the stages for whose partial runs some limit gives a sigma of its own."""
+    """Return the stages for whose partial runs a limit specifies a separate sigma."""
     limits = get(("limits",))
     return list(dict.fromkeys(s for name in _keys(limits) for s in _keys(get(("limits", name, "sigma_below_after")))))
 
@@ -306,7 +306,7 @@ def _prior_rows(get: Get) -> list[FormRow]:
     return rows
 
 
-#: Entries of a register in the order of the columns, those in brackets being its interval and its convention.
+#: Entries of a register in column order; interval and convention are in brackets.
 _REGISTER = (
     *("address", "page", "parameters", "type", "scale", "unit", "lowest", "highest", "tolerance", "major"),
     *("byte_order", "word_order", "span", "matrix", "identity", "negated", "offset", "added"),
@@ -342,7 +342,7 @@ def _register_cells(get: Get, place: KeyPath) -> Iterator[FormCell | str]:
 
 
 def _content_unit(names: Any) -> Unit:
-    """Return the display unit of the content of a register, "SI" if its numbers have several."""
+    """Return the display unit of a register's content, "SI" if its numbers have different units."""
     units = {_unit_of_content(str(name)) for name in names if name} if isinstance(names, list) else set()
     return units.pop() if len(units) == 1 else _MIXED
 
@@ -355,7 +355,7 @@ def _unit_of_content(name: str) -> Unit:
 
 
 def _new_register(_: Get, profile: BaseModel | None) -> dict[str, Any]:
-    """Return a new entry of the register map, at the address after the last one; it stays 0 until it gets a name."""
+    """Return a new entry of the register map, at the next free address; its number stays 0 until it gets a name."""
     if not isinstance(profile, ImuProfile) or not profile.registers:
         return {"address": 0, "parameters": [""], "range": [-1.0, 1.0]}
     last = profile.registers[-1]
@@ -363,7 +363,7 @@ def _new_register(_: Get, profile: BaseModel | None) -> dict[str, Any]:
     return {**page, "address": last.end, "parameters": [""], "range": list(last.range)}
 
 
-#: Names of groups and of the unit's own matrices, which are offered as the content of registers.
+#: Names of groups and of the unit's own matrices that are offered as register contents.
 _CONTENTS = (*GROUPS, *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")), *EFFECTS)
 
 _FURTHER_GROUPS = tuple(dict.fromkeys(p.group for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)))

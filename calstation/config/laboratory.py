@@ -1,4 +1,4 @@
-"""Sections of a station file about certificates: the laboratory, its instruments, and where reports are written."""
+"""Sections of a station file about certificates: the laboratory, its instruments, and the reports."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,19 +21,19 @@ class SigningSection(StrictModel):
 class ReportSection(StrictModel):
     """`[report]` of a station: language and templates of its reports, and the folder of automatic ones."""
 
-    #: Existing folder, relative to the station file, that receives a report of every verdict; None for no such reports.
+    #: Existing folder, relative to the station file, for automatic reports of all verdicts; None for no such reports.
     folder: str | None = Field(default=None, min_length=1)
-    #: None for English, and for the language of the window where it issues one.
+    #: None for English, or for the window's language if the window issues the report.
     language: Literal["en", "zh"] | None = None
-    #: Folder with the site's own templates, relative to the station file; by default ``reports`` of the site's folder.
+    #: Folder with the site's own templates, relative to the station file; default: ``reports`` in the site's folder.
     template: str | None = Field(default=None, min_length=1)
     signing: SigningSection | None = None  #: None for reports without signatures.
 
 
 def missing_report_places(section: ReportSection, station: Path) -> Iterator[EntryError]:
-    """Yield errors for what `[report]` of the station file `station` names but does not exist: no report can be made.
+    """Yield errors for missing files and folders in `[report]` of the station file `station`, which prevent reports.
 
-    The files may be on a share that is not mounted at present, so that this is no rule for reading the station file.
+    The files may be on a share that is currently not mounted, so reading a station file does not check this.
     """
     beside = station.absolute().parent
     for entry in ("folder", "template"):

@@ -1,4 +1,4 @@
-"""Finds station, table, IMU and product files: first in the site's own folder, then among the shipped defaults."""
+"""Library of station, table, IMU and product files: the site's own folder first, then the shipped defaults."""
 
 import os
 import sys
@@ -49,9 +49,9 @@ def find(kind: str, name: str) -> Path:
 
 
 def find_beside(product: Path | None, name: str) -> Path | None:
-    """Return a file that a product file names, or None.
+    """Return a file named by a product file, or None.
 
-    It is beside the product file or, for a copy or a draft, beside the site's or the shipped products.
+    The file is next to the product file or, for a copy or a draft, next to the site's or the shipped products.
     """
     folders = [folder / "products" for folder in (site_folder(), shipped_folder())]
     if product is not None:

@@ -1,4 +1,4 @@
-"""The resolved configuration of a station with several IMUs on one body, which are watched live."""
+"""The resolved configuration of a station with several IMUs on one body, which are monitored live."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ _OF_THE_BODY = ("seed", "speed", "body", "grade", "instability", "imu_transport"
 
 @dataclass(frozen=True)
 class PairConfiguration:
-    """A primary and its secondaries, each configured like the only unit of a station, and their schedule."""
+    """A primary and its secondaries, each configured like a station's only unit, and their schedule."""
 
     primary: ResolvedConfiguration
     secondaries: tuple[ResolvedConfiguration, ...]
@@ -42,7 +42,7 @@ class PairConfiguration:
     def log_meta(self, serials: list[str], registers: Mapping[str, float]) -> LogMeta:
         """Return the configuration of a log of these units, with their serial numbers and the primary's registers.
 
-        If they are not applied to its stream, the registers are the primary's own errors.
+        If the registers are not applied to its stream, they serve as the primary's own errors.
         """
         primary = replace(self.primary, request=replace(self.primary.request, serial=serials[0]))
         plain = primary.log_meta(registers=registers).model_dump()
@@ -82,7 +82,7 @@ def resolve_pair(request: RunRequest) -> PairConfiguration:
 
 
 def _bench_of(bench: dict[str, Any] | None, number: int) -> dict[str, Any] | None:
-    """Return the settings of a secondary on the virtual bench: those of the body, and its own."""
+    """Return the settings of a secondary on the virtual bench: the body's settings, and its own."""
     if bench is None:
         return None
     own = bench.get("secondaries", [])

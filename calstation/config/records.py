@@ -1,4 +1,4 @@
-"""`[records]` of a station file: the database that stations share, and the archive of their logs."""
+"""`[records]` of a station file: the shared database, and the archive of logs."""
 
 import re
 from urllib.parse import unquote
@@ -12,12 +12,12 @@ _SCHEMES = ("postgresql+psycopg", "sqlite")
 
 #: ``user:password@`` after the scheme; a password may have any character but @, unlike in a well-formed URL.
 _PASSWORD = re.compile(r"[^:/]*:[^@]*@")
-#: The key of an option that holds a credential; `sslkey` is a path.
+#: Key of a URL option that contains a credential; `sslkey` is a path.
 _SECRET = re.compile(r"[?&][^=&]*(password|passwd|secret|token)[^=&]*=", re.IGNORECASE)
 
 
 class RecordsSection(StrictModel):
-    """`[records]` of a station: by default its records stay on the computer."""
+    """`[records]` of a station; without it, records stay on the computer."""
 
     #: ``postgresql+psycopg://USER@HOST/NAME`` or ``sqlite:////PATH``, without a password.
     database: str | None = None
@@ -40,7 +40,7 @@ class RecordsSection(StrictModel):
 
 
 def check_database_url(url: str) -> None:
-    """Raise EntryError for a URL of no supported database, or with a password; the error does not show the URL."""
+    """Raise EntryError for an unsupported URL, or one with a password; the error does not contain the URL."""
     scheme, separator, _ = url.partition("://")
     if not separator:
         raise EntryError("database.no_url")
@@ -51,6 +51,6 @@ def check_database_url(url: str) -> None:
 
 
 def has_password(url: str) -> bool:
-    """Whether a URL contains a password or another credential; a path does not."""
+    """Return whether a URL contains a password or another credential; False for a path."""
     rest = url.partition("://")[2]
     return bool(_PASSWORD.match(rest) or _SECRET.search(unquote(rest)))

@@ -7,22 +7,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-#: Control characters and others that XML, and so a digital certificate, cannot contain.
+#: Control and other characters that XML, and thus a digital certificate, cannot contain.
 _NOT_TEXT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]+")
 
 
 def plain_text(entered: str) -> str:
-    """Return a reason, badge or name as it was entered, with a blank in place of control characters."""
+    """Return an entered reason, badge or name with blanks in place of control characters."""
     return _NOT_TEXT.sub(" ", entered).strip()
 
 
 @dataclass(frozen=True)
 class Confirmation:
-    """Badges of the person who acts and of the one who confirmed it, as the audit trail names them."""
+    """Badges of the acting and the confirming person as stated in the audit trail."""
 
     by: str  #: "" for the program.
     confirmed_by: str | None = None
-    #: Proof of identity: the personal PIN of each badge; or the site's PIN, which proves no name; None without a PIN.
+    #: Proof of identity: the personal PINs of the badges; or the site's PIN, which does not identify a person; or None.
     pin: Literal["personal", "site"] | None = None
 
 
@@ -33,9 +33,9 @@ class RunRequest:
     serial: str
     station: Path | None = None  #: Station file; None for the default.
     product: Path | None = None  #: Product file; None for the default.
-    stages: tuple[str, ...] | None = None  #: Stages in order; None for those of the product.
+    stages: tuple[str, ...] | None = None  #: Stages in order; None for the stages of the product.
     out: Path = Path("runs")  #: Folder for the log and the result.
-    #: Person who requested the run, a badge at a station where operators sign in; None for the user of the computer.
+    #: Person who requested the run, a badge if operators sign in at the station; None for the user of the computer.
     operator: str | None = None
     #: Serial numbers of a batch in the order of the station's slots, "" for an empty one; () for a single unit.
     serials: tuple[str, ...] = ()
@@ -43,24 +43,25 @@ class RunRequest:
     batch: str | None = None  #: Common identifier of the runs of a batch.
     batch_units: tuple[str, ...] = ()  #: Serial numbers of all units of the batch, in the order of their slots.
     batch_slots: tuple[str, ...] = ()  #: Names of these slots.
-    speed: float | None = None  #: Virtual bench: multiple of real time, 0 as fast as possible; None for the station's.
-    seed: int | None = None  #: Seed of the virtual bench; None for that of the station file.
-    #: Method parameters that replace those of the product, by stage.
+    #: Virtual bench: multiple of real time, 0 for maximum speed; None for the station's value.
+    speed: float | None = None
+    seed: int | None = None  #: Seed of the virtual bench; None for the station file's seed.
+    #: Method parameters that replace the product's, by stage.
     schedule: Mapping[str, Mapping[str, Any]] | None = None
     #: Log of an incomplete run to continue after its last completed stage, with the stages, schedule, seed and folder
     #: of that run.
     resume: Path | None = None
-    beyond_attempts: bool = False  #: Whether an engineer allows a unit that has used up its attempts.
-    #: Reason why an engineer allows a run although a check standard or a certificate is not in order; None for none.
+    beyond_attempts: bool = False  #: Whether an engineer permits a run of a unit that has used up its attempts.
+    #: Reason why an engineer permits a run despite a failed or overdue check standard or certificate; None for none.
     override_standard: str | None = None
-    #: Who allows it, see `calstation.config.confirm`; None for the operator, at a site without PINs.
+    #: Persons who permit it, see `calstation.config.confirm`; None for the operator, at a site without PINs.
     overridden_by: Confirmation | None = None
-    faults: Path | None = None  #: Fault plan of the virtual bench; None for that of the station file.
+    faults: Path | None = None  #: Fault plan of the virtual bench; None for the station file's plan.
     #: Action for an interrupted transfer of the unit's registers; with None the run is refused.
     unfinished: Literal["finish", "restore"] | None = None
 
     def __post_init__(self) -> None:
-        """Remove control characters from what a person entered, and the mark of an empty slot."""
+        """Remove control characters from entered texts, and the marks of empty slots."""
         object.__setattr__(self, "serials", tuple("" if serial == "-" else serial for serial in self.serials))
         for name in ("operator", "override_standard"):
             entered = getattr(self, name)

@@ -1,4 +1,4 @@
-"""The resolved configuration of a run: its files are read, checked and combined before anything is opened or moves."""
+"""The resolved configuration of a run: all files are read, checked and combined before a device is opened."""
 
 import re
 import zlib
@@ -52,10 +52,10 @@ from calstation.schema import EntryError, Model, validate
 from calstation.sequencer import Output, PreflightLimits, StagePlan, StatusMasks, StopRule, Task, UnitTask
 from procedures import method
 
-#: Registers that deviate from zero by more than this many prior sigmas are no calibration of the unit.
+#: Registers that deviate from zero by more than this many prior sigmas are not a calibration of the unit.
 _PLAUSIBLE_SIGMAS = 3.0
 
-#: Folder of the flash memories of the virtual bench's units, beside the runs.
+#: Folder of the flash memories of the virtual bench's units, next to the runs.
 BENCH_FOLDER = "bench"
 
 #: Seed of a virtual bench if its file does not specify one.
@@ -63,7 +63,7 @@ _DEFAULT_SEED = 1
 
 
 class ManualRigError(ConfigurationError):
-    """A stage needs a driven table, a manual rig or a gimbal, and the station has another one."""
+    """A stage needs a driven table, a manual rig or a gimbal, but the station has a different one."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class ResolvedConfiguration:
 
     @property
     def check_standard(self) -> CheckStandardSection | None:
-        """The check standard that the unit is; None for a unit of production."""
+        """The check standard if the unit is one; None for a production unit."""
         return self.product.standard(self.request.serial)
 
     @property
@@ -144,7 +144,7 @@ class ResolvedConfiguration:
 
     @property
     def fault_plan(self) -> Path | None:
-        """File with the faults to inject into the virtual bench: that of the request, or else of the station file."""
+        """File with the faults to inject into the virtual bench: from the request, or else from the station file."""
         if self.request.faults is not None:
             return self.request.faults
         name = (self.station.bench or {}).get("faults")
@@ -196,7 +196,7 @@ class ResolvedConfiguration:
         )
 
     def _orientation(self) -> dict[str, str]:
-        """Return the entry of the log with the unit's orientation, {} if its axes are those of the platform."""
+        """Return the log entry of the unit's orientation, {} if its axes are the platform axes."""
         slot = self.slot
         return {} if slot is None or slot.orientation == PLATFORM_AXES else {"orientation": slot.orientation}
 
@@ -207,7 +207,7 @@ class ResolvedConfiguration:
         return dict(zip([NAMES[i] for i in group_indices("outer_lever")], self.slot.lever_m, strict=True))
 
     def _product_section(self, levers: Mapping[str, float]) -> ProductSection:
-        """Return the product's section of the log; limits of the lever arm are about that of the slot."""
+        """Return the product's section of the log, with lever arm limits relative to the slot's lever arm."""
         section = _section(ProductSection, self.product)
         given = {name: section.limits.get(name, section.limits.get("outer_lever")) for name in levers}
         moved = {name: limit.about(levers[name]) for name, limit in given.items() if limit is not None}
@@ -297,7 +297,7 @@ class ResolvedConfiguration:
         )
 
     def unit_task(self, meta: LogMeta | None = None) -> UnitTask:
-        """Build the unit's task. `meta` is the log's configuration, by default that without registers."""
+        """Build the unit's task. `meta` is the log's configuration, by default the one without registers."""
         meta = meta or self.log_meta()
         context = context_from_meta(meta)
         site = context.site
@@ -363,7 +363,7 @@ def _stop_rule(schedule: BaseModel) -> StopRule:
 
 
 def _with_limits(resolved: ResolvedConfiguration, schedule: BaseModel) -> BaseModel:
-    """Return a schedule that ends at the product's limits with their sigmas as targets, without gravity's error."""
+    """Return a schedule that ends at the product's limits: their sigmas, without the error of gravity, are targets."""
     if not getattr(schedule, "stop_at_limits", False) or getattr(schedule, "targets", None):
         return schedule
     any_unit = replace(resolved, request=replace(resolved.request, serial=resolved.product.example))
@@ -376,9 +376,10 @@ def _with_limits(resolved: ResolvedConfiguration, schedule: BaseModel) -> BaseMo
 
 
 def unit_files(station: StationConfig, product: Path | None) -> tuple[Path, ProductConfig, Path]:
-    """Return the path and content of the product of a station's unit, and the path of its IMU profile.
+    """Return path and content of the product of a station's unit, and the path of its IMU profile.
 
-    Those that its slot names replace the given `product` and the product's profile. Raises ConfigurationError.
+    A product or profile named by the unit's slot replaces the given `product` or the product's profile. Raises
+    ConfigurationError.
     """
     slot = station.imu if isinstance(station.imu, SlotSection) else None
     if slot is not None and slot.product is not None:
@@ -387,7 +388,7 @@ def unit_files(station: StationConfig, product: Path | None) -> tuple[Path, Prod
     return path, found, library.find("imus", found.imu if slot is None or slot.imu is None else slot.imu)
 
 
-#: Type of a function that changes a configuration before it is checked, for example for fault injection.
+#: Function that changes a configuration before it is checked, for example for fault injection.
 Adjustment = Callable[[ResolvedConfiguration], ResolvedConfiguration]
 
 
@@ -438,9 +439,9 @@ def resolve_configuration(request: RunRequest, adjust: Adjustment = lambda resol
 
 
 def prepare_run(request: RunRequest, adjust: Adjustment = lambda resolved: resolved) -> ResolvedConfiguration:
-    """Like `resolve_configuration`, but check everything that a run needs, including operator, serial number and site.
+    """Resolve a request like `resolve_configuration`, and check operator, serial number and site as well.
 
-    The request of the result names the operator.
+    The request in the result contains the operator.
     """
     resolved = resolve_configuration(request, adjust)
     sign_in = resolved.station.sign_in
@@ -452,7 +453,7 @@ def prepare_run(request: RunRequest, adjust: Adjustment = lambda resolved: resol
     check_station(resolved)
     for stage, schedule in resolved.schedules.items():
         chosen = method(stage)
-        if chosen.needs_no_table:  # some of these cannot be driven by any table
+        if chosen.needs_no_table:  # some of these cannot be executed by any table
             next(chosen.plan(resolved.table.geometry(), schedule), None)
     return resolved
 
@@ -473,7 +474,7 @@ def check_station(resolved: ResolvedConfiguration) -> None:
 
 
 def check_manual_rig(resolved: ResolvedConfiguration) -> None:
-    """Check that every stage is made for the station's table, manual rig or gimbal. Raises ManualRigError."""
+    """Check that every stage suits the station's table, manual rig or gimbal. Raises ManualRigError."""
     names = {"product": resolved.product.name, "table": resolved.table.name, "station": resolved.station.name}
     for stage, schedule in resolved.schedules.items():
         on_gimbal = method(stage).on_gimbal
@@ -507,12 +508,12 @@ def _product_errors(resolved: ResolvedConfiguration) -> Iterator[EntryError]:
 
 
 def _check_baud(resolved: ResolvedConfiguration) -> None:
-    """Check that the station's own baud rate is sufficient for the unit's stream; that of a socket is unknown."""
+    """Check that the station's own baud rate is sufficient for the unit's stream; a socket's baud rate is unknown."""
     serial, port = resolved.station.imu.serial, resolved.station.imu.port or ""
     if serial is None or "baud" not in serial.model_fields_set or port.startswith(SOCKETS):
         return
     try:
         for frame in resolved.imu.frames:
             check_baud(serial, frame, resolved.imu.stream.sample_rate_hz)
-    except EntryError as exc:  # the error names the entry of the profile
+    except EntryError as exc:  # the error contains the entry of the profile
         raise EntryError(exc.code, "imu", "serial", "baud", **exc.values) from None

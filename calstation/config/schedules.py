@@ -193,7 +193,7 @@ def save_schedule(
 
 
 def _check_stored(text: str, changes: Mapping[str, Mapping[str, Any]]) -> None:
-    """Check that the file contains the values; an omitted one means the method's default. Raises EntryError."""
+    """Check that the file contains the values; an omitted value means the method's default. Raises EntryError."""
     stored = tomllib.loads(text).get("schedule", {})
     for stage, values in changes.items():
         model = method(stage).schedule

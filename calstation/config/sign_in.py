@@ -1,4 +1,4 @@
-"""The operators of a station who sign in with a badge."""
+"""Operators of a station who sign in with a badge."""
 
 import re
 from typing import Annotated
@@ -13,11 +13,11 @@ class SignInSection(StrictModel):
     """`[sign_in]` of a station: every run needs the badge of its operator."""
 
     badge_pattern: Pattern  #: Regular expression for the whole badge.
-    #: Names by badge; if there are any, no other badge is accepted.
+    #: Names by badge; if there are any, other badges are refused.
     names: dict[str, Annotated[str, Field(min_length=1)]] = Field(default_factory=dict)
-    #: Badges of the engineers, who release failed units and confirm for one another, each with a PIN of their own.
+    #: Badges of the engineers, who release failed units and confirm for one another, each with a personal PIN.
     engineers: list[str] = Field(default_factory=list)
-    idle_minutes: float | None = Field(default=None, gt=0)  #: The window signs the operator out after this time.
+    idle_minutes: float | None = Field(default=None, gt=0)  #: Idle time after which the window signs the operator out.
 
     @model_validator(mode="after")
     def _badges(self) -> "SignInSection":
@@ -32,7 +32,7 @@ class SignInSection(StrictModel):
         return self
 
     def is_badge(self, text: str) -> bool:
-        """Whether a text has the form of a badge."""
+        """Return whether a text has the form of a badge."""
         return re.fullmatch(self.badge_pattern, text) is not None
 
     def operator(self, badge: str | None) -> str:

@@ -44,7 +44,7 @@ def confirmation_key(site: StationSite) -> str:
 
 
 def is_confirmed(site: StationSite, *, needed: bool) -> bool:
-    """Whether the site is confirmed on this computer; `needed` is True if no measurement reveals the location."""
+    """Return whether the site is confirmed on this computer; `needed` if no measurement reveals the location."""
     return confirmation_key(site) in site.confirmed_on or not (site.confirmed_on or needed)
 
 
@@ -69,7 +69,7 @@ def check_site(meta: LogMeta) -> None:
 
 
 def check_gravity_sigma(meta: LogMeta, limits: Mapping[str, float]) -> None:
-    """Check that the largest permitted sigmas, by parameter, can be reached with this gravity. Raises EntryError."""
+    """Check that the largest permitted sigmas, by parameter, are achievable with this gravity. Raises EntryError."""
     for name, limit in limits.items():
         found = gravity_beyond(meta, name, limit)
         if found is not None:
@@ -80,7 +80,7 @@ def check_gravity_sigma(meta: LogMeta, limits: Mapping[str, float]) -> None:
 def gravity_beyond(meta: LogMeta, parameter: str, limit: float) -> dict[str, float] | None:
     """Return sigma of gravity and limit, ppm, if gravity alone exceeds the largest permitted sigma of a parameter.
 
-    The accelerometer scale factors carry the error of gravity one to one; no duration of a run reduces it.
+    The error of gravity enters the accelerometer scale factors one to one, however long the run is.
     """
     sigma = context_from_meta(meta).site.relative_gravity_sigma
     if not parameter.startswith("accel_scale") or sigma < limit:
@@ -89,16 +89,16 @@ def gravity_beyond(meta: LogMeta, parameter: str, limit: float) -> dict[str, flo
 
 
 def needs_surveyed_gravity(meta: LogMeta) -> bool:
-    """Whether the run estimates accelerometer scale factors and the unit's gyros cannot resolve earth rate."""
+    """Return whether the run estimates accelerometer scale factors and the gyros cannot resolve earth rate."""
     context = context_from_meta(meta)
     stages = meta.run.stages if meta.run is not None else []
     return _blind_scale(meta, [name for stage in stages for name in method(stage).estimates(context)])
 
 
 def unconfirmed_site(meta: LogMeta, solutions: Iterable[Solution]) -> dict[str, float] | None:
-    """Return the site of a recording of another program if a run at it would need a person's confirmation, else None.
+    """Return the site of a recording from another program if a run at it would need a confirmation, else None.
 
-    A run asks for the confirmation itself, before it records.
+    A run requests this confirmation before it records.
     """
     if meta.run is not None or not _blind_scale(meta, [name for s in solutions for name in s.estimated]):
         return None
@@ -152,7 +152,7 @@ def site_advice(
 
 
 def check_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> list[Check]:
-    """Compare the latitude measured in the latest rests with that of the file; return [] if it was not measured."""
+    """Compare the latitude measured in the latest rests with the file's latitude; return [] if it was not measured."""
     seen = _seen(solutions)
     if seen is None:
         return []
@@ -170,7 +170,7 @@ def check_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> list[Check
 
 
 def check_seen_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> None:
-    """Raise ConfigurationError if the latitude measured by the gyros contradicts that of the file."""
+    """Raise ConfigurationError if the latitude measured by the gyros contradicts the file's latitude."""
     for check in check_latitude(meta, solutions):
         if check.misfit is not None:
             found = check.misfit
@@ -181,8 +181,8 @@ def check_seen_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> None:
 def unconfirmed_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict[str, str | float] | None:
     """Return the first inconsistent stage and the latitude it assumed if no rest has confirmed it.
 
-    The unit may still be good: rests in one attitude, as in `rate`, cannot separate earth rate from a bias. None if
-    the latitude was confirmed, if the gyros cannot resolve earth rate, or if every stage is consistent.
+    The unit may still be good: rests in one attitude, as in `rate`, cannot separate earth rate from a bias. Return None
+    if the latitude was confirmed, if the gyros cannot resolve earth rate, or if every stage is consistent.
     """
     inconsistent = [s.stage for s in solutions if not (s.consistency.passed or method(s.stage).needs_no_table)]
     if not inconsistent or _seen(solutions) is not None or not resolves_earth_rate(context_from_meta(meta).imu):
@@ -191,7 +191,7 @@ def unconfirmed_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict
 
 
 def latitude_agrees(checks: Iterable[Check]) -> bool:
-    """Whether no latitude check failed; runs from another location cannot be resumed."""
+    """Return whether no latitude check failed; runs from another location cannot be resumed."""
     return all(check.passed for check in checks if check.kind == "latitude")
 
 

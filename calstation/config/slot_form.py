@@ -1,4 +1,4 @@
-"""The slots of a station as a form, and the change of a station file between one unit and slots."""
+"""Form for the slots of a station, and conversion of a station file between a single unit and slots."""
 
 import tomllib
 from dataclasses import replace
@@ -17,7 +17,7 @@ from calstation.schema import KeyPath
 #: Display unit of a lever arm.
 _LENGTH = unit_of("m")
 
-#: All orientations, grouped by the body axis that points up at home; the first is that of the platform.
+#: All orientations, grouped by the body axis that points up at home, starting with the platform's.
 _ORIENTATIONS = tuple(sorted(ORIENTATIONS, key=lambda name: ("zxy".index(name[3]), name[2], name)))
 
 
@@ -52,7 +52,7 @@ def _cells(get: Get, place: KeyPath) -> tuple[FormCell, ...]:
 
 
 def _new_slot(get: Get, _: BaseModel | None) -> dict[str, Any]:
-    """Return a new slot, named by the first number from its position on that is not taken."""
+    """Return a new slot, named by the first free number from its position on."""
     names = [get(("slots", number, "name")) for number in range(len(get(("slots",)) or ()))]
     number = len(names) + 1
     while str(number) in names:
@@ -65,7 +65,7 @@ SLOTS = Form("slots", "stations", (("slots",),), _columns, _rows, "number", new_
 
 
 def with_slots(text: str) -> str:
-    """Describe the units of a station as slots: the first has the link and the comments of `[imu]`.
+    """Convert a station file to slots: the first slot gets the link and the comments of `[imu]`.
 
     A virtual bench gets as many slots as it has units.
     """
@@ -81,7 +81,7 @@ def with_slots(text: str) -> str:
 
 
 def with_one_unit(text: str) -> str:
-    """Describe the only slot of a station as `[imu]`, with its link and its comments."""
+    """Convert a station file with a single slot to `[imu]`, with its link and its comments."""
     (slot,) = tomllib.loads(text)["slots"]
     link = {key: value for key, value in slot.items() if key in DeviceSection.model_fields}
     if not (link and has_table(text, ("slots", 0))):

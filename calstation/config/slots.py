@@ -1,4 +1,4 @@
-"""The slots of a station: places for units on one table, each with a link of its own."""
+"""The slots of a station: mounting positions of units on one table, each with its own link."""
 
 import re
 from collections.abc import Sequence
@@ -22,21 +22,21 @@ MAX_UNITS = 16
 #: Largest component of a lever arm, m.
 _LARGEST_LEVER = 5.0
 
-#: Orientation of a unit whose axes are those of the platform.
+#: Orientation of a unit aligned with the platform axes.
 PLATFORM_AXES = "+x+z"
 
-#: Entries of `[bench]` of a station file that are no settings of the bench itself.
+#: Entries of `[bench]` in a station file that are not settings of the bench itself.
 STATION_ENTRIES = ("faults", "units")
 
-#: Settings of the virtual bench in a station file that belong to its first unit.
+#: Settings of the virtual bench in a station file that apply to its first unit only.
 _OF_THE_FIRST = ("serial", "orders")
 
 
 class DeviceSection(StrictModel):
-    """A device's link at this station: its port, and serial settings that differ from those of the profile."""
+    """A device's link at this station: its port, and serial settings that differ from the profile's."""
 
-    #: ``tcp://host:port`` (tables), ``socket://host:port`` of a serial server, the name of a serial port, or
-    #: ``usb:SERIALNUMBER`` of its adapter.
+    #: ``tcp://host:port`` (tables), ``socket://host:port`` for a serial server, the name of a serial port, or
+    #: ``usb:SERIALNUMBER`` for its adapter.
     port: str | None = None
     serial: SerialSettings | None = None
     timeout_s: float | None = Field(default=None, gt=0, le=60)  #: Host time for a reply; default from the profile.
@@ -50,11 +50,11 @@ class DeviceSection(StrictModel):
 
 
 class SlotSection(DeviceSection):
-    """`[[slots]]` of a station: a place for a unit on the table, with the link of the unit."""
+    """`[[slots]]` of a station: a mounting position on the table, with the link of its unit."""
 
     name: str
-    imu: str | None = None  #: Name of the IMU profile; default: that of the product.
-    product: str | None = None  #: Name of the product; default: that of the run.
+    imu: str | None = None  #: Name of the IMU profile; default: the product's.
+    product: str | None = None  #: Name of the product; default: the run's.
     #: Body axes along x and z of the platform at home, for example ``-y+z``.
     orientation: str = PLATFORM_AXES
     #: Nominal lever arm in the body frame.
@@ -86,7 +86,7 @@ class SlotSection(DeviceSection):
 
 
 def check_slots(station: "StationConfig") -> None:
-    """Check the slots of a station with each other, with its table and with its virtual bench. Raises EntryError."""
+    """Check the slots of a station against each other, its table and its virtual bench. Raises EntryError."""
     _check_units(station)
     if not station.slot_names:
         return
@@ -110,7 +110,7 @@ def check_slots(station: "StationConfig") -> None:
 
 
 def takes_one_unit(profile: str) -> bool:
-    """Whether a table of this profile takes a single unit; False if the profile cannot be read."""
+    """Return whether a table of this profile takes a single unit; False if the profile cannot be read."""
     with suppress(ConfigurationError):
         return _takes_one(load_table_profile(library.find("tables", profile)))
     return False
@@ -139,7 +139,7 @@ def _check_unique(entry: str, values: Sequence[str | None]) -> None:
 
 
 def at_slot(station: "StationConfig", name: str | None) -> "StationConfig":
-    """Return a station whose only unit is that of a slot, by default of the first one, if the station has slots.
+    """Return a station with the unit of one slot as its only unit, by default the first slot, if it has slots.
 
     Raises EntryError for an unknown name.
     """
@@ -154,7 +154,7 @@ def at_slot(station: "StationConfig", name: str | None) -> "StationConfig":
 
 
 def _bench_of(bench: dict[str, Any] | None, number: int) -> dict[str, Any] | None:
-    """Return the settings of the bench for the unit in slot `number`, from 0: those of the table, and its own."""
+    """Return the bench settings of the unit in slot `number`, from 0: the table's settings, and its own."""
     if bench is None:
         return None
     own = [{}, *bench.get("secondaries", ())][number:][:1]

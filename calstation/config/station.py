@@ -28,7 +28,7 @@ from procedures import DEFAULT_STAGES, method
 #: Recommended action for a unit outside its limits: remount it, repeat the run unchanged, or set it aside.
 Advice = Literal["reseat", "repeat", "set_aside"]
 
-#: Effects outside the model that a schedule can be asked to show.
+#: Effects outside the model that a schedule can be required to detect.
 _CAUSES = tuple(candidate.cause for candidate in CONSTANT)
 
 DEFAULT_STATION = "virtual_bench"
@@ -57,7 +57,7 @@ class TableLinkSection(DeviceSection):
 class FurtherImuLinkSection(DeviceSection):
     """`[imu2]` and `[imu3]` of a station: the link of a secondary IMU on the same body."""
 
-    profile: str | None = None  #: Name of its IMU profile; default: that of the product.
+    profile: str | None = None  #: Name of its IMU profile; default: the product's.
     #: Its serial number, for a unit that cannot report one.
     serial_number: str | None = Field(default=None, pattern=r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
@@ -102,16 +102,16 @@ class StationConfig(StrictModel):
     imu: DeviceSection = DeviceSection()
     imu2: FurtherImuLinkSection | None = None
     imu3: FurtherImuLinkSection | None = None
-    #: Schedule of the cross-calibration of these IMUs; its values override those of the product.
+    #: Schedule of the cross-calibration of these IMUs; its values override the product's.
     cross_calibration: dict[str, JsonValue] = Field(default_factory=dict)
     #: Settings of the virtual bench that replaces hardware, see `calstation.bench.config.BenchConfig`.
     bench: dict[str, JsonValue] | None = None
-    #: Largest error of the computer's clock, ppm; None for that of a quartz without time synchronisation.
+    #: Largest error of the computer's clock, ppm; None for an unsynchronised quartz.
     clock_error_ppm: float | None = Field(default=None, ge=0)
     #: By default, results are delivered to a folder `handover` next to the runs folder.
     handover: HandoverSection | None = None
-    sign_in: SignInSection | None = None  #: None: the operator's name is optional.
-    #: Local times, ``HH:MM``, at which the counter of the operator page starts again.
+    sign_in: SignInSection | None = None  #: None if the operator's name is optional.
+    #: Local times, ``HH:MM``, at which the counter of the operator page is reset.
     shift_starts: list[Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d$")]] = Field(
         default=["00:00"], min_length=1
     )
@@ -204,8 +204,8 @@ class ProductConfig(StrictModel):
     imu: str  #: Name of the IMU profile.
     bench_grade: Literal["nav", "tactical", "mems"] = "nav"  #: Grade of a virtual unit.
     serial_pattern: Pattern  #: Regular expression for the whole serial number.
-    serial_example: str = "SN-000123"  #: A serial number that matches, shown where another one is refused.
-    #: Files beside the product file: drawing of the unit in its fixture, and template of the label of a passed unit.
+    serial_example: str = "SN-000123"  #: A serial number that matches, shown when another one is refused.
+    #: Files next to the product file: drawing of the unit in its fixture, and label template for a passed unit.
     picture: str | None = Field(default=None, pattern=r"^[^/\\]+\.(svg|png|jpe?g)$")
     label: str | None = Field(default=None, pattern=r"^[^/\\]+\.(zpl|typ)$")
     stages: list[str] = Field(default_factory=lambda: list(DEFAULT_STAGES), min_length=1)
@@ -215,12 +215,12 @@ class ProductConfig(StrictModel):
     checks: ChecksSection | None = None
     conformity: ConformitySection | None = None  #: Decision rule; simple acceptance without it.
     confirmation: ConfirmationSection | None = None
-    #: Sizes of effects outside the model, SI, that a designed schedule must show, by cause.
+    #: Sizes of effects outside the model, SI, that a designed schedule must detect, by cause.
     diagnosis: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
     load_angle: LoadAngleSection = LoadAngleSection()
     warm_up: WarmUpSection = WarmUpSection()
     operator_ends_stages: bool = False  #: Whether the operator page offers to end a repeated stage early.
-    end_on_failure: bool = False  #: Whether to skip the remaining stages after a missed limit.
+    end_on_failure: bool = False  #: Whether to skip the remaining stages after a limit was exceeded.
     #: Recommended action after the first, second, ... consecutive failure; the last entry applies to all later ones.
     advice: list[Advice] = Field(default=["reseat", "repeat", "set_aside"], min_length=1)
     #: Consecutive failures after which a unit is not calibrated again.
@@ -272,7 +272,7 @@ class ProductConfig(StrictModel):
 
     @property
     def example(self) -> str:
-        """A serial number that matches, or the pattern if the product gives none."""
+        """A matching serial number, or the pattern if the product contains no example."""
         return self.serial_example if re.fullmatch(self.serial_pattern, self.serial_example) else self.serial_pattern
 
     @model_validator(mode="after")
@@ -295,7 +295,7 @@ def in_file(path: Path) -> Iterator[None]:
 
 
 def load_station(path: Path | None) -> tuple[Path, StationConfig]:
-    """Load a station file, by default that of the virtual bench. Raises ConfigurationError."""
+    """Load a station file, by default the virtual bench's. Raises ConfigurationError."""
     path = path or library.find("stations", DEFAULT_STATION)
     return path, load(StationConfig, path)
 
@@ -313,7 +313,7 @@ def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
 
 
 def missing_files(product: ProductConfig, path: Path | None = None) -> Iterator[EntryError]:
-    """Yield errors for files that a product at `path` names but that do not exist."""
+    """Yield errors for files named by a product at `path` that do not exist."""
     for entry in ("picture", "label"):
         name = getattr(product, entry)
         if name is not None and library.find_beside(path, name) is None:
@@ -321,7 +321,7 @@ def missing_files(product: ProductConfig, path: Path | None = None) -> Iterator[
 
 
 def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, Any]) -> dict[str, JsonValue]:
-    """Return the values of a stage's schedule; those in `instead` override those of the product."""
+    """Return the values of a stage's schedule; values in `instead` override the product's."""
     values: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
     fields = method(stage).schedule.model_fields
     if "targets" in fields and "stop_at_limits" not in fields and product.targets and "targets" not in values:
@@ -330,7 +330,7 @@ def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, An
 
 
 def unknown_targets(targets: Iterable[str], *keys: str) -> Iterator[EntryError]:
-    """Yield errors for targets at `keys` that name no parameter or group: the stop rule would count them as reached."""
+    """Yield errors for targets at `keys` that are not parameters or groups: the stop rule would ignore them."""
     return (EntryError("product.target_unknown", *keys, name, name=name) for name in targets if not named(name))
 
 
@@ -350,7 +350,7 @@ def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[Entr
 
 
 def _limit_of(product: ProductConfig, parameter: str) -> str | None:
-    """Return the name of a parameter's limit: its own or that of its group."""
+    """Return the name under which a parameter's limit is given: its own or its group's."""
     known = PARAMETERS[INDEX[parameter]] if parameter in INDEX else further_parameter(parameter)
     group = "" if known is None else known.group
     return next((name for name in (parameter, group) if name in product.limits), None)
@@ -384,13 +384,13 @@ def _needed(register: RegisterEntry, name: str, interval: tuple[float, float]) -
 
 
 def is_manual_table(profile: str) -> bool:
-    """Whether a table profile is for a manual rig; False if it cannot be read."""
+    """Return whether a table profile is for a manual rig; False if it cannot be read."""
     defaults = table_defaults(profile)
     return defaults is not None and defaults.by_hand
 
 
 def uses_manual_rig(station: Path | None) -> bool:
-    """Whether a station file (by default that of the virtual bench) has a manual table."""
+    """Return whether a station file (by default the virtual bench's) has a manual table."""
     try:
         return is_manual_table(load_station(station)[1].table.profile)
     except CalstationError:
@@ -413,7 +413,7 @@ class LinkDefaults:
 
 
 def table_defaults(profile: str) -> LinkDefaults | None:
-    """Return the link settings of a table profile, or None if no valid one has that name."""
+    """Return the link settings of a table profile, or None if there is no valid profile with this name."""
     try:
         table = load_table_profile(library.find("tables", profile))
     except ConfigurationError:
@@ -422,7 +422,7 @@ def table_defaults(profile: str) -> LinkDefaults | None:
 
 
 def imu_defaults(product: Path | None, profile: str | None = None) -> LinkDefaults | None:
-    """Return the link settings of an IMU profile, by default the product's, or None if it has no valid one."""
+    """Return the link settings of an IMU profile, by default the product's, or None if it is invalid."""
     try:
         imu = load_imu_profile(library.find("imus", profile or load_product(product)[1].imu))
     except ConfigurationError:

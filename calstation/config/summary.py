@@ -38,20 +38,20 @@ class RunSummary:
     stages: tuple[StageSummary, ...]
     #: Approximate duration of writing and verifying the registers, s; None for a unit without registers.
     transfer: float | None
-    #: Maximum sigma that the product allows after these stages, SI, by group that is estimated and has a limit.
+    #: Maximum sigma that the product permits after these stages, SI, by estimated group with a limit.
     targets: Mapping[str, float]
-    attempts_allowed: int | None  #: Consecutive failures after which a unit is set aside; None for any number.
+    attempts_allowed: int | None  #: Consecutive failures after which a unit is set aside; None for no limit.
     load_angle: tuple[float, float]  #: Angles of the table while units are changed, degrees.
     operator_ends_stages: bool = False  #: Whether the operator page offers to end a repeated stage early.
     by_hand: bool = False
     joint_order: str = ""  #: Letters of a gimbal's joints from base to body; "" for a table.
     #: Unit vector of the direction of gravity in the body frame at every manual position.
     positions: tuple[tuple[float, float, float], ...] = ()
-    sign_in: SignInSection | None = None  #: How operators sign in; None if the station does not ask for badges.
+    sign_in: SignInSection | None = None  #: How operators sign in; None if the station does not require badges.
     shift_starts: tuple[str, ...] = ("00:00",)  #: Local times, ``HH:MM``.
     picture: Path | None = None  #: Drawing of the unit in its fixture.
     slots: tuple[str, ...] = ()  #: Names of the slots for units on the table, in order; () for a single unit.
-    #: Rotation from the unit's axes to those of the table, by slot; () if all units have the axes of the table.
+    #: Rotation from the unit's axes to the table's axes, by slot; () if all units are aligned with the table.
     orientations: tuple[Orientation, ...] = ()
     omitted: tuple[str, ...] = ()  #: Stages of the product that the run omits; a run that omits any is partial.
 
@@ -120,7 +120,7 @@ def _targets(setup: ResolvedConfiguration) -> dict[str, float]:
 
 
 def compatible_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
-    """Return name and file of each product that the station can calibrate, first those with the IMU of `instead_of`."""
+    """Return name and file of each product that the station can calibrate, starting with those with the same IMU."""
     try:
         wanted = resolve_configuration(RunRequest("-", station, instead_of)).product.imu
     except ConfigurationError:

@@ -69,8 +69,8 @@ def sha256(content: str) -> str:
 def save(kind: str, name: str, content: str, author: str) -> Version:
     """Check a text and save it as the site's file with a name; a text equal to the current version is not saved again.
 
-    Every new version is an event of the audit trail, on disk before the file is. Raises ConfigurationError for the
-    first problem of the text, or if the site's folder cannot be written.
+    Every new version is recorded in the audit trail, on disk, before the file is written. Raises ConfigurationError for
+    the first problem of the text, or if the site's folder cannot be written.
     """
     if kind not in editing.MODELS or not editing.is_name(name):
         raise ConfigurationError("configuration.bad_name", name=name)
@@ -131,7 +131,7 @@ def _save_present(kind: str, name: str, path: Path) -> None:
         present = (path if path.exists() else library.find(kind, name)).read_bytes().decode()
         tomllib.loads(present)
     except (ConfigurationError, UnicodeDecodeError, tomllib.TOMLDecodeError):
-        return  # there is no file, or it is unusable
+        return  # there is no file, or it is unreadable
     versions = list_versions(kind, name)
     if not versions or versions[0].sha256 != sha256(present):
         version = _next(kind, name, present, None)
@@ -141,13 +141,13 @@ def _save_present(kind: str, name: str, path: Path) -> None:
 
 
 def _next(kind: str, name: str, content: str, author: str | None) -> Version:
-    """Return the version that a text will be."""
+    """Return the version number and data that a text will get."""
     number = 1 + max((int(p.stem) for p in _folder(kind, name).glob("*.toml") if p.stem.isdecimal()), default=0)
     return Version(kind, name, number, datetime.now(UTC).isoformat(timespec="seconds"), author, sha256(content))
 
 
 def _add(version: Version, content: str) -> None:
-    """Add a version. Its text is written first, so that a power failure leaves no version without text."""
+    """Add a version. Its text is written first, so that a power failure cannot leave a version without text."""
     folder = _folder(version.kind, version.name)
     folder.mkdir(parents=True, exist_ok=True)
     write_atomic(folder / f"{version.number:04d}.toml", content)

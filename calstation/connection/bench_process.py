@@ -1,4 +1,4 @@
-"""Starts and stops the process of the virtual bench, which also exits when its standard input is closed."""
+"""Start and stop of the virtual bench's process, which also exits when its standard input is closed."""
 
 import json
 import subprocess
@@ -17,9 +17,9 @@ from calstation.errors import DeviceFaultError
 _START_TIMEOUT = 180.0
 
 _CHECK_INTERVAL = 0.1
-_STOP_TIMEOUT = 15.0  # more than the watchdog of the virtual table, for which a bench with a report waits
+_STOP_TIMEOUT = 15.0  # more than the watchdog timeout of the virtual table, for which a bench with a report waits
 
-#: On Windows, shields the bench from Ctrl-C in the console; elsewhere its own session does.
+#: On Windows, shields the bench from Ctrl-C in the console; on other systems a separate session does.
 _CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 
 
@@ -87,7 +87,7 @@ def _wait_for_line(lines: "SimpleQueue[bytes]", check_cancelled: Callable[[], No
 
 
 def _read_line(stream: IO[bytes], lines: "SimpleQueue[bytes]") -> None:
-    with suppress(OSError, ValueError):  # the pipe was closed by a stop while the bench was starting
+    with suppress(OSError, ValueError):  # a stop closed the pipe while the bench was starting
         lines.put(stream.readline())
 
 

@@ -1,4 +1,4 @@
-"""Import of a raw capture, the bytes that a unit sent, with the frames of an IMU profile."""
+"""Import of a raw capture, i.e. the bytes sent by a unit, with the frames of an IMU profile."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,19 +21,19 @@ _CHUNK = 1 << 18
 
 @dataclass(frozen=True)
 class Capture:
-    """What a raw capture contained."""
+    """Contents of a raw capture."""
 
     facts: LogFacts
-    has_site: bool  #: Whether the TOML has a `[site]`.
-    failed: int  #: Number of packets that failed their check.
-    skipped: int  #: Number of bytes that belong to no packet.
+    has_site: bool  #: Whether the TOML has a section `[site]`.
+    failed: int  #: Number of packets with a wrong checksum.
+    skipped: int  #: Number of bytes outside packets.
 
 
 def import_capture(source: Path, target: Path, imu: Path, meta_file: Path | None, site: SiteSection) -> Capture:
     """Decode a capture with the IMU profile `imu` and write it to the raw log `target`.
 
-    The sections `[site]`, `[imu]` and `[prior]` of `meta_file`, by default the TOML file beside the capture if there is
-    one, go before `site` and the profile. Raises InputError or ConfigurationError.
+    The sections `[site]`, `[imu]` and `[prior]` of `meta_file`, by default the TOML file next to the capture if it
+    exists, take precedence over `site` and the profile. Raises InputError or ConfigurationError.
     """
     beside = source.with_suffix(".toml")
     profile = load_imu_profile(imu)
@@ -47,7 +47,7 @@ def import_capture(source: Path, target: Path, imu: Path, meta_file: Path | None
 
 
 def _completed(data: dict[str, Any], profile: ImuProfile, source: Path, site: SiteSection) -> dict[str, Any]:
-    """Return the content of a TOML file, completed by the profile and the site."""
+    """Return the content of a TOML file, completed from the profile and the site."""
     known = {**profile.stream.model_dump(exclude={"order"}), **profile.noise.model_dump()}
     known["serial"] = source.stem
     prior = {name: {"sigma": sigma} for name, sigma in profile.prior_sigmas().items()}

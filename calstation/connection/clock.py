@@ -13,7 +13,7 @@ from calstation.messages import os_reason
 #: Interval at which the devices are polled, s.
 TICK = 0.05
 
-#: Polling interval at full speed, s: long, since each tick costs work, but shorter than the shortest rest that
+#: Polling interval at full speed, s: long, because each tick has a cost, but shorter than the shortest rest that
 #: `find_rests` accepts (`REST_WINDOW` of `estimation.common`).
 _FAST_TICK = 0.4
 
@@ -56,7 +56,7 @@ class BenchClock:
         self.tick = TICK if speed > 0.0 else _FAST_TICK
         self.speed = speed
         self._received: Callable[[], Mapping[int, int]] = dict
-        self._lost: Mapping[int, int] = {}  #: Number of bytes that a reader will never get, by the place of the IMU.
+        self._lost: Mapping[int, int] = {}  #: Number of bytes that a reader will never receive, by IMU index.
         try:
             self._socket = socket.create_connection(endpoint, timeout=_REPLY_TIMEOUT)
         except OSError as exc:
@@ -69,7 +69,7 @@ class BenchClock:
     def attach(self, received: Callable[[], Mapping[int, int]]) -> None:
         """Make `sleep` wait for the IMUs' readers.
 
-        `received` returns the number of bytes that each has read, by the place of the IMU on the bench.
+        `received` returns the number of bytes that each reader has read, by the index of the IMU on the bench.
         """
         self._received = received
 
@@ -90,11 +90,11 @@ class BenchClock:
         time.sleep(seconds)
 
     def order(self, order: Mapping[str, Any]) -> None:
-        """Command the bench to produce a fault, immediately or after a delay."""
+        """Command the bench to inject a fault, immediately or after a delay."""
         self._ask(dict(order))
 
     def carry(self, outer: float, inner: float, rest: float) -> None:
-        """Let the simulated operator turn the manual rig to these angles, rad, and leave it there for `rest` s."""
+        """Let the simulated operator turn the manual rig to these angles, rad, and rest there for `rest` s."""
         self._ask({"carry": [outer, inner], "rest": rest})
 
     def close(self) -> None:
@@ -103,7 +103,8 @@ class BenchClock:
 
     def _wait_for_bytes(self, sent: Sequence[int]) -> None:
         begin = time.monotonic()
-        lost = {place: count for place, count in self._lost.items() if count <= sent[place]}  # on the present link
+        # only for the current link
+        lost = {place: count for place, count in self._lost.items() if count <= sent[place]}
         while late := {
             place: sent[place] - count
             for place, count in self._received().items()

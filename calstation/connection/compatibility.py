@@ -1,6 +1,6 @@
-"""Checks whether a product can be calibrated at a station with working links: rig, gravity, site and ports.
+"""Compatibility of a product with a station: rig, gravity, site and ports.
 
-All reasons for which a run would be refused before its start are reported together.
+All reasons why a run would be refused before its start are reported together.
 """
 
 import tomllib
@@ -58,7 +58,7 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
         return
     if not is_confirmed(site, needed=blind):
         yield Finding("place_not_confirmed", "look", {"computer": this_computer(), "entry": confirmation_key(site)})
-    shipped = library.shipped_folder() / "stations" / "example_hardware.toml"  # new files are copied from it
+    shipped = library.shipped_folder() / "stations" / "example_hardware.toml"  # the template for new files
     example = load_station(shipped)[1].site
     values = {"latitude": site.latitude_deg, "longitude": site.longitude_deg, "height": site.height_m}
     if values == {"latitude": example.latitude_deg, "longitude": example.longitude_deg, "height": example.height_m}:
@@ -66,7 +66,7 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
 
 
 def station_conflicts(text: str) -> list[Problem]:
-    """Return the problems for which a run refuses a station file although each of its values is valid by itself."""
+    """Return the problems for which a run would refuse a station file although each of its values is valid."""
     data = tomllib.loads(text)
     station = StationConfig.model_validate(data)
     problems = [] if (error := gravity_contradiction(station.site)) is None else [Problem.of(error)]

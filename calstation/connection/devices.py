@@ -1,4 +1,4 @@
-"""Opens the devices of a station, or of its virtual bench, and closes them in the right order."""
+"""Opening of a station's devices, or of its virtual bench, and closing in the right order."""
 
 import os
 from collections.abc import Callable, Iterator, Mapping
@@ -26,7 +26,7 @@ from calstation.sequencer import Clock
 class Devices:
     """Open devices and the clock that their data refer to.
 
-    `imus` are the units of the run in order; None for a unit that does not answer, whose fault is in `failed` by its
+    `imus` are the units of the run in order; None for a unit that does not reply, whose fault is in `failed` by its
     index in `imus`.
     """
 
@@ -37,7 +37,7 @@ class Devices:
 
     @property
     def imu(self) -> StreamedImu:
-        """The only unit, or the first one that answers."""
+        """The only unit, or the first one that replies."""
         return next(imu for imu in self.imus if imu is not None)
 
 
@@ -61,7 +61,7 @@ def connected(
 ) -> Iterator[Devices]:
     """Open the clock, table and IMUs, identify all devices, and close all on exit; `check_cancelled` may raise.
 
-    Of several units, those that do not answer are left out, possibly all. Raises ConfigurationError, or
+    With several units, units that do not reply are omitted, possibly all of them. Raises ConfigurationError, or
     DeviceFaultError if a port cannot be used or a device is not the expected one: the table or the only unit.
     """
     setup = setups[0]
@@ -127,7 +127,7 @@ def endpoints(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] 
 def batch_endpoints(
     setups: tuple[ResolvedConfiguration, ...], check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[Endpoints]:
-    """Lock and yield a station's ports, or yield those of a virtual bench that runs as long as the context.
+    """Lock and yield a station's ports, or yield the ports of a virtual bench, which runs while the context is open.
 
     Raises DeviceFaultError if another program uses a port or the bench does not start, ConfigurationError for a
     `port_conflict`; `check_cancelled` is called while the bench starts and may raise.
@@ -169,7 +169,7 @@ def imu_endpoints(
 
 
 def _check_apart(ports: tuple[str, ...]) -> None:
-    """Check that each IMU has a port of its own. Raises ConfigurationError."""
+    """Check that each IMU has a separate port. Raises ConfigurationError."""
     if len({_device_of(port, "imu") for port in ports}) < len(ports):
         raise ConfigurationError("connection.same_imu_port", ports=list(ports))
 
@@ -194,12 +194,12 @@ def _running_bench(
 
 
 def _shared(setup: ResolvedConfiguration) -> bool:
-    """Whether the axes are commanded through the IMU's link."""
+    """Return whether the axes are commanded through the IMU's link."""
     return setup.table.protocol == "imu_link"
 
 
 def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
-    """Return a message if table and IMU wrongly share a port, or do not although the profile requires it; else None."""
+    """Return a message if table and IMU share a port or use separate ones, contrary to the profile; else None."""
     same, shared = _device_of(table, "table") == _device_of(imu, "imu"), profile.protocol == "imu_link"
     if same and not shared:
         return Text.of("connection.same_port", port=imu)
@@ -209,7 +209,7 @@ def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
 
 
 def _device_of(port: str, name: str) -> str:
-    """Resolve the name of a port to its device, so that two names of the same device compare equal."""
+    """Return the device of a port name, so that two names of the same device compare equal."""
     if "://" in port:
         return port.split("://", 1)[1].rstrip("/")
     try:

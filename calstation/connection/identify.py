@@ -1,4 +1,4 @@
-"""Identifies the devices on a station's ports before any command is sent, and finds other devices that reply there.
+"""Identification of the devices on a station's ports before any command, and search for other devices there.
 
 Nothing is written to a device: it is only queried for its model, or its stream is received.
 """
@@ -107,12 +107,12 @@ def _explained(fault: DeviceFaultError, link: LinkSettings, check_cancelled: Cal
 
 
 def imu_on_table_port(link: LinkSettings) -> bool:
-    """Whether IMU frames arrive on the table's line."""
+    """Return whether IMU frames arrive on the table's line."""
     return has_frames(link.table_port, link.imu_serial, link.imu)
 
 
 def table_on_imu_port(link: LinkSettings) -> bool:
-    """Whether the table reports its model on the IMU's line."""
+    """Return whether the table reports its model on the IMU's line."""
     try:
         with closing(open_table(link.imu_port, link.table, link.table_serial)) as table:
             table.identify()
@@ -157,7 +157,7 @@ def _unit_at(link: LinkSettings, profiles: dict[str, TableProfile], number: int)
     for name, profile in profiles.items():
         try:
             placed = profile.at_place(_REPLY_TIMEOUT, number)
-        except ConfigurationError:  # the unit number of its inner drive
+        except ConfigurationError:  # the profile uses this unit number for its inner drive
             continue
         try:
             table = open_table(link.table_port, placed, link.table_serial)
@@ -190,7 +190,7 @@ def listen(link: SerialLink, seconds: float) -> bytes:
 
 
 def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool:
-    """Whether frames of a profile arrive on a port with these settings; False if it cannot be opened."""
+    """Return whether frames of a profile arrive on a port with these settings; False if it cannot be opened."""
     try:
         with closing(SerialLink(port, settings, "imu")) as link:
             return len(FrameDecoder(profile.frame, profile.commands).feed(listen(link, LISTEN)).frames) > 0
@@ -199,7 +199,7 @@ def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool
 
 
 def is_text(received: bytes) -> bool:
-    """Whether received bytes are mostly printable."""
+    """Return whether received bytes are mostly printable."""
     return sum(byte in _PRINTABLE for byte in received) >= _MOSTLY_TEXT * len(received)
 
 

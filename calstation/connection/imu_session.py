@@ -1,4 +1,4 @@
-"""Opens and identifies the unit in the fixture without the table, and captures its output at rest."""
+"""Session with the unit in the fixture without the table: opening, identification, and capture of output at rest."""
 
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager

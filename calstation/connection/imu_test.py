@@ -1,4 +1,4 @@
-"""Tests an IMU on its open link: identity, registers, one second of its stream, gravity and lines of text."""
+"""Test of an IMU on its open link: identity, registers, one second of its stream, gravity and lines of text."""
 
 import re
 from collections.abc import Iterator
@@ -29,9 +29,9 @@ _READY_TIMEOUT = 3.0
 _STREAM_TIME = 1.0
 _SLICE = 0.1
 _RATE_TOLERANCE = 0.05
-#: Share of bytes in frames with a wrong checksum above which the profile's checksum itself is considered wrong.
+#: Fraction of bytes in frames with a wrong checksum above which the profile's checksum itself is considered wrong.
 _WRONG_CHECKS = 0.3
-#: Largest number of characters shown of a line.
+#: Largest number of characters of a line that are shown.
 _MAX_SHOWN = 120
 
 
@@ -46,7 +46,7 @@ class ImuTest:
     progress: ProgressCallback
 
     def findings(self) -> Iterator[Finding]:
-        """Yield the findings, up to the first one that makes further ones meaningless."""
+        """Yield the findings, up to the first one that makes the remaining ones meaningless."""
         imu, setup = self.imu, self.setup
         self.progress(0.3, note="asking")
         try:
@@ -168,7 +168,7 @@ class ImuTest:
 def find_baud_rate(
     port: str, settings: SerialSettings, profile: ImuProfile, progress: ProgressCallback
 ) -> Iterator[Finding]:
-    """Find, without sending, a baud rate other than that of `settings` at which frames of a profile arrive."""
+    """Find, without sending, a baud rate other than the one in `settings` at which frames of a profile arrive."""
     others = [baud for baud in _BAUDS if baud != settings.baud]
     for i, baud in enumerate(others):
         progress(0.4 + 0.6 * i / len(others), note="trying_bauds")
@@ -178,7 +178,7 @@ def find_baud_rate(
 
 
 def diagnose_text(frame: FrameSection, received: bytes) -> Finding | None:
-    """Return why received lines of text cannot be used as samples; None if they can, or if they are not text."""
+    """Return the reason why received lines of text cannot be used as samples; None if they can, or are not text."""
     tail = frame.tail_bytes
     lines = [line for line in received.split(tail)[1:-1] if line]
     if not lines or not is_text(b"".join(lines)):
@@ -214,7 +214,7 @@ def _wrong_check(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding
 
 
 def _wrong_column(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding | None:
-    """Return a finding on the separator or the first missing or invalid field of a line with a correct check."""
+    """Return a finding on the separator or the first missing or invalid field of a line with a correct checksum."""
     line = packet[: -len(frame.tail_bytes)]
     values: dict[str, Value] = {"line": _shown(line)}
     if not kind.is_sample(packet):

@@ -1,4 +1,4 @@
-"""Serves lines of text to any number of TCP clients."""
+"""TCP server that sends lines of text to any number of clients."""
 
 import json
 import logging
@@ -11,7 +11,7 @@ from contextlib import suppress
 from calstation.errors import ConfigurationError
 from calstation.messages import os_reason
 
-#: Number of lines that wait for a client before further ones are dropped.
+#: Number of lines buffered for a client before further ones are dropped.
 BUFFERED = 2000
 #: Time that a client may take to accept a line before it is disconnected, s.
 _TIMEOUT = 10.0
@@ -21,10 +21,10 @@ logger = logging.getLogger(__name__)
 
 
 class LineServer:
-    """Listens on ``HOST:PORT``; port 0 stands for any free one. Every client first receives `greeting`.
+    """Listens on ``HOST:PORT``; port 0 selects any free port. Every client first receives `greeting`.
 
-    A client that falls behind by `buffered` lines is waited for, at most `patience` s per line; then it loses lines
-    and receives their number. Raises ConfigurationError if the address cannot be used.
+    If a client falls behind by `buffered` lines, the server waits for it, at most `patience` s per line; after that,
+    lines are dropped and the client receives their number. Raises ConfigurationError if the address cannot be used.
     """
 
     def __init__(self, address: str, patience: float = 0.0, buffered: int = BUFFERED) -> None:
@@ -49,13 +49,13 @@ class LineServer:
         return self._connected.wait(seconds)
 
     def write(self, line: str) -> None:
-        """Pass a line on to all clients."""
+        """Send a line to all clients."""
         with self._lock:
             self._clients = [client for client in self._clients if client.put(line)]
 
     def close(self) -> None:
-        """Stop listening, and disconnect the clients once they have what waits for them."""
-        with suppress(OSError):  # not every system supports it; it ends a waiting accept
+        """Stop listening, and disconnect the clients after sending their buffered lines."""
+        with suppress(OSError):  # not every system supports it; it ends a pending accept
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
         self._thread.join(_TIMEOUT)
@@ -91,7 +91,7 @@ class _Client:
         self._thread.start()
 
     def put(self, line: str) -> bool:
-        """Add a line, or count it as dropped; return False once the client has gone."""
+        """Add a line, or count it as dropped; return False if the client has disconnected."""
         try:
             if self._dropped:
                 self._lines.put(_dropped(self._dropped), self._patience > 0.0, self._patience)
@@ -102,7 +102,7 @@ class _Client:
         return not self._gone
 
     def finish(self) -> None:
-        """Let the thread end after the lines that wait."""
+        """Let the thread end after the buffered lines."""
         self._ending = True
 
     def join(self) -> None:

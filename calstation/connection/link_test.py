@@ -1,4 +1,4 @@
-"""Tests the links of a station, saved or not: opens ports, queries and receives, but writes and moves nothing."""
+"""Test of a station's links, saved or not: opens ports, queries and receives, but writes and moves nothing."""
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, closing
@@ -52,11 +52,11 @@ _MAYBE_IMU = {"garbled", "garbled_text", "unlike_text", "unlike_answer", "silent
 
 @dataclass(frozen=True)
 class LinkTestRequest:
-    """The station to test, and the product whose IMU is expected (None for the default product)."""
+    """The station to test, and the product of the expected IMU (None for the default product)."""
 
     station: StationConfig
     product: Path | None = None
-    slot: str | None = None  #: Slot of the IMU; None for the only or first one.
+    slot: str | None = None  #: Slot of the IMU; None for the only or first slot.
 
 
 def check_table_link(progress: ProgressCallback, request: LinkTestRequest) -> Report:
@@ -175,7 +175,7 @@ def _found_on_imu_port(
 
 
 def _with_line_finding(setup: ResolvedConfiguration, at: Endpoints, found: list[Finding]) -> list[Finding]:
-    """For a text protocol, replace a general finding by a specific one about a received line."""
+    """Replace a general finding by a specific one about a received line, for a text protocol."""
     index = next((i for i, finding in enumerate(found) if finding.id in _ABOUT_LINES), None)
     if index is None or setup.imu.frame.format != "text":
         return found

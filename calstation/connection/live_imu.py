@@ -1,4 +1,4 @@
-"""Applies a solution to the live output of its unit, which is read for a few seconds by the unit's driver."""
+"""Application of a solution to the live output of its unit, which is read for a few seconds."""
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ SECONDS = 10.0
 
 @dataclass(frozen=True)
 class OtherUnit:
-    """Result if the fixture contains another unit, with this serial number; nothing was applied to its output."""
+    """Result if the fixture contains a different unit with this serial number; the solution was not applied."""
 
     serial: str
 
@@ -38,7 +38,7 @@ def apply_to_unit(
 ) -> Applied | OtherUnit:
     """Job: apply the solution of the recording `path` to the output of its unit; see `read_unit`, `ImuOutput.applied`.
 
-    Raises InputError if the recording cannot be read, and what these raise.
+    Raises InputError if the recording cannot be read, and the errors of these functions.
     """
     progress(0.0)
     output = read_unit(progress, open_log(path).meta.imu.serial, path, station, product, seconds)
@@ -55,7 +55,7 @@ def read_unit(
 ) -> ImuOutput | OtherUnit:
     """Read `seconds` of output of the unit `serial` in the fixture, without motion and without writing to it.
 
-    On the virtual bench, the unit of the recording is in the fixture if there is a recording that identifies it. Raises
+    On the virtual bench, the fixture contains the unit of the recording, if a recording identifies it. Raises
     DeviceFaultError or ConfigurationError if the unit cannot be read.
     """
     setup = resolve_configuration(RunRequest(serial, station, product))
@@ -94,7 +94,7 @@ def _with_recorded_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration)
 
 
 def _product_like(imu: ImuSection, request: RunRequest) -> Path | None:
-    """Return the product whose IMU noise equals that of the recording's unit; the requested one is tried first."""
+    """Return the product whose IMU noise equals the recorded unit's; the requested product is tried first."""
     for path in (request.product, *(library.find("products", name) for name in library.names("products"))):
         with suppress(ConfigurationError):
             noise = resolve_configuration(replace(request, product=path)).imu.noise

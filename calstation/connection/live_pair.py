@@ -1,4 +1,4 @@
-"""Reads the IMUs on one body from their ports and aligns their streams, through restarts and lost links."""
+"""Live streams of the IMUs on one body, read from their ports and aligned across restarts and lost links."""
 
 import logging
 import threading
@@ -21,9 +21,9 @@ from calstation.estimation.common import SampleBlock
 from calstation.estimation.pairs import Alignment, PairAligner
 from calstation.results import PairSession
 
-#: Time without samples after which a unit is woken, or its port opened again, and until the next attempt, s.
+#: Time without samples after which a unit is woken or its port reopened, and interval between attempts, s.
 _WAKE_AFTER = 2.0
-#: Number of polls that relate host time to station time.
+#: Number of polls used to relate host time to station time.
 _POLLS = 400
 #: Time without samples of any unit after which the watch ends, s.
 _ALL_SILENT = 20.0
@@ -32,7 +32,7 @@ logger = logging.getLogger(__name__)
 
 
 class _Unit:
-    """An IMU on its port; it is woken or opened again in a thread of its own while other units are read."""
+    """An IMU on its port; it is woken or reopened in a separate thread while other units are read."""
 
     def __init__(self, setup: ResolvedConfiguration, port: str) -> None:
         self._setup, self._port = setup, port
@@ -42,7 +42,7 @@ class _Unit:
         self._restarts, self._reopened = 0, False
         self._fault: str | None = None
         self._other: DeviceFaultError | None = None
-        self.heard = False  #: Whether it has sent samples.
+        self.has_sent = False  #: Whether it has sent samples.
         try:
             self.serial = self.imu.identify().serial
             self.imu.start()
@@ -52,10 +52,10 @@ class _Unit:
         self.last_data: float | None = None
 
     def read(self, now: float) -> SampleBatch | None:
-        """Return new samples, None without any; `now` is the station's time, s.
+        """Return new samples, or None; `now` is station time, s.
 
-        While the unit is woken its samples wait until it has identified itself. Raises DeviceFaultError if another unit
-        replies.
+        While the unit is being woken, its samples are held back until it has identified itself. Raises DeviceFaultError
+        if another unit replies.
         """
         self.last_data = now if self.last_data is None else self.last_data
         if self._revival is not None and self._revival.is_alive():
@@ -70,7 +70,7 @@ class _Unit:
             logger.warning("%s: %s", self._port, fault)
         self._fault = fault
         if batch is not None and len(batch):
-            self.last_data, self.heard = now, True
+            self.last_data, self.has_sent = now, True
             return batch
         if now - self.last_data > _WAKE_AFTER and not self._closing.is_set():
             self.last_data = now
@@ -110,7 +110,7 @@ class _Unit:
 
 
 class LivePair:
-    """Open IMUs on one body, and the session that watches them."""
+    """Open IMUs on one body, and the session that monitors them."""
 
     def __init__(
         self, session: PairSession, units: list[_Unit], statuses: list[StatusSection], clock: RealClock | BenchClock
@@ -119,7 +119,7 @@ class LivePair:
         self._units, self._statuses, self._clock = units, statuses, clock
         context = session.context
         self._end = 0.0
-        #: Host time and station time of the last polls, s: a virtual bench may be slower than its nominal speed.
+        #: Host time and station time of the last polls, s: a virtual bench may run slower than its nominal speed.
         self._polls: deque[tuple[float, float]] = deque(maxlen=_POLLS)
         self._aligner = PairAligner(context.imu, [s.imu for s in context.secondaries])
         session.watch.unaligned = frozenset(s.number for s in context.secondaries)
@@ -134,11 +134,11 @@ class LivePair:
     def blocks(self, seconds: float | None, stopped: Callable[[], bool]) -> Iterator[SampleBlock]:
         """Yield aligned samples for `seconds` of the primary's time, or until `stopped` returns True.
 
-        Raises DeviceFaultError if no unit sends samples, if one has not sent any since the start, or if another unit
-        has taken its place.
+        Raises DeviceFaultError if no unit sends samples, if a unit has not sent any since the start, or if another unit
+        replaces it.
         """
         begin: float | None = None
-        start = heard = self._clock.now()
+        start = last_data = self._clock.now()
         while not stopped():
             self._clock.sleep(self._clock.tick)
             now = self._clock.now()
@@ -146,26 +146,26 @@ class LivePair:
             for number, unit in enumerate(self._units):
                 batch = unit.read(now)
                 if batch is not None:
-                    heard = now
+                    last_data = now
                     self._feed(number, unit, batch)
-            if now - heard > _ALL_SILENT:
+            if now - last_data > _ALL_SILENT:
                 raise DeviceFaultError("connection.all_silent", seconds=_ALL_SILENT)
             if now - start > _ALL_SILENT:
                 for number, unit in enumerate(self._units, 1):
-                    if not unit.heard:
+                    if not unit.has_sent:
                         raise DeviceFaultError("connection.imu_silent", number=number, seconds=_ALL_SILENT)
             block, aligned = self._aligner.take(now)
             if not len(block):
                 continue
             end = self._end = float(block.time[-1])
-            yield block  # aligned with the offsets before
+            yield block  # aligned with the previous offsets
             self._note_alignment(end, aligned)
             begin = float(block.time[0]) if begin is None else begin
             if seconds is not None and end - begin >= seconds:
                 return
 
     def _note_alignment(self, time: float, aligned: list[int]) -> None:
-        """Tell the watch which secondaries were aligned anew, and which no longer are."""
+        """Report to the session which secondaries were realigned, and which are no longer aligned."""
         watch = self.session.watch
         for place, secondary in enumerate(self.session.context.secondaries):
             number, clock = secondary.number, self._aligner.clocks[place]
@@ -181,7 +181,7 @@ class LivePair:
         )
         counts = np.where(usable[:, None], batch.counts, np.nan)
         host, station = np.transpose(self._polls)
-        # the time of a bench at full speed passes only between two polls
+        # the time of a bench at full speed advances only between two polls
         arrival = np.interp(batch.arrival, host, station) if self._clock.speed else np.full(len(batch), station[-1])
         self._aligner.feed(number, batch.seq, counts, arrival, restarted=unit.restarted())
 
@@ -192,7 +192,7 @@ def open_pair(
 ) -> Iterator[LivePair]:
     """Open and identify all IMUs of a station, read the primary's registers, and close all ports on exit.
 
-    `folder` holds the stored calibrations of pairs. Raises DeviceFaultError or ConfigurationError.
+    `folder` contains the stored calibrations of pairs. Raises DeviceFaultError or ConfigurationError.
     """
     with ExitStack() as stack:
         ports, clock = stack.enter_context(imu_endpoints(setup, check_cancelled))

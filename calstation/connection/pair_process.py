@@ -1,4 +1,4 @@
-"""Watches a station's IMUs on one body in a process of its own, for the window."""
+"""Process that monitors a station's IMUs on one body for the window."""
 
 import logging
 import multiprocessing
@@ -49,7 +49,7 @@ class PairStatus:
 
 
 class PairProcess:
-    """A process that watches the IMUs of a station; no method but `close` waits."""
+    """A process that monitors the IMUs of a station; only `close` blocks."""
 
     def __init__(self, request: RunRequest) -> None:
         context = multiprocessing.get_context("spawn")
@@ -73,7 +73,7 @@ class PairProcess:
         return found
 
     def send(self, command: WatchCommand) -> None:
-        """Request a check or the end; ignored if the process has ended."""
+        """Request a check or the end of the process; ignored if the process has ended."""
         with suppress(OSError):
             self._connection.send(command)
 
@@ -87,7 +87,7 @@ class PairProcess:
 
 
 class _Reports:
-    """Sends the state of a watch to its listener."""
+    """Sends the state of the session to its listener."""
 
     def __init__(self, connection: "Connection[Any, Any]", live: LivePair) -> None:
         self._connection, self._live = connection, live
@@ -100,7 +100,7 @@ class _Reports:
 
     def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
         self._corrected.feed(block, watch, events)
-        # the clocks are shown by themselves
+        # the clocks are displayed separately
         self._events += [event for event in events if event.kind != "aligned"]
         if any(event.kind == "calibrated" for event in events):
             self._stored = stored_pairs(self._live.session.context, pair_folder())
@@ -130,7 +130,7 @@ class _Reports:
 
 
 def _serve(connection: "Connection[Any, Any]", request: RunRequest) -> None:
-    """Entry point of the process; it ends with its listener."""
+    """Entry point of the process; it ends when its listener disconnects."""
     applog.configure("watch")
     stopped, check = threading.Event(), threading.Event()
 

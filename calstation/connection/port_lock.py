@@ -1,4 +1,4 @@
-"""Locks the ports of this computer, so that only one process at a time uses a device.
+"""Locks of this computer's ports, so that only one process at a time uses a device.
 
 The operating system releases a lock when its process ends. The locks apply to all users and folders of this computer,
 but not to another computer at the same table. A virtual bench needs no locks: its ports are private to its run.
@@ -96,7 +96,7 @@ def _devices(port: str) -> Iterator[str]:
         return
     usb = next((found.usb for found in found_ports() if os.path.realpath(found.device) == device), None)
     if usb is not None:
-        yield usb  # the device name may be given to another adapter when this one is unplugged
+        yield usb  # the device name may be reassigned to another adapter when this one is unplugged
     elif sys.platform == "win32" or Path(device).exists():
         yield device
 

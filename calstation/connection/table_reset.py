@@ -1,4 +1,4 @@
-"""Reads the table's state and resets a latched fault; nothing moves and no axis is switched on."""
+"""Reading of the table's state and reset of a latched fault; nothing moves and no axis is switched on."""
 
 import math
 import time
@@ -43,7 +43,7 @@ class TableReset:
     """Result of a reset.
 
     outcome : ``nothing`` if no fault was latched; ``cleared``; ``interlock_open``, ``moving`` or ``local_control`` if
-        this prevented the reset; ``refused`` by the table; ``stays`` if the fault persists because its cause does
+        this prevented the reset; ``refused`` by the table; ``stays`` if the fault persists because its cause persists
     latched : fault before the reset, or None; left : fault that is still latched after it, or None
     words : the table's message if it refused the reset
     """
@@ -96,7 +96,7 @@ def _identified(progress: ProgressCallback, request: LinkTestRequest) -> Iterato
 def reset(table: Table) -> TableReset:
     """Reset the fault of an open table, if there is one and it is safe to do so.
 
-    No reset is sent to a table whose model is not the profile's, to a moving table (the reset removes the drive's
+    No reset is sent to a table whose model differs from the profile's, to a moving table (the reset removes the drive's
     power), or while the interlock is open: the table must not be made ready while a person is inside the guard.
     """
     table.identify()

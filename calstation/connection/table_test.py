@@ -1,4 +1,4 @@
-"""Tests a table on its open link: identity, polling times, status, travel and watchdog."""
+"""Test of a table on its open link: identity, polling times, status, travel and watchdog."""
 
 import math
 import time
@@ -28,7 +28,7 @@ _POLLS = 20
 _READ_HOLDING = 3
 #: Size of an RTU read request, bytes.
 _REQUEST_SIZE = 8
-#: Tolerance for comparing the travel set in the table with that of the profile, degrees.
+#: Tolerance for comparing the travel set in the table with the profile's travel, degrees.
 _TRAVEL_TOLERANCE = 0.01
 
 
@@ -39,7 +39,7 @@ def query_table(
     port: str,
     progress: ProgressCallback,
 ) -> Iterator[Finding]:
-    """Yield the findings on an open, not yet identified table, up to the first that makes further ones meaningless."""
+    """Yield the findings on an open, not yet identified table, up to the first that makes the rest meaningless."""
     progress(0.5, note="asking")
     try:
         identity = table.identify()
@@ -65,7 +65,7 @@ def query_table(
     except PortLostError as exc:
         yield Finding("lost", "wrong", {"words": exc.as_text})
     except NoAnswerError as exc:
-        # Bytes received before a second drive failed to answer came from the first drive.
+        # Bytes received before a second drive failed to reply came from the first drive.
         received = table.received if exc.unit == profile.unit else b""
         yield _no_modbus(received, profile, settings, port, exc)
     except DeviceFaultError as exc:

@@ -1,4 +1,4 @@
-"""The database that several stations share: its tables, the exchange of a station with it, and the archive of logs.
+"""The database shared by several stations: its tables, the exchange of a station with it, and the archive of logs.
 
 The files of a station remain authoritative and no run waits for the database. The package contains no solvers.
 """

@@ -1,6 +1,7 @@
 """The exchange process of a window or a run: `python -m calstation.database`.
 
-A line of JSON on standard input names the work; each further line has the units to claim in place of the previous ones.
+The first line of JSON on standard input specifies the work; each further line contains the units to claim, replacing
+the previous ones.
 """
 
 import json
@@ -24,7 +25,7 @@ logger = logging.getLogger(__name__)
 
 
 class _Owner:
-    """What the owner of the process writes, read in a thread so that the program can wait for it with a time limit."""
+    """Input from the owner of the process, read in a thread so that the program can wait for it with a time limit."""
 
     def __init__(self) -> None:
         self._lines = SimpleQueue[dict[str, Any] | None]()
@@ -33,15 +34,15 @@ class _Owner:
         self.claimed = self.work.pop("claimed") if self.work else {}
 
     def _read(self) -> None:
-        with suppress(ValueError):  # a line that the end of the owner cut off
+        with suppress(ValueError):  # a line truncated by the end of the owner
             for line in sys.stdin.buffer:
                 self._lines.put(json.loads(line))
         self._lines.put(None)
         time.sleep(_END_S)
-        os._exit(0)  # an exchange that hangs; files and database withstand it
+        os._exit(0)  # terminate an exchange that hangs; files and database remain consistent
 
     def wait(self, seconds: float) -> bool:
-        """Wait for other units to claim; return whether the owner has ended."""
+        """Wait for a change of the units to claim; return whether the owner has ended."""
         try:
             line = self._lines.get(timeout=seconds)
             while line is not None:
@@ -53,7 +54,7 @@ class _Owner:
 
 
 def _main() -> None:
-    """Exchange until the owner closes the pipe or ends, and once more."""
+    """Exchange until the owner closes the pipe or ends, then once more."""
     applog.configure("exchange")
     owner = _Owner()
     if owner.work is None:

@@ -1,6 +1,6 @@
 """Archive of closed logs in a folder, a mounted share or an S3 bucket (fsspec).
 
-Credentials come from where the file system looks for them, for S3 from the environment or the AWS profile.
+The file system finds the credentials, for S3 in the environment or the AWS profile.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ except ImportError as exc:
 #: Number of bytes read at once.
 _CHUNK = 8 * 1024 * 1024
 
-#: Errors of an archive that cannot be reached, is full or refuses access.
+#: Errors of an archive that is unreachable, full or refuses access.
 _FAILURES = (OSError, BotoCoreError)
 
 
@@ -41,11 +41,11 @@ class LogCopy:
 
 
 def archive_log(log: Path, archive: str, folder: str) -> LogCopy:
-    """Copy a closed log into a folder below an archive, unless the same bytes are already there.
+    """Copy a closed log to a folder in an archive, unless the same bytes are already there.
 
-    The copy gets its name after its bytes have been read back and compared, so that an interrupted copy leaves no file
-    of that name. Raises InputError, after which the copy can be tried again; also if the archive is a local path that
-    does not exist, as an unmounted share must not become a local folder.
+    The copy is renamed to its final name after its bytes have been read back and compared, so that an interrupted copy
+    leaves no file with that name. Raises InputError, after which the copy can be tried again; also if the archive is a
+    local path that does not exist, because an unmounted share must not become a local folder.
     """
     url = f"{archive.rstrip('/')}/{folder}/{log.name}"
     try:
@@ -53,7 +53,7 @@ def archive_log(log: Path, archive: str, folder: str) -> LogCopy:
         if isinstance(files, LocalFileSystem) and not files.isdir(_open(archive)[1]):
             raise InputError("database.archive_absent", archive=archive)
         with log.open("rb") as stream:
-            place = path if isinstance(files, LocalFileSystem) else url  # absolute
+            place = path if isinstance(files, LocalFileSystem) else url  # absolute path or URL
             copy = LogCopy(place, _digest(stream), stream.tell())
         if not (files.exists(path) and _digest_at(files, path) == copy.file_sha256):
             _copy(log, files, path, copy)
@@ -63,7 +63,7 @@ def archive_log(log: Path, archive: str, folder: str) -> LogCopy:
 
 
 def copy_to(url: str, target: Path, report: ProgressCallback) -> None:
-    """Copy a log of the archive to a file, which is complete or not there. Raises InputError."""
+    """Copy a log of the archive to a file, which is complete or missing. Raises InputError."""
     partial = target.with_name(f".{target.name}.partial")
     try:
         files, path = _open(url)
@@ -101,16 +101,16 @@ def _copy(log: Path, files: AbstractFileSystem, path: str, copy: LogCopy) -> Non
 
 
 def _open(url: str) -> tuple[AbstractFileSystem, str]:
-    """Return the file system of a URL or path, which lists no names from a cache, and the path in it."""
+    """Return the file system of a URL or path, without a directory cache, and the path in it."""
     try:
         files, path = url_to_fs(url, use_listings_cache=False, skip_instance_cache=True)
-    except (ValueError, ImportError) as exc:  # an unknown or missing file system
+    except (ValueError, ImportError) as exc:  # an unknown file system, or one that is not installed
         raise InputError("database.no_archive", url=url, reason=str(exc)) from exc
     return files, path
 
 
 def _reason(error: Exception) -> Text | str:
-    """Return the reason for a failure; that of a storage service is its own words."""
+    """Return the reason for a failure; a storage service provides its own text."""
     return os_reason(error) if isinstance(error, OSError) and error.errno is not None else str(error)
 
 

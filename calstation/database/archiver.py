@@ -1,4 +1,4 @@
-"""Copies the closed logs of a folder of runs to the archive of the station, one after the other."""
+"""Copying of the closed logs of a runs folder to the station's archive, one at a time."""
 
 from pathlib import Path
 
@@ -10,20 +10,20 @@ from calstation.records import SUFFIX, being_written, locked
 
 
 class LogArchiver:
-    """Copies logs and records the copies in the outbox; failures are noted in the state of the exchange."""
+    """Copies logs and records the copies in the outbox; failures are recorded in the state of the exchange."""
 
     def __init__(self, folder: Path, archive: str) -> None:
         self._folder, self._archive = folder, archive
         self._outbox = Outbox(folder)
-        self._waiting: list[str] = []  #: Names of the closed logs that are not in the archive.
-        self._failed: set[str] = set()  #: Names of the logs that failed since the last success.
-        #: Mark of the index when nothing was left to copy, or to be closed; None before.
+        self._waiting: list[str] = []  #: Names of closed logs that are not in the archive.
+        self._failed: set[str] = set()  #: Names of logs that failed since the last success.
+        #: Value of the index's `mark` when nothing was left to copy or to be closed; None before.
         self._done: str | None = None
 
     def copy_next(self) -> bool:
         """Copy the next log, unless another process does so; return whether one was copied.
 
-        Raises CalstationError if the copy fails, after which the next call takes another log if there is one, and
+        Raises CalstationError if the copy fails, after which the next call tries another log if there is one, and
         OSError if the folder cannot be used.
         """
         try:
@@ -52,10 +52,11 @@ class LogArchiver:
         return True
 
     def _uncopied(self) -> list[str]:
-        """Return the closed logs that are not in the archive; after a failure others first, as a log may be the cause.
+        """Return the closed logs that are not in the archive; after a failure, other logs come first.
 
-        Each log is opened to see whether a run writes it, so that the list is kept until a failure or its end, and is
-        not made again until the index changes if it is empty and no log is being written.
+        Each log must be opened to determine whether a run is writing it. The list is therefore kept until it is
+        exhausted or a copy fails. If it is empty and no log is being written, it is rebuilt only after a change of the
+        index.
         """
         mark = self._outbox.index.mark
         if mark is not None and mark == self._done:
@@ -74,7 +75,7 @@ class LogArchiver:
     def _is_closed(self, name: str) -> bool:
         try:
             return not being_written(self._log(name))
-        except CalstationError:  # no log
+        except CalstationError:  # not a log
             return False
 
     def _note(self, error: CalstationError | None) -> None:

@@ -1,4 +1,4 @@
-"""Claims: which units stations work on, so that two stations that have scanned the same unit are warned."""
+"""Claims on units being processed, so that two stations that have scanned the same unit are warned."""
 
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime, timedelta
@@ -13,7 +13,7 @@ EXPIRY_S = 300.0
 
 
 def claim_units(engine: Engine, outbox: str, station: str, operators: Mapping[str, str | None]) -> None:
-    """Claim units for the station of an outbox, or renew its claims; `operators` are by the units' serial numbers."""
+    """Claim units for the station of an outbox, or renew its claims; `operators` are given by serial number."""
     if not operators:
         return
     with engine.begin() as connection:
@@ -25,7 +25,7 @@ def claim_units(engine: Engine, outbox: str, station: str, operators: Mapping[st
 
 
 def release_units(engine: Engine, outbox: str, serials: Iterable[str]) -> None:
-    """End the claims of the station of an outbox on units."""
+    """Release the claims on units by the station of an outbox."""
     with engine.begin() as connection:
         connection.execute(delete(claims).where(claims.c.outbox == outbox, claims.c.serial.in_(serials)))
 
@@ -33,7 +33,7 @@ def release_units(engine: Engine, outbox: str, serials: Iterable[str]) -> None:
 def other_claims(engine: Engine, outbox: str) -> list[Claim]:
     """Return the valid claims of other stations on the units that the station of an outbox has claimed.
 
-    Of two stations that claim a unit at once and then ask, at least one sees the other.
+    If two stations claim a unit simultaneously and then call this function, at least one sees the other's claim.
     """
     with engine.connect() as connection:
         now = database_time(connection)
@@ -44,12 +44,12 @@ def other_claims(engine: Engine, outbox: str) -> list[Claim]:
 
 
 def database_time(connection: Connection) -> datetime:
-    """Return the time of the database, UTC; an SQLite file has that of this computer."""
+    """Return the time of the database, UTC; for an SQLite file, the time of this computer."""
     if connection.dialect.name == "sqlite":
         return datetime.now(UTC)
     return _utc(connection.execute(select(func.now())).scalar_one())
 
 
 def _utc(time: datetime) -> datetime:
-    """Return a time of the database with its zone, which SQLite does not store."""
+    """Return a time of the database with its time zone, which SQLite does not store."""
     return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)

@@ -25,20 +25,20 @@ try:
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
 
-# psycopg warns of a connection that is lost within a page, which is an error of the request as well
+# psycopg warns of a connection lost within a page, which the request reports as an error as well
 logging.getLogger("psycopg").setLevel(logging.ERROR)
 
-#: Name under which a password is kept in the system's keyring.
+#: Service name of the password in the system's keyring.
 KEYRING = "calstation database"
 
 #: Longest time to wait for a connection, s.
 CONNECT_TIMEOUT_S = 5
 
-#: What PostgreSQL's codes of a lost connection begin with: connection exceptions, and the server's shutdown.
+#: Prefixes of PostgreSQL's codes for a lost connection: connection exceptions, and server shutdown.
 _LOST = ("08", "57P")
 
-#: A connection whose other end has vanished ends within half a minute on both sides; its locks end with it.
-#: A statement that waits for another station's or takes too long fails, and the exchange tries again.
+#: A connection whose other end has vanished is closed within half a minute on both sides, which releases its locks. A
+#: statement that waits for another station or takes too long fails, and the exchange tries again.
 _CONNECTION: dict[str, int | str] = {
     "connect_timeout": CONNECT_TIMEOUT_S,
     "keepalives_idle": 10,
@@ -51,12 +51,12 @@ _CONNECTION: dict[str, int | str] = {
 
 
 def connect(url: str, *, create: bool = True, pooled: bool = True) -> Engine:
-    """Return an engine for a database whose tables are of this version; those of a new SQLite file are created.
+    """Return an engine for a database with tables of this version; the tables of a new SQLite file are created.
 
     Without `create`, a missing SQLite file is an error. Without `pooled`, a connection is closed after each use.
 
     The password comes from ``PGPASSWORD``, from PostgreSQL's password file or from the system's keyring (service
-    ``calstation database``, user ``user@host``). Raises ConfigurationError, also if the database is not reachable.
+    ``calstation database``, user ``user@host``). Raises ConfigurationError, also if the database is unreachable.
     """
     parsed = _parse(url)
     is_sqlite = parsed.get_backend_name() == "sqlite"
@@ -81,15 +81,15 @@ def connect(url: str, *, create: bool = True, pooled: bool = True) -> Engine:
 
 
 def upgrade(url: str) -> bool:
-    """Bring the tables of a database to this version; return whether they changed. Raises ConfigurationError.
+    """Upgrade the tables of a database to this version; return whether they changed. Raises ConfigurationError.
 
-    All changes are one transaction. Of several processes that do so at once, one changes the tables of an SQLite file
+    All changes are made in one transaction. If several processes upgrade an SQLite file at once, one changes the tables
     and the others wait for it.
     """
     parsed = _parse(url)
     engine = _engine(parsed)
     if parsed.get_backend_name() == "sqlite":
-        # the driver would begin no transaction before the first change, and none for changes of tables
+        # the driver would otherwise begin a transaction only before the first data change, and not for table changes
         event.listen(engine, "connect", lambda connection, _: setattr(connection, "isolation_level", None))
         event.listen(engine, "begin", lambda connection: connection.exec_driver_sql("BEGIN IMMEDIATE"))
     try:
@@ -105,7 +105,7 @@ def upgrade(url: str) -> bool:
             before = MigrationContext.configure(connection).get_current_revision()
             command.upgrade(configuration, "head")
             return MigrationContext.configure(connection).get_current_revision() != before
-    except CommandError as exc:  # a revision that this version does not have
+    except CommandError as exc:  # a revision that is unknown to this version
         raise ConfigurationError("database.newer_version", database=public(parsed)) from exc
     except SQLAlchemyError as exc:
         raise ConfigurationError("database.not_upgraded", database=public(parsed), reason=reason_of(exc)) from exc
@@ -114,7 +114,7 @@ def upgrade(url: str) -> bool:
 
 
 def failure(error: DBAPIError, url: URL) -> ConfigurationError:
-    """Return the error that a database is not reachable, or that it refuses what was requested."""
+    """Return the error for an unreachable database or a refused request."""
     state = sqlstate(error)
     lost = isinstance(error, OperationalError | InterfaceError) and (not state or state.startswith(_LOST))
     code = "database.unreachable" if lost or error.connection_invalidated else "database.refused"
@@ -122,7 +122,7 @@ def failure(error: DBAPIError, url: URL) -> ConfigurationError:
 
 
 def sqlstate(error: DBAPIError) -> str:
-    """Return PostgreSQL's code of an error; "" for one of SQLite, of the driver or of the connection."""
+    """Return PostgreSQL's code of an error; "" for an error of SQLite, the driver or the connection."""
     return getattr(error.orig, "sqlstate", None) or ""
 
 
@@ -132,7 +132,7 @@ def public(url: URL) -> str:
 
 
 def reason_of(error: SQLAlchemyError) -> str:
-    """Return the first line of what the database says, without the statement and its values."""
+    """Return the first line of the database's message, without the statement and its values."""
     text = str(error.orig) if isinstance(error, DBAPIError) else str(error)
     return text.partition("\n")[0]
 

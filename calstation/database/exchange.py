@@ -40,7 +40,7 @@ logger = logging.getLogger(__name__)
 #: Number of runs that are received at once.
 _PAGE = 500
 
-#: PostgreSQL's codes of a row that is too large for an index, and of a row whose foreign key does not exist.
+#: PostgreSQL's codes for a row that is too large for an index, and for a row whose foreign key does not exist.
 _TOO_LARGE, _NO_RUN = "54000", "23503"
 
 #: Columns of a run that the local index needs; its result JSON stays in the database.
@@ -48,34 +48,34 @@ _INDEXED = [column for column in runs.c if column.name != "result"]
 
 
 class Exchange:
-    """Exchange of one folder; it keeps its connection from pass to pass."""
+    """Exchange of one folder; its connection is kept between passes."""
 
     def __init__(self, folder: Path, url: str, station: str, claimed: Mapping[str, str | None] = {}) -> None:
-        """Create the exchange; `claimed` names the operator by serial number of the units to claim."""
+        """Create the exchange; `claimed` contains the operator of each unit to claim, by serial number."""
         self._url, self._station = url, station
-        #: Operator by serial number of the units that every exchange claims, in place of the previous ones.
+        #: Operators by serial number of the units that every exchange claims, replacing the previous ones.
         self.claimed = claimed
-        self.complete = False  #: Whether the last exchange left nothing; if not, the next one continues.
-        self._held: set[str] = set()  #: Serial numbers of the units that are claimed in the database.
+        self.complete = False  #: Whether the last exchange was complete; if not, the next one continues.
+        self._held: set[str] = set()  #: Serial numbers of units that are claimed in the database.
         self._engine: Engine | None = None
         self.begun_utc = datetime.now(UTC)  #: Time when this exchange was created.
         self.outbox = Outbox(folder)
         self._index = self.outbox.index
 
     def exchange(self, within: float = math.inf) -> list[Claim]:
-        """Claim units, send all that is pending, receive what is new; return other stations' claims on the units.
+        """Claim units, send all pending messages, receive new runs; return other stations' claims on the units.
 
-        Ends with the first page after `within` s, and sets `complete`. Raises ConfigurationError if the database is not
-        reachable or refuses something; the next call continues then too.
+        Ends after the first page that completes after `within` s, and sets `complete`. Raises ConfigurationError if the
+        database is unreachable or refuses a request; the next call continues in this case, too.
         """
         end = time.monotonic() + within
         try:
             try:
                 engine = self._connected()
                 self._synchronise(engine)
-                self._hold(engine)
+                self._renew_claims(engine)
             except (ConfigurationError, DBAPIError):
-                self.outbox.fill()  # the runs that wait are counted
+                self.outbox.fill()  # counts the pending runs
                 raise
             self.complete = self._send_all(engine, end) and self._receive(engine, end)
             return other_claims(engine, self.outbox.id)
@@ -86,9 +86,9 @@ class Exchange:
             raise failure(exc, url) from exc
 
     def close(self) -> None:
-        """End the claims and close the connection; the next exchange opens a new one."""
+        """Release the claims and close the connection; the next exchange opens a new one."""
         if self._engine is not None and self._held:
-            with suppress(DBAPIError):  # the claims end without it
+            with suppress(DBAPIError):  # the claims expire without it
                 release_units(self._engine, self.outbox.id, self._held)
             self._held.clear()
         self._disconnect()
@@ -103,10 +103,10 @@ class Exchange:
             self._engine = connect(self._url)
         return self._engine
 
-    def _hold(self, engine: Engine) -> None:
-        """Claim the current units, or renew their claims, and end those on the previous ones.
+    def _renew_claims(self, engine: Engine) -> None:
+        """Claim the current units, or renew their claims, and release the previous ones.
 
-        A claim of another process on the same folder is not ended.
+        A claim of another process on the same folder is not released.
         """
         claimed = dict(self.claimed)
         if previous := self._held - claimed.keys():
@@ -115,11 +115,11 @@ class Exchange:
         self._held = set(claimed)
 
     def _synchronise(self, engine: Engine) -> None:
-        """Take the messages that the database has out of the outbox; empty the outbox if one of the two has lost some.
+        """Delete messages that have arrived in the database; reset the outbox if outbox or database lost some.
 
-        If the database lost some, it was restored from a backup or replaced, and all folders receive all runs again.
-        If it has later ones than the outbox, the outbox was lost or restored: what its later numbers mean is unknown.
-        In both cases the outbox is filled with all runs again.
+        If the database lost messages, it was restored from a backup or replaced, and all folders receive all runs
+        again. If it has later messages than the outbox, the outbox was lost or restored, and the meaning of its later
+        numbers is unknown. In both cases the outbox is filled with all runs again.
         """
         sent, begun = self.outbox.sent, self.outbox.begun
         with engine.begin() as connection:
@@ -132,9 +132,9 @@ class Exchange:
             self.outbox.arrived(arrived)
 
     def _registered(self, connection: Connection) -> int:
-        """Return the number of the last message that has arrived; register the outbox, and its login, if necessary.
+        """Return the number of the last message that arrived; register the outbox and its login if necessary.
 
-        Raises ConfigurationError if the outbox belongs to another login, whose runs this one may not change.
+        Raises ConfigurationError if the outbox belongs to another login, whose runs this login must not change.
         """
         here = outboxes.c.id == self.outbox.id
         login = func.current_user() if connection.dialect.name == "postgresql" else null()
@@ -150,7 +150,7 @@ class Exchange:
         return int(row.last_number)
 
     def _send_all(self, engine: Engine, end: float) -> bool:
-        """Send what is pending; return False if there is more at the time `end`."""
+        """Send all pending messages; return False if some are left at the time `end`."""
         sent = True
         while sent:
             if not self.outbox.fill(end):
@@ -165,7 +165,7 @@ class Exchange:
     def _send(self, engine: Engine) -> bool:
         """Send the first messages; return whether there were any.
 
-        If the database refuses one of them, they are sent one by one, and those that it refuses are skipped.
+        If the database refuses one of them, they are sent one by one, and refused messages are skipped.
         """
         messages = self.outbox.messages()
         try:
@@ -189,9 +189,10 @@ class Exchange:
             self._deliver(engine, [message], store=False)
 
     def _deliver(self, engine: Engine, messages: Sequence[OutboxMessage], *, store: bool = True) -> None:
-        """Count messages as arrived and store them, in one transaction, unless others than these are the next.
+        """Mark messages as arrived and store them, in one transaction, if they are the next expected ones.
 
-        The database counts the messages of each outbox, so that one whose arrival was not noticed is not repeated.
+        The database counts the messages of each outbox, so that a message whose arrival was not confirmed is not stored
+        twice.
         """
         before, last = messages[0].number - 1, messages[-1].number
         in_order = (outboxes.c.id == self.outbox.id, outboxes.c.last_number == before)
@@ -217,7 +218,7 @@ class Exchange:
                 # read first: all revisions up to the last one have been committed
                 last, found = connection.execute(select(revisions.c.last, revisions.c.database)).one()
                 if found != database or last < cursor:
-                    self._index.receive((), "", 0)  # a database that was restored or replaced
+                    self._index.receive((), "", 0)  # the database was restored or replaced
                     database, cursor = found, 0
                 if last == cursor:
                     return True
@@ -236,7 +237,7 @@ class Exchange:
 
 
 def _store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> None:
-    """Add or replace runs and copies of logs, and note in a run where the copy of its log is."""
+    """Add or replace runs and copies of logs, and store the location of a log's copy in its run."""
     now = int(database_time(connection).timestamp() * 1e6)
     last = case((revisions.c.last < now, now), else_=revisions.c.last) + len(messages)
     first = connection.execute(update(revisions).values(last=last).returning(revisions.c.last)).scalar_one()
@@ -250,7 +251,7 @@ def _store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage
             row["revision"] = revision
         else:
             located.append({"run": row["name"], "url": row["url"], "changed": revision})
-    name, log = literal_column("excluded.name", String), literal_column("excluded.log", String)  # of the new row
+    name, log = literal_column("excluded.name", String), literal_column("excluded.log", String)  # values of the new row
     url = select(log_copies.c.url).where(log_copies.c.outbox == outbox, log_copies.c.name == name).scalar_subquery()
     upsert(connection, runs, added["run"], log=func.coalesce(url, log))
     upsert(connection, log_copies, added["copy"])
@@ -261,16 +262,16 @@ def _store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage
 
 
 def _is_refusal(error: DBAPIError) -> bool:
-    """Whether a database refuses the content of messages, so that a repetition fails too.
+    """Return whether a database refuses the content of messages, so that a repetition would fail, too.
 
-    A run may hold characters or numbers that a column does not take, or a text that is too long for an index. The copy
-    of a log whose run was refused lacks its run.
+    A run may contain characters or numbers that a column does not accept, or a text that is too long for an index. The
+    copy of a log is refused if its run was refused.
     """
     return isinstance(error, DataError) or sqlstate(error) in (_TOO_LARGE, _NO_RUN)
 
 
 def _received(row: Row[Any]) -> IndexedRun | None:
-    """Return a run of another folder as it is indexed; None for one that cannot be read, which is logged."""
+    """Return a run of another folder as an index row; None for an unreadable run, which is logged."""
     try:
         run = from_columns(row.name, "", row.content, row.failed_checks, row.parameters, row.numbers)
     except (ValueError, TypeError) as exc:

@@ -1,7 +1,7 @@
-"""Outbox of a folder of runs: numbered messages for the shared database, on disk until they have arrived.
+"""Outbox of a runs folder: numbered messages for the shared database, stored on disk until they have arrived.
 
-The folder's files are the source: what was queued is compared with them, so that a process killed between a result and
-its message loses nothing.
+The folder's files are the source: the queued content is compared with them, so that nothing is lost if a process is
+killed between a result and its message.
 """
 
 import json
@@ -48,13 +48,13 @@ from calstation.results import History
 #: File name of the outbox in the folder of the runs.
 FILE = "outbox.sqlite"
 
-#: File name of the outbox's random name and place, which survive a lost outbox; the history ignores hidden files.
+#: File name of the outbox's random name and location, which survive a lost outbox; the history ignores hidden files.
 PLACE_FILE = ".outbox.json"
 
-#: Largest number of messages in an outbox; the folder's files are the queue of what is beyond.
+#: Largest number of messages in an outbox; further runs remain in the folder's files until they are queued.
 CAPACITY = 1000
 
-#: Number of messages that are written or read at once.
+#: Number of messages that are written or read together.
 _AT_ONCE = 50
 
 #: Longest time to wait for another process that uses the outbox, s.
@@ -69,11 +69,11 @@ _outbox = Table(
     Column("id", String, nullable=False),
     Column("last_number", Integer, nullable=False),
 )
-#: One row: the number of the last message whose sending has begun. The database cannot have a later one of this file.
+#: One row: the number of the last message whose sending has begun. The database has no later messages of this file.
 _begun = Table(
     "begun", _metadata, Column("one", Integer, primary_key=True), Column("last_number", Integer, nullable=False)
 )
-#: What was queued: stamps of runs, and URLs of copies of logs.
+#: Queued content: stamps of runs, and URLs of copies of logs.
 _queued = Table(
     "queued",
     _metadata,
@@ -89,7 +89,7 @@ _messages = Table(
     Column("content", String, nullable=False),
     Column("numbers", LargeBinary, nullable=False),
 )
-#: Name of the run that a message is about.
+#: Name of the run that a message refers to.
 _name = func.json_extract(_messages.c.content, "$.name")
 #: Verified copies of the folder's logs in an archive.
 _copies = Table(
@@ -102,7 +102,7 @@ _copies = Table(
 )
 
 
-#: Runs that the database refuses as they are: the last message of each that was refused.
+#: Runs that the database refuses in their current state: the last refused message of each.
 _refused = Table(
     "refused",
     _metadata,
@@ -117,22 +117,22 @@ class OutboxMessage:
     """A message for the shared database."""
 
     number: int
-    kind: str  #: ``run``, or ``copy`` of a log.
+    kind: str  #: ``run``, or ``copy`` for the copy of a log.
     columns: Mapping[str, Any]  #: Columns of `tables.runs` or `tables.log_copies` that the station knows.
 
 
 class Outbox:
-    """The outbox of a folder. Only one process at a time may fill it."""
+    """The outbox of a folder. Only one process at a time may call `fill`."""
 
     def __init__(self, folder: Path) -> None:
         """Open or create the outbox.
 
-        Raises ConfigurationError if the folder was moved or copied, and as all methods do if the file cannot be used.
+        Raises ConfigurationError if the folder was moved or copied, and, like all methods, if the file cannot be used.
         """
         self._folder, self._path = folder, folder / FILE
         self._engine = _engine(self._path)
         self._beyond = 0  #: Number of runs that `fill` has left to be queued later.
-        #: Mark of the index, and number of queued runs, after all of them were queued; None before.
+        #: Value of the index's `mark`, and number of queued runs, after all were queued; None before.
         self._compared: tuple[str | None, int] | None = None
         first = text("INSERT OR IGNORE INTO outbox (one, id, last_number) VALUES (1, :id, 0)")
         begun = text("INSERT OR IGNORE INTO begun (one, last_number) SELECT 1, last_number FROM outbox")
@@ -156,11 +156,11 @@ class Outbox:
         return History(self._folder, self.index)
 
     def fill(self, end: float = math.inf) -> bool:
-        """Queue the runs and copies that are new or have changed, the oldest runs first.
+        """Queue new and changed runs and copies, the oldest runs first.
 
-        At most `CAPACITY` messages wait; the others are queued when these have arrived. Returns False, before it queues
-        any, if the index of the folder is not up to date at the time `end`, s of the monotonic clock; the next call
-        continues.
+        At most `CAPACITY` messages are pending; the others are queued when these have arrived. Returns False without
+        queuing anything if the index of the folder is not up to date at the time `end`, s of the monotonic clock; the
+        next call continues.
         """
         for changed, _ in self._history.refresh_in_parts():
             if changed and time.monotonic() >= end:
@@ -215,7 +215,7 @@ class Outbox:
             return {row.name: row.url for row in connection.execute(select(_copies))}
 
     def messages(self, count: int = _AT_ONCE) -> list[OutboxMessage]:
-        """Return the first messages that have not arrived, to be sent."""
+        """Return the first messages to send."""
         query = select(_messages).order_by(_messages.c.number).limit(count)
         with self._transaction() as connection:
             rows = connection.execute(query).all()
@@ -224,7 +224,7 @@ class Outbox:
         return [_message(row.number, row.kind, json.loads(row.content), row.numbers) for row in rows]
 
     def arrived(self, number: int) -> None:
-        """Delete the messages up to a number, which are in the database or were refused."""
+        """Delete the messages up to a number, which have arrived in the database or were refused."""
         later = (_messages.c.kind == "run", _messages.c.number <= number, _messages.c.number > _refused.c.number)
         accepted = exists().where(*later, _name == _refused.c.name)
         with self._transaction() as connection:
@@ -232,9 +232,9 @@ class Outbox:
             connection.execute(delete(_messages).where(_messages.c.number <= number))
 
     def refuse(self, message: OutboxMessage, reason: str) -> None:
-        """Note that the database refuses a message; the copy of a log is queued again after a change of its run.
+        """Record that the database refuses a message; the copy of a log is queued again after a change of its run.
 
-        The reason for a refused run is kept if the copy of its log, which lacks the run, is refused too.
+        The reason for a refused run is kept if the copy of its log is therefore refused, too.
         """
         name = message.columns["name"]
         with self._transaction() as connection:
@@ -245,20 +245,20 @@ class Outbox:
             connection.execute(delete(_queued).where(_queued.c.kind == "copy", _queued.c.name == name))
 
     def restart(self, number: int) -> None:
-        """Forget what was queued, for a database that has other messages; `fill` queues it again from `number` + 1."""
+        """Forget the queued content, for a database with other messages; `fill` queues it again from `number` + 1."""
         with self._transaction() as connection:
             _forget(connection, number)
 
     @property
     def pending(self) -> int:
-        """Number of runs that have not arrived as they were at the last `fill`."""
+        """Number of runs whose state at the last `fill` has not arrived."""
         query = select(func.count(_name.distinct())).where(_messages.c.kind == "run")
         with self._transaction() as connection:
             return int(connection.execute(query).scalar_one()) + self._beyond
 
     @property
     def refusal(self) -> Text | None:
-        """A message about the runs of the folder that the database refuses; None if there are none."""
+        """Message about runs of the folder that the database refuses; None if there are none."""
         with self._transaction() as connection:
             found = connection.execute(select(_refused).order_by(_refused.c.number)).all()
         rows = [row for row in found if row.name in self.index.stamps()]
@@ -280,7 +280,7 @@ class Outbox:
             return int(connection.execute(select(_begun.c.last_number)).scalar_one())
 
     def _placed(self, stored: str) -> str:
-        """Return the name of the outbox that belongs to this place; `stored` is that in the file of the outbox."""
+        """Return the name of the outbox for this location; `stored` is the name in the outbox file."""
         file, (host, folder) = self._folder / PLACE_FILE, _place(self._folder)
         try:
             if not file.exists():
@@ -326,7 +326,7 @@ class Outbox:
 
 
 def adopt_folder(folder: Path, *, copied: bool) -> None:
-    """Let a folder of runs that was moved keep its outbox, or give one that was copied an outbox of its own.
+    """Keep the outbox of a runs folder that was moved, or give a copied folder a new outbox.
 
     Raises ConfigurationError if the folder has no outbox or cannot be written.
     """
@@ -368,7 +368,7 @@ def _engine(path: Path) -> Engine:
 
 
 def _waiting(connection: Connection) -> int:
-    """Return the number of messages that have not arrived."""
+    """Return the number of pending messages."""
     return int(connection.execute(select(func.count()).select_from(_messages)).scalar_one())
 
 
@@ -403,7 +403,7 @@ def _run_row(folder: Path, run: IndexedRun, history: History) -> dict[str, Any]:
 
 
 def _result_text(run: IndexedRun, history: History) -> str | None:
-    """Return the result JSON of a run; None for one that did not end, or whose result cannot be read any more."""
+    """Return the result JSON of a run; None for an incomplete run, or if the result cannot be read any more."""
     if run.record.outcome == "incomplete" and run.record.result is None:
         return None
     try:

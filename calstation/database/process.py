@@ -1,4 +1,4 @@
-"""The process that exchanges the runs of a folder with the shared database while the window or a run uses it."""
+"""Process that exchanges the runs of a folder with the shared database while the window or a run uses it."""
 
 import json
 import logging
@@ -23,36 +23,36 @@ from calstation.records import locked
 if TYPE_CHECKING:
     from calstation.database.exchange import Exchange
 
-#: Pause between two exchanges while all is well, s.
+#: Pause between two exchanges without errors, s.
 PAUSE_S = 2.0
 
 #: First and longest pause after failures of the exchange, and of the archive, s.
 FAILED_S, LONGEST_S = 1.0, 60.0
 ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S = 5.0, 600.0
 
-#: Largest share of a core that exchanges of a large folder may take.
+#: Largest fraction of a core that exchanges of a large folder may use.
 _DUTY = 0.1
 
 #: Longest time to wait for another process that exchanges the same folder, s.
 _LOCKED_S = 10.0
 
-#: Time after which an exchange lets other processes exchange the same folder, and for how long, s.
+#: Time after which an exchange yields to other processes that exchange the same folder, and for how long, s.
 _PART_S, _RELEASED_S = 3.0, 0.2
 
 #: Shortest interval between two readings of the state, s.
 _READ_S = 1.0
 
-#: Longest time for which the state is not written while only its time changes.
+#: Longest time for which the state is not written if only its time changes.
 _UNCHANGED = timedelta(seconds=30.0)
 
-#: On Windows, Ctrl-C is for the process's owner.
+#: On Windows, Ctrl-C must only reach the process's owner.
 _CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 
 logger = logging.getLogger(__name__)
 
 
 class ExchangeProcess:
-    """The exchange of a folder in a process of its own, which ends after its owner; it never delays a run."""
+    """The exchange of a folder in a separate process, which ends after its owner and never delays a run."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class ExchangeProcess:
         claimed: Mapping[str, str | None] = {},
         archive: str | None = None,
     ) -> None:
-        """Start the process; `claimed` names the operator by serial number of the units to claim until the end."""
+        """Start the process; `claimed` contains the operator of each unit to claim until the end, by serial number."""
         self._folder, self._claimed = folder, claimed
         self._contact_before = read_state(folder).contact_utc
         self.process = subprocess.Popen(
@@ -72,30 +72,30 @@ class ExchangeProcess:
             stderr=subprocess.DEVNULL,
             text=True,
             encoding="utf-8",
-            start_new_session=True,  # Ctrl-C and the end of the terminal are for its owner
+            start_new_session=True,  # Ctrl-C and the end of the terminal must only reach its owner
             creationflags=_CREATION_FLAGS,
         )
         self._send({"folder": str(folder), "url": url, "station": station, "archive": archive, "claimed": {**claimed}})
         self._shown, self._read_at = set[Claim](), 0.0
 
     def claim(self, claimed: Mapping[str, str | None]) -> None:
-        """Hold the claims on these units, with their operators, in place of the previous ones."""
+        """Claim these units for their operators, replacing the previous ones."""
         self._claimed = claimed
         self._send({**claimed})
 
     def _send(self, value: dict[str, Any]) -> None:
         assert self.process.stdin is not None
-        with suppress(OSError):  # the process has ended
+        with suppress(OSError):  # the process has already ended
             self.process.stdin.write(f"{json.dumps(value)}\n")
             self.process.stdin.flush()
 
     def state(self) -> ExchangeState:
-        """Return the state of the exchange; before the first contact of this process without claims, which are old."""
+        """Return the state of the exchange, without outdated claims before the first contact of this process."""
         state = read_state(self._folder)
         return replace(state, claims=()) if state.contact_utc == self._contact_before else state
 
     def new_claims(self) -> list[Claim]:
-        """Return other stations' claims on these units not returned before; reads the state once a second at most."""
+        """Return other stations' claims that were not returned before; the state is read at most once per second."""
         now = time.monotonic()
         if now < self._read_at + _READ_S:
             return []
@@ -106,11 +106,11 @@ class ExchangeProcess:
         return new
 
     def end(self) -> None:
-        """Let the process make a last exchange and end; does not wait for it, and neither does the end of its owner."""
+        """Request a last exchange and the end of the process; neither this call nor the owner's end waits for it."""
         assert self.process.stdin is not None
-        with suppress(OSError):  # the process has ended
+        with suppress(OSError):  # the process has already ended
             self.process.stdin.close()
-        threading.Thread(target=self.process.wait, daemon=True).start()  # which tells the system that it may forget it
+        threading.Thread(target=self.process.wait, daemon=True).start()  # reaps the process when it ends
 
     def __enter__(self) -> "ExchangeProcess":
         return self
@@ -124,7 +124,7 @@ class ExchangeProcess:
 def start_exchange(
     station: Path | None, folder: Path, claimed: Mapping[str, str | None] = {}
 ) -> ExchangeProcess | None:
-    """Start the exchange of a folder; None if the station shares no records. Raises ConfigurationError."""
+    """Start the exchange of a folder; return None if the station does not share records. Raises ConfigurationError."""
     _, config = load_station(station)
     if config.records.database is None:
         return None
@@ -143,14 +143,14 @@ def watch(
     claimed: Callable[[], Mapping[str, str | None]] = dict,
     archive: str | None = None,
 ) -> None:
-    """Exchange a folder again and again, and copy its logs to an archive in a thread, for which nothing waits.
+    """Exchange a folder repeatedly, and copy its logs to an archive in a background thread.
 
     Parameters
     ----------
     folder : runs folder of the station
     url, station : URL of the database, and name of the station
     wait : waits for a pause, s, and returns whether to end after a last exchange
-    claimed : returns the operator by serial number of the units to claim now
+    claimed : returns the operators by serial number of the units to claim
     archive : folder or URL for copies of the logs; None for no copies
     """
     pauses, ended, exchange = growing_pauses(FAILED_S, LONGEST_S), False, None
@@ -193,14 +193,14 @@ def watch(
 
 
 def growing_pauses(first: float, longest: float) -> Iterator[float]:
-    """Yield the pauses, s, after failures that follow one another: each is twice as long, up to the longest one."""
+    """Yield the pauses, s, after consecutive failures, each twice as long as the previous one, up to the longest."""
     while True:
         yield first
         first = min(2.0 * first, longest)
 
 
 def _known(exc: Exception, folder: Path) -> CalstationError:
-    """Log an exception of an exchange, and return it; one that is a mistake of the program as an error with a code."""
+    """Log an exception of an exchange and return it; a programming error is returned as an error with a code."""
     if isinstance(exc, CalstationError):
         logger.warning("exchange of %s: %s", folder, exc)
         return exc
@@ -227,9 +227,9 @@ def _copy_logs(folder: Path, archive: str, stop: threading.Event) -> None:
 
 
 def exchange_once(exchange: "Exchange", folder: Path) -> ExchangeState:
-    """Exchange a folder in turns with other processes, and return the state, which is also written to its file.
+    """Exchange a folder, alternating with other processes, and return the state, which is also written to its file.
 
-    Raises ConfigurationError if the exchange failed, or another process did not let this one exchange.
+    Raises ConfigurationError if the exchange failed, or another process blocked it.
     """
     _exchange_part(exchange, folder)
     while not exchange.complete:
@@ -241,7 +241,7 @@ def exchange_once(exchange: "Exchange", folder: Path) -> ExchangeState:
 def _exchange_part(exchange: "Exchange", folder: Path) -> None:
     """Exchange a folder for some seconds and write the state.
 
-    Raises ConfigurationError if the exchange failed, or if another process does not let this one exchange.
+    Raises ConfigurationError if the exchange failed, or another process blocked it.
     """
     try:
         with locked(folder / ".exchange.lock", _LOCKED_S):
@@ -259,7 +259,7 @@ def _exchange_part(exchange: "Exchange", folder: Path) -> None:
 
 
 def _note_contact(exchange: "Exchange", folder: Path, claims: list[Claim]) -> None:
-    """Write the state after an exchange that succeeded; one that only differs in time, twice a minute."""
+    """Write the state after a successful exchange; if only its time differs, twice a minute."""
     now, old, refusal = datetime.now(UTC), read_state(folder), exchange.outbox.refusal
     new = {
         "pending": exchange.outbox.pending,

@@ -1,6 +1,6 @@
 """Runs of other stations: their logs in the archive and their results in the shared database.
 
-The functions are named in the window, which imports neither the database nor the archive; the job process does.
+The window refers to these functions by name and imports neither the database nor the archive; the job process does.
 """
 
 import os
@@ -16,25 +16,25 @@ from calstation.jobs import ProgressCallback
 from calstation.records import SUFFIX, RunFilter, RunRecord, write_atomic
 from calstation.results import History, Result, export_runs, load_results
 
-#: A path on a computer, ``host:path``; one letter is a drive of Windows.
+#: A path on a computer, ``host:path``; a single letter is a Windows drive.
 _ON_HOST = re.compile(r"[^/\\:]{2,}:(?!//)")
 
-#: Largest size of the copies of other stations' logs in a folder of runs, bytes.
+#: Largest total size of the copies of other stations' logs in a runs folder, bytes.
 _COPIES_SIZE = 5_000_000_000
 
-#: Copies of other stations' logs in a folder of runs; their folders have the names of outboxes, which are UUIDs.
+#: Copies of other stations' logs in a runs folder; their folders are named after outboxes, which have UUIDs.
 _COPIES = "-".join("[0-9a-f]" * count for count in (8, 4, 4, 4, 12)) + f"/*{SUFFIX}"
 
 
 def is_archived(location: str | None) -> bool:
-    """Whether the location of a log is in an archive, and not on the computer of its station."""
+    """Return whether the location of a log is in an archive, instead of on its station's computer."""
     return location is not None and _ON_HOST.match(location) is None
 
 
 def fetch_log(report: ProgressCallback, run: RunRecord) -> Path:
     """Job: copy the log of another station's run from the archive to `run.log`, and return this path.
 
-    The least recently used copies that are too many with it are deleted; one that is open can be read to its end.
+    If the copies become too large, the least recently used ones are deleted; an open copy can be read to its end.
     Raises InputError if the archive cannot be read, ConfigurationError without the packages for it.
     """
     from calstation.database.archive import copy_to
@@ -42,19 +42,19 @@ def fetch_log(report: ProgressCallback, run: RunRecord) -> Path:
     assert run.location is not None
     run.log.parent.mkdir(parents=True, exist_ok=True)
     copy_to(run.location, run.log, report)
-    with suppress(OSError):  # one is open on Windows, or another window deletes it; the next copy tries again
+    with suppress(OSError):  # a copy may be open on Windows or deleted by another window; the next call tries again
         _delete_copies(run.log)
     return run.log
 
 
 def note_use(log: Path) -> None:
-    """Note that the copy of a log is used now, because not every file system notes it."""
-    with suppress(OSError):  # made by another user
+    """Record that the copy of a log is being used, because not every file system records it."""
+    with suppress(OSError):  # created by another user
         os.utime(log, ns=(time.time_ns(), log.stat().st_mtime_ns))
 
 
 def _delete_copies(newest: Path) -> None:
-    """Delete the least recently used copies of logs beyond the largest size of all, but not the newest one."""
+    """Delete the least recently used copies of logs beyond the largest total size, but not the newest one."""
     stamps = {path: path.stat() for path in newest.parent.parent.glob(_COPIES)}
     size = sum(stamp.st_size for stamp in stamps.values())
     for path in sorted(stamps.keys() - {newest}, key=lambda path: stamps[path].st_atime_ns):
@@ -67,7 +67,7 @@ def _delete_copies(newest: Path) -> None:
 def fetch_result(report: ProgressCallback, station: Path | None, run: RunRecord) -> Path:
     """Job: read the result of another station's run from the shared database, and return the path of its copy.
 
-    Raises InputError if the run has no result there, ConfigurationError if the database cannot be used.
+    Raises InputError if the database has no result of the run, ConfigurationError if the database cannot be used.
     """
     report(0.5)
     _fetch(station, [run])
@@ -77,7 +77,7 @@ def fetch_result(report: ProgressCallback, station: Path | None, run: RunRecord)
 def load_shared_results(
     report: ProgressCallback, station: Path | None, folder: Path, runs: Sequence[RunRecord]
 ) -> list[Result]:
-    """Job: like `calstation.results.load_results`, for runs of all stations; see `fetch_result` for the errors."""
+    """Job: load results like `calstation.results.load_results`, for runs of all stations; errors: `fetch_result`."""
     _fetch(station, runs)
     return load_results(report, folder, runs)
 
@@ -85,14 +85,14 @@ def load_shared_results(
 def export_shared_runs(
     report: ProgressCallback, station: Path | None, folder: Path, wanted: RunFilter, target: Path
 ) -> Path:
-    """Job: like `calstation.results.export_runs`, for runs of all stations; see `fetch_result` for the errors."""
-    if target.suffix != ".csv":  # its rows are in the index
+    """Job: export runs like `calstation.results.export_runs`, for runs of all stations; errors: `fetch_result`."""
+    if target.suffix != ".csv":  # CSV rows are in the index
         _fetch(station, History(folder).runs(wanted, limit=None))
     return export_runs(report, folder, wanted, target)
 
 
 def _fetch(station: Path | None, runs: Sequence[RunRecord]) -> None:
-    """Copy the results of other stations' runs beside the place of their logs."""
+    """Copy the results of other stations' runs next to the paths of their logs."""
     remote = [run for run in runs if run.origin and run.outcome != "incomplete"]
     if not remote:
         return

@@ -21,7 +21,7 @@ _LOCK, _LOCKED_S = ".exchange_state.lock", 10.0
 
 @dataclass(frozen=True)
 class Claim:
-    """The claim of another station on a unit that this station has claimed as well."""
+    """The claim of another station on a unit that this station has also claimed."""
 
     serial: str
     station: str
@@ -39,13 +39,13 @@ class Claim:
 
 @dataclass(frozen=True)
 class ExchangeState:
-    """What the last attempt of an exchange left."""
+    """State after the last attempt of an exchange."""
 
     pending: int = 0  #: Runs that have not arrived.
     attempt_utc: datetime | None = None  #: Time of the attempt.
-    contact_utc: datetime | None = None  #: Time of the last exchange that succeeded.
+    contact_utc: datetime | None = None  #: Time of the last successful exchange.
     error: dict[str, Any] | None = None  #: Code and values of the error of the attempt; None if it succeeded.
-    claims: tuple[Claim, ...] = ()  #: As of the last exchange that succeeded.
+    claims: tuple[Claim, ...] = ()  #: Claims at the time of the last successful exchange.
     refusal: dict[str, Any] | None = None  #: Code and values of the message about runs that the database refuses.
     logs_pending: int = 0  #: Logs that have not been copied to the archive.
     archive_error: dict[str, Any] | None = None  #: Code and values of the error of the last copy of a log.
@@ -57,7 +57,7 @@ class ExchangeState:
 
     @property
     def refusal_text(self) -> Text | None:
-        """The message about runs that the database refuses."""
+        """Message about runs that the database refuses."""
         return _text(self.refusal)
 
     @property
@@ -79,7 +79,7 @@ def _text(error: dict[str, Any] | None) -> Text | None:
 
 
 def read_state(folder: Path) -> ExchangeState:
-    """Return the state of the exchange of a folder; an empty one if there was no exchange. Takes milliseconds."""
+    """Return the state of the exchange of a folder, in milliseconds; an empty state if there was no exchange."""
     try:
         return _STATE.validate_json((folder / FILE).read_bytes())
     except (OSError, ValueError):

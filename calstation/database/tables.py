@@ -35,8 +35,8 @@ metadata = MetaData(
 )
 
 #: One row: the last revision of a run, and a random name of the database. The row's lock orders the transactions, so
-#: that revisions appear in their order. Revisions are not below the time, µs since 1970, so that a database which is
-#: restored from a backup gives none for a second time.
+#: that revisions appear in order. Revisions are not below the time, µs since 1970, so that a database restored from a
+#: backup does not assign a revision twice.
 revisions = Table(
     "revisions",
     metadata,
@@ -44,8 +44,8 @@ revisions = Table(
     Column("database", String(36), nullable=False),
 )
 
-#: The outbox of each folder of runs; `last_number` is the last of its messages that arrived. Only `login`, a role of
-#: PostgreSQL, may change what belongs to the outbox (`roles.sql`).
+#: The outbox of each folder of runs; `last_number` is the number of its last message that arrived. Only `login`, a role
+#: of PostgreSQL, may change rows of the outbox (`roles.sql`).
 outboxes = Table(
     "outboxes",
     metadata,
@@ -56,7 +56,7 @@ outboxes = Table(
 )
 
 #: Runs of all stations; `name` is the file name of the log without suffix. The columns from `serial` to `numbers` have
-#: the meaning of those of `calstation.records.run_index`.
+#: the same meaning as in `calstation.records.run_index`.
 runs = Table(
     "runs",
     metadata,
@@ -71,9 +71,9 @@ runs = Table(
     Column("numbers", LargeBinary, nullable=False),
     Column("result", Text),  #: The result JSON.
     Column("log_sha256", String(64)),
-    Column("log", Text),  #: Where the log lies: URL of the archive, or host and path of the station.
+    Column("log", Text),  #: Location of the log: URL of the archive, or host and path of the station.
 )
-#: Runs that have a log, by revision: what a comparison reads.
+#: Runs that have a log, by revision, as read by a comparison.
 _LOGGED = runs.c.log_sha256.is_not(None)
 Index("ix_runs_logged", runs.c.revision, postgresql_where=_LOGGED, sqlite_where=_LOGGED)
 
@@ -89,7 +89,7 @@ log_copies = Table(
     ForeignKeyConstraint(["outbox", "name"], ["runs.outbox", "runs.name"]),
 )
 
-#: Units that stations work on at present.
+#: Units that stations are working on.
 claims = Table(
     "claims",
     metadata,
@@ -101,36 +101,37 @@ claims = Table(
     Column("expires", DateTime(timezone=True), nullable=False),
 )
 
-#: What the solutions of a version have in common; the first job that uses a version enters it.
+#: Common properties of the solutions of a version; the first job that uses a version enters it.
 versions = Table(
     "versions",
     metadata,
     Column("version", String, primary_key=True),  #: Software version, with ``+label`` if the configuration was changed.
     Column("changes_sha256", String(64), nullable=False),  #: Digest of the changes to the configuration.
-    Column("first_seq", BigInteger, nullable=False),  #: First wanted sequence number; 0 for the start of the log.
-    Column("last_seq", BigInteger, nullable=False),  #: Last wanted sequence number; -1 for the end of the log.
-    Column("stages", String, nullable=False),  #: Wanted stages, separated by commas; empty for those of the log.
+    Column("first_seq", BigInteger, nullable=False),  #: First requested sequence number; 0 for the start of the log.
+    Column("last_seq", BigInteger, nullable=False),  #: Last requested sequence number; -1 for the end of the log.
+    #: Requested stages, separated by commas; empty for the stages of the log.
+    Column("stages", String, nullable=False),
 )
 
-#: Files that have been read, so that none is read again while it is unchanged; a log may have several.
+#: Files that have been read, so that unchanged files are not read again; a log may have several.
 locations = Table(
     "locations",
     metadata,
     Column("location", Text, primary_key=True),  #: URL or path of the log.
     Column("fingerprint", String, primary_key=True),  #: Stamp of its files; the digest of a file in the archive.
-    Column("log_sha256", String(64)),  #: NULL for a log that was not selected, and so not read to its end.
+    Column("log_sha256", String(64)),  #: NULL for a log that was not selected and therefore not read to its end.
     Column("station", String),
     Column("product", String),
     Column("started_utc", String),
 )
 
-#: Logs that were solved again. A solution is identified by log, version, configuration, wanted range and stages; a log
-#: that failed has another row for each further attempt, and the last one counts.
+#: Logs that were solved again. A solution is identified by log, version, configuration, requested range and stages; a
+#: log that failed has another row for each further attempt, and the last one counts.
 solutions = Table(
     "solutions",
     metadata,
     Column("id", BigInteger().with_variant(Integer, "sqlite"), primary_key=True),
-    Column("log_sha256", String(64), nullable=False),  #: That of the bytes of the file for an unreadable log.
+    Column("log_sha256", String(64), nullable=False),  #: Digest of the file's bytes for an unreadable log.
     Column("version", String, nullable=False),
     Column("configuration_sha256", String(64), nullable=False),
     Column("first_seq", BigInteger, nullable=False),

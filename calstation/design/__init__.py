@@ -1,6 +1,6 @@
-"""Schedules of the method `designed`: the search for the shortest one, and what a schedule can and cannot show.
+"""Schedules of the method `designed`: search for the shortest one, and analysis of the effects that it detects.
 
-Sigmas come from the run's own plan and filter; nothing here drives a table.
+Sigmas come from the run's own plan and filter; no code in this package drives a table.
 """
 
 import lazy_loader as lazy

@@ -1,4 +1,4 @@
-"""What table and unit allow: speeds, rests that a check can judge, and the duration of the present stages."""
+"""Constraints of table and unit: speeds, rests suitable for a check, and the duration of the current stages."""
 
 import numpy as np
 
@@ -9,23 +9,23 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.common import SolveContext, rest_mean_variance
 from calstation.sequencer import plan_time
 
-#: Stands for the serial number of any unit of the product.
+#: Placeholder for the serial number of any unit of the product.
 SERIAL = "design"
 #: Fractions of the table's limits that a schedule uses.
 _RATE, _ACCELERATION = 0.85, 0.75
-#: Fraction of the range of the gyros that a move may reach.
+#: Fraction of the gyro range that a move may use.
 _RANGE = 0.8
-#: Limit of the product's check of gravity in sigmas of the force at a rest.
+#: Limit of the product's gravity check in sigmas of the force at a rest.
 _GRAVITY_SIGMAS = 4.0
 
 
 def speeds(setup: ResolvedConfiguration, request: DesignRequest) -> tuple[float, float]:
-    """Return rate, °/s, and acceleration, °/s², of all moves: those of the request, or fractions of the limits."""
+    """Return rate, °/s, and acceleration, °/s², of all moves: from the request, or fractions of the limits."""
     limits, imu = setup.table.geometry().limits, setup.solve_context().imu
     per_count = imu.gyro_lsb * (imu.sample_rate if imu.output == "increment" else 1.0)
     ends = span(setup.imu.frame)
     reach = float(np.min(np.minimum(-ends.low[:3], ends.high[:3]))) * per_count
-    both = 2.0**0.5  # two perpendicular joints that turn at once
+    both = 2.0**0.5  # two perpendicular joints that move simultaneously
     rate = np.rad2deg(min(_RATE * min(limits.rate), _RANGE * reach / both))
     acceleration = _ACCELERATION * np.rad2deg(min(limits.acceleration))
     return request.rate_dps or _rounded(rate), request.acceleration_dps2 or _rounded(acceleration)
@@ -38,7 +38,7 @@ def _rounded(value: float) -> float:
 
 
 def gravity_rest(product: ProductConfig, context: SolveContext) -> float | None:
-    """Return the shortest rest, s, that the product's check of gravity can judge; None without this check."""
+    """Return the shortest rest, s, that is suitable for the product's gravity check; None without this check."""
     check = product.checks.gravity_at_rest if product.checks is not None else None
     if check is None:
         return None
@@ -48,7 +48,7 @@ def gravity_rest(product: ProductConfig, context: SolveContext) -> float | None:
 
 
 def stages_duration(setup: ResolvedConfiguration) -> float | None:
-    """Return the duration of all stages without targets, s; None if this table has no way for them."""
+    """Return the duration of all stages without targets, s; None if this table cannot execute them."""
     try:
         return sum(plan_time(s.steps(), s.rule, (0.0, 0.0), setup.table.settle_s) for s in setup.task().stages)
     except ConfigurationError:

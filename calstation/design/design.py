@@ -1,4 +1,4 @@
-"""A request of a schedule, and the schedule that was found with everything known about it."""
+"""Request for a schedule, and the resulting schedule with its properties."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,16 +12,16 @@ from calstation.physics import NAMES, FloatArray
 #: Name of the stage.
 STAGE = "designed"
 
-#: Angles of the outer and the inner joint, °, and the rest there, s.
+#: Angles of the outer and the inner joint, °, and the rest at these angles, s.
 Move = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Reached:
-    """Sigmas at the end of a schedule and the largest ones wanted, SI, shape (30,); a missing limit is infinite."""
+    """Sigmas at the end of a schedule and their limits, SI, shape (30,); a missing limit is infinite."""
 
     sigma: FloatArray
-    limits: FloatArray  #: Before the margin.
+    limits: FloatArray  #: Limits before the margin is applied.
 
     @property
     def ratios(self) -> FloatArray:
@@ -35,59 +35,59 @@ class Reached:
 
     @property
     def limiting(self) -> str:
-        """Name of the parameter with that ratio."""
+        """Name of the parameter with the largest ratio."""
         return NAMES[int(np.argmax(self.ratios))]
 
 
 @dataclass(frozen=True)
 class DesignRequest:
-    """Request of a schedule."""
+    """Request for a schedule."""
 
     station: Path | None = None  #: Station file; None for the default.
     product: Path | None = None  #: Product file; None for the default.
-    margin: float = 0.8  #: Fraction of its limit that every sigma must reach.
-    #: Duration of the stage, s, for which the best sigmas are sought; None for the shortest schedule.
+    margin: float = 0.8  #: Fraction of its limit that no sigma may exceed.
+    #: Duration of the stage, s, for which the smallest sigmas are searched; None for the shortest schedule.
     duration: float | None = None
-    as_present: bool = False  #: Whether to reach the sigmas of the product's present stages instead of its limits.
+    as_present: bool = False  #: Whether to match the sigmas of the product's current stages instead of its limits.
     time_limit: float | None = None  #: Time for the search, s; None for the usual effort.
     seed: int = 0
     rate_dps: float | None = None  #: Rate of moves; None for a fraction of the table's.
     acceleration_dps2: float | None = None  #: Acceleration of moves; None for a fraction of the table's.
-    stop: Path | None = None  #: The search ends with its best answer so far once this file exists.
+    stop: Path | None = None  #: The search ends with its best result so far once this file exists.
 
 
 @dataclass(frozen=True)
 class Variation:
-    """A condition that differs from the planned one, and when every target is reached there."""
+    """A condition that differs from the planned one, and the time at which every target is reached."""
 
     name: str  #: ``mounting``, ``heading`` or ``noise``.
     value: float  #: Rotation of the mounting, rad; heading, rad; ratio of the noise.
-    duration: float | None  #: Duration until all targets are reached, s; None if the moves are not enough.
-    worst: float  #: Largest ratio of a sigma to what is wanted of it then, or after all moves.
+    duration: float | None  #: Duration until all targets are reached, s; None if they are not reached after all moves.
+    worst: float  #: Largest ratio of a sigma to its target at that time, or after all moves.
 
 
 @dataclass(frozen=True)
 class Design(Reached):
-    """A schedule and what is known about it; `sigma` is that after the planned moves."""
+    """A schedule and its properties; `sigma` is the sigma after the planned moves."""
 
-    moves: tuple[Move, ...]  #: The last ones are a reserve.
+    moves: tuple[Move, ...]  #: Moves; the last ones are a reserve.
     planned: int  #: Number of moves after which the targets are reached.
-    least: int  #: Number of moves that always take place, because they show what the product's diagnosis asks for.
+    least: int  #: Number of moves that are always made, because the product's diagnosis needs them.
     rate_dps: float
     acceleration_dps2: float
     duration: float  #: Duration of the planned moves, s.
     longest: float  #: Duration of all moves, s.
-    margin: float  #: Fraction of their limits that all sigmas reach.
+    margin: float  #: Fraction of their limits that no sigma exceeds.
     stop_targets: dict[str, float] | None  #: Sigmas at which the stage ends, SI; None for the product's limits.
-    present: float | None  #: Duration of the product's present stages, s; None if this table has no way for them.
+    present: float | None  #: Duration of the product's current stages, s; None if this table cannot execute them.
     searched: bool  #: Whether the search found it; otherwise it is a random walk that reaches the targets.
-    front: tuple[tuple[float, float], ...]  #: Durations, s, and the smallest worst ratio that was found for each.
+    front: tuple[tuple[float, float], ...]  #: Durations, s, and the smallest worst ratio found for each.
     variations: tuple[Variation, ...]
-    hidden: tuple[EffectLimit, ...]  #: How much of each effect the planned moves hide.
+    hidden: tuple[EffectLimit, ...]  #: Size of each effect that the planned moves cannot detect.
     rests: tuple[float, ...]  #: Durations of the planned rests, s.
-    gravity_rest: float | None  #: Shortest rest, s, that the product's check of gravity can judge; None without it.
-    latitude_sigma: float | None  #: Sigma of the latitude seen by the gyros, rad; None if they do not resolve it.
-    noise_seen: float  #: Smallest relative error of the assumed noise that the innovations show.
+    gravity_rest: float | None  #: Shortest rest, s, suitable for the product's gravity check; None without this check.
+    latitude_sigma: float | None  #: Sigma of the latitude measured by the gyros, rad; None if they do not resolve it.
+    noise_seen: float  #: Smallest relative error of the assumed noise that the innovations detect.
     seconds: float  #: Duration of the search, s.
 
     def schedule(self) -> dict[str, Any]:
@@ -134,5 +134,5 @@ class Design(Reached):
 
 
 def _finite(value: float) -> float | None:
-    """Return a number, or None for an infinite one, which JSON has not."""
+    """Return a number, or None for an infinite one, which JSON does not support."""
     return value if np.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Designs a schedule for a product on a station: sets up the search, and tries its answer with the run's own solver."""
+"""Design of a schedule for a product on a station: sets up the search, and tries its result with the run's solver."""
 
 import time
 from collections.abc import Iterator
@@ -24,38 +24,39 @@ from calstation.results import compute_preview, one_blas_thread
 from calstation.sequencer import check_limits
 from procedures import method
 
-#: A joint turns at most this far from home, even if its travel is longer, because of cables and the way back, °.
+#: A joint moves at most this far from home, °, even if its travel is longer, because of cables and the way back.
 _FARTHEST_DEG = 360.0
-#: Angles by which a joint turns in a move, in units of the lattice: of whole turns, and of shorter travel.
+#: Angles by which a joint turns in a move, in lattice units: for full turns, and for shorter travel.
 _TURNS, _SHORT_TURNS = (-8, -4, -2, -1, 0, 1, 2, 4, 8), (-6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6)
-#: Widths of the beams: the first gives an answer soon, the last one is repeated; and number without a time limit.
+#: Beam widths: the first yields a result quickly, the last one is repeated; and number of beams without a time limit.
 _WIDTHS, _BEAMS = (6, 24, 48, 96, 192), 2
 #: Width of the beam that adds the reserve.
 _RESERVE_WIDTH = 8
-#: Steps of the exchanges after each beam.
+#: Number of exchange steps after each beam.
 _EXCHANGES = 1500
 #: Largest number of corrections for the difference between segments and filter.
 _CORRECTIONS = 4
-#: Ratio of a size that is seen to the one wanted that counts as reached, in view of the segments' own error.
+#: Ratio of a detectable to a required effect size that is accepted, in view of the segments' own error.
 _SHOWN = 1.02
-#: Number of rests that the product's check of gravity judges.
+#: Number of rests used by the product's gravity check.
 _GRAVITY_RESTS = 3
-#: Shares of the work up to the first beam, and up to the checks.
+#: Fractions of the work up to the first beam, and up to the checks.
 _PROBED, _SEARCHED = 0.02, 0.9
-#: Steps of the search for the best sigmas in a given time: each asks for this much less.
+#: Search for the smallest sigmas in a given time: factor by which each step reduces the targets, and number of steps.
 _LESS, _STEPS = 0.95, 8
-#: The first beam of this search cannot reach its targets and thus shows what the time allows.
+#: The first beam of this search has unreachable targets and thus shows what is possible in the time.
 _OUT_OF_REACH = 0.05
-#: Factor of the margin that makes up for the difference between segments and filter.
+#: Factor of the margin that compensates the difference between segments and filter.
 _TIGHTER = 0.97
 #: The reserve takes at most this many times the duration of the schedule.
 _LONGEST_RESERVE = 4.0
 
 
 def design_schedule(report: ProgressCallback, request: DesignRequest) -> Design:
-    """Job: find the shortest schedule that reaches the limits of a product, or the best one for a given duration.
+    """Job: find the shortest schedule that meets the limits of a product, or the best one for a given duration.
 
-    Raises ConfigurationError if the limits cannot be reached within an hour, naming the parameter and what is possible.
+    Raises ConfigurationError if the limits cannot be reached within an hour, naming the parameter and the achievable
+    value.
     """
     with one_blas_thread():
         return _Designer(report, request).run()
@@ -86,11 +87,11 @@ class _Designer:
         )
         self._library = SegmentLibrary(self._conditions)
         self._limits = self._present_sigmas(present) if request.as_present else self._sigma_limits(setup.sigma_limits())
-        #: Fraction of their limits that the sigmas should reach.
+        #: Fraction of their limits that the sigmas should not exceed.
         self._margin = request.margin if request.duration is None and not request.as_present else 1.0
         self._goal = self._wanted()
         self._front = Front()
-        self._searched = request.duration is not None  #: Whether a beam has found an answer.
+        self._searched = request.duration is not None  #: Whether a beam has found a result.
         rest = gravity_rest(self._product, self._context)
         self._gravity_rest = None if rest is None else round(rest / REST_UNIT)
         self._present = stages_duration(resolve_configuration(present))
@@ -103,7 +104,7 @@ class _Designer:
         return wanted
 
     def _present_sigmas(self, present: RunRequest) -> FloatArray:
-        """Return the sigmas that the product's stages reach."""
+        """Return the sigmas after the product's stages."""
         self._report(0.0, note="present")
         last = compute_preview(lambda *_, **__: None, replace(present, out=Path("nowhere"))).stages[-1]
         if last.sigma is None:
@@ -112,7 +113,7 @@ class _Designer:
         return np.where([name in estimated for name in NAMES], last.sigma, np.inf)
 
     def _wanted(self) -> FloatArray:
-        """Return the sigmas that the stage must leave, shape (30,): the limits with their margin, without gravity."""
+        """Return the target sigmas of the stage, shape (30,): the limits with their margin, without gravity."""
         relative = self._context.site.relative_gravity_sigma
         wanted = without_gravity(self._margin * self._limits, relative)
         for i in np.flatnonzero(wanted <= 0.0):
@@ -120,7 +121,7 @@ class _Designer:
         return wanted
 
     def _problem(self, factor: float = 1.0) -> Problem:
-        """Return the problem for sigmas that are `factor` times those wanted."""
+        """Return the problem with targets multiplied by `factor`."""
         limits = self._geometry.limits
         low, high = self._lattice(limits.low, up=True), self._lattice(limits.high, up=False)
         whole = min(b - a for a, b in zip(low, high, strict=True)) * LATTICE_DEG >= 360.0
@@ -146,7 +147,7 @@ class _Designer:
         raise ConfigurationError(code, parameter=NAMES[index], limit=limit, least=least / size, unit=unit)
 
     def run(self) -> Design:
-        """Search, correct the answer, add the reserve, and check everything."""
+        """Search, correct the result, add the reserve, and check everything."""
         request = self._request
         if request.duration is None:
             stops, factor = self._corrected(self._shortest()), 1.0
@@ -189,7 +190,7 @@ class _Designer:
         )
 
     def _least(self, stops: Stops) -> int:
-        """Return the number of moves that show the effects of the product's diagnosis and gravity at enough rests."""
+        """Return the number of moves that detect the diagnosed effects and contain enough rests for the check."""
         problem, ends = self._problem(), np.array(states(self._library, stops))
         shown = np.all(problem.ratios(ends)[:, COUNT:] <= _SHOWN, axis=1)
         enough = np.array([problem.rests_enough(stops[:k]) for k in range(1, len(stops) + 1)])
@@ -197,7 +198,7 @@ class _Designer:
         return int(both[0]) + 1 if len(both) else len(stops)
 
     def _variations(self, moves: Moves, goal: FloatArray) -> Iterator[Variation]:
-        """Yield when a goal is reached under other conditions."""
+        """Yield the time at which a goal is reached under each of the other conditions."""
         conditions = list(self._trial.conditions())
         for number, condition in enumerate(conditions):
             self._report(_SEARCHED + (1.0 - _SEARCHED) * number / len(conditions), note="checking")
@@ -217,7 +218,7 @@ class _Designer:
         return best
 
     def _refuse_unreachable(self, ratios: FloatArray) -> Never:
-        """Refuse targets that an hour does not reach, given the ratios of the sigmas to them."""
+        """Raise the error for targets that are not reached within an hour, given the ratios of the sigmas to them."""
         parameter = int(np.argmax(ratios[:COUNT]))
         if ratios[parameter] > 1.0:
             self._refuse("design.unreachable", parameter, float(ratios[parameter] * self._goal[parameter]))
@@ -233,12 +234,12 @@ class _Designer:
             number += 1
 
     def _over(self) -> bool:
-        """Whether the search should end."""
+        """Return whether the search should end."""
         stop, limit = self._request.stop, self._request.time_limit
         return (stop is not None and stop.exists()) or (limit is not None and time.monotonic() - self._begun > limit)
 
     def _attempt(self, problem: Problem, number: int, longest: float) -> Iterator[Stops]:
-        """Yield the answers of a beam, and of the exchanges after it."""
+        """Yield the results of a beam, and of the exchanges after it."""
         answer: Stops | None = None
         for seconds, stops in Beam(problem, _WIDTHS[min(number, len(_WIDTHS) - 1)], longest, self._front).run():
             self._progress(number, 0.6 * seconds / longest, longest)
@@ -260,12 +261,12 @@ class _Designer:
         yield exchange.best
 
     def _note(self, problem: Problem, stops: Stops) -> None:
-        """Add an answer to the front."""
+        """Add a result to the front."""
         worst = float(problem.ratios(states(self._library, stops)[-1][None])[0, :COUNT].max())
         self._front.add(durations(self._library, stops)[-1], problem.margin * worst, stops)
 
     def _progress(self, number: int, share: float, best: float) -> None:
-        """Report the share of a beam that is done, and the duration of the best schedule so far, s."""
+        """Report the completed fraction of a beam, and the duration of the best schedule so far, s."""
         limit = self._request.time_limit
         spent = time.monotonic() - self._begun
         done = (number + share) / _BEAMS if limit is None else min(spent / limit, 1.0)
@@ -284,7 +285,7 @@ class _Designer:
         return stops
 
     def _with_reserve(self, stops: Stops) -> Stops:
-        """Return a schedule that goes on until the targets are reached with more noise and under other conditions."""
+        """Return a schedule extended until the targets are reached with more noise and under other conditions."""
         stops = self._continued(stops, 1.0 / MORE_NOISE)
         for condition in self._trial.conditions():
             if self._trial.under(condition, _moves(stops), self._goal).duration is None:
@@ -293,7 +294,7 @@ class _Designer:
         return stops
 
     def _continued(self, stops: Stops, factor: float, library: SegmentLibrary | None = None) -> Stops:
-        """Return a schedule with more moves, for `factor` times the sigmas; by default under the planned conditions."""
+        """Return a schedule with more moves, for targets times `factor`; by default under the planned conditions."""
         library = library or self._library
         problem = replace(self._problem(factor), library=library)
         seconds = durations(library, stops)[-1]
@@ -311,7 +312,7 @@ class _Designer:
         factor, worst = _OUT_OF_REACH, np.inf
         best: Stops | None = None
         for step in range(_STEPS):
-            # The first beam is narrow and never ended early: only at its end does it know long schedules.
+            # The first beam is narrow and never ended early: only at its end does it contain long schedules.
             beam = Beam(self._problem(factor), _WIDTHS[min(step, 1)], duration, self._front)
             for seconds, _ in beam.run():
                 self._report(_SEARCHED * (step + seconds / duration) / (2 * _STEPS), note=_ratio(worst))
@@ -342,7 +343,7 @@ class _Designer:
 
 
 def _ratio(worst: float) -> str:
-    """Return a ratio as a note of the progress; empty before there is one."""
+    """Return a ratio as a note for the progress; empty if there is none yet."""
     return f"{worst:.3f}" if np.isfinite(worst) else ""
 
 

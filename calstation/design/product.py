@@ -11,16 +11,16 @@ from calstation.design.design import STAGE, Design
 from calstation.jobs import ProgressCallback
 from calstation.schema import KeyPath
 
-#: End of the name of a product with a designed stage.
+#: Suffix of the name of a product with a designed stage.
 _DESIGNED = ", designed"
-#: Checks that belong to the rests of one stage.
+#: Checks that refer to the rests of one stage.
 _OF_RESTS = ("improvement_at_rest", "level")
 
 
 def designed_product(text: str, design: Design) -> str:
-    """Return the text of a product file with the designed stage alone.
+    """Return the text of a product file with the designed stage as its only stage.
 
-    Checks of the rests of other stages are removed; those of gravity at rest and of the angles of motion apply to it.
+    Checks of the rests of other stages are removed; checks of gravity at rest and of motion angles apply to the stage.
     """
     data = tomllib.loads(text)
     checks = data.get("checks", {})

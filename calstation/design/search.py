@@ -1,8 +1,8 @@
 """Search for the shortest schedule that reaches target sigmas: a beam over time, then exchanges of single moves.
 
-Every state of the beam is a schedule that ends at a time and a position; of those that end at about the same time
-only the best are continued. What is left to reach, the sum over the parameters of ln(sigma / target) where that is
-positive, ranks them. The exchanges then change, insert, remove or swap moves and rests (simulated annealing).
+Every state of the beam is a schedule that ends at a time and a position; among schedules that end at about the same
+time, only the best are continued. They are ranked by the sum over the parameters of ln(sigma / target) where it is
+positive. The exchanges then change, insert, remove or swap moves and rests (simulated annealing).
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,24 +17,24 @@ from calstation.physics import COUNT, FloatArray
 
 #: Largest sum of the angles of both joints in a move, in units of the lattice.
 _LONGEST = 10
-#: Additional rests that the beam tries, in units of `REST_UNIT`.
+#: Additional rests tried by the beam, in units of `REST_UNIT`.
 _RESTS = (1, 3, 8, 24, 60)
 #: Largest number of times at which schedules are compared.
 _TIMES = 400
 #: The first rest, for alignment, in units of `REST_UNIT`.
 FIRST_REST = 12
-#: Number of moves of the walk that shows what can be reached, and time that it may take, s.
+#: Number of moves of the random walk that shows what is achievable, and its longest duration, s.
 _WALK, _HOUR = 30, 3600.0
 #: Rests of the walks, in units of `REST_UNIT`: long ones suit the accelerometers, many moves the gyros. Every walk is
 #: also tried with the faces of the body alone, which suit the scale factors.
 _WALK_RESTS = ((2, 10, 40), (40, 60), (120,))
-#: Number of schedules per step of the exchanges.
+#: Number of schedules evaluated per exchange step.
 _BATCH = 48
 
 
 @dataclass(frozen=True)
 class Stop:
-    """A position and the rest there, in units of `REST_UNIT`."""
+    """A position and the rest at it, in units of `REST_UNIT`."""
 
     position: Position
     rest: int
@@ -45,27 +45,27 @@ Stops = tuple[Stop, ...]
 
 @dataclass(frozen=True)
 class Problem:
-    """Moves that a table allows, and the sigmas to reach."""
+    """Moves permitted by a table, and the target sigmas."""
 
     library: SegmentLibrary
-    targets: FloatArray  #: Of parameters and effects, SI, shape (c,); infinite where there is none.
+    targets: FloatArray  #: Targets of parameters and effects, SI, shape (c,); infinite if there is none.
     low: Position  #: Lowest angles of the joints.
     high: Position  #: Highest angles of the joints.
     turns: tuple[int, ...]  #: Angles by which a joint turns in a move.
-    margin: float = 1.0  #: Targets over limits.
-    long_rest: int = 0  #: Rests of this length, in units of `REST_UNIT`, are needed ...
-    long_rests: int = 0  #: ... in this number.
+    margin: float = 1.0  #: Ratio of targets to limits.
+    long_rest: int = 0  #: Length of the required long rests, in units of `REST_UNIT`.
+    long_rests: int = 0  #: Number of required long rests.
 
     def ratios(self, information: FloatArray) -> FloatArray:
         """Return sigmas over targets, shape (n, c), from information at the ends of n schedules."""
         return sigmas(information, self.library.states) / self.targets
 
     def allowed(self, position: Position) -> bool:
-        """Whether a position is within the travel."""
+        """Return whether a position is within the travel."""
         return all(a <= x <= b for a, x, b in zip(self.low, position, self.high, strict=True))
 
     def with_long_rests(self, stops: Stops) -> Stops:
-        """Return a schedule whose longest rests are as long as needed."""
+        """Return a schedule whose longest rests are as long as required."""
         longest = sorted(range(len(stops)), key=lambda k: -stops[k].rest)[: self.long_rests]
         return tuple(
             Stop(stop.position, max(stop.rest, self.long_rest)) if k in longest else stop
@@ -73,7 +73,7 @@ class Problem:
         )
 
     def rests_enough(self, stops: Sequence[Stop]) -> bool:
-        """Whether enough rests are long."""
+        """Return whether enough rests are long."""
         return sum(stop.rest >= self.long_rest for stop in stops) >= self.long_rests
 
     def next_positions(self, at: Position) -> Iterator[Position]:
@@ -87,7 +87,7 @@ class Problem:
 
 @dataclass(slots=True)
 class _Node:
-    """A schedule of the beam: its last stop, and the one before."""
+    """A schedule of the beam: its last stop, and the preceding node."""
 
     information: FloatArray | None
     position: Position
@@ -112,7 +112,7 @@ class _Node:
 
 @dataclass
 class Front:
-    """The smallest worst ratio of a sigma to its limit that was found for each duration, and its schedule."""
+    """Smallest worst ratio of a sigma to its limit found for each duration, and its schedule."""
 
     _best: dict[int, tuple[float, float, Stops]] = field(default_factory=dict)
 
@@ -123,7 +123,7 @@ class Front:
             self._best[key] = (time, worst, stops)
 
     def points(self) -> list[tuple[float, float, Stops]]:
-        """Return durations, s, with ratios that no shorter schedule reaches, and the schedules."""
+        """Return durations, s, with ratios that no shorter schedule achieves, and the schedules."""
         found: list[tuple[float, float, Stops]] = []
         for key in sorted(self._best):
             if not found or self._best[key][1] < found[-1][1]:
@@ -132,7 +132,7 @@ class Front:
 
 
 def missing(ratios: FloatArray) -> FloatArray:
-    """Return how much is left to reach, shape (n,), for ratios of sigmas to targets, shape (n, c)."""
+    """Return the remaining log ratio, shape (n,), for ratios of sigmas to targets, shape (n, c)."""
     return np.asarray(np.log(np.maximum(ratios, 1.0)).sum(axis=1))
 
 
@@ -146,7 +146,7 @@ class Beam:
         self._begun: Stops = (Stop((0, 0), FIRST_REST),)
 
     def run(self, before: tuple[Stops, FloatArray, float] | None = None) -> Iterator[tuple[float, Stops | None]]:
-        """Yield the time reached, s, with None, and at last that of the answer and its stops, or None if there is none.
+        """Yield the time reached, s, with None, and finally the time and the stops of the result, or None.
 
         `before` are the stops to continue, the information after them and their duration.
         """
@@ -172,7 +172,7 @@ class Beam:
         return int(np.ceil(time / self._interval - 1e-9))
 
     def _best(self, nodes: list[_Node]) -> list[_Node]:
-        """Return the best nodes of a time, of equal ones only one."""
+        """Return the best nodes of a time, without duplicates."""
         nodes.sort(key=lambda node: (node.missing, node.time))
         kept: list[_Node] = []
         seen: set[tuple[int, int, float]] = set()
@@ -189,7 +189,7 @@ class Beam:
         return kept
 
     def _whole(self, node: _Node) -> Stops:
-        """Return the schedule of a node with the stops before the first node, which is the last of them."""
+        """Return the schedule of a node, including the stops before the first node."""
         *before, last = self._begun
         first, *others = node.stops()
         return (*before, Stop(last.position, last.rest + first.rest - 1), *others)
@@ -217,7 +217,7 @@ class Beam:
         states = advanced(np.array([node.information for node in before]), np.array(segments))
         ratios = self._problem.ratios(states)
         left = missing(ratios)
-        # A schedule that does not show all effects is no point of the front.
+        # A schedule that does not detect all effects is not a point of the front.
         shown = np.all(ratios[:, COUNT:] <= 1.0, axis=1)
         worst = np.where(shown, ratios[:, :COUNT].max(axis=1), np.inf)
         for node in nodes:
@@ -232,13 +232,14 @@ class Beam:
         for waiting in self._waiting.values():
             for node in waiting:
                 if node.information is not None and node.information.base is not None:
-                    node.information = node.information.copy()  # a view would keep the information of all others
+                    # a view would keep the information of all others in memory
+                    node.information = node.information.copy()
 
 
 def reachable(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
     """Return the shortest random walk that reaches all targets within `_HOUR`, and the ratios after it, shape (c,).
 
-    If none does, it is None, with the ratios of the one that comes nearest.
+    If none does, return None and the ratios of the closest one.
     """
     faces = replace(problem, turns=tuple(turn for turn in problem.turns if turn % 2 == 0))
     possible = [each for each in (problem, faces) if any(each.next_positions((0, 0)))]
@@ -251,9 +252,9 @@ def reachable(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
 
 
 def _walk(problem: Problem, pattern: Sequence[int], seed: int) -> tuple[Stops, FloatArray]:
-    """Return a random walk with rests by a pattern, and the ratios after it.
+    """Return a random walk with a pattern of rests, and the ratios after it.
 
-    It is repeated until all targets are reached or an hour has passed, so that its information is joined quickly.
+    The walk is repeated until all targets are reached or an hour has passed, so that its information is joined quickly.
     """
     rng, library = np.random.default_rng(seed), problem.library
     positions = [(0, 0)]
@@ -302,25 +303,26 @@ def _after(library: SegmentLibrary, state: FloatArray, a: Stop, b: Stop) -> Floa
 
 
 class Exchange:
-    """Improves a schedule by changes of single moves and rests; deterministic for a seed."""
+    """Improvement of a schedule by changes of single moves and rests; deterministic for a seed."""
 
     def __init__(self, problem: Problem, stops: Stops, seed: int) -> None:
         self._problem, self._rng = problem, np.random.default_rng(seed)
         self._library = problem.library
         self._take(stops)
         self.best, self.time = stops, self._times[-1]
-        self.found = bool(missing(problem.ratios(self._states[-1][None]))[0] <= 0.0)  #: Whether `best` reaches all.
+        #: Whether `best` reaches all targets.
+        self.found = bool(missing(problem.ratios(self._states[-1][None]))[0] <= 0.0)
 
     def _take(self, stops: Stops) -> None:
         self._stops = stops
         self._states, self._times = states(self._library, stops), durations(self._library, stops)
 
     def run(self, steps: int) -> Iterator[float]:
-        """Yield the share done; `best` and `time` are the best answer so far."""
+        """Yield the completed fraction; `best` and `time` are the best result so far."""
         problem, rng = self._problem, self._rng
         if len(self._stops) < 2:
             return
-        price = 2.0 * self.time  # of what is missing, s
+        price = 2.0 * self.time  # penalty for targets that are not reached, s
         cost = self.time + price * float(missing(problem.ratios(self._states[-1][None]))[0])
         for step in range(steps):
             heat = 0.01 * self.time * (1.0 - step / steps) ** 2
@@ -343,7 +345,7 @@ class Exchange:
                 self._take(tried[chosen])
 
     def _changed(self, cut: int) -> Stops | None:
-        """Return the schedule with a random change at or after stop `cut`, or None if the table cannot do it."""
+        """Return the schedule with a random change at or after stop `cut`, or None if the table cannot execute it."""
         rng, stops = self._rng, list(self._stops)
         k = cut + int(rng.integers(0, min(3, len(stops) - cut)))
         kind = int(rng.integers(0, 6))
@@ -358,7 +360,7 @@ class Exchange:
             del stops[k]
         elif kind == 4 and k + 1 < len(stops):
             stops[k], stops[k + 1] = stops[k + 1], stops[k]
-        else:  # all stops after it are moved by the same angles
+        else:  # all later stops are shifted by the same angles
             new = self._random_position(stops[k - 1].position)
             shift = new[0] - stops[k].position[0], new[1] - stops[k].position[1]
             stops[k:] = [Stop((s.position[0] + shift[0], s.position[1] + shift[1]), s.rest) for s in stops[k:]]

@@ -1,4 +1,4 @@
-"""Information of moves and rests of a table, computed once with the run's own filter and then joined to schedules."""
+"""Information from table moves and rests, computed once with the run's own filter and then joined to schedules."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,13 +12,13 @@ from calstation.estimation.navigation import NavigationFilter, Segment, advanced
 from calstation.physics import Dwell, FloatArray, Move, Step
 from calstation.sequencer import step_time
 
-#: Angles of the joints in a schedule are multiples of this, °.
+#: Joint angles in a schedule are multiples of this, °.
 LATTICE_DEG = 45.0
 #: Rests are multiples of this, s.
 REST_UNIT = 0.5
 _LATTICE: Final = np.deg2rad(LATTICE_DEG)
 _TURN = round(360.0 / LATTICE_DEG)
-#: Rest from which the filter begins a segment, s; it is not part of the segment.
+#: Rest at which the filter starts a segment, s; it is not part of the segment.
 _BEGIN = 2.0
 
 #: Angles of outer and inner joint, in units of the lattice.
@@ -27,7 +27,7 @@ Position = tuple[int, int]
 
 @dataclass(frozen=True)
 class Conditions:
-    """What the information of a motion depends on."""
+    """Conditions that determine the information of a motion."""
 
     context: SolveContext
     prior: Belief
@@ -35,7 +35,7 @@ class Conditions:
     rate: float  #: Rate of all moves, rad/s.
     acceleration: float  #: Acceleration of all moves, rad/s².
     mount: FloatArray  #: Assumed mounting rotation, rad, shape (3,).
-    effects: tuple[Candidate, ...] = ()  #: Effects that the motion should show.
+    effects: tuple[Candidate, ...] = ()  #: Effects that the motion should detect.
 
 
 class SegmentLibrary:
@@ -44,7 +44,7 @@ class SegmentLibrary:
     def __init__(self, conditions: Conditions) -> None:
         self._conditions = conditions
         self.settle = conditions.settle  #: Settling time after a move, s.
-        self.states = 0  #: Number of boundary states, once there is a segment.
+        self.states = 0  #: Number of boundary states, once a segment exists.
         self._moves: dict[tuple[int, int, int, int], tuple[FloatArray, float]] = {}
         self._rests: dict[tuple[int, int, int], FloatArray] = {}
 

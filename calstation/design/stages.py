@@ -1,4 +1,4 @@
-"""Shortens the stages that a product has: faster moves, shorter rests, fewer turns and rounds, within its limits."""
+"""Shortening of a product's stages: faster moves, shorter rests, fewer turns and rounds, within its limits."""
 
 import time
 from collections.abc import Iterator
@@ -17,23 +17,23 @@ from calstation.physics import NAMES, FloatArray
 from calstation.results import Preview, compute_preview
 from calstation.schema import KeyPath
 
-#: Factors by which the search reduces a value, one after the other.
+#: Factors by which the search reduces a value, in order.
 _FACTORS = (0.5, 0.7, 0.85)
 #: Rests are multiples of this, s.
 _UNIT = 0.5
 
-#: Values of schedules that the search changes, by stage.
+#: Values of schedules changed by the search, by stage.
 Values = dict[str, dict[str, float]]
 
 
 @dataclass(frozen=True)
 class ShorterStages(Reached):
-    """Shorter schedules of the same stages; `sigma` is that after the last stage."""
+    """Shorter schedules of the same stages; `sigma` is the sigma after the last stage."""
 
     schedule: Values  #: Changed values, by stage.
     duration: float  #: s
     present: float  #: Duration before, s.
-    gravity_rest: float | None  #: Shortest rest, s, that the product's check of gravity can judge; None without it.
+    gravity_rest: float | None  #: Shortest rest, s, suitable for the product's gravity check; None without this check.
     seconds: float  #: Duration of the search, s.
 
     def to_json(self) -> dict[str, Any]:
@@ -52,7 +52,7 @@ class ShorterStages(Reached):
 def shorten_stages(report: ProgressCallback, request: DesignRequest) -> ShorterStages:
     """Job: shorten the stages of a product as long as all sigmas stay within their limits times the margin.
 
-    Raises ConfigurationError if the present stages do not reach them.
+    Raises ConfigurationError if the current stages do not meet the limits.
     """
     return _Shortening(report, request).run()
 
@@ -72,7 +72,7 @@ class _Shortening:
         self._report, self._request = report, request
         self._begun = time.monotonic()
         self._run = RunRequest(SERIAL, request.station, request.product, out=Path("nowhere"))
-        #: The present stages reach their own sigmas just so.
+        #: The current stages match their own sigmas exactly, up to rounding.
         self._margin = 1.0 + 1e-9 if request.as_present else request.margin
         setup = resolve_configuration(self._run)
         check_manual_rig(setup)
@@ -90,7 +90,7 @@ class _Shortening:
         self._limits = np.where(estimated, wanted, np.inf)
 
     def run(self) -> ShorterStages:
-        """Reduce one value at a time, the one that saves most time first."""
+        """Reduce one value at a time, starting with the one that saves most time."""
         values = self._fastest()
         best = self._preview(values)
         if not self._reached(best):
@@ -108,7 +108,7 @@ class _Shortening:
         return ShorterStages(_sigma(best), self._limits, values, best.duration, self._present, self._rest, spent)
 
     def _fastest(self) -> Values:
-        """Return the speeds of all stages that have some."""
+        """Return the highest speeds of all stages that have speeds."""
         found: Values = {}
         for stage in self._schedules:
             names = {field.name for field in schedule_fields(stage)}
@@ -118,7 +118,7 @@ class _Shortening:
     def _better(
         self, values: Values, factor: float, tried: set[tuple[str, str, float]]
     ) -> tuple[Values, Preview] | None:
-        """Return the values with one reduced that saves most time and keeps the limits; None if there is none."""
+        """Return the values with the reduction that saves most time within the limits; None if there is none."""
         reduced = sorted(self._reduced(values, factor), key=lambda found: self._duration(found[1]) or 0.0)
         for change, new in reduced:
             if change in tried:

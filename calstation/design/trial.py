@@ -1,4 +1,4 @@
-"""Drives a schedule through the plan and the filter of a run, without devices, under planned and other conditions."""
+"""Trial of a schedule with the plan and the filter of a run, without devices, under planned and other conditions."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from procedures import method
 
 Moves = Sequence[tuple[float, float, float]]
 
-#: A schedule reaches its targets even with this much more noise than that of the profiles.
+#: Factor of the profiles' noise with which a schedule must still reach its targets.
 MORE_NOISE = 1.5
 #: Assumed mounting error about each axis in units of the profile's mount sigma.
 _MOUNT = 0.3
@@ -31,10 +31,10 @@ _HEADINGS = tuple(np.deg2rad([90.0, 200.0]))
 
 @dataclass(frozen=True)
 class Solved:
-    """What a run would know after some moves."""
+    """Expected result of a run after some moves."""
 
     solution: Solution
-    hidden: tuple[EffectLimit, ...]  #: How much of each effect outside the model the moves hide.
+    hidden: tuple[EffectLimit, ...]  #: Size of each effect outside the model that the moves cannot detect.
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,10 @@ class Condition:
 
 
 class Trial:
-    """Drives the moves of a schedule."""
+    """Executes the moves of a schedule without devices."""
 
     def __init__(self, meta: LogMeta, geometry: TableGeometry, settle: float, rate: float, acceleration: float) -> None:
-        """Begin with the configuration of a log; `settle` is in s, `rate` and `acceleration` in °/s and °/s²."""
+        """Create a trial from a log configuration; `settle` is in s, `rate` and `acceleration` in °/s and °/s²."""
         self._meta, self._geometry, self._settle = meta, geometry, settle
         self._rate, self._acceleration = rate, acceleration
         self._context, self._prior = context_from_meta(meta), prior_from_meta(meta)
@@ -101,7 +101,7 @@ class Trial:
         return Solved(chain.finish(), tuple(_worst(self._hidden(blocks))))
 
     def _hidden(self, blocks: Sequence[SampleBlock]) -> list[EffectLimit]:
-        """Return how much of every effect samples hide, with the noise of the profiles: these samples have none."""
+        """Return the undetectable size of every effect, with the profiles' noise: these samples have none."""
         names = method(STAGE).estimates(self._context)
         mask = np.array([name in names for name in NAMES])
         data = stage_data(list(blocks), self._context.imu)
@@ -123,7 +123,7 @@ class Trial:
         yield Condition("noise", MORE_NOISE, replace(self._context, imu=noisy, table=shaken), self.mount)
 
     def under(self, condition: Condition, moves: Moves, goal: FloatArray) -> Variation:
-        """Return when the sigmas `goal`, SI, shape (30,), are reached under a condition."""
+        """Return the time at which the sigmas `goal`, SI, shape (30,), are reached under a condition."""
         worst = np.inf
         for time, sigma in self.after_moves(moves, condition.context, condition.mount):
             worst = float(np.max(sigma / goal))
@@ -133,7 +133,7 @@ class Trial:
 
 
 def _worst(limits: Sequence[EffectLimit]) -> Iterator[EffectLimit]:
-    """Yield for every effect that lasts throughout a run, and every group that it changes, the largest hidden size."""
+    """Yield the largest undetectable size of every constant effect, and of every group with a changing effect."""
     found: dict[tuple[str, str], EffectLimit] = {}
     for limit in limits:
         key = limit.cause, limit.parameter.rpartition("_")[0]

@@ -15,7 +15,7 @@ UNKNOWN_FAULT = "cause not told"
 
 
 class OtherModelError(DeviceFaultError):
-    """The model of the device that replies is not the one that the profile names."""
+    """The replying device is not of the model that the profile names."""
 
     @property
     def found(self) -> str:
@@ -85,8 +85,10 @@ class Table(Protocol):
         """Start moving both joints to absolute angles, rad, with limits in rad/s and rad/s²; does not wait."""
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Rotate both joints until stopped, rad/s and rad/s²; does not wait. Raises ConfigurationError if the table
-        would not stop by itself after a link loss: no active watchdog, and no `link_loss_stop_s` in the profile.
+        """Rotate both joints until stopped, rad/s and rad/s²; does not wait.
+
+        Raises ConfigurationError if the table would not stop automatically after a link loss: no active watchdog and no
+        `link_loss_stop_s` in the profile.
         """
 
     def stop(self) -> None:
@@ -106,7 +108,7 @@ class Gimbal(Table, Protocol):
     """A three-joint gimbal that stabilises the unit on its corrected rates; `home` returns to zero and locks."""
 
     def lock(self) -> None:
-        """Lock the joints; the gyro output from now on is averaged as the gyro bias."""
+        """Lock the joints; from then on, the gyro output is averaged as the gyro bias."""
 
     def stabilise(self) -> None:
         """Hold the unit at rest in space."""
@@ -150,9 +152,9 @@ class LinkStats:
     """Counts since the link was opened.
 
     frames, bytes : number received
-    crc_errors : frames that failed their check
-    skipped : bytes that belong to no frame
-    gaps, restarts : interruptions of the counter, and those of them that are restarts
+    crc_errors : frames with a wrong checksum
+    skipped : bytes outside frames
+    gaps, restarts : interruptions of the counter, and the number of these due to restarts
     """
 
     frames: int = 0

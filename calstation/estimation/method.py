@@ -56,7 +56,7 @@ class Ranking:
 
 @dataclass(frozen=True)
 class Estimate:
-    """An estimate in SI that is not one of the 30 parameters; `determined` is False if the data do not determine it."""
+    """An SI estimate that is not one of the 30 parameters; `determined` is False if the data do not determine it."""
 
     value: float
     sigma: float
@@ -76,15 +76,15 @@ class Solution:
     observability: Mapping[str, Any] = field(default_factory=dict)  #: See `observability_analysis`, JSON values.
     details: Mapping[str, Any] = field(default_factory=dict)  #: Other results such as residuals, JSON values.
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: Messages for the user, (message id, values).
-    innovations: Innovations | None = None  #: For diagnosis; not part of a result file.
+    innovations: Innovations | None = None  #: For diagnostics; not part of a result file.
     found: Mapping[str, Estimate] = field(default_factory=dict)  #: Other estimated values, by contract name.
     evidence: Evidence | None = None  #: Rests and motions of the stage, if the product's checks need them.
     latitude: LatitudeEstimate | None = None  #: Latitude from the gyros at all rests so far, if accurate enough.
     sensitivity: Sensitivity | None = None  #: Response to effects outside the model; None if it is not known.
     tests: tuple[ModelTest, ...] = ()  #: Tests of the model; each becomes a check of the result.
-    explanation: ModelTest | None = None  #: A failed test that is harmless, but may be why other checks fail.
-    misfit: Misfit | None = None  #: Where the innovations are too large, if they fail their test.
-    local_scores: ScoreFunction | None = None  #: For diagnosis: score tests of errors during parts of the stage.
+    explanation: ModelTest | None = None  #: A failed test that is harmless, but may explain why other checks fail.
+    misfit: Misfit | None = None  #: Location of the excess if the innovations fail their test.
+    local_scores: ScoreFunction | None = None  #: For diagnostics: score tests of errors during parts of the stage.
 
 
 def stage_residuals(solution: Solution, data: StageData, rests: RestResiduals) -> StageResiduals:
@@ -98,7 +98,7 @@ def stage_residuals(solution: Solution, data: StageData, rests: RestResiduals) -
 
 
 def with_misfit(solution: Solution, data: StageData, context: SolveContext) -> Solution:
-    """Add to a solution where the innovations are too large, if they fail their test."""
+    """Return the solution with the location of the excess if the innovations fail their test."""
     if not context.diagnostics or solution.innovations is None or solution.consistency.verdict is not False:
         return solution
     residuals = stage_residuals(solution, data, rest_residuals(data, context, solution.belief))
@@ -144,9 +144,9 @@ class StageSolver(Protocol):
 
 
 class RepeatedSchedule(BaseModel):
-    """Stop rule of a repeated plan: it ends at the first of these conditions that is met, or when the operator ends it.
+    """Stop rule of a repeated plan: it ends when the first of these conditions is met or the operator ends it.
 
-    A condition that is not given ends nothing: without `rounds`, a duration or targets alone end the plan. Without any
+    A condition that is not given has no effect: without `rounds`, only a duration or targets end the plan. Without any
     condition, the plan ends after the default number of rounds.
     """
 
@@ -170,7 +170,7 @@ class RepeatedSchedule(BaseModel):
 class Method:
     """A calibration method: the object `METHOD` of a file in `procedures/`."""
 
-    name: str  #: Stage name in docs/contract.md: that of the file.
+    name: str  #: Stage name in docs/contract.md, which is also the file name.
     schedule: type[BaseModel]  #: Pydantic model of the schedule, with defaults.
     #: (geometry, schedule) -> steps, in joint angles within the table's limits; a repeated plan is endless
     #: and ends each round with `RoundEnd`.
@@ -178,8 +178,8 @@ class Method:
     solver: Callable[[SolveContext, Belief, Any], StageSolver]  #: (context, prior, schedule) -> solver
     #: (context) -> names of the parameters that the stage estimates
     estimates: Callable[[SolveContext], tuple[str, ...]]
-    #: Whether the solver finds the steps in the data, so that a recording whose column 'stage' does not name the
-    #: method can be solved as a whole.
+    #: Whether the solver finds the steps in the data, so that it can solve a whole recording even if the column 'stage'
+    #: does not name the method.
     needs_no_table: bool = False
     on_gimbal: bool = False  #: Whether the plan is for a gimbal instead of a table.
     without_gyros: bool = False  #: Whether the solver can use recordings of accelerometers alone.
@@ -211,7 +211,7 @@ class BatchStage:
         return None
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the stored stage; the solution is too fast for progress reports."""
+        """Solve the stored stage; it is too fast for progress reports."""
         data = self.spool.data()
         return with_misfit(self._solve(data, self.context, self.prior), data, self.context)
 

@@ -1,4 +1,4 @@
-"""Many logs at once: solving them again on many cores, and comparing the solutions of two versions.
+"""Re-solving of many logs on many cores, and comparison of the solutions of two versions.
 
 The package writes into the shared database and contains no solvers; the logs are solved by `calstation.results`.
 """

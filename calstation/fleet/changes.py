@@ -17,11 +17,11 @@ from procedures import method
 
 #: Sections that solving uses and that may be changed.
 SECTIONS = ("site", "imu", "table", "model", "prior", "prior_correlation", "product", "schedule")
-#: Section of the file whose entries are factors; below it are the same sections.
+#: Section of the file that contains factors, in the same sections.
 SCALE = "scale"
-#: Entries that a log has only if they were measured: one that was computed has no error of the measurement to correct.
+#: Entries that a log has only if they were measured: a computed entry has no measurement error to correct.
 _MEASURED = ("site.gravity_mps2",)
-#: Errors of a factor where the value itself was expected.
+#: Errors of a factor that apply only to values.
 _NOT_OF_FACTORS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 #: Entries that identify the unit or describe its samples.
 _FIXED = {"imu": ("serial", "sample_rate_hz", "output")}
@@ -38,7 +38,7 @@ class Changes:
 
     @property
     def version(self) -> str:
-        """Version of the solutions: that of the software, with ``+label`` if there is one."""
+        """Version of the solutions: the software version, with ``+label`` if there is a label."""
         return __version__ if self.label is None else f"{__version__}+{self.label}"
 
     @property
@@ -49,7 +49,7 @@ class Changes:
     def applied(self, meta: LogMeta) -> LogMeta:
         """Return the changed configuration of a log; values are scaled after others have been replaced.
 
-        Raises InputError if it is not valid for this log, or if the log lacks a value that is scaled.
+        Raises InputError if the result is invalid for this log, or if the log lacks a value to scale.
         """
         if not self.entries:
             return meta
@@ -61,8 +61,8 @@ class Changes:
 def load_changes(path: Path | None, label: str | None = None) -> Changes:
     """Read a file with sections of a log's configuration, each with only the entries to change; None changes nothing.
 
-    The label is by default the name of the file without suffix. Raises ConfigurationError, also for an unknown entry
-    and a file that changes nothing.
+    The label is by default the name of the file without suffix. Raises ConfigurationError, also for an unknown entry or
+    a file that changes nothing.
     """
     entries = {} if path is None else read_toml(path)
     file = "" if path is None else str(path)
@@ -94,7 +94,7 @@ def _check(entries: Any, file: str, below: str = "") -> None:
         for key in _FIXED.get(name, ()):
             if isinstance(entries[name], Mapping) and key in entries[name]:
                 raise ConfigurationError("fleet.fixed_entry", file=file, entry=f"{before}{name}.{key}")
-    ignored = ("missing", *(_NOT_OF_FACTORS if below else ()))  # the log has the rest
+    ignored = ("missing", *(_NOT_OF_FACTORS if below else ()))  # the log contains the remaining entries
     found = problems_of(LogMeta, {"site": {}, "imu": {}, **entries})
     if all(problem.kind in ignored for problem in found):
         for stage, schedule in entries.get("schedule", {}).items():
@@ -107,7 +107,7 @@ def _check(entries: Any, file: str, below: str = "") -> None:
 
 
 def _leaves(entries: Any, place: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield name and value of the entries of a table and of those in it."""
+    """Yield name and value of the entries of a table and its nested tables."""
     if not isinstance(entries, Mapping):
         yield place, entries
         return

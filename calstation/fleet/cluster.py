@@ -1,4 +1,4 @@
-"""Workers: local processes or a Dask cluster, which solve logs whatever becomes of single workers."""
+"""Workers that solve logs: local processes or a Dask cluster, tolerant of the failure of single workers."""
 
 import asyncio
 import logging
@@ -25,17 +25,17 @@ except ImportError as exc:
 
 #: Largest number of logs given to the scheduler at a time.
 WINDOW = 1000
-#: Number of times that each local worker is replaced, and time, s, without any answer before the workers are given up.
+#: Number of replacements of each local worker, and time without a response, s, after which workers are abandoned.
 _REPLACED, _UNANSWERED = 3, 120.0
-#: Number of workers that may end while they solve a log before it is given up; some end for other reasons.
+#: Number of workers that may terminate while solving a log before it is given up; some have other reasons.
 _DEATHS = 6
-#: Longest time without a process until a local worker is replaced, s; its nanny starts another one at once.
+#: Longest time without a process until a local worker is replaced, s; its nanny usually restarts it immediately.
 _RESTART = 10.0
-#: Interval at which a wish to stop is noticed, s.
+#: Interval at which `stop` is checked, s.
 _POLL = 0.2
-#: Longest time to fetch an answer from the worker that has it, s.
+#: Longest time to fetch a result from the worker that has it, s.
 _ANSWER = 2.0
-#: Longest time to wait for a scheduler's answer.
+#: Longest time to wait for a response of the scheduler.
 _CONNECT_TIMEOUT = "10s"
 _LOCAL = re.compile(r"local(?::([1-9]\d*))?")
 
@@ -66,7 +66,7 @@ def started_cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
             except (OSError, ValueError) as exc:
                 raise ConfigurationError("fleet.no_scheduler", scheduler=scheduler, reason=str(exc)) from exc
             stack.callback(client.close)
-            with suppress(CommClosedError):  # of a worker that ends meanwhile; all others have the plugin
+            with suppress(CommClosedError):  # raised for a worker that is terminating; all others have the plugin
                 client.register_plugin(WarmUp(local=False))
         else:
             cluster = LocalCluster(
@@ -100,11 +100,11 @@ async def _close_nannies(nannies: Sequence[Nanny]) -> None:
 
 
 def _replace_ended(cluster: LocalCluster | None, replaced: int, dead: dict[Hashable, float], answered: float) -> int:
-    """Replace local workers that their nannies do not start again, and return how many in all.
+    """Replace local workers that their nannies do not restart, and return the total number of replacements.
 
-    A nanny gives up if its worker ends while it starts, or waits for it for ever. `replaced` is the number since the
-    last answer at time `answered`, s, `dead` since when a worker has no process, by name. Raises ConfigurationError if
-    workers have ended again and again.
+    A nanny gives up if its worker terminates during its start, or waits for it forever. `replaced` is the number since
+    the last result at time `answered`, s; `dead` contains the time since which a worker has had no process, by name.
+    Raises ConfigurationError if workers terminate repeatedly.
     """
     if cluster is None:
         return replaced
@@ -133,7 +133,7 @@ def _replace_ended(cluster: LocalCluster | None, replaced: int, dead: dict[Hasha
 def solved(
     client: Client, assignment: Assignment, logs: Sequence[StoredLog], stop: threading.Event, scheduler: str
 ) -> Iterator[Status]:
-    """Yield the status of each log in the order in which they are done, until `stop` is set."""
+    """Yield the status of each log in order of completion, until `stop` is set."""
     done: SimpleQueue[Future[Status]] = SimpleQueue()
     waiting = iter(logs)
     running: dict[Hashable, tuple[Future[Status], StoredLog]] = {}
@@ -150,11 +150,11 @@ def solved(
         except Empty:
             replaced = _replace_ended(client.cluster, replaced, dead, answered)
             continue
-        if future.status == "cancelled":  # not by this program
+        if future.status == "cancelled":  # cancelled by the scheduler, not by this program
             raise ConfigurationError("fleet.scheduler_lost", scheduler=scheduler)
         try:
             status = _status(running[future.key][1], future)
-        except TimeoutError:  # the worker ended with its answer, and the log is given to another one
+        except TimeoutError:  # the worker terminated with its result, and the log is assigned to another one
             done.put(future)
             replaced = _replace_ended(client.cluster, replaced, dead, answered)
             continue
@@ -167,7 +167,7 @@ def solved(
 def _status(log: StoredLog, future: Future[Status]) -> Status:
     """Return the status of a log.
 
-    Raises ConfigurationError if the reason of a failure is not the log, TimeoutError if no worker has the answer.
+    Raises ConfigurationError if the log is not the cause of a failure, TimeoutError if no worker has the result.
     """
     if future.status == "error":
         cause = future.exception()

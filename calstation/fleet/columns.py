@@ -1,9 +1,9 @@
-"""Solutions of a version in Parquet files, brought up to date from the database when they are used.
+"""Solutions of a version in Parquet files, which are updated from the database before use.
 
-A database has a folder in the site's folder, with a folder for each version. Solutions are only added; those of the
-runs (version `ONLINE`) may be replaced, and a later row of the same run counts. Numbers of solutions appear in another
-order than they are given, so that a number below the last one may be missing; the count of rows shows it, as it shows
-that rows were deleted, after which the files are made anew.
+Each database has a folder in the site's folder, with a subfolder for each version. Solutions are only added; solutions
+of the runs (version `ONLINE`) may be replaced, and the later row of a run counts. Numbers of solutions may become
+visible out of order, so that a number below the last one may be missing. The count of rows reveals this, and also
+deleted rows, after which the files are rebuilt.
 """
 
 import json
@@ -33,11 +33,11 @@ try:
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
 
-#: Version that stands for the results which the runs stored.
+#: Version name of the results stored by the runs.
 ONLINE = "online"
 #: Rows read from the database and written at a time.
 _CHUNK = 100_000
-#: Number of files from which on they are joined.
+#: Number of files above which they are joined.
 _MOST_FILES = 8
 #: Longest time to wait for another program that updates the same files, s.
 _LOCKED_WITHIN = 600.0
@@ -46,9 +46,9 @@ _TEXTS = (
     *("log_sha256", "serial", "product", "station", "started_utc", "month", "verdict", "failed_checks", "location"),
     *("batch", "slot"),
 )
-#: Columns of a solution that are in the content of a run.
+#: Columns of a solution that are contained in a run's content.
 _FROM_CONTENT = ("product", "station", "batch", "slot")
-#: Columns with few different texts.
+#: Columns with few distinct texts.
 _FEW = ("product", "station", "month", "verdict")
 SCHEMA = pa.schema(
     [
@@ -62,12 +62,12 @@ SCHEMA = pa.schema(
 
 @dataclass(frozen=True)
 class ColumnFiles:
-    """Parquet files of a version; together they have every solution."""
+    """Parquet files of a version, which together contain every solution."""
 
     paths: tuple[Path, ...]
 
     def read(self, *names: str, threads: bool = False) -> Any:
-        """Return columns of all rows as a table of pyarrow; `threads` unless the caller reads columns in parallel."""
+        """Return columns of all rows as a pyarrow table, using several threads if `threads`."""
         few = [name for name in names if name in _FEW]
         return pa.concat_tables(
             pq.read_table(path, columns=list(names), read_dictionary=few, use_threads=threads, memory_map=True)
@@ -75,18 +75,18 @@ class ColumnFiles:
         )
 
     def numbers(self, name: str) -> NDArray[Any]:
-        """Return a column of numbers."""
+        """Return a numeric column."""
         parts = [chunk.to_numpy() for chunk in self.read(name).column(0).chunks]
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def update_columns(report: ProgressCallback, connection: Connection, version: str) -> ColumnFiles:
-    """Bring the files of a version up to date.
+    """Update the files of a version from the database.
 
     Raises ConfigurationError if the database has no such version, or if the files cannot be used.
     """
     database = connection.execute(select(revisions.c.database)).scalar_one()
-    connection.rollback()  # PostgreSQL ends a transaction that waits for the lock
+    connection.rollback()  # PostgreSQL terminates a transaction that waits for the lock
     folder = site_folder() / "fleet" / str(database) / quote(version, safe="+.")
     with usable(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -99,7 +99,7 @@ def update_columns(report: ProgressCallback, connection: Connection, version: st
 
 @contextmanager
 def usable(folder: Path) -> Iterator[None]:
-    """Raise ConfigurationError if the files in a folder cannot be read or written, or another program updates them."""
+    """Raise ConfigurationError if the files in a folder are unusable, or another program is updating them."""
     try:
         yield
     except TimeoutError as exc:
@@ -136,12 +136,12 @@ def _updated(report: ProgressCallback, connection: Connection, version: str, fol
 
 
 def _generation(files: list[Path]) -> str:
-    """Return the generation of files, each joined from all files of the one before, by their names."""
+    """Return the generation of files by their names; each generation is joined from all files of the previous one."""
     return files[0].name.partition("-")[0] if files else f"{0:06d}"
 
 
 def _current(folder: Path) -> list[Path]:
-    """Return the files of the last generation; delete earlier ones, which another program may have read meanwhile.
+    """Return the files of the last generation; delete earlier ones, which another program may still have been reading.
 
     Files of an earlier version of the program, which have other columns, are deleted too.
     """
@@ -155,7 +155,7 @@ def _current(folder: Path) -> list[Path]:
 
 
 def versions(connection: Connection) -> list[str]:
-    """Return the versions that the database has solutions of, ``online`` first."""
+    """Return the versions with solutions in the database, ``online`` first."""
     name = version_table.c.version
     found = connection.execute(select(name).where(exists().where(solutions.c.version == name)).order_by(name)).scalars()
     online = connection.execute(select(runs.c.name).limit(1)).first() is not None
@@ -211,7 +211,7 @@ def _numbers(connection: Connection, version: str) -> NDArray[np.int64]:
 
 
 def _tables(connection: Connection, statement: Select[Any], held: set[int]) -> Iterator[Any]:
-    """Yield the rows of a statement in tables, without those whose number is held already."""
+    """Yield the rows of a statement in tables, without rows whose number is already known."""
     found = connection.execution_options(yield_per=_CHUNK).execute(statement)
     for part in found.partitions(_CHUNK):
         rows = [row for row in part if row.number not in held]
@@ -260,7 +260,7 @@ def _solved_verdict(outcome: str, passed: bool | None, *, partial: bool) -> str:
 
 
 def _write(table: Any, path: Path) -> None:
-    """Write a file that is complete or absent."""
+    """Write a file atomically: it is complete or missing."""
     partial = path.with_suffix(".partial")
     compression = {field.name: "NONE" if field.type == pa.float64() else "ZSTD" for field in table.schema}
     pq.write_table(

@@ -1,4 +1,4 @@
-"""Comparison of the solutions of two versions: changed verdicts, and how far the parameters moved."""
+"""Comparison of the solutions of two versions: changed verdicts, and changes of the parameters."""
 
 import os
 from collections.abc import Collection, Mapping
@@ -17,14 +17,14 @@ from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.physics import NAMES, FloatArray
 
-#: Share of the duration that bringing the columns up to date takes, for the progress.
+#: Fraction of the progress for updating the columns.
 _UPDATE = 0.9
 
 
 def compare(
     report: ProgressCallback, url: str, before: str, after: str, numbers: Collection[int] | None = None
 ) -> Comparison:
-    """Job: compare the solutions of two versions in the database at `url`; ``online`` means those of the runs.
+    """Job: compare the solutions of two versions in the database at `url`; ``online`` means the results of the runs.
 
     Of several solutions of a log under one version, the last counts. Raises ConfigurationError if the database is
     missing, cannot be used or has no such version.
@@ -32,9 +32,9 @@ def compare(
     Parameters
     ----------
     report : called with the progress
-    url : of the database
-    before, after : versions
-    numbers : of the solutions of `after` that are compared; None for all
+    url : URL of the database
+    before, after : versions to compare
+    numbers : numbers of the solutions of `after` that are compared; None for all
     """
     with opened(url, create=False) as engine, engine.connect() as connection:
         old = update_columns(_part(report, 0.0), connection, before)
@@ -77,7 +77,7 @@ class _Pair:
         common = keys_new[place] == keys_old
         self._rows_old, self._rows_new = rows_old[common], rows_new[place[common]]
         self._only = (len(rows_old) - len(self._rows_old), len(rows_new) - len(self._rows_new))
-        order = np.argsort(self._rows_old, kind="stable")  # reading columns in their order is faster
+        order = np.argsort(self._rows_old, kind="stable")  # reading columns in order is faster
         self._rows_old, self._rows_new = self._rows_old[order], self._rows_new[order]
         self._whole_old, self._whole_new = (
             len(rows) == count and bool((rows == np.arange(count)).all())
@@ -127,7 +127,7 @@ class _Pair:
         )
 
     def _codes(self, files: ColumnFiles, name: str, known: tuple[str, ...] = ()) -> tuple[NDArray[np.int64], list[str]]:
-        """Return the number of the text of each row, and the texts."""
+        """Return the code of the text of each row, and the texts."""
         names = {text: code for code, text in enumerate(known)}
         parts = []
         for chunk in files.read(name).column(0).chunks:
@@ -140,7 +140,7 @@ class _Pair:
         return np.concatenate(parts)[rows], list(names)
 
     def _moves(self, name: str, groups: Mapping[str, "_Groups"]) -> tuple["_Found", dict[str, list["_Found"]]]:
-        """Return the moves of a parameter over all logs and by group."""
+        """Return the changes of a parameter over all logs and by group."""
         old, old_sigma, new, new_sigma = (
             files.numbers(column) if whole else files.numbers(column)[rows]
             for files, rows, whole in (
@@ -157,7 +157,7 @@ class _Pair:
     def _texts(
         self, files: ColumnFiles, rows: NDArray[np.intp], wanted: list[int], *names: str
     ) -> dict[int, tuple[Any, ...]]:
-        """Return texts of rows by their number among the common ones."""
+        """Return texts of the `wanted` rows by their number among the common rows."""
         chosen = files.read(*names, threads=True).take(rows[np.array(wanted, np.intp)])
         return dict(zip(wanted, zip(*(chosen.column(name).to_pylist() for name in names), strict=True), strict=True))
 
@@ -173,7 +173,7 @@ class _Pair:
         return tuple(sorted(found, key=lambda each: (each.product or "", each.station or "", each.started_utc or "")))
 
 
-#: Median, 95th percentile and largest move, and the number of its row; None if no log has the parameter.
+#: Median, 95th percentile and maximum of the change, and the row of the maximum; None if no log has the parameter.
 _Found = tuple[float, float, float, int] | None
 
 
@@ -188,7 +188,7 @@ class _Groups:
 
     @property
     def named(self) -> list[tuple[int, str]]:
-        """Numbers and names of the groups that have rows, in the order of the names."""
+        """Numbers and names of the groups that have rows, sorted by name."""
         return sorted(((k, name) for k, name in enumerate(self._names) if self.counts[k]), key=lambda each: each[1])
 
     def rows(self, k: int) -> NDArray[np.intp]:
@@ -196,21 +196,21 @@ class _Groups:
         return self._order[self._ends[k] - self.counts[k] : self._ends[k]]
 
     def found(self, moves: FloatArray) -> list[_Found]:
-        """Return the moves of each group."""
+        """Return the changes of each group."""
         if len(self._names) == 1:
             return [_found(moves, None)]
         return [_found(moves[self.rows(k)], self.rows(k)) for k in range(len(self._names))]
 
 
 def _found(moves: FloatArray, rows: NDArray[np.intp] | None) -> _Found:
-    """Return the distribution of moves; NaN, where a log lacks the parameter, does not count."""
+    """Return the distribution of changes; NaN, for logs without the parameter, is ignored."""
     held = np.flatnonzero(~np.isnan(moves)) if np.isnan(moves.sum()) else None
     if held is not None:
         rows = held if rows is None else rows[held]
         moves = moves[held]
     if not len(moves):
         return None
-    ordered = np.sort(moves)  # faster than selecting the few that are needed
+    ordered = np.sort(moves)  # faster than selecting the few values that are needed
     count = len(moves)
     median = 0.5 * float(ordered[(count - 1) // 2] + ordered[count // 2])
     place = 0.95 * (count - 1)

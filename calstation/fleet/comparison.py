@@ -1,4 +1,4 @@
-"""The answer of a comparison of two versions; it needs no database, so that the window can show it."""
+"""Result of a comparison of two versions; it needs no database, so that the window can show it."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -11,12 +11,12 @@ GROUPS = ("product", "station", "month")
 
 @dataclass(frozen=True)
 class Move:
-    """How far a parameter moved over many logs, in the larger of the two sigmas of each log."""
+    """Change of a parameter over many logs, in the larger of each log's two sigmas."""
 
     median: float
     percentile_95: float
     largest: float
-    log: str  #: Location of the log with the largest move.
+    log: str  #: Location of the log with the largest change.
     serial: str  #: Unit of this log.
 
 
@@ -52,7 +52,7 @@ class Comparison:
 
     before: str
     after: str
-    logs: int  #: Number of logs that both versions have.
+    logs: int  #: Number of logs that both versions contain.
     only_before: int
     only_after: int
     verdicts: Mapping[str, Mapping[str, int]]  #: Number of logs by verdict before and verdict after.
@@ -62,12 +62,12 @@ class Comparison:
 
     @property
     def pass_to_fail(self) -> tuple[VerdictChange, ...]:
-        """Logs that passed and fail."""
+        """Logs that passed before and fail after."""
         return tuple(each for each in self.changes if (each.before, each.after) == ("passed", "failed"))
 
     @property
     def fail_to_pass(self) -> tuple[VerdictChange, ...]:
-        """Logs that failed and pass."""
+        """Logs that failed before and pass after."""
         return tuple(each for each in self.changes if (each.before, each.after) == ("failed", "passed"))
 
     def to_json(self) -> dict[str, Any]:

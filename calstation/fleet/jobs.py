@@ -1,4 +1,4 @@
-"""Jobs of the window, which names them without importing the database."""
+"""Jobs of the window, which refers to them without importing the database."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Solves many logs again on the workers of a Dask cluster; whatever is finished is in the database."""
+"""Re-solving of many logs on the workers of a Dask cluster; every finished solution is stored in the database."""
 
 import json
 import threading
@@ -18,35 +18,35 @@ from calstation.fleet.store import KnownFile, Wanted, enter_version, known_files
 from calstation.fleet.task import Assignment, Outcome, Status
 from calstation.results import SCHEMA
 
-#: Label of solutions without diagnostics, or what ends it, unless another one is given.
+#: Label of solutions without diagnostics, or suffix of the label of the changes, unless a label is given.
 PARAMETERS = "parameters"
-#: What stands for the solutions of the same program with the configuration that a log was recorded with.
+#: Name of the solutions by the same program with the logs' own configurations.
 UNCHANGED = "unchanged"
 
 
 @dataclass(frozen=True)
 class FleetRequest:
-    """Logs to solve, and with what."""
+    """Logs to solve, and how to solve them."""
 
     sources: tuple[str, ...]  #: Files, folders and URLs; ``archive`` for the archive of the database.
     database: str  #: URL of the shared database.
     scheduler: str = "local"  #: ``local``, ``local:N`` or ``tcp://HOST:PORT``.
     patch: Path | None = None  #: TOML file with changes to the configuration of the logs.
-    label: str | None = None  #: Name of the changes; by default that of the file.
+    label: str | None = None  #: Name of the changes; default: the file name.
     stages: tuple[str, ...] | None = None
     first_seq: int | None = None
     last_seq: int | None = None
-    diagnostics: bool = True  #: False for the parameters only, which are a version of their own.
+    diagnostics: bool = True  #: False to solve the parameters only, which is a separate version.
     selection: Selection = field(default_factory=Selection)
-    retry_failed: bool = False  #: Whether logs that are stored as failed are solved again.
+    retry_failed: bool = False  #: Whether to solve again logs that are stored as failed.
 
     @property
     def unchanged(self) -> "FleetRequest":
-        """The request for the same logs with their own configuration, range and stages."""
+        """A copy of the request for the logs' own configuration, range and stages."""
         return replace(self, patch=None, label=None, stages=None, first_seq=None, last_seq=None)
 
     def wanted(self) -> Wanted:
-        """Return what is to be solved in every log. Raises ConfigurationError for the changes, range or label."""
+        """Return the settings for solving every log. Raises ConfigurationError for the changes, range or label."""
         changes = load_changes(self.patch, self.label)
         if self.first_seq is not None and self.last_seq is not None and self.first_seq > self.last_seq:
             raise ConfigurationError("solution.range_reversed", first=self.first_seq, last=self.last_seq)
@@ -57,9 +57,9 @@ class FleetRequest:
         return Wanted(changes, self.stages, self.first_seq, self.last_seq, self.diagnostics)
 
     def baseline(self, compare_with: str) -> str:
-        """Return the version with which the solutions are compared; ``unchanged`` is that of `unchanged`.
+        """Return the version with which the solutions are compared; ``unchanged`` is the version of `unchanged`.
 
-        Raises ConfigurationError if it is the version of the solutions themselves, or not in the database.
+        Raises ConfigurationError if it is the version of the solutions themselves, or is missing in the database.
         """
         after = self.wanted().changes.version
         before = self.unchanged.wanted().changes.version if compare_with == UNCHANGED else compare_with
@@ -73,7 +73,7 @@ class FleetRequest:
 
 @dataclass
 class FleetSummary:
-    """State of a request: how many logs are done, and what became of them."""
+    """State of a request: the number of logs by outcome."""
 
     version: str
     total: int = 0
@@ -81,16 +81,16 @@ class FleetSummary:
     already_there: int = 0
     failed: int = 0  #: Failed, now or stored as failed before, including unreachable logs.
     not_selected: int = 0
-    unchanged: int = 0  #: Logs that were not changed by what is to change them.
+    unchanged: int = 0  #: Logs to which the requested changes do not apply.
     stopped: bool = False
     duration_s: float = 0.0
     solutions: dict[int, str] = field(default_factory=dict)  #: Location of the log by number in the database.
     #: Further copies of logs, by location, with the location of the log in `solutions`.
     copies: dict[str, str] = field(default_factory=dict)
     failures: list[Status] = field(default_factory=list)  #: The logs that failed.
-    #: Total duration by step of the logs that workers answered, s: ``copy``, ``solve`` and ``write``.
+    #: Total duration of the logs processed by workers, s, by step: ``copy``, ``solve`` and ``write``.
     seconds: dict[str, float] = field(default_factory=dict)
-    answered: int = 0  #: Number of logs that workers answered.
+    answered: int = 0  #: Number of logs processed by workers.
 
     @property
     def done(self) -> int:
@@ -98,7 +98,7 @@ class FleetSummary:
         return self.solved_now + self.already_there + self.failed + self.not_selected
 
     def add(self, status: Status) -> None:
-        """Count a log; a further copy of a log counts as already there."""
+        """Count a log; a further copy of a log counts as already solved."""
         outcome = status.outcome
         if status.solution is not None:
             first = self.solutions.setdefault(status.solution, status.location)
@@ -124,9 +124,9 @@ def resolve_fleet(
 ) -> FleetSummary:
     """Solve every selected log that is not solved yet under the same version, configuration, range and stages.
 
-    A log that cannot be solved is recorded as failed; one that is not reachable or ends its workers is tried again by
-    the next call. `report` is called after each log. Once `stop` is set, the call returns within seconds, and
-    everything finished stays.
+    A log that cannot be solved is recorded as failed; a log that is unreachable or terminates its workers is tried
+    again by the next call. `report` is called after each log. Once `stop` is set, the call returns within seconds and
+    keeps everything finished.
 
     Raises InputError for a source without logs, ConfigurationError for the changes, the selection, the database or
     the scheduler.
@@ -154,7 +154,8 @@ def resolve_fleet(
             assignment = Assignment(request.database, wanted, request.selection, request.retry_failed)
             with started_cluster(request.scheduler, workers) as client:
                 for status in solved(client, assignment, left, stop, request.scheduler):
-                    if status.outcome == "there" and (status.solution or 0) > last:  # its worker ended after writing it
+                    # its worker terminated after writing it
+                    if status.outcome == "there" and (status.solution or 0) > last:
                         status = replace(status, outcome="solved")
                     summary.add(status)
                     summary.duration_s = time.monotonic() - begin
@@ -169,7 +170,7 @@ def resolve_fleet(
 
 
 def _known_status(request: FleetRequest, log: StoredLog, known: KnownFile | None) -> Status | None:
-    """Return the status of a log by what the archive and the database say of its file; None if it has to be read."""
+    """Return the status of a log according to archive and database; None if its file has to be read."""
     origin = log.origin or (known.origin if known is not None else None)
     found = known.solution if known is not None else None
     readable = origin is not None and (any(origin) or (found is not None and not found.error))
@@ -182,9 +183,9 @@ def _known_status(request: FleetRequest, log: StoredLog, known: KnownFile | None
 
 
 def solved_results(database: str, summary: FleetSummary) -> Iterator[str]:
-    """Yield the result JSON of every log that is done, once for a log with several copies.
+    """Yield the result JSON of every finished log, once for a log with several copies.
 
-    Unreachable logs have only outcome, error and location. Raises ConfigurationError for the database.
+    Unreachable logs have only outcome, error and location. Raises ConfigurationError if the database is unusable.
     """
     with opened(database) as engine:
         yield from read_results(engine, [*summary.solutions])

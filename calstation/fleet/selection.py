@@ -1,4 +1,4 @@
-"""Selection of logs by where and when they were recorded."""
+"""Selection of logs by place and time of their recording."""
 
 from dataclasses import dataclass
 from datetime import date
@@ -8,7 +8,7 @@ from calstation.records import LogMeta
 
 
 class Origin(NamedTuple):
-    """Where and when a log was recorded, and for which product; None for what it does not say."""
+    """Place and time of recording of a log, and its product; None if unknown."""
 
     station: str | None
     product: str | None
@@ -16,7 +16,7 @@ class Origin(NamedTuple):
 
     @classmethod
     def of(cls, meta: LogMeta) -> "Origin":
-        """Return the origin of a log by its configuration."""
+        """Return the origin of a log from its configuration."""
         run, product = meta.run, meta.product
         station, started = (None, None) if run is None else (run.station, run.started_utc)
         return cls(station, None if product is None else product.name, started)
@@ -24,7 +24,7 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True)
 class Selection:
-    """Conditions that must all hold; None is no condition. A log without the property in question is not selected."""
+    """Conditions that must all hold; None means no condition. A log that lacks a selected property is not selected."""
 
     station: str | None = None
     product: str | None = None
@@ -32,7 +32,7 @@ class Selection:
     until: date | None = None  #: Last day of the start, UTC.
 
     def takes(self, origin: Origin) -> bool:
-        """Whether a log is selected."""
+        """Return whether a log is selected."""
         day = (origin.started_utc or "")[:10]
         return (
             self.station in (None, origin.station)

@@ -20,9 +20,9 @@ try:
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
 
-#: Source that stands for all logs in the archive of the database.
+#: Source name of all logs in the database's archive.
 ARCHIVE = "archive"
-#: What file systems say of a file that changes with its content.
+#: Properties of a file in various file systems that change with its content.
 _STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "modify")
 
 
@@ -31,17 +31,17 @@ class StoredLog:
     """A log in a file system."""
 
     location: str  #: Absolute path of a local file, otherwise the URL.
-    fingerprint: str | None  #: Stamp of its files, in the archive the digest of the file; None without one.
-    sizes: tuple[int | None, ...]  #: Size of each of its files, bytes; None where the file system does not say it.
+    fingerprint: str | None  #: Stamp of its files, or the digest of the file in the archive; None if unknown.
+    sizes: tuple[int | None, ...]  #: Size of each of its files, bytes; None if the file system does not report it.
     file_sha256: str | None = None  #: Digest of the file; None outside the archive.
-    origin: Origin | None = None  #: None if the log has to be read for it.
+    origin: Origin | None = None  #: None if the log has to be read to find it.
 
 
 def find_logs(sources: Sequence[str], engine: Engine) -> Iterator[StoredLog]:
-    """Yield the logs of all sources once, those of a folder in the order of their names.
+    """Yield the logs of all sources without duplicates, the logs of a folder sorted by name.
 
-    Raises ConfigurationError for a source with a password, InputError for one that is missing, contains no log or is
-    not reachable.
+    Raises ConfigurationError for a source with a password, InputError for a source that is missing, contains no log or
+    is unreachable.
     """
     for source in sources:
         if has_password(source):
@@ -55,7 +55,7 @@ def find_logs(sources: Sequence[str], engine: Engine) -> Iterator[StoredLog]:
 
 
 def _archived(engine: Engine) -> Iterator[StoredLog]:
-    """Yield the logs of the archive as the database knows them, without a request to the archive."""
+    """Yield the logs of the archive according to the database, without a request to the archive."""
     same = (runs.c.outbox == log_copies.c.outbox) & (runs.c.name == log_copies.c.name)
     columns = (log_copies.c.url, log_copies.c.file_sha256, log_copies.c.size, runs.c.started_utc, runs.c.content)
     wanted = select(*columns).join_from(log_copies, runs, same).order_by(log_copies.c.url)
@@ -83,7 +83,7 @@ def _found(source: str) -> Iterator[StoredLog]:
             names, files = [path], {name: system.info(name) for name in (path, beside) if name and system.exists(name)}
     except InputError:
         raise
-    except Exception as exc:  # every file system has errors of its own, also for an unknown kind of URL
+    except Exception as exc:  # every file system has its own errors, including an unknown kind of URL
         raise InputError("fleet.source_unreachable", source=source, reason=storage_reason(exc)) from exc
     if not names:
         raise InputError("fleet.no_logs", source=source)
@@ -109,7 +109,7 @@ def files_of(location: str) -> tuple[Any, list[str]]:
 
 
 def storage_reason(error: Exception) -> Any:
-    """Return why a file system fails: what the operating system says, or the first line of its own words."""
+    """Return the reason for a file system error: the operating system's message, or the first line of the error."""
     if isinstance(error, OSError) and error.errno is not None:
         return os_reason(error)
     return str(error).partition("\n")[0] or type(error).__name__
@@ -123,7 +123,7 @@ def _location(system: Any, source: str, root: str, name: str) -> str:
 
 
 def _fingerprint(files: Sequence[Mapping[str, Any]]) -> str | None:
-    """Return a stamp of files that changes with them; None if the file system gives none."""
+    """Return a stamp of files that changes with them; None if the file system does not provide one."""
     stamps = [next((info[name] for name in _STAMPS if info.get(name) is not None), None) for info in files]
     if None in stamps:
         return None

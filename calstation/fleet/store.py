@@ -1,4 +1,4 @@
-"""Solutions in the shared database: written once each, found again by log or file, and read."""
+"""Solutions in the shared database: each is written once, found by log or file, and read."""
 
 import hashlib
 import json
@@ -23,7 +23,7 @@ from calstation.results import Result
 _CHUNK = 200
 #: Files read at a time.
 _FILES = 10_000
-#: JSON of the result of a log that could not be solved; null for others.
+#: JSON of the result of a log that could not be solved; null for other logs.
 _FAILED = case((solutions.c.outcome == "failed", solutions.c.result))
 
 
@@ -31,36 +31,36 @@ class StoredSolution(NamedTuple):
     """A solution in the database."""
 
     number: int
-    error: dict[str, Any]  #: Why the log could not be solved, as in a result JSON; {} if it was.
+    error: dict[str, Any]  #: Reason why the log could not be solved, as in a result JSON; {} if it was solved.
     changed: bool | None  #: Whether configuration, range or stages differ from the log's own; None if unknown.
     attempt: int
 
 
 class KnownFile(NamedTuple):
-    """What the database knows of a file."""
+    """Database entry of a file."""
 
     origin: Origin
-    solution: StoredSolution | None  #: None if it has none of its log.
+    solution: StoredSolution | None  #: None if its log has no solution.
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is solved in every log."""
+    """Settings for solving every log."""
 
     changes: Changes = field(default_factory=Changes)
-    stages: tuple[str, ...] | None = None  #: None for those of the log.
+    stages: tuple[str, ...] | None = None  #: None for the stages of the log.
     first_seq: int | None = None  #: None for the start of the log.
     last_seq: int | None = None  #: None for the end of the log.
     diagnostics: bool = True  #: Whether data and model are tested, or only the parameters solved.
 
     @property
     def alters(self) -> bool:
-        """Whether something else than the log's own configuration, range and stages is wanted."""
+        """Whether the settings differ from the log's own configuration, range or stages."""
         return bool(self.changes.entries) or (self.stages, self.first_seq, self.last_seq) != (None, None, None)
 
     @property
     def columns(self) -> dict[str, Any]:
-        """The columns of the solutions that say what was solved; one without diagnostics counts as changed."""
+        """The columns that identify the settings; solutions without diagnostics count as changed."""
         changes = self.changes.sha256
         return {
             "version": self.changes.version,
@@ -75,7 +75,7 @@ class Wanted:
 
 @contextmanager
 def opened(url: str, *, create: bool = True) -> Iterator[Engine]:
-    """Connect to a database. What it refuses, and a lost connection, become ConfigurationError."""
+    """Connect to a database. Refused requests and a lost connection are raised as ConfigurationError."""
     engine = connect(url, create=create)
     try:
         yield engine
@@ -86,7 +86,7 @@ def opened(url: str, *, create: bool = True) -> Iterator[Engine]:
 
 
 def enter_version(engine: Engine, wanted: Wanted) -> bool:
-    """Enter a version unless there is one; return whether it stands for what is wanted, also if two jobs enter it."""
+    """Enter a version if it is missing; return whether it has these settings, even if two jobs enter it at once."""
     with engine.begin() as connection:
         connection.execute(_insert(connection, versions).values(wanted.columns).on_conflict_do_nothing())
         same = select(versions.c.version).where(*_conditions(versions, wanted.columns))
@@ -94,7 +94,7 @@ def enter_version(engine: Engine, wanted: Wanted) -> bool:
 
 
 def known_files(engine: Engine, wanted: Wanted) -> dict[tuple[str, str], KnownFile]:
-    """Return the files that the database knows by location and fingerprint, with the solution of the log of each."""
+    """Return the files in the database by location and fingerprint, with the solution of each file's log."""
     same = and_(solutions.c.log_sha256 == locations.c.log_sha256, *_conditions(solutions, wanted.columns))
     solution = (solutions.c.id, _FAILED, solutions.c.changed, solutions.c.attempt)
     query = select(*locations.c, *solution).join_from(locations, solutions, same, isouter=True).order_by(solutions.c.id)
@@ -123,7 +123,7 @@ def find_solution(engine: Engine, wanted: Wanted, log_sha256: str, configuration
 
 
 def add_location(engine: Engine, log: StoredLog, log_sha256: str | None, origin: Origin) -> None:
-    """Store which log a file holds, so that the next start need not read it; None for one not read to its end."""
+    """Store which log a file contains, so that the next start need not read it; None for a log not read to its end."""
     with engine.begin() as connection:
         _add_location(connection, log, log_sha256, origin)
 
@@ -131,17 +131,17 @@ def add_location(engine: Engine, log: StoredLog, log_sha256: str | None, origin:
 def add_solution(
     engine: Engine, wanted: Wanted, log: StoredLog, result: Result, text: str, *, changed: bool | None, again: bool
 ) -> tuple[int, bool]:
-    """Write a solution and its location unless there is one; return its number, and whether it was written.
+    """Write a solution and its location if it is missing; return its number, and whether it was written.
 
     Parameters
     ----------
     engine : database
-    wanted : what was solved
-    log : where the log is
+    wanted : settings of the solution
+    log : location of the log
     result : the solution
     text : its JSON
     changed : whether configuration, range or stages differ from the log's own; None if unknown
-    again : whether to write beside a failure too
+    again : whether to write a solution in addition to a stored failure
     """
     rows = result.parameters
     numbers = [number for kind in ("value", "sigma") for number in (getattr(row, kind) for row in rows.values())]
@@ -175,7 +175,7 @@ def add_solution(
             written = connection.execute(insert).scalar()
             if written is not None:
                 return int(written), True
-            there = _solution(connection, key)  # of another worker
+            there = _solution(connection, key)  # written by another worker
         assert there is not None
         return there.number, False
 
@@ -215,7 +215,7 @@ def _key(wanted: Wanted, log_sha256: str, configuration_sha256: str) -> dict[str
 
 
 def _insert(connection: Connection, table: Table) -> Any:
-    """Return an INSERT that can yield to an existing row."""
+    """Return an INSERT that ignores existing rows."""
     return (postgresql if connection.dialect.name == "postgresql" else sqlite).insert(table)
 
 

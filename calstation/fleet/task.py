@@ -1,4 +1,4 @@
-"""One log on a worker: copied, solved, written into the database; only its status returns."""
+"""Task for one log on a worker: copy, solve, write to the database; only the status is returned."""
 
 import hashlib
 import json
@@ -30,7 +30,7 @@ from calstation.messages import values_to_json
 from calstation.records import Log, LogMeta, locked, open_log
 from calstation.results import SCHEMA, Result, resolve_log, warm_up
 
-#: Pauses before a file or the database is tried again, s.
+#: Pauses before the file or database is tried again, s.
 PAUSES = (1.0, 3.0, 10.0)
 #: Longest time to wait for another process of this host that compiles the kernels, s.
 _COMPILED_WITHIN = 600.0
@@ -45,29 +45,29 @@ Outcome = Literal["solved", "there", "failed", "unreachable", "not_selected", "r
 
 @dataclass(frozen=True)
 class Assignment:
-    """What all tasks have in common."""
+    """Settings common to all tasks."""
 
     database: str
     wanted: Wanted
     selection: Selection = field(default_factory=Selection)
-    retry_failed: bool = False  #: Whether logs that are stored as failed are solved again.
+    retry_failed: bool = False  #: Whether to solve again logs that are stored as failed.
     software: str = __version__
 
 
 @dataclass(frozen=True)
 class Status:
-    """What became of a log."""
+    """Outcome for a log."""
 
     location: str
     outcome: Outcome
-    solution: int | None = None  #: Its number in the database; None without one.
+    solution: int | None = None  #: Number of its solution in the database; None without a solution.
     error: dict[str, Any] = field(default_factory=dict)  #: The error as in a result JSON; {} if there is none.
     changed: bool | None = None  #: Whether configuration, range or stages differ from the log's own; None if unknown.
     seconds: dict[str, float] = field(default_factory=dict)  #: Duration of ``copy``, ``solve`` and ``write``.
 
 
 class UnreachableError(Exception):
-    """A log or the database cannot be reached now."""
+    """A log or the database is currently unreachable."""
 
     def __init__(self, error: CalstationError) -> None:
         super().__init__(str(error))
@@ -75,7 +75,7 @@ class UnreachableError(Exception):
 
 
 class WarmUp(WorkerPlugin):
-    """Prepares a worker: its host compiles the kernels once; on a local worker, Ctrl-C concerns only its program."""
+    """Prepares a worker: the kernels are compiled once per host; a local worker ignores Ctrl-C."""
 
     name = "calstation"
     idempotent = True
@@ -96,15 +96,15 @@ def _warm() -> None:
 
 
 def _user() -> str:
-    """Number of the user, whose lock no other user can open; on Windows the folder is the user's own."""
+    """Return the user id, because other users cannot open the lock; on Windows the folder belongs to the user."""
     return "" if sys.platform == "win32" else str(os.getuid())
 
 
 def solve_stored_log(assignment: Assignment, stored: StoredLog) -> Status:
-    """Copy a log to the local disk, solve it and write the solution, unless there is one.
+    """Copy a log to the local disk, solve it and write the solution, if it is missing.
 
-    A log that cannot be solved is written as failed, but not for lack of memory. Raises nothing, because a traceback
-    that distributed cannot unpack would leave the program that waits for this task waiting for ever.
+    A log that cannot be solved is written as failed, except for lack of memory. This function never raises, because a
+    traceback that distributed cannot unpickle would make the program wait forever for this task.
     """
     seconds: dict[str, float] = {}
     try:
@@ -120,9 +120,9 @@ def solve_stored_log(assignment: Assignment, stored: StoredLog) -> Status:
         status = Status(stored.location, "unreachable", error=error_of(failure))
     except ConfigurationError as exc:
         status = Status(stored.location, "refused", error=error_of(exc))
-    except Exception as exc:  # a mistake of the program must not stop the rest
+    except Exception as exc:  # a programming error must not stop the other tasks
         logger.exception("solving %s failed", stored.location)
-        status = Status(stored.location, "unreachable", error=error_of(_mistake(stored, exc)))
+        status = Status(stored.location, "unreachable", error=error_of(_internal_error(stored, exc)))
     return replace(status, seconds=seconds)
 
 
@@ -149,7 +149,7 @@ class _LogTask:
     seconds: dict[str, float]
 
     def solve(self) -> Status:
-        """Solve the log and write the solution, unless there is one or the log is not selected."""
+        """Solve the log and write the solution, if it is missing and the log is selected."""
         begin = time.perf_counter()
         stored, wanted, again = self.stored, self.assignment.wanted, self.assignment.retry_failed
         log: Log | None = None
@@ -172,21 +172,21 @@ class _LogTask:
             result = resolve_log(log, meta, wanted.stages, *span, diagnostics=wanted.diagnostics).result
         except (DBAPIError, UnreachableError, OSError, MemoryError):
             raise
-        except Exception as exc:  # a mistake of the program must not stop the rest
+        except Exception as exc:  # a programming error must not stop the other tasks
             logger.exception("solving %s failed", stored.location)
-            failure = exc if isinstance(exc, CalstationError) else _mistake(stored, exc)
+            failure = exc if isinstance(exc, CalstationError) else _internal_error(stored, exc)
             digests = _digests(log, wanted, self.local)
             result = failed_result(failure, None if log is None else log.meta, str(self.local), *digests)
         self.seconds["solve"] = time.perf_counter() - begin
         try:
             return self._write(result, changed)
-        except (DataError, IntegrityError) as exc:  # e.g. a zero character, which PostgreSQL has not
+        except (DataError, IntegrityError) as exc:  # for example a NUL character, which PostgreSQL does not support
             failure = CalstationError("fleet.not_stored", file=stored.location, reason=str(exc.orig))
             digests = result.log.sha256, result.configuration_sha256
             return self._write(failed_result(failure, None, str(self.local), *digests), changed)
 
     def _write(self, result: Result, changed: bool | None) -> Status:
-        """Write a result into the database, with the location of the log in place of the path of its copy."""
+        """Write a result to the database, with the location of the log instead of the path of its copy."""
         begin = time.perf_counter()
         stored = self.stored
         quoted, location = (json.dumps(text, ensure_ascii=False)[1:-1] for text in (str(self.local), stored.location))
@@ -201,7 +201,7 @@ class _LogTask:
         return Status(stored.location, outcome, number, error, changed)
 
     def _in_database(self, action: Callable[[], T]) -> T:
-        """Return the result of an action, which is repeated while the database is not reachable or is locked."""
+        """Return the result of an action, which is repeated while the database is unreachable or locked."""
 
         def attempt() -> T:
             try:
@@ -213,16 +213,16 @@ class _LogTask:
 
 
 def _is_changed(own: LogMeta, meta: LogMeta, wanted: Wanted) -> bool:
-    """Whether configuration, range or stages differ from the log's own."""
+    """Return whether configuration, range or stages differ from the log's own."""
     if meta != own or wanted.first_seq is not None or wanted.last_seq is not None:
         return True
     return wanted.stages is not None and (own.run is None or [*wanted.stages] != own.run.stages)
 
 
 def _digests(log: Log | None, wanted: Wanted, local: Path) -> tuple[str, str]:
-    """Return the digests of log and configuration by which its solution is found, also in other versions.
+    """Return the digests of log and configuration that identify its solution, also in other versions.
 
-    That of the bytes of the file stands for a log that cannot be read to its end.
+    For a log that cannot be read to its end, the digest of the file's bytes is used.
     """
     try:
         assert log is not None
@@ -269,7 +269,7 @@ def error_of(error: CalstationError) -> dict[str, Any]:
     return {"error": str(error), "error_code": error.code, "error_values": values_to_json(error.values)}
 
 
-def _mistake(stored: StoredLog, error: Exception) -> CalstationError:
+def _internal_error(stored: StoredLog, error: Exception) -> CalstationError:
     return CalstationError("fleet.solving_failed", file=stored.location, detail=f"{type(error).__name__}: {error}")
 
 
@@ -280,7 +280,7 @@ def _not_read(error: Exception) -> ConfigurationError:
 def _copied(stored: StoredLog, folder: Path) -> Path:
     """Copy a log, and the TOML file of a CSV, into a folder; return its path.
 
-    Raises UnreachableError, also if the copy has another size or, in the archive, another digest than the original.
+    Raises UnreachableError, also if the size of the copy or, in the archive, its digest differs from the original.
     """
     try:
         system, paths = files_of(stored.location)
@@ -288,7 +288,7 @@ def _copied(stored: StoredLog, folder: Path) -> Path:
         for path, target in zip(paths, targets, strict=True):
             system.get_file(path, str(target))
         sizes = [target.stat().st_size for target in targets]
-    except Exception as exc:  # every file system has errors of its own
+    except Exception as exc:  # every file system has its own errors
         raise UnreachableError(_not_read(exc)) from exc
     damaged = any(wanted not in (None, size) for wanted, size in zip(stored.sizes, sizes, strict=True))
     if stored.file_sha256 is not None and not damaged:
@@ -301,7 +301,7 @@ def _copied(stored: StoredLog, folder: Path) -> Path:
 
 @lru_cache(maxsize=1)
 def _engine(database: str) -> Engine:
-    """Return an engine that keeps no connection, since hundreds of workers must not each hold one while they solve."""
+    """Return an engine without a pool, because hundreds of workers must not hold connections while solving."""
     try:
         return connect(database, pooled=False)
     except ConfigurationError as exc:

@@ -1,5 +1,7 @@
-"""Read the catalogue: one TOML file per family and one table per code (``modbus.no_answer`` is ``[no_answer]`` in
-``catalogue/modbus.toml``)."""
+"""Reader of the catalogue: one TOML file per family and one table per code.
+
+The code ``modbus.no_answer`` is the table ``[no_answer]`` in ``catalogue/modbus.toml``.
+"""
 
 import re
 import tomllib
@@ -18,11 +20,11 @@ class Entry:
     code: str  #: Family and name, such as ``modbus.no_answer``.
     text: str  #: What happened, with the names of its values in braces.
     remedy: str = ""  #: What to do; may be empty.
-    window: str = ""  #: Remedy in the window if it differs from that of the command line; empty otherwise.
+    window: str = ""  #: Remedy in the window if it differs from the command line's; otherwise empty.
     zh: str = ""  #: Text in Chinese.
     zh_remedy: str = ""  #: Remedy in Chinese, as shown in the window.
     severity: Severity = "error"
-    #: Location of the cause: a name of the family ``source``, such as ``table``, or a value in braces that provides
+    #: Location of the cause: a name of the family ``source``, such as ``table``, or a value in braces that contains
     #: one; empty if no location is shown.
     source: str = ""
     resettable: bool = False  #: Whether an operator may reset the fault on the device.
@@ -55,7 +57,7 @@ def family(name: str) -> dict[str, Entry]:
 
 
 def known(code: str) -> bool:
-    """Whether the catalogue contains this code."""
+    """Return whether the catalogue contains a code."""
     return re.fullmatch(r"[a-z_]+\.\w+", code) is not None and code in family(code.partition(".")[0])
 
 

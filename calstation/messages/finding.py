@@ -1,4 +1,4 @@
-"""Findings of a link test: ids and values; the catalogue family ``finding`` provides their texts."""
+"""Findings of a link test: ids and values; the catalogue family ``finding`` contains their texts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

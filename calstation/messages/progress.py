@@ -1,4 +1,4 @@
-"""Build the messages of progress events from event ids and step labels."""
+"""Messages of progress events, built from event ids and step labels."""
 
 from collections.abc import Mapping
 
@@ -41,7 +41,7 @@ def step_text(kind: str, label: tuple[str | float, ...]) -> Text:
 
 
 def short_step_text(label: tuple[str | float, ...]) -> Text:
-    """Return what a move does from its label in a few characters, or else as `step_text`."""
+    """Return a few characters that describe a move, from its label, or else the result of `step_text`."""
     return _labelled("step_short", label) if known(f"step_short.{label[0]}") else step_text("move", label)
 
 

@@ -12,14 +12,14 @@ from calstation.messages.catalogue import entry, known
 
 Language = Literal["en", "zh_CN"]
 
-#: Type of a message's values: JSON data, or another message that becomes part of the sentence.
+#: A message's values: JSON data, or another message that becomes part of the sentence.
 Value = Any
 
 #: Values that the command line adds so that the commands in remedies can be copied unchanged: the options that select
 #: station and product, the run folder and the slot. Otherwise, and in the window, they are empty.
 COMMAND_OPTIONS = ("station_options", "out_option", "slot_option")
 
-#: How a sentence ends.
+#: Endings of complete sentences.
 _ENDS = (".", "?", "!", ".)", "。", "？", "！", "。）")
 
 _NO_DIGITS = str.maketrans("", "", string.digits)
@@ -91,7 +91,7 @@ class Rendered:
 def render(code: str, values: Mapping[str, Value], language: Language = "en", *, window: bool = False) -> Rendered:
     """Render a message in one language. Raises KeyError for an unknown code or a missing value.
 
-    With `window`, remedies may refer to elements of the window, such as buttons; in Chinese they always may.
+    With `window`, remedies may refer to elements of the window, such as buttons; in Chinese they always do.
     """
     found = entry(code)
     options = {name: values[name] for name in COMMAND_OPTIONS if name in values}
@@ -172,7 +172,7 @@ def values_from_json(values: Mapping[str, Any]) -> dict[str, Value]:
 class _Formatter(string.Formatter):
     """A `str.format` that also renders nested messages, the terms of a family (``{axis:@joint}``), times and names.
 
-    ``{utc:local_time}`` shows a time in UTC as that of this computer's time zone, and ``{name:parameter}`` a parameter
+    ``{utc:local_time}`` shows a UTC time in this computer's time zone, and ``{name:parameter}`` a parameter
     by its display name in the window, otherwise by its name in files.
     """
 

@@ -1,4 +1,4 @@
-"""Compensation of raw IMU output with the parameters of the error model, and corrections one after the other."""
+"""Compensation of raw IMU output with the error-model parameters, and composition of successive corrections."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -41,7 +41,7 @@ def _inverse(parameters: FloatArray, *groups: str) -> FloatArray:
 def compensate(c: Compensation, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return angular rate, rad/s, and specific force, m/s², at the reference point from raw mean rates, shape (n, 3).
 
-    Without gyros, whose output is then NaN, the specific force is that without rotation. The second-order term is
+    Without gyros (output NaN), the specific force is computed as if the unit did not rotate. The second-order term is
     found by three fixed-point iterations, whose relative error is (2 K2 f)³.
     """
     omega = (gyro - c.gyro_bias) @ c.gyro_inverse.T
@@ -59,9 +59,9 @@ def parameter_vector(values: Mapping[str, float]) -> FloatArray:
 
 
 def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, float]:
-    """Combine registers with a solution from their output into all 30 parameters, by name, SI; missing ones count as 0.
+    """Combine register values and a solution from the corrected output into all 30 parameters, by name, SI.
 
-    Parameters of effects that the solution contains follow.
+    Missing values count as 0. Parameters of effects in the solution are appended.
 
     With raw = (I + M_old) y + b_old and y = (I + M) ω + b, the raw output is
     (I + M_old)(I + M) ω + (I + M_old) b + b_old. Second-order terms and levers, which act on the specific force itself,

@@ -91,7 +91,7 @@ _PAIRS = tuple(f"{a}{b}" for a in AXES for b in AXES if a != b)
 
 EffectName = Literal["g_sensitivity", "gyro_asymmetry", "accel_cubic", "accel_cross", "accel_off_axis", "time_skew"]
 
-#: Parameters of effects that a unit's model may contain beyond the 30: SI unit, components, and the sigma expected.
+#: Parameters of effects that a unit's model may contain beyond the 30: SI unit, components and expected sigma.
 EFFECTS: dict[EffectName, tuple[str, tuple[str, ...], float]] = {
     "g_sensitivity": ("rad·s/m", tuple(f"{a}{b}" for a in AXES for b in AXES), 1e-4),
     "gyro_asymmetry": ("1", tuple(AXES), 1e-2),
@@ -117,7 +117,7 @@ def pair_name(name: str, number: int) -> str:
 
 
 def further_parameter(name: str) -> FurtherParameter | None:
-    """Return the parameter outside the 30 for a name, of a pair also with IMU number; None if the name is unknown."""
+    """Return the parameter outside the 30 with a name, which may contain an IMU number; None if the name is unknown."""
     return _FURTHER.get(name.translate(_NO_DIGITS))
 
 
@@ -128,7 +128,7 @@ def group_of(name: str) -> str:
 
 
 def entry_of(entries: Mapping[str, T], name: str) -> T | None:
-    """Return the entry of a parameter among entries of parameters and groups: its own, else that of its group."""
+    """Return the entry for a parameter from entries by parameter or group name: its own, or else its group's."""
     return entries.get(name, entries.get(group_of(name)))
 
 
@@ -152,7 +152,7 @@ def named(name: str) -> list[int]:
 
 
 def reached(sigma: FloatArray, targets: Mapping[str, float]) -> bool:
-    """Whether every element of `sigma` (shape (30,), SI) with a target is at or below it."""
+    """Return whether every element of `sigma` (shape (30,), SI) with a target is at or below it."""
     return all(sigma[i] <= limit for name, limit in targets.items() for i in named(name))
 
 

@@ -10,7 +10,7 @@ The order of the error states is φ (0:3), δv (3:6), δp (6:9), the 30 paramete
 References
 ----------
 P. G. Savage, *Strapdown Inertial Navigation Integration Algorithm Design*, J. Guidance Control Dynamics
-21(1-2), 1998: coning and sculling from the last and the present increment;
+21(1-2), 1998: coning and sculling from the last and the current increment;
 the third-order term assumes constant ω and quadratic f over the sample.
 P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 14.
 """
@@ -170,8 +170,8 @@ def _increments(
 ) -> tuple[Vector, Vector]:
     """Return rotation vector, rad, and velocity increment, m/s, in b over one sample.
 
-    Both contain coning and sculling, and the velocity the third-order term ωdt×(ωdt×f dt)/6, without which gravity in
-    a steadily rotating body is too small by (ω dt)²/6.
+    Both include coning and sculling terms. The velocity also includes the third-order term ωdt×(ωdt×f dt)/6, without
+    which gravity in a steadily rotating body is too small by (ω dt)²/6.
     """
     coning = _cross_product(last_omega, omega)
     turned = _cross_product(omega, force)
@@ -196,7 +196,8 @@ def increments(c: Compensation, dt: float, gyro: FloatArray, accel: FloatArray) 
     """Compute the motion of n samples from their raw mean rates, rad/s and m/s², shape (n, 3), `dt` s apart."""
     count = len(gyro)
     rate, rotation, velocity = np.empty((count, 3)), np.empty((count, 9)), np.empty((count, 3))
-    for k in range(count):  # apart, because samples that do not depend on each other are computed at the same time
+    # separate loop, because samples that do not depend on each other are computed at the same time
+    for k in range(count):
         omega = _angular_rate(c, gyro, k)
         force = _specific_force(c, accel, k, omega)
         for i in range(3):
@@ -363,9 +364,9 @@ def propagate(
 def _parameter_columns(
     c: Compensation, gravity: float, omega: Vector, up: Vector, C: FloatArray, turn: FloatArray, push: FloatArray
 ) -> None:
-    """Write C ∂ω/∂p, shape (3, 12), and C ∂f/∂p, shape (3, 27), as `dynamics`: one product for columns that share it.
+    """Write C ∂ω/∂p, shape (3, 12), and C ∂f/∂p, shape (3, 27), as in `dynamics`; shared products are computed once.
 
-    `up` is the direction of up in b, for the force that gravity and rotation imply.
+    `up` is the upward direction in b, for the force implied by gravity and rotation.
     """
     x, y, z = omega
     lever, g, a, q = c.inner_lever, c.gyro_inverse, c.accel_inverse, c.quadratic
@@ -382,7 +383,7 @@ def _parameter_columns(
         turn[i, 3], turn[i, 4], turn[i, 5] = d * x, e * y, f * z
         turn[i, 6], turn[i, 7], turn[i, 8] = d * y, d * z, e * x
         turn[i, 9], turn[i, 10], turn[i, 11] = e * z, f * x, f * y
-        # the size effect turns an error of the rate into one of the force
+        # the size effect turns an error of the rate into an error of the force
         m = 2.0 * x * (t * lever[1] + u * lever[2])
         n = 2.0 * y * (s * lever[0] + u * lever[2])
         o = 2.0 * z * (s * lever[0] + t * lever[1])

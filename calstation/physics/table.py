@@ -22,7 +22,7 @@ JOINTS = ("outer", "inner")
 
 #: A rotation matrix by rows.
 Orientation = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
-#: Orientation of a unit whose axes are those of the platform, and its name.
+#: Orientation of a unit aligned with the platform axes, and its name.
 DEFAULT_ORIENTATION = "+x+z"
 ALIGNED: Orientation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 #: Names of the 24 right-angled orientations of a unit: its body axes along x and z of the platform.
@@ -42,7 +42,7 @@ class JointLimits:
     acceleration: tuple[float, float] = (np.inf, np.inf)
 
     def within(self, joint: int, angle: float) -> bool:
-        """Whether `angle`, rad, is within the travel of the joint, with a tolerance of 1e-9 rad for rounding."""
+        """Return whether `angle`, rad, is within the travel of the joint, with a tolerance of 1e-9 rad for rounding."""
         return self.low[joint] - 1e-9 <= angle <= self.high[joint] + 1e-9
 
     def limited(self, rate: float, acceleration: float) -> tuple[float, float]:
@@ -77,7 +77,7 @@ class GimbalJoints:
 class TableGeometry:
     """Axes of a two-axis table, expressed in platform axes at home (both joints 0), and its limits.
 
-    The platform's axes are those of a unit with the default orientation.
+    A unit with the default orientation is aligned with the platform axes.
     """
 
     outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
@@ -96,7 +96,10 @@ class TableGeometry:
         return axis_rotation((0.0, 0.0, 1.0), -azimuth) @ self.body_to_home(outer, inner)
 
     def nearest(self, joint: int, angle: float, near: float) -> float:
-        """Return `angle` plus full turns nearest to `near`, rad. Raises ConfigurationError if none is in the travel."""
+        """Return `angle`, rad, plus the full turns that bring it nearest to `near`.
+
+        Raises ConfigurationError if no such angle is within the travel.
+        """
         turn = 2.0 * np.pi
         reachable = np.clip(near, self.limits.low[joint], self.limits.high[joint])
         best = angle + turn * np.round((reachable - angle) / turn)
@@ -120,7 +123,7 @@ class TableGeometry:
         return self._platform_up(self._on_platform(direction), near)
 
     def _platform_up(self, p: FloatArray, near: tuple[float, float]) -> tuple[float, float]:
-        """Do as `pose_up` for a unit vector in platform axes."""
+        """Return the joint angles as `pose_up` does, for a unit vector in platform axes."""
         w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
         solutions = []
         for c in _circle_intersections(w1, w2, p, UP):
@@ -156,7 +159,8 @@ class TableGeometry:
     def level_inner(self, near: tuple[float, float]) -> float:
         """Return the outer angle, rad, nearest `near`, that makes the inner axis horizontal.
 
-        Gravity then observes rotations about it. Returns the outer angle of `near` if no outer angle achieves this.
+        Rotations about it are then observable from gravity. Returns the outer angle of `near` if no outer angle
+        achieves this.
         """
         w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
         # height of R(w1, o) w2 = a + b cos o + c sin o
@@ -192,7 +196,7 @@ def _parallel(a: FloatArray, b: FloatArray) -> bool:
 
 
 def _circle_intersections(w1: FloatArray, w2: FloatArray, p: FloatArray, q: FloatArray) -> list[FloatArray]:
-    """Return the unit vectors on both the circle of p about w2 and that of q about w1, or else the closest ones."""
+    """Return the intersections, unit vectors, of the circles of p about w2 and q about w1, or their closest points."""
     d = float(w1 @ w2)
     alpha = (d * (w2 @ p) - w1 @ q) / (d * d - 1.0)
     beta = (d * (w1 @ q) - w2 @ p) / (d * d - 1.0)

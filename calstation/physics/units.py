@@ -71,7 +71,7 @@ _BY_UNIT: dict[str, tuple[str, float]] = {
 
 
 def unit_of(unit: str) -> tuple[str, float]:
-    """Return the display unit of an SI unit, and its size in SI; an unknown unit is displayed as it is."""
+    """Return the display unit of an SI unit, and its size in SI; an unknown unit is displayed unchanged."""
     return _BY_UNIT.get(unit, (unit, 1.0))
 
 
@@ -94,14 +94,14 @@ def display(name: str, value: float) -> tuple[float, str]:
 
 
 def in_unit(value: float, size: float) -> str:
-    """Format an SI value in a unit of a size in SI, with as many digits as the value has itself, but 6 to 12."""
+    """Format an SI value in a unit of `size` in SI, with as many digits as the value has, at least 6 and at most 12."""
     digits = len(Decimal(repr(float(value))).normalize().as_tuple().digits)
     text = f"{value / size:.{min(12, max(6, digits))}g}"
     return f"{Decimal(text):f}" if "e+" in text else text
 
 
 def from_unit(value: float, size: float) -> float:
-    """Convert a value in a unit of a size in SI to SI; `in_unit` gives up to 12 digits back as they were."""
+    """Convert a value in a unit of `size` in SI to SI; up to 12 digits survive a round trip through `in_unit`."""
     return float(f"{value * size:.15g}")
 
 

@@ -1,4 +1,4 @@
-"""Process capability within the short term (Cp, Cpk) and overall (Pp, Ppk), with confidence intervals.
+"""Process capability, short-term (Cp, Cpk) and overall (Pp, Ppk), with confidence intervals.
 
 Sources: S. Kotz and N. L. Johnson, *Process Capability Indices*, 1993; A. F. Bissell, *How reliable is your capability
 index?*, Applied Statistics 39(3), 1990, 331-340; NIST/SEMATECH *e-Handbook of Statistical Methods*, section 6.1.6.
@@ -15,13 +15,13 @@ from calstation.errors import InputError
 from calstation.physics import FloatArray
 from calstation.quality.charts import D2
 
-#: Fewest values for an index.
+#: Smallest number of values for an index.
 _LEAST = 3
-#: Most values that the test of the normal distribution takes, evenly spread: with more it would refuse deviations that
-#: do not matter.
+#: Largest number of values used by the normality test, evenly spread: with more values the test would reject irrelevant
+#: deviations.
 _TESTED = 1000
 #: Variance of the mean of n - 1 moving ranges of normal values, times (n - 1), relative to its square: the variance of
-#: a range and its covariance with the next one, which shares a value, for n much larger than 1.
+#: a range plus its covariance with the next range, which shares a value, for n much larger than 1.
 _RANGE_VARIANCE = (math.pi / 2 - 1) + 2 * (math.sqrt(3) / 2 + math.pi / 12 - 1)
 
 
@@ -40,17 +40,17 @@ class Capability:
 
     count: int
     mean: float
-    sigma_within: float  #: Standard deviation in the short term, from the mean moving range.
+    sigma_within: float  #: Short-term standard deviation, from the mean moving range.
     sigma_overall: float  #: Standard deviation of all values.
     low: float  #: Lower limit.
     high: float  #: Upper limit.
     confidence: float
-    cp: Interval  #: Width of the limits over 6 sigma within.
-    cpk: Interval  #: Distance of the nearer limit over 3 sigma within.
-    pp: Interval  #: As `cp`, overall.
-    ppk: Interval  #: As `cpk`, overall.
-    outside: int  #: Values outside the limits.
-    #: p-value of the Anderson-Darling test of the normal distribution that the indices assume, from 0.01 (or less) to
+    cp: Interval  #: Width of the limits divided by 6 `sigma_within`.
+    cpk: Interval  #: Distance of the nearer limit divided by 3 `sigma_within`.
+    pp: Interval  #: As `cp`, with `sigma_overall`.
+    ppk: Interval  #: As `cpk`, with `sigma_overall`.
+    outside: int  #: Number of values outside the limits.
+    #: p-value of the Anderson-Darling test of the normal distribution assumed by the indices, from 0.01 (or less) to
     #: 0.15 (or more).
     normality_p: float
 
@@ -61,10 +61,11 @@ class Capability:
 
 
 def capability(values: FloatArray, low: float, high: float, *, confidence: float = 0.95) -> Capability:
-    """Return the capability of values in the order of their time, in the unit of the limits.
+    """Return the capability of values in chronological order, in the unit of the limits.
 
-    The intervals of Cp and Pp are those of a standard deviation (chi-square), the intervals of Cpk and Ppk Bissell's.
-    The overall standard deviation has n - 1 degrees of freedom, that of the moving ranges about 0.605 (n - 1).
+    The intervals of Cp and Pp follow from the standard deviation (chi-square), the intervals of Cpk and Ppk are
+    Bissell's. The overall standard deviation has n - 1 degrees of freedom, the standard deviation from moving ranges
+    about 0.605 (n - 1).
 
     Parameters
     ----------
@@ -122,16 +123,16 @@ def cpk_interval(index: float, count: int, dof: float, confidence: float) -> Int
 def moving_range_dof(count: int) -> float:
     """Return the degrees of freedom of the standard deviation from the mean moving range of `count` normal values.
 
-    They are those of the chi distribution with the same relative variance, 1 / (2 dof).
+    They equal the degrees of freedom of the chi distribution with the same relative variance, 1 / (2 dof).
     """
     n = count - 1
-    shared = 2.0 * (math.sqrt(3) / 2 + math.pi / 12 - 1) / n  # the last range has no next one
+    shared = 2.0 * (math.sqrt(3) / 2 + math.pi / 12 - 1) / n  # the last range has no successor
     return n / (2.0 * (_RANGE_VARIANCE - shared))
 
 
 @lru_cache
 def _factors(dof: float, confidence: float) -> tuple[float, float]:
-    """Return the confidence limits of the reciprocal of a standard deviation, as factors; all parameters share them."""
+    """Return the confidence limits of the reciprocal of a standard deviation, as factors."""
     tail = (1.0 - confidence) / 2.0
     low, high = (float(math.sqrt(stats.chi2.ppf(p, dof) / dof)) for p in (tail, 1.0 - tail))
     return low, high

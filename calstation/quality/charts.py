@@ -25,20 +25,20 @@ D4 = 1.0 + 3.0 * D3 / D2
 #: Numbers of Nelson's rules.
 RULES = (1, 2, 3, 4, 5, 6, 7, 8)
 
-#: Number of first values from which center and standard deviation are estimated; they then stay.
+#: Number of first values from which center and standard deviation are estimated; later values do not change them.
 BASELINE = 100
 
-#: Fewest values from which they can be estimated.
+#: Smallest number of values for an estimate.
 _LEAST = 2
-#: Number of values that `restarted_ewma_chart` takes at first after a signal.
+#: Number of values that `restarted_ewma_chart` processes first after a signal.
 _RESTARTED = 512
-#: Half the logarithm of a number that does not change 1 when it is subtracted.
+#: Half the logarithm of a number that does not change 1 when subtracted from it.
 _NEGLIGIBLE = -20.0
 
 
 @dataclass(frozen=True)
 class Widths:
-    """How far the limits of the charts are from the center, in sigmas."""
+    """Distances of the charts' limits from the center, in sigmas."""
 
     individuals: float = 3.0
     ewma: float = 2.86  #: L, in sigmas of the average.
@@ -48,31 +48,31 @@ class Widths:
 #: Limits for a known center and sigma: one false alarm of each chart in 370 values (Montgomery; J. M. Lucas and
 #: M. S. Saccucci, Technometrics 32(1), 1990, 1-12; D. M. Hawkins, Journal of Quality Technology 25(4), 1993, 248-261).
 KNOWN = Widths()
-#: Limits for a center and sigma estimated from `BASELINE` values, whose errors would cause half as many alarms again:
-#: one false alarm in 370 values on average over baselines. That of the individuals is exact, t(0.99865) with the
-#: degrees of freedom of the mean moving range, times sqrt(1 + 1 / BASELINE) (F. S. Hillier, Journal of Quality
-#: Technology 1(1), 1969, 17-26); those of EWMA and CUSUM are simulated (L. A. Jones, Journal of Quality Technology
-#: 34(3), 2002, 277-288; L. A. Jones, C. W. Champ and S. E. Rigdon, Journal of Quality Technology 36(1), 2004, 95-108).
+#: Limits for a center and sigma estimated from `BASELINE` values, whose errors would otherwise cause half as many
+#: alarms again: one false alarm in 370 values on average over baselines. The limit of the individuals is exact,
+#: t(0.99865) with the degrees of freedom of the mean moving range, times sqrt(1 + 1 / BASELINE) (F. S. Hillier, Journal
+#: of Quality Technology 1(1), 1969, 17-26); the limits of EWMA and CUSUM are simulated (L. A. Jones, Journal of Quality
+#: Technology 34(3), 2002, 277-288; L. A. Jones, C. W. Champ and S. E. Rigdon, Journal of Quality Technology 36(1),
+#: 2004, 95-108).
 ESTIMATED = Widths(3.13, 3.06, 5.35)
 
-#: Where center and sigma of a chart come from: the first `BASELINE` values, all values while there are fewer, or
-#: statements about the process.
+#: Origin of a chart's center and sigma: the first `BASELINE` values, all values if there are fewer, or stated values.
 Source = Literal["baseline", "retrospective", "stated"]
 
 
 @dataclass(frozen=True)
 class Process:
-    """Center and standard deviation, in the short term, of a process in control."""
+    """Center and short-term standard deviation of a process in control."""
 
     center: float
     sigma: float
-    baseline: int = 0  #: Number of first values from which they are estimated; 0 if they are stated.
+    baseline: int = 0  #: Number of first values used for the estimate; 0 if the values are stated.
 
     @classmethod
     def estimated(cls, values: FloatArray, center: float | None = None) -> "Process":
         """Return the mean and the mean moving range over d2 of the first `BASELINE` values, of all if there are fewer.
 
-        A known `center` takes the place of the mean. Raises InputError if there are fewer than two values.
+        A known `center` replaces the mean. Raises InputError if there are fewer than two values.
         """
         known = values[:BASELINE]
         if len(known) < _LEAST:
@@ -82,18 +82,18 @@ class Process:
 
     @property
     def source(self) -> Source:
-        """Where they come from."""
+        """Origin of the values."""
         return "stated" if self.baseline == 0 else "baseline" if self.baseline == BASELINE else "retrospective"
 
     @property
     def widths(self) -> Widths:
-        """Widths of the limits of charts of this process."""
+        """Distances of the limits for charts of this process."""
         return KNOWN if self.baseline == 0 else ESTIMATED
 
 
 @dataclass(frozen=True)
 class Signals:
-    """Points at which a chart signals, in order of the points."""
+    """Points at which a chart signals, in chronological order."""
 
     index: IntArray  #: Index of the point that completes the pattern, shape (m,).
     rule: IntArray  #: Nelson's rule, shape (m,).
@@ -109,13 +109,13 @@ class IndividualsChart:
 
     values: FloatArray  #: Shape (n,).
     center: float
-    sigma: float  #: Standard deviation of a value in the short term.
+    sigma: float  #: Short-term standard deviation of a value.
     low: float  #: Lower control limit.
     high: float  #: Upper control limit.
     ranges: FloatArray  #: Moving ranges of two successive values, shape (n - 1,).
     range_center: float
     range_high: float  #: Upper control limit of the moving ranges; the lower is 0.
-    signals: Signals  #: Of the individuals, by Nelson's rules.
+    signals: Signals  #: Signals of the individuals, by Nelson's rules.
     range_signals: IntArray  #: Indices of the values that end a moving range above its limit.
 
 
@@ -139,8 +139,8 @@ class CusumChart:
     """Tabular CUSUM of both sides, in sigmas of a value."""
 
     values: FloatArray  #: Shape (n,).
-    upper: FloatArray  #: Sum of what exceeds center + k sigma, shape (n,).
-    lower: FloatArray  #: Sum of what falls below center - k sigma, shape (n,), not negative.
+    upper: FloatArray  #: Cumulative sum of the excess over center + k sigma, shape (n,).
+    lower: FloatArray  #: Cumulative sum of the shortfall below center - k sigma, shape (n,), not negative.
     center: float
     sigma: float
     allowance: float  #: k, sigmas.
@@ -152,7 +152,7 @@ class CusumChart:
 def individuals_chart(
     values: FloatArray, center: float, sigma: float, *, width: float = KNOWN.individuals
 ) -> IndividualsChart:
-    """Return the individuals and moving range chart of values in the order of their time.
+    """Return the individuals and moving range chart of values in chronological order.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def ewma_chart(
 ) -> EwmaChart:
     """Return the chart of the exponentially weighted moving average with the exact limits of every point.
 
-    `weight` is lambda, `width` L in sigmas of the average. The other parameters are those of `individuals_chart`.
+    `weight` is lambda, `width` L in sigmas of the average. The other parameters are as in `individuals_chart`.
     """
     average, _ = lfilter([weight], [1.0, weight - 1.0], values - center, zi=[0.0])
     average = np.asarray(average) + center
@@ -196,7 +196,7 @@ def ewma_chart(
 
 
 def restarted_ewma_chart(values: FloatArray, center: float, sigma: float, *, weight: float, width: float) -> EwmaChart:
-    """Return the chart of `ewma_chart`, which starts again after each signal, average and limits alike."""
+    """Return the chart of `ewma_chart`, with average and limits restarted after each signal."""
     parts: list[EwmaChart] = []
     signals: list[int] = []
     first, size = 0, _RESTARTED
@@ -218,9 +218,9 @@ def restarted_ewma_chart(values: FloatArray, center: float, sigma: float, *, wei
 def cusum_chart(
     values: FloatArray, center: float, sigma: float, *, allowance: float = 0.5, decision: float = KNOWN.cusum
 ) -> CusumChart:
-    """Return the tabular CUSUM of both sides; it does not start again after a signal.
+    """Return the two-sided tabular CUSUM; it does not restart after a signal.
 
-    `allowance` is k and `decision` h, both in sigmas. The other parameters are those of `individuals_chart`.
+    `allowance` is k and `decision` h, both in sigmas. The other parameters are as in `individuals_chart`.
     """
     z = (values - center) / sigma if sigma > 0.0 else np.zeros(len(values))
     upper, lower = _one_sided(z - allowance), _one_sided(-z - allowance)
@@ -232,9 +232,9 @@ def nelson_signals(values: FloatArray, center: float, sigma: float, width: float
     """Return the signals of Nelson's eight rules, each at the point that completes its pattern.
 
     1: one point beyond `width` sigmas, 3 in Nelson's paper. 2: nine in a row on one side of the center. 3: six in a
-    row, each above or each below the one before. 4: fourteen in a row, alternately up and down. 5: two of three beyond
-    2 sigma on one side. 6: four of five beyond 1 sigma on one side. 7: fifteen in a row within 1 sigma. 8: eight in a
-    row beyond 1 sigma. A point completes rules 5 and 6 only if it is itself beyond.
+    row, each above or each below the previous one. 4: fourteen in a row, alternately up and down. 5: two of three
+    beyond 2 sigma on one side. 6: four of five beyond 1 sigma on one side. 7: fifteen in a row within 1 sigma. 8: eight
+    in a row beyond 1 sigma. A point completes rules 5 and 6 only if the point itself is beyond the limit.
     """
     deviation = values - center
     above, below = deviation > 0.0, deviation < 0.0
@@ -262,25 +262,25 @@ def nelson_signals(values: FloatArray, center: float, sigma: float, width: float
 def _ewma_sigmas(weight: float, count: int) -> FloatArray:
     """Return the standard deviation of the average of the first 1, 2, ... values, in sigmas of a value."""
     found = np.full(count, math.sqrt(weight / (2.0 - weight)))
-    first = found[: math.ceil(_NEGLIGIBLE / math.log1p(-weight))]  # afterwards the powers are 0, and slow to compute
+    first = found[: math.ceil(_NEGLIGIBLE / math.log1p(-weight))]  # beyond this, the powers are 0 and slow to compute
     first *= np.sqrt(1.0 - (1.0 - weight) ** (2.0 * np.arange(1, len(first) + 1)))
     return found
 
 
 def _one_sided(steps: FloatArray) -> FloatArray:
-    """Return S_i = max(0, S_(i-1) + step_i) as the cumulative sum less its smallest value so far."""
+    """Return S_i = max(0, S_(i-1) + step_i), computed as the cumulative sum minus its running minimum."""
     total = np.cumsum(steps)
     least = np.minimum(np.minimum.accumulate(total), 0.0) if len(total) else total
     return np.asarray(total - least)
 
 
 def _recent(flags: BoolArray, least: int, length: int) -> BoolArray:
-    """Return the points with at least `least` flags among the last `length` points, fewer at the beginning."""
+    """Return the points with at least `least` flags among the last `length` points, or fewer points at the start."""
     padded = np.concatenate([np.zeros(length - 1, dtype=np.uint8), flags])
     return np.asarray(sum(padded[k : k + len(flags)] for k in range(length)) >= np.uint8(least))
 
 
 def _on_a_side(sides: tuple[BoolArray, BoolArray], least: int, length: int) -> BoolArray:
-    """Return the flagged points that have at least `least` flags of their side among the last `length` points."""
+    """Return the flagged points with at least `least` flags on the same side among the last `length` points."""
     high, low = (flags & _recent(flags, least, length) for flags in sides)
     return high | low

@@ -1,8 +1,8 @@
 """Repeatability and reproducibility of a measurement (GR&R): balanced crossed analysis of variance, random effects.
 
-The units are crossed with one factor or several: operators, stations. Each term of the model is a set of factors, its
+The units are crossed with one or more factors: operators, stations. Each term of the model is a set of factors. Its
 mean square has the expectation sigma² + the sum of n_T sigma_T² over all terms T that contain it (n_T: number of
-measurements at each combination of levels of T), which gives the variance components by inclusion and exclusion.
+measurements at each combination of levels of T), which yields the variance components by inclusion and exclusion.
 
 Sources: AIAG, *Measurement Systems Analysis*, 4th ed., 2010, chapter III section B and appendix A; D. C. Montgomery,
 *Design and Analysis of Experiments*, 8th ed., 2013, chapter 13, also for approximate F tests (F. E. Satterthwaite,
@@ -24,18 +24,18 @@ from scipy import stats
 from calstation.errors import InputError
 from calstation.physics import FloatArray
 
-#: Factor whose variation is to be measured.
+#: Factor whose variation is measured.
 UNIT = "unit"
 #: Interactions with a larger p-value are pooled with the repeatability.
 _POOLED_ABOVE = 0.25
-#: Percentages of the study variation or tolerance at which the verdict changes, and the least number of categories.
+#: Percentages of the study variation or tolerance at which the verdict changes, and the smallest number of categories.
 _ACCEPTABLE, _MARGINAL = 10.0, 30.0
 LEAST_CATEGORIES = 5
-#: Width of the tolerance that the measurement takes, in its sigmas.
+#: Width of the measurement's spread, in its sigmas, that is compared with the tolerance.
 _WIDTH = 6.0
 #: Number of categories for a ratio of part to measurement variation of 1: sqrt(2), as rounded by AIAG.
 _CATEGORIES = 1.41
-#: Number of draws for a generalised confidence interval, and their seed: the same values have the same interval.
+#: Number of draws for a generalised confidence interval, and their fixed seed, which makes intervals reproducible.
 _DRAWS, _SEED = 10_000, 1
 
 Verdict = Literal["acceptable", "marginal", "unacceptable"]
@@ -56,9 +56,10 @@ class AnovaRow:
     dof: int
     sum_squares: float
     mean_square: float
-    f: float | None  #: Ratio to the mean square that tests it; None for the last row, or if that is not positive.
+    #: Ratio to the mean square that tests it; None for the last row, or if that mean square is not positive.
+    f: float | None
     p: float | None  #: Probability of a larger ratio by chance.
-    pooled: bool  #: Whether it is part of the repeatability.
+    pooled: bool  #: Whether the term is pooled with the repeatability.
 
 
 @dataclass(frozen=True)
@@ -74,18 +75,18 @@ class Variation:
 
 @dataclass(frozen=True)
 class GaugeStudy:
-    """Result of a study of units, trials, and one factor or more that the units are crossed with."""
+    """Result of a study of units and trials crossed with one or more factors."""
 
     levels: Mapping[str, int]  #: Number of levels of each factor, the units first.
     trials: int
     confidence: float
     anova: tuple[AnovaRow, ...]
-    components: Mapping[str, Variation]  #: Of each term that is not pooled, by its source as in `anova`.
+    components: Mapping[str, Variation]  #: Component of each term that is not pooled, by its source as in `anova`.
     repeatability: Variation  #: EV.
-    reproducibility: Variation  #: AV: all components without the units.
+    reproducibility: Variation  #: AV: all components except the units.
     interaction: Variation | None  #: All interactions with the units; None if they are pooled.
     gauge: Variation  #: GRR: all of the above.
-    part: Variation  #: PV, of the units.
+    part: Variation  #: PV: variation of the units.
     total: Variation  #: TV.
 
     @property
@@ -96,7 +97,7 @@ class GaugeStudy:
 
     @property
     def verdict(self) -> Verdict:
-        """Verdict by the share of the tolerance if there is one, otherwise of the study variation."""
+        """Verdict by the fraction of the tolerance if there is one, otherwise of the study variation."""
         percent = self.gauge.percent_tolerance
         return verdict(self.gauge.percent_study if percent is None else percent)
 
@@ -111,8 +112,8 @@ def crossed(
 ) -> tuple[list[list[str]], FloatArray]:
     """Return the levels of each factor and the values, shape (number of levels of each factor, trials).
 
-    `rows` are the levels of the `factors` with a value. Raises InputError if not every combination was measured equally
-    often, or if there are fewer than two levels of a factor or fewer than two trials.
+    Each of `rows` contains the levels of the `factors` and a value. Raises InputError if not every combination was
+    measured equally often, or if there are fewer than two levels of a factor or fewer than two trials.
     """
     cells: dict[tuple[str, ...], list[float]] = {}
     for key, value in rows:
@@ -175,7 +176,7 @@ def gauge_study(
     gauge = [_ERROR, *others, *interactions]
 
     def variation(terms: Sequence[Term]) -> Variation:
-        # a variance that came out negative is 0, so that the total is the sum of what is shown
+        # a negative variance estimate is set to 0, so that the total equals the sum of the displayed components
         sigma = math.sqrt(sum(sizes[term] for term in terms))
         low, high = model.interval([variances[term] for term in terms], (1.0 - confidence) / 2.0)
         share = None if tolerance is None else 100.0 * _WIDTH * sigma / tolerance
@@ -243,7 +244,7 @@ class _Model:
         return [other for other in self.terms if other > term]
 
     def pooled(self, terms: Sequence[Term]) -> "_Model":
-        """Return the model in which these terms are part of the repeatability."""
+        """Return the model in which these terms are pooled with the repeatability."""
         squares, dofs = dict(self.squares), dict(self.dofs)
         for term in terms:
             squares[_ERROR] += squares.pop(term)
@@ -251,7 +252,7 @@ class _Model:
         return _Model(squares, dofs)
 
     def expected(self, term: Term) -> dict[Term, float]:
-        """Return the sum of mean squares with the expectation of a term's mean square if its own variance is 0."""
+        """Return the sum of mean squares with the same expectation as a term's mean square if its variance is 0."""
         found = {_ERROR: 1.0}
         for other in self.containing(term):
             found[other] = found.get(other, 0.0) + 1.0
@@ -271,7 +272,7 @@ class _Model:
         return sum(factor * self.squares[term] / self.dofs[term] for term, factor in sum_.items())
 
     def test(self, term: Term) -> tuple[float | None, float | None]:
-        """Return the F ratio of a term with its p-value, by Satterthwaite where several mean squares test it."""
+        """Return the F ratio of a term and its p-value, by Satterthwaite if several mean squares test it."""
         by = self.expected(term)
         value = self.value(by)
         if not value > 0.0:
@@ -283,7 +284,7 @@ class _Model:
     def interval(self, sums: Sequence[_Sum], tail: float) -> tuple[float, float]:
         """Return the generalised confidence interval of the sum of variances, which is not below 0.
 
-        Each mean square is distributed as its expectation times chi-square over the degrees of freedom.
+        Each mean square is distributed as its expectation times chi-square divided by the degrees of freedom.
         """
         pivots = np.zeros(_DRAWS)
         for (term, square), draw in zip(self.squares.items(), _draws(tuple(self.dofs.values())), strict=True):
@@ -298,7 +299,8 @@ class _Model:
 def _draws(dofs: tuple[int, ...]) -> list[FloatArray]:
     """Return independent draws of chi-square with these degrees of freedom; all parameters of a study share them.
 
-    Each is a Latin hypercube sample, for which the quantiles of a sum have a small part of the error of random draws.
+    Each is a Latin hypercube sample, with which the quantiles of a sum have a much smaller error than with random
+    draws.
     """
     random = np.random.default_rng(_SEED)
     return [stats.chi2.ppf((random.permutation(_DRAWS) + 0.5) / _DRAWS, dof) for dof in dofs]

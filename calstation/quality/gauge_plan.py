@@ -1,4 +1,4 @@
-"""Plan of a study of repeatability and reproducibility: which unit is measured by whom, where, in which order."""
+"""Plan of a study of repeatability and reproducibility: which unit is measured by whom, where, and in which order."""
 
 import json
 from bisect import bisect
@@ -28,12 +28,12 @@ class Measurement(BaseModel):
 
     trial: int  #: From 1.
     unit: str  #: Serial number.
-    operator: str | None = None  #: None if the operators are no factor of the study.
+    operator: str | None = None  #: None if the operators are not a factor of the study.
     station: str | None = None
 
     @property
     def appraiser(self) -> str:
-        """Who measures, or where."""
+        """Operator or station of the measurement."""
         return ", ".join(filter(None, (self.operator, self.station)))
 
 
@@ -45,7 +45,7 @@ class GaugePlan(BaseModel):
     schema_name: Literal["calstation.gauge_plan/2"] = Field(default=SCHEMA, alias="schema")
     product: str  #: Name of the product of the units; runs of other products do not count.
     units: tuple[str, ...]
-    operators: tuple[str, ...] = ()  #: Empty if they are no factor of the study.
+    operators: tuple[str, ...] = ()  #: Empty if the operators are not a factor of the study.
     stations: tuple[str, ...] = ()
     trials: int
     seed: int
@@ -63,7 +63,7 @@ class GaugePlan(BaseModel):
         seed: int,
         created_utc: datetime,
     ) -> "GaugePlan":
-        """Return a plan in random order: in every trial, each appraiser measures all units in an order of their own.
+        """Return a plan in random order: in every trial, each appraiser measures all units in a separate random order.
 
         An appraiser is an operator, a station, or an operator at a station if both are factors. AIAG, *Measurement
         Systems Analysis*, 4th ed., chapter III section B.
@@ -75,11 +75,11 @@ class GaugePlan(BaseModel):
         units
             Serial numbers.
         operators, stations
-            Their names; empty for what is no factor of the study.
+            Their names; empty if they are not a factor of the study.
         trials
             Number of runs of each unit by each appraiser.
         seed
-            Of the random order.
+            Seed of the random order.
         created_utc
             Earlier runs do not count.
 
@@ -150,19 +150,19 @@ class GaugePlan(BaseModel):
         return left
 
     def out_of_order(self, runs: RunColumns) -> int:
-        """Return how many of the stored runs were not made in the planned order: the fewest that must be moved."""
+        """Return the number of stored runs out of the planned order: the smallest number that must be moved."""
         planned: dict[tuple[str, ...], list[int]] = {}
         for position, each in enumerate(self.order):
             planned.setdefault(self._key(each), []).append(position)
         places = [planned[key].pop(0) for key, _ in self._measurements(runs)]
-        ends: list[int] = []  # of the longest increasing sequences of each length
+        ends: list[int] = []  # last elements of the longest increasing sequences, by length
         for place in places:
             at = bisect(ends, place)
             ends[at : at + 1] = [place]
         return len(places) - len(ends)
 
     def check_complete(self, left: Sequence[Measurement]) -> None:
-        """Raise InputError if runs of the plan are left."""
+        """Raise InputError if runs of the plan are missing."""
         if left:
             following = f"{left[0].unit}, {left[0].appraiser}"
             raise InputError("quality.study_incomplete", missing=len(left), runs=len(self.order), next=following)
@@ -170,7 +170,8 @@ class GaugePlan(BaseModel):
     def values(self, runs: RunColumns) -> Mapping[str, FloatArray]:
         """Return the measured values by parameter, SI, shape (number of levels of each factor, trials).
 
-        A parameter that a run of the study lacks is left out. Raises InputError while runs of the plan are missing.
+        A parameter that is missing in a run of the study is omitted. Raises InputError while runs of the plan are
+        missing.
         """
         self.check_complete(self.remaining(runs))
         rows = self._measurements(runs)
@@ -185,7 +186,7 @@ class GaugePlan(BaseModel):
         return tuple(getattr(each, factor) for factor in self.factors)
 
     def _measurements(self, runs: RunColumns) -> list[tuple[tuple[str, ...], int]]:
-        """Return levels of the factors, and index, of the first judged full runs of the study, in the order of time."""
+        """Return factor levels and index of the first complete judged runs of the study, in chronological order."""
         columns: dict[str, Categories[Any]] = {
             "unit": runs.serials,
             "operator": runs.operators,

@@ -1,4 +1,4 @@
-"""Stored runs of a product, and which of them count for statistics."""
+"""Stored runs of a product, and the ones that count for statistics."""
 
 from collections.abc import Collection
 from functools import lru_cache
@@ -12,10 +12,10 @@ from calstation.results import History
 
 
 def product_runs(folder: Path, product: str) -> RunColumns:
-    """Return the runs of a folder that are of a product, "" for all, from its index.
+    """Return the runs of a product in a folder, "" for all products, from the folder's index.
 
-    They are read again only if the index has changed or the last call was for others: a filter of 100,000 runs need not
-    read them.
+    They are read again only if the index has changed or the last call was for other runs, so that filtering 100,000
+    runs does not read them again.
     """
     return _columns(folder, product, History(folder).mark())
 
@@ -26,17 +26,17 @@ def _columns(folder: Path, product: str, mark: str | None) -> RunColumns:
 
 
 def judged_runs(runs: RunColumns) -> IntArray:
-    """Return the indices of the full runs that ended with PASS or FAIL."""
+    """Return the indices of the complete runs that ended with PASS or FAIL."""
     return np.flatnonzero(~runs.partial & runs.verdicts.among(("passed", "failed")))
 
 
 def production_runs(runs: RunColumns, without: Collection[str]) -> IntArray:
-    """Return the indices of the judged runs that are of production: neither of check standards nor of `without`."""
+    """Return the indices of runs with a verdict of production units: not of check standards and not of `without`."""
     judged = judged_runs(runs)
     return judged[~(runs.check_standard | runs.serials.among(without))[judged]]
 
 
 def last_of_each_unit(runs: RunColumns, rows: IntArray) -> IntArray:
-    """Return the last run of each unit among runs of a product, so that a repeated unit counts once, in their order."""
+    """Return the last run of each unit, in order, so that a repeated unit counts once; `rows` are runs of a product."""
     _, last = np.unique(runs.serials.codes[rows][::-1], return_index=True)
     return np.sort(rows[::-1][last])

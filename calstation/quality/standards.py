@@ -1,12 +1,13 @@
-"""Check standards: their runs against the reference values, when the next run is due, and when production is refused.
+"""Check standards: comparison with their reference values, due dates of their runs, and refusal of production.
 
 Two tests share the probability `FALSE_ALARM` equally, so that together they fail an unchanged station and unit at most
-as often. The normalised error of each parameter, Eₙ = (x − x_ref) / √(U² + U_ref²) with U = 2σ (ISO 13528:2022, 9.7),
-shows which one changed. Its limit is that of the largest of n by Bonferroni, √χ²₁(1 − p/n) / 2: with a limit of 1,
-one of 27 correct values would fail in 71 % of all runs. Hotelling's T² = dᵀ (P + P_ref)⁻¹ d, with the covariance P of
-the run, is χ² with n degrees of freedom for known covariances (D. C. Montgomery, *Introduction to Statistical Quality
-Control*, 7th ed., 2013, 11.3). It shows small changes of many parameters and uses their correlations. U_ref and P_ref
-contain what the unit may have changed since the reference, from the stability in the IMU profile.
+with this probability. The normalised error of each parameter, Eₙ = (x − x_ref) / √(U² + U_ref²) with U = 2σ (ISO
+13528:2022, 9.7), shows which parameter changed. Its limit is the Bonferroni limit for the largest of n, √χ²₁(1 − p/n) /
+2: with a limit of 1, one of 27 correct values would fail in 71 % of all runs. Hotelling's T² = dᵀ (P + P_ref)⁻¹ d, with
+the covariance P of the run, is χ² with n degrees of freedom for known covariances (D. C. Montgomery, *Introduction to
+Statistical Quality Control*, 7th ed., 2013, 11.3). It detects small changes of many parameters and uses their
+correlations. U_ref and P_ref include the expected change of the unit since the reference, from the stability in the IMU
+profile.
 """
 
 from collections.abc import Collection, Mapping
@@ -36,18 +37,18 @@ POWER = 0.9
 _DAY, _YEAR = 86400.0, 365.25 * 86400.0
 _MOUNTING = frozenset(group_indices("outer_lever"))
 
-#: Why production is refused: no run passed, the last one that passed is too old, the last run failed or disagreed, or
-#: the date of an instrument's next calibration has passed.
+#: Reason why production is refused: no run passed, the last passed run is too old, the last run failed or disagreed, or
+#: the due date of an instrument's calibration has passed.
 Reason = Literal["never", "overdue", "out", "certificate"]
 
 
 @dataclass(frozen=True)
 class Due:
-    """A check standard or an instrument that is not in order."""
+    """A check standard or an instrument that is overdue or has failed."""
 
     name: str  #: Serial number of the check standard, or name of the instrument.
     reason: Reason
-    #: When it was due, or when its last run failed; None if it never passed.
+    #: Due time, or time of the last run if it failed; None if no run ever passed.
     since: datetime | None
 
     @property
@@ -63,18 +64,18 @@ class Due:
 
     @property
     def cause(self) -> Text:
-        """What is not in order, as a part of a sentence."""
+        """Reason for the refusal, as a part of a sentence."""
         return Text.of(f"quality.cause_{self.reason}", name=self.name, since=self.when)
 
 
 @dataclass(frozen=True)
 class StandardState:
-    """State of a check standard at a station: its last run that passed, when the next is due, and what is wrong."""
+    """State of a check standard at a station: its last passed run, the due time of the next run, and any problem."""
 
     standard: CheckStandardSection
     last_passed: datetime | None
     due: datetime | None  #: None if no run passed.
-    wrong: Due | None  #: None while it is in order.
+    wrong: Due | None  #: None if there is no problem.
 
 
 def judge_standard(
@@ -82,9 +83,9 @@ def judge_standard(
 ) -> StandardVerdict:
     """Compare a run of a check standard with its reference.
 
-    `found` is the estimate of the run that began at `started`. Of its parameters, those `determined` by its data are
-    compared as far as the reference contains them; a run without any of these fails. One that is not determined keeps
-    the large sigma of the prior: it could not fail, but would widen both limits for the others.
+    `found` is the estimate of the run that began at `started`. The parameters that are both `determined` by its data
+    and contained in the reference are compared; a run without any of these fails. A parameter that is not determined
+    keeps the large sigma of the prior: it could not fail, but would widen both limits for the others.
     """
     names = [name for name in standard.reference if name in determined and INDEX[name] not in _MOUNTING]
     at = [INDEX[name] for name in names]
@@ -97,8 +98,8 @@ def judge_standard(
     errors = difference / (COVERAGE_FACTOR * sigma)
     count, each = len(names), 0.5 * FALSE_ALARM
     limit = float(np.sqrt(chi_square_quantile(1.0 - each / max(count, 1), 1))) / COVERAGE_FACTOR
-    # x - x_ref is normal with the true error as mean: P(error beyond the limit) = POWER. The other limit is then more
-    # than 7 sigma away and adds less than 1e-12.
+    # x - x_ref is normal with the true error as mean: P(error beyond the limit) = POWER. The other limit is more than 7
+    # sigma away and adds less than 1e-12.
     detectable = (COVERAGE_FACTOR * limit + NormalDist().inv_cdf(POWER)) * sigma
     t_squared = float(difference @ np.linalg.solve(covariance, difference)) if count else 0.0
     t_squared_limit = float(chi_square_quantile(1.0 - each, max(count, 1)))
@@ -117,9 +118,9 @@ def judge_standard(
 def reference_variances(
     standard: CheckStandardSection, imu: ImuProfile, started: FloatArray
 ) -> Mapping[str, FloatArray]:
-    """Return the variance of true minus reference value by parameter, SI, for runs that `started` at s since 1970, UTC.
+    """Return the variances of true minus reference values by parameter, SI, for runs at `started`, s since 1970, UTC.
 
-    It is the variance of the reference and of the change of the unit since the day of the reference.
+    It is the sum of the variances of the reference and of the unit's change since the date of the reference.
     """
     years = np.zeros(len(started))
     if standard.date is not None:
@@ -134,7 +135,7 @@ def reference_variances(
 
 
 def judge_result(standard: CheckStandardSection, imu: ImuProfile, result: Result) -> StandardVerdict:
-    """Compare the stored result of a check standard with its reference as it is now.
+    """Compare the stored result of a check standard with its current reference.
 
     Raises InputError if the result has no time of start.
     """
@@ -149,10 +150,10 @@ def judge_result(standard: CheckStandardSection, imu: ImuProfile, result: Result
 def standard_states(
     station: StationConfig, product: ProductConfig, history: History, now: datetime
 ) -> list[StandardState]:
-    """Return the state of every check standard of a product at a station, whose runs are in `history`.
+    """Return the state of every check standard of a product at a station with its run `history`.
 
-    Only `whole_runs` count. The last one must have passed and agree with the reference as it is now; the last such run
-    must not be older than the standard's interval.
+    Only `whole_runs` count. The last one must have passed and agree with the current reference, and must not be older
+    than the standard's interval.
     """
     if not product.check_standards:
         return []
@@ -163,19 +164,19 @@ def standard_states(
 def whole_runs(
     standard: CheckStandardSection, station: StationConfig, product: ProductConfig, history: History, now: datetime
 ) -> list[RunRecord]:
-    """Return the whole runs of a check standard at a station that passed or failed, the latest first.
+    """Return the complete runs of a check standard at a station that passed or failed, the latest first.
 
-    A run without a readable start, or with one after `now`, does not count: it would hide all later ones. Nor does a
-    run of another folder, whose result is elsewhere.
+    A run without a readable start, or with one after `now`, does not count: it would hide all later ones. A run of
+    another folder does not count either, because its result is stored elsewhere.
     """
     wanted = RunFilter(search=standard.serial, station=station.name, product=product.name)
     return [run for run in history.runs(wanted, limit=None) if _counts(run, standard, now)]
 
 
 def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
-    """Return the station's table and surveys whose next calibration was due before the day (UTC) of `now`.
+    """Return the station's table and surveys whose next calibration was due before the date (UTC) of `now`.
 
-    Certificates have the days of UTC too.
+    Certificate dates are in UTC, too.
     """
     today = now.astimezone(UTC).date()
     return [
@@ -186,13 +187,14 @@ def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
 
 
 def require_standards(setup: ResolvedConfiguration, history: History, now: datetime) -> list[Due]:
-    """Refuse a run of production while a check standard or a certificate is not in order.
+    """Refuse a production run while a check standard or a certificate is overdue or failed.
 
-    A run of a check standard is always allowed. Returns what an override in the request allows, [] if there is nothing.
+    A run of a check standard is always allowed. Returns the problems that an override in the request permits, [] if
+    there are none.
 
     Raises
     ------
-    ConfigurationError : if something is not in order and the request has no override, or one without a reason.
+    ConfigurationError : if there is a problem and the request has no override, or an override without a reason.
     """
     reason = setup.request.override_standard
     if reason is not None and not reason.strip():
@@ -243,7 +245,7 @@ def _counts(run: RunRecord, standard: CheckStandardSection, now: datetime) -> bo
 
 
 def _agrees(run: RunRecord, standard: CheckStandardSection, imu: ImuProfile, history: History) -> bool:
-    """Whether the result of a run agrees with the reference; one that cannot be read does not."""
+    """Return whether the result of a run agrees with the reference; False if the result cannot be read."""
     try:
         return judge_result(standard, imu, history.result(run)).passed
     except InputError:

@@ -1,4 +1,4 @@
-"""What is known of a station: its check standards with their runs, its instruments, and the charts of its table."""
+"""State of a station: its check standards with their runs, its instruments, and the charts of its table."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -22,16 +22,16 @@ from calstation.quality.summary import limit_interval
 from calstation.quality.table_chart import TableChart, table_charts
 from calstation.results import History, StandardVerdict
 
-#: Largest number of runs of a check standard that are judged again, the latest.
+#: Largest number of runs of a check standard, the latest ones, that are evaluated again.
 _MOST_RUNS = 200
 
 
 @dataclass(frozen=True)
 class StandardHistory:
-    """A check standard with its runs at the station, the oldest first, judged by the reference as it is now."""
+    """A check standard with its runs at the station, the oldest first, compared with the current reference."""
 
     state: StandardState
-    names: tuple[str, ...]  #: Runs: file names of the logs without suffix.
+    names: tuple[str, ...]  #: File names of the logs of the runs, without suffix.
     started_utc: tuple[str, ...]
     verdicts: tuple[StandardVerdict, ...]
     half_limits: Mapping[str, float]  #: Half the width of the product's limits by parameter, SI.
@@ -43,7 +43,7 @@ class StationQuality:
 
     standards: tuple[StandardHistory, ...]
     instruments: tuple[InstrumentSection, ...]
-    overdue: tuple[Due, ...]  #: Instruments whose next calibration was due.
+    overdue: tuple[Due, ...]  #: Instruments whose next calibration is overdue.
     table: Mapping[str, TableChart]
 
 
@@ -72,7 +72,7 @@ def _standard_histories(
         for run in reversed(runs):
             try:
                 rows.append((run, judge_result(state.standard, imu, history.result(run))))
-            except InputError:  # a result that cannot be read is not a run that can be shown
+            except InputError:  # a result that cannot be read cannot be displayed
                 continue
         names, started = tuple(run.log.stem for run, _ in rows), tuple(run.started_utc for run, _ in rows)
         intervals = {name: limit_interval(product, name) for name in state.standard.reference}

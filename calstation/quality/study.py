@@ -16,20 +16,20 @@ from calstation.quality.summary import known_products, limit_interval
 
 @dataclass(frozen=True)
 class StudyState:
-    """A plan, and what the stored runs say about it."""
+    """A plan and its evaluation from the stored runs."""
 
     plan: GaugePlan
     left: tuple[Measurement, ...]  #: Runs that are still missing, in order.
-    out_of_order: int  #: Number of runs that were not made in the planned order.
+    out_of_order: int  #: Number of runs out of the planned order.
     studies: Mapping[str, GaugeStudy]  #: By parameter, SI; empty while runs are missing.
 
 
 def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: Path | None) -> StudyState:
     """Job: read a plan and evaluate it from the runs of a folder, whose index is up to date.
 
-    The tolerances are the widths of the limits of the plan's product: of the file `product`, or by default of the known
-    product with its name; there are none if it is not known. Raises InputError or ConfigurationError if the plan or the
-    product cannot be used, or if the plan is for another product.
+    The tolerances are the widths of the limits of the plan's product, from the file `product` or by default from the
+    known product with this name; an unknown product has none. Raises InputError or ConfigurationError if the plan or
+    the product cannot be used, or if the plan is for another product.
     """
     plan = GaugePlan.load(path)
     limits = dict(known_products()).get(plan.product) if product is None else load_product(product)[1]

@@ -34,7 +34,7 @@ from calstation.quality.standards import reference_variances
 from calstation.quality.yields import Share, Yields, count_yields
 from calstation.records import RunColumns
 
-#: Fewest values of a parameter for charts and capability.
+#: Smallest number of values of a parameter for charts and capability.
 LEAST_VALUES = 10
 
 
@@ -56,25 +56,25 @@ class Charts:
 
 @dataclass(frozen=True)
 class ParameterQuality:
-    """A parameter of a product over time: one value per unit, or all of one unit."""
+    """A parameter of a product over time: one value per unit, or all values of one unit."""
 
     product: str
     parameter: str
-    names: tuple[str, ...]  #: Runs of the values: file names of the logs without suffix.
-    started: FloatArray  #: Their starts, s since 1970 in UTC, shape (n,).
-    values: FloatArray  #: What is charted, SI or in standard deviations, shape (n,).
+    names: tuple[str, ...]  #: File names of the logs of the runs, without suffix.
+    started: FloatArray  #: Start times of the runs, s since 1970 in UTC, shape (n,).
+    values: FloatArray  #: Charted values, SI or in standard deviations, shape (n,).
     process: Process
     alarms: Mapping[str, int]  #: Number of signals, see `Charts.signals`.
     latest: int | None  #: Index of the last value that signals.
     capability: Capability | None  #: None without a limit, or for one unit.
     declared: bool = False  #: Whether the center is the reference value of a check standard.
-    effects: RandomEffects | None = None  #: With which values of several schedules were made comparable, SI.
+    effects: RandomEffects | None = None  #: Model that made values of several schedules comparable, SI.
 
     @classmethod
     def of(
         cls, product: str, parameter: str, names: tuple[str, ...], started: FloatArray, values: FloatArray, **more: Any
     ) -> "ParameterQuality":
-        """Chart values; `more` are the other fields, the process among them."""
+        """Create the charts of values; `more` are the other fields, including the process."""
         signals = charts_of(values, more["process"]).signals()
         alarms = {code: len(found) for code, found in signals.items()}
         latest = max((int(found[-1]) for found in signals.values() if len(found)), default=None)
@@ -131,7 +131,7 @@ class QualitySummary:
     product: str | None  #: The selected product; None for all.
     yields: Yields
     parameters: tuple[ParameterQuality, ...]  #: One value per unit.
-    serial: str | None  #: The golden unit, which counts for nothing else; None without one.
+    serial: str | None  #: The golden unit, which is excluded from everything else; None without one.
     golden: tuple[ParameterQuality, ...]  #: All runs of the golden unit.
 
     def to_json(self) -> dict[str, Any]:
@@ -173,10 +173,12 @@ def summarise_quality(
     folder
         Folder of the runs, whose index is up to date, see `calstation.results.refresh_history`.
     product
-        Product file, whose limits apply; by default all products, with the limits of the product file of their name.
+        Product file, whose limits apply; by default all products, with the limits of the product files with their
+        names.
     serial
-        Golden unit: its runs are charted one by one. They do not count for the yield and the other charts, in which
-        each unit counts with its last run; nor do runs of check standards, by their result or by a product of today.
+        Golden unit: its runs are charted individually. They do not count for the yield and the other charts, in which
+        each unit counts with its last run; nor do runs of check standards, according to their result or to a current
+        product file.
     parameter
         Parameter that is charted; by default all.
     since
@@ -185,7 +187,7 @@ def summarise_quality(
         Whether to chart deviations in standard deviations, for runs of several schedules; then there is no capability.
         For all units it is (x - mean) / sqrt(sigma² + tau²), with each run's own sigma, and mean and tau of the random
         effects model of the baseline. For a golden unit with a reference it is (x - reference) / sqrt(sigma² +
-        sigma_ref² + change²), in which the unit's expected change is that of its IMU profile.
+        sigma_ref² + change²), in which the unit's expected change is taken from its IMU profile.
 
     Raises
     ------
@@ -225,7 +227,7 @@ def limit_interval(product: ProductConfig, parameter: str) -> tuple[float, float
 
 @dataclass(frozen=True)
 class _Reference:
-    """Declared values of a check standard, and the variances of its true values about them for some runs."""
+    """Declared values of a check standard, and the variances of the true values about them for some runs."""
 
     standard: CheckStandardSection
     variances: Mapping[str, FloatArray]  #: SI, shape (n,).
@@ -252,7 +254,7 @@ def _charts(
     """Yield charts and capability of the parameters that have enough values."""
     names, started = tuple(map(runs.names.__getitem__, rows.tolist())), runs.started[rows]
     for name, column in runs.values.items():
-        unknown = name not in INDEX and further_parameter(name) is None  # of another version of the program
+        unknown = name not in INDEX and further_parameter(name) is None  # from another version of the program
         if unknown or parameter not in (None, name):
             continue
         values, sigmas = column[rows], runs.sigmas[name][rows]
@@ -261,7 +263,7 @@ def _charts(
             solved &= sigmas > 0.0
         values, sigmas, whole = values[solved], sigmas[solved], bool(solved.all())
         if len(values) < LEAST_VALUES or not np.ptp(values) > 0.0:
-            continue  # or held at a fixed value
+            continue  # or a parameter held at a fixed value
         known = None if reference is None else reference.standard.reference.get(name)
         effects, process = None, Process(0.0, 1.0)
         if not relative:
@@ -287,7 +289,7 @@ def _charts(
 
 
 def known_products() -> Iterator[tuple[str, ProductConfig]]:
-    """Yield the product files of the site and the shipped ones, by the name of the product."""
+    """Yield the site's and the shipped product files, with the name of the product."""
     for name in library.names("products"):
         with suppress(ConfigurationError):
             _, product = load_product(library.find("products", name))

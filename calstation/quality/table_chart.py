@@ -1,7 +1,7 @@
-"""EWMA charts of the table's geometry: every run measures it, whichever unit is on the table.
+"""EWMA charts of the table's geometry: every run measures it, regardless of the unit on the table.
 
-Center and standard deviation are those of a baseline that stays as it is: the first runs after the table's latest
-calibration. Only later runs are tested. `docs/how-to/check-standards.md` gives the measured probabilities.
+Center and standard deviation come from a fixed baseline: the first runs after the table's latest calibration. Only
+later runs are tested. `docs/how-to/check-standards.md` gives the measured probabilities.
 """
 
 from collections.abc import Mapping
@@ -18,24 +18,24 @@ from calstation.quality.runs import judged_runs
 from calstation.records import RunColumns
 
 #: Weight of the newest value (lambda), and distance of the limits in sigmas of the average (L). The limits are wider
-#: than for known center and sigma, as their errors from the baseline would otherwise cause most alarms.
+#: than for a known center and sigma, because errors of the baseline would otherwise cause most alarms.
 WEIGHT, WIDTH = 0.1, 4.1
 
-#: Fewest runs that are shown.
+#: Smallest number of runs that are shown.
 _LEAST = 2
 
 
 @dataclass(frozen=True)
 class TableChart:
-    """Chart of one quantity of the table since its latest calibration, in the order of time."""
+    """Chart of one quantity of the table since its latest calibration, in chronological order."""
 
-    names: tuple[str, ...]  #: Runs: file names of the logs without suffix.
-    started: FloatArray  #: Their starts, s since 1970 in UTC, shape (n,).
+    names: tuple[str, ...]  #: File names of the logs of the runs, without suffix.
+    started: FloatArray  #: Start times of the runs, s since 1970 in UTC, shape (n,).
     values: FloatArray  #: rad, shape (n,).
     center: float  #: Mean of the baseline, rad.
     sigma: float  #: Standard deviation of the baseline from run to run, rad.
-    baseline: int  #: Number of first runs that are the baseline, `BASELINE` once it is complete; they are not tested.
-    alarms: tuple[int, ...]  #: Indices of the runs at which the chart alarms.
+    baseline: int  #: Number of first runs in the baseline, `BASELINE` once it is complete; they are not tested.
+    alarms: tuple[int, ...]  #: Indices of the runs for which the chart raises an alarm.
 
     @classmethod
     def of(cls, names: tuple[str, ...], started: FloatArray, values: FloatArray) -> "TableChart":
@@ -52,20 +52,20 @@ class TableChart:
 
 
 def table_ewma(values: FloatArray, center: float, sigma: float) -> EwmaChart:
-    """Return the EWMA chart of values, shape (n,), which starts again after each alarm."""
+    """Return the EWMA chart of values, shape (n,), restarted after each alarm."""
     return restarted_ewma_chart(values, center, sigma, weight=WEIGHT, width=WIDTH)
 
 
 def alarms(values: FloatArray, center: float, sigma: float) -> tuple[int, ...]:
-    """Return the indices at which the chart of values, shape (n,), alarms."""
+    """Return the indices at which the chart of values, shape (n,), raises an alarm."""
     return tuple(table_ewma(values, center, sigma).signals.tolist())
 
 
 def table_charts(station: StationConfig, runs: RunColumns) -> Mapping[str, TableChart]:
     """Return the charts of the table's quantities over the runs of a product that were made at a station.
 
-    Runs after the day of the table's latest calibration count, all if the station has no such date. Their first
-    `BASELINE` are the baseline. Runs of one product have one schedule and therefore equal standard deviations.
+    Runs after the date of the table's latest calibration count, or all runs if the station has no such date. The first
+    `BASELINE` of them are the baseline. Runs of one product have one schedule and therefore equal standard deviations.
     """
     rows = judged_runs(runs)
     rows = rows[runs.stations.among((station.name,))[rows]]

@@ -54,7 +54,7 @@ class FailedCheck:
 
     name: str
     runs: int
-    #: Fraction of the failed runs in which this check, or one that failed more often, failed.
+    #: Fraction of the failed runs that failed this check or a more frequent one.
     cumulative: float
 
 
@@ -63,7 +63,7 @@ class Yields:
     """Yield of the runs that ended with PASS or FAIL; partial runs do not count."""
 
     overall: Share | None  #: None without runs.
-    first_pass: Share | None  #: Units of which the first run passed; None without units.
+    first_pass: Share | None  #: Units whose first run passed; None without units.
     days: Mapping[str, Share]  #: By date on this computer, ISO 8601, in order.
     products: Mapping[str, Share]  #: By name, sorted; runs without a product do not count.
     stations: Mapping[str, Share]
@@ -74,7 +74,7 @@ class Yields:
 def count_yields(runs: RunColumns, since: float = -math.inf, without: Collection[str] = ()) -> Yields:
     """Return the yield of the runs that started at `since` or later, s since 1970 in UTC.
 
-    The earlier runs show which units had their first run before. Runs of check standards and of the units `without` do
+    The earlier runs show which units had their first run earlier. Runs of check standards and of the units `without` do
     not count. A failed run that failed several checks counts for each of them.
     """
     judged = production_runs(runs, without)
@@ -99,7 +99,7 @@ def count_yields(runs: RunColumns, since: float = -math.inf, without: Collection
 
 
 def _days(started: FloatArray) -> Categories[date | None]:
-    """Return the dates on this computer of times in order, s since 1970."""
+    """Return the local dates of chronological times, s since 1970."""
     days: list[date | None] = []
     codes = np.empty(len(started), dtype=np.int64)
     first = 0
@@ -117,7 +117,7 @@ def _share(passed: BoolArray) -> Share | None:
 
 
 def _by(groups: Categories[K | None], passed: BoolArray) -> dict[K, Share]:
-    """Return the share of each group's runs, given the group of each run, in order."""
+    """Return the share that passed in each group, given the group of each run, in order."""
     counts, good = (np.bincount(codes, minlength=len(groups.values)) for codes in (groups.codes, groups.codes[passed]))
     found = {name: (int(good[k]), int(counts[k])) for k, name in enumerate(groups.values) if counts[k]}
     return {name: Share.of(*found[name]) for name in sorted(name for name in found if name is not None)}

@@ -1,7 +1,7 @@
-"""Sample counter and clock from time stamps alone, which may be those of a clock or times of arrival.
+"""Sample counter and clock derived from time stamps alone, which are either clock times or arrival times.
 
-A sample arrives late, never early, so the earliest of many samples show the sample clock. Lost samples shift all later
-ones; a late sample shifts none.
+A sample arrives late, never early, so the earliest of many samples represent the sample clock. Lost samples shift all
+later ones; a late sample does not shift any.
 """
 
 from dataclasses import dataclass
@@ -14,16 +14,16 @@ from calstation.physics import FloatArray, IntArray
 _WINDOW = 1.0
 #: Times over which the mean period is determined, s.
 _BASELINES = (1.0, 10.0)
-#: Largest deviation of a clock's step from whole periods, in periods, and the share of steps that may exceed it.
+#: Largest deviation of a clock's step from whole periods, in periods, and the fraction of steps that may exceed it.
 _WHOLE, _RARE = 0.25, 0.01
 #: A step that differs by more than this from the sample period, in periods, is a gap or a late arrival.
 _ODD = 0.5
-#: Shift of the earliest arrivals, in periods, from which on samples are missing. Samples that arrive in bursts are
-#: earliest by up to one period more or less, so a single lost sample is not detected.
+#: Shift of the earliest arrivals, in periods, above which samples are missing. Samples that arrive in bursts vary by up
+#: to one period, so a single lost sample is not detected.
 _LOST = 1.5
 #: Multiple of the typical change of the earliest arrivals from window to window that indicates missing samples.
 _SCATTER = 6.0
-#: Multiple of the median deviation from a first line beyond which an arrival does not count for the final one.
+#: Multiple of the median deviation from a first line beyond which an arrival is excluded from the final line.
 _OUTLIER = 5.0
 
 
@@ -32,15 +32,15 @@ class SampleTimes:
     """Counter and clock of a recording, found from its times alone."""
 
     seq: IntArray  #: Continuous count from 0, shape (n,).
-    time: FloatArray  #: s, shape (n,): as given, or the line through the times of arrival.
-    jitter: float  #: Root mean square of the times of arrival about the line, s; 0 if the times are those of a clock.
+    time: FloatArray  #: s, shape (n,): as given, or a line fitted to the arrival times.
+    jitter: float  #: Rms deviation of the arrival times from the line, s; 0 if the times are clock times.
 
 
 def sample_period(time: FloatArray, nominal: float) -> float:
     """Return the period of samples in order, s.
 
-    The median of single steps is not affected by gaps, that over longer times not by jitter; of several, the result is
-    the one nearest to `nominal`.
+    The median of single steps is insensitive to gaps, the median over longer times to jitter; the candidate nearest to
+    `nominal` is returned.
     """
     widths = (1, *(round(baseline / nominal) for baseline in _BASELINES), len(time) // 2)
     found = [float(np.median(time[w:] - time[:-w])) / w for w in widths if 0 < w < len(time)]
@@ -48,7 +48,7 @@ def sample_period(time: FloatArray, nominal: float) -> float:
 
 
 def are_arrivals(seq: IntArray, time: FloatArray, period: float) -> bool:
-    """Return whether times of samples with a counter are times of arrival: odd steps where no sample is missing."""
+    """Return whether times of samples with a counter are arrival times: odd steps where no sample is missing."""
     steps = np.diff(time)
     odd = (np.abs(steps - period) > _ODD * period) & (np.diff(seq) == 1)
     return bool(np.count_nonzero(odd) > 3 + _RARE * len(odd) and (steps >= 0.0).all())
@@ -59,7 +59,7 @@ def sample_times(time: FloatArray, nominal: float) -> SampleTimes:
     period = sample_period(time, nominal)
     steps = np.diff(time) / period
     whole = np.rint(steps)
-    if len(time) < 2 or (steps < 0.0).any():  # times that fall are an error or a restart, found with the counter
+    if len(time) < 2 or (steps < 0.0).any():  # decreasing times are an error or a restart, detected with the counter
         return SampleTimes(np.arange(len(time)), time, 0.0)
     if steps.min() > _ODD and np.mean(np.abs(steps - whole) > _WHOLE) <= _RARE:
         return SampleTimes(np.concatenate([[0], np.cumsum(np.maximum(whole, 1.0))]).astype(np.int64), time, 0.0)

@@ -1,9 +1,9 @@
-"""The audit trail of a site: an append-only file of JSON lines, chained by SHA-256, that shows later changes of a line.
+"""The audit trail of a site: an append-only file of JSON lines with a SHA-256 chain that reveals later changes.
 
 Every line ends with ``, "digest": "..."}``. The digest is the SHA-256 of the line's UTF-8 bytes without this ending but
-with its brace, and the line's `previous` is the digest of the intact line before it. A program that is killed while it
-writes leaves an incomplete last line; it stays, and the next event is preceded by a note with the digest of the
-remainder, so that the chain continues after it.
+with its brace, and the line's `previous` is the digest of the intact line before it. A program that is killed while
+writing leaves an incomplete last line. The line is kept, and the next event is preceded by a note with its digest, so
+that the chain continues after it.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.messages import os_reason
 from calstation.records.files import locked, write_atomic
 
-#: Names of the events. None is ever removed, so that earlier trails can be filtered by theirs.
+#: Names of the events. Names are never removed, so that earlier trails remain filterable.
 AuditEventName = Literal[
     "file_saved",
     "file_changed_outside",
@@ -41,7 +41,7 @@ AUDIT_EVENTS: tuple[AuditEventName, ...] = get_args(AuditEventName)
 #: Event of the note that follows an incomplete line.
 INTERRUPTED: AuditEventName = "interrupted"
 
-#: `previous` of the first line.
+#: Value of `previous` in the first line.
 _START = "0" * 64
 
 #: Longest time to wait for another program that appends a line, s.
@@ -70,7 +70,7 @@ class AuditTrail:
     """Content of an audit trail.
 
     events : the intact lines, the oldest first
-    interrupted : numbers of the incomplete lines, from 1, that a killed program left
+    interrupted : numbers, from 1, of incomplete lines left by a killed program
     first_bad : number of the first line that was changed, removed or inserted later; None if there is none
     """
 
@@ -80,7 +80,7 @@ class AuditTrail:
 
     @property
     def digest(self) -> str:
-        """Digest of the last intact line; whoever keeps it elsewhere can show that no line before it was changed."""
+        """Digest of the last intact line; a copy stored elsewhere can prove that no earlier line was changed."""
         return self.events[-1].digest if self.events else _START
 
 
@@ -108,9 +108,9 @@ class AuditWriter:
 
 @contextmanager
 def audit_writer(folder: Path) -> Iterator[AuditWriter]:
-    """Lock the audit trail of a site, to append what depends on its content.
+    """Lock the audit trail of a site to append an event that depends on its content.
 
-    Raises ConfigurationError if it cannot be written, or another program keeps it locked.
+    Raises ConfigurationError if it cannot be written, or if another program keeps it locked.
     """
     path = audit_path(folder)
     try:
@@ -204,7 +204,7 @@ def _verified(content: bytes) -> AuditTrail:
     events: list[AuditEvent] = []
     interrupted: list[int] = []
     first_bad: int | None = None
-    damaged: tuple[int, str] | None = None  # the line before, which only a note excuses
+    damaged: tuple[int, str] | None = None  # the preceding line, which is excused only by a note
     for number, line in enumerate([*lines, rest] if rest else lines, 1):
         event = _parsed(line)
         excused = event is not None and event.event == INTERRUPTED and damaged is not None

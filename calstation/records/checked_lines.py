@@ -100,7 +100,7 @@ def _next_checksum(piece: bytes) -> int:
 
 
 def _begin(path: Path, line: bytes) -> None:
-    """Create the file with its first line; it is renamed to `path` when the line is on disk."""
+    """Create the file with its first line under a temporary name; rename it to `path` when the line is on disk."""
     partial = path.with_suffix(".partial")
     with suppress(FileNotFoundError):
         partial.unlink()

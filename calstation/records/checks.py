@@ -48,10 +48,10 @@ class ImprovementAtRest(StrictModel):
     """Largest remaining fraction of the uncalibrated difference in magnitude between force and gravity."""
 
     below: float = Field(gt=0)  #: Largest remaining fraction.
-    #: Where that fraction is less than this, m/s², the remaining error is compared with this instead.
+    #: If that fraction is less than this, m/s², the remaining error is compared with this instead.
     or_within: float = Field(default=0.0, ge=0)
-    positions: Positions | None = None  #: The rests; by default all.
-    stage: str | None = None  #: Stage of the rests; by default the last stage with rests.
+    positions: Positions | None = None  #: The rests; default: all.
+    stage: str | None = None  #: Stage of the rests; default: the last stage with rests.
 
 
 class Level(StrictModel):
@@ -66,19 +66,19 @@ class Level(StrictModel):
 class MotionAngle(StrictModel):
     """Rotation angles between rests from the calibrated gyros, compared with a reference."""
 
-    #: ``gravity`` as measured by the calibrated accelerometers; by default the encoders, gravity where there are none.
+    #: ``gravity`` measured by the calibrated accelerometers; default: the encoders, or gravity without encoders.
     reference: Literal["gravity"] | None = None
     within: float | None = Field(default=None, gt=0)  #: Largest error, rad.
     below: float | None = Field(default=None, gt=0)  #: Largest remaining fraction of the uncalibrated error.
-    #: Where that fraction is less than this, rad, the remaining error is compared with this instead.
+    #: If that fraction is less than this, rad, the remaining error is compared with this instead.
     or_within: float = Field(default=0.0, ge=0)
-    #: Every two of these rests are compared, with all motions between them; by default neighbouring rests.
+    #: Every two of these rests are compared, with all motions between them; default: consecutive rests.
     positions: Positions | None = Field(default=None, min_length=2)
-    stage: str | None = None  #: Stage of the motions; by default all stages.
+    stage: str | None = None  #: Stage of the motions; default: all stages.
 
 
 class OfflineOnline(StrictModel):
-    """Largest difference of a parameter from the result of the run, in sigmas."""
+    """Largest difference of a parameter from the run's result, in sigmas."""
 
     within_sigmas: float = Field(ge=0)
 
@@ -106,7 +106,7 @@ class Excitation(StrictModel):
 
 
 class SampleClockLimit(StrictModel):
-    """Largest relative difference of the sample rate from its nominal value, beside the error of the reference, ppm."""
+    """Largest relative error of the sample rate, in addition to the error of the reference, ppm."""
 
     within_ppm: float = Field(default=20.0, gt=0)
 
@@ -160,7 +160,7 @@ def acceptance(
 ) -> list[Check]:
     """Evaluate the acceptance checks of a product for the result of a chain of stages.
 
-    `prior` applies before the first stage; `previous` is the last calibration of the same unit by parameter, SI.
+    `prior` is the belief before the first stage; `previous` is the last calibration of the same unit by parameter, SI.
     """
     if not solutions:
         return []
@@ -168,7 +168,7 @@ def acceptance(
 
 
 def offline_online(section: ChecksSection, offline: Mapping[str, Any], online: Mapping[str, Any]) -> list[Check]:
-    """Compare the parameters of a log that was solved again with those of its run, both as in the result JSON."""
+    """Compare the parameters of a log that was solved again with the run's parameters, both as in the result JSON."""
     rule = section.offline_online
     shared = [n for n, row in offline.items() if n in online and online[n]["stage"] == row["stage"]]
     if rule is None or not shared:
@@ -187,7 +187,7 @@ def offline_online(section: ChecksSection, offline: Mapping[str, Any], online: M
     ]
 
 
-#: Kind of the comparison with the floor of an improvement.
+#: Kind of check that compares with the floor of an improvement.
 _FLOORS: dict[CheckKind, CheckKind] = {
     "improvement_at_rest": "improvement_at_rest_floor",
     "motion_improvement": "motion_improvement_floor",
@@ -206,9 +206,9 @@ class _Acceptance:
         self._evidence = [s.evidence for s in solutions if s.evidence is not None]
 
     def checks(self, previous: Mapping[str, float]) -> Iterator[Check]:
-        """Yield all checks that the product requires of the stages that were solved.
+        """Yield all checks that the product requires for the solved stages.
 
-        Where a solved stage lacks a named rest, or the motions between two, the value is NaN and the check fails.
+        If a solved stage lacks a named rest, or the motions between two rests, the value is NaN and the check fails.
         """
         s = self._section
         if s.gravity_at_rest is not None:
@@ -259,7 +259,7 @@ class _Acceptance:
     def _improved(
         self, kind: CheckKind, below: float, floor: float, unit: str, rows: list[tuple[float, float, Where]]
     ) -> Iterator[Check]:
-        """Compare errors after calibration with a fraction of those before, or with the floor where that is larger."""
+        """Compare errors after calibration with a fraction of the errors before, or with the floor if larger."""
         factors = [(after / before, where) for before, after, where in rows if not below * before <= floor]
         if factors:
             value, where = max(factors, key=_value_then_where)
@@ -329,7 +329,7 @@ class _Acceptance:
 
 
 def _pairs(count: int, positions: Positions | None) -> Iterator[tuple[int, int]]:
-    """Return neighbouring rests of `count`, or every two of `positions`."""
+    """Return consecutive pairs of `count` rests, or all pairs of `positions`."""
     return itertools.pairwise(range(count)) if positions is None else itertools.combinations(sorted(set(positions)), 2)
 
 

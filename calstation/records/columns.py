@@ -1,4 +1,4 @@
-"""Columns of a CSV of another program: names, units, separator and header row, found from `[columns]` and the file."""
+"""Columns of a CSV from another program: names, units, separator and header row, from `[columns]` and the file."""
 
 import csv
 import difflib
@@ -17,17 +17,17 @@ from calstation.records.meta import FURTHER_IMUS, ImuSection, LogMeta
 from calstation.schema import EntryError, StrictModel, near_miss
 
 ANGLES = ("outer_deg", "inner_deg")
-#: Columns that every CSV needs, besides those of `_OPTIONAL`.
+#: Columns that every CSV needs, except the ones in `_OPTIONAL`.
 REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
 JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
 #: Time at which the station received a sample, s.
 STATION = "station_s"
 COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS, STATION)
-#: Columns that may be absent without a table, and those but the angles in a file of another program.
+#: Columns that may be missing without a table; all but the angles may also be missing in a file of another program.
 _OPTIONAL = (*ANGLES, "seq", "stage", "step")
 _GYROS = CHANNELS[:3]
 
-#: Name of raw output among the units.
+#: Unit name of raw output.
 COUNTS = "counts"
 _DEGREE = float(np.pi / 180.0)
 _RATES = {
@@ -44,7 +44,7 @@ _SPEEDS = {"m/s": 1.0}
 _TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _ANGLES = {"deg": 1.0, "°": 1.0, "rad": 1.0 / _DEGREE}
 _TEMPERATURES = {"degC": 1.0, "°C": 1.0, "C": 1.0}
-#: Separators in the order in which they are tried; a blank stands for any number of blanks.
+#: Separators in the order in which they are tried; a blank matches any number of blanks.
 _SEPARATORS = (",", ";", "\t", " ")
 _PLAIN_SEPARATOR = ","
 _COMMENT = "#%"
@@ -60,9 +60,9 @@ _KNOWN = (*COLUMNS, *(name for number in FURTHER_IMUS for name in further_channe
 
 
 class ColumnSection(StrictModel):
-    """`[columns]`, NAME = { from, unit } or { value }: where a column of the CSV format is found in a foreign file."""
+    """`[columns]`, NAME = { from, unit } or { value }: source of a column of the CSV format in a foreign file."""
 
-    #: Its name there, or its number from 1; if all are numbers, the file needs no header row.
+    #: Name in the file, or number from 1; if all are numbers, the file needs no header row.
     source: str | int | None = Field(default=None, alias="from")
     unit: str | None = None  #: None for counts, s, degrees and °C.
     value: str | None = None  #: The stage of the whole recording; only for the column `stage`.
@@ -91,7 +91,7 @@ class ColumnMap(StrictModel):
 
 
 class RecordingMeta(LogMeta):
-    """The TOML of a CSV: the configuration of a log, and the columns of the file, which `ColumnMap` checks."""
+    """The TOML of a CSV: the configuration of a log, and the columns of the file, which `ColumnMap` validates."""
 
     columns: dict[str, ColumnSection] = Field(default_factory=dict)
 
@@ -107,12 +107,12 @@ class RecordingMeta(LogMeta):
 
 
 def is_increment(unit: str) -> bool:
-    """Whether the unit of a channel is that of an increment over one sample."""
+    """Return whether the unit of a channel is an increment over one sample."""
     return unit in _TURNS or unit in _SPEEDS
 
 
 def unit_factor(name: str, unit: str) -> float:
-    """Return the factor from a unit of a column to that of the CSV format, for channels to SI."""
+    """Return the factor from a unit of a column to the unit of the CSV format, for channels to SI."""
     return _units(name)[unit]
 
 
@@ -154,8 +154,8 @@ class Layout:
 
     skipped: int = 0  #: Number of lines before the first row of samples.
     separator: str = _PLAIN_SEPARATOR
-    names: tuple[str, ...] = ()  #: Names of the CSV format where a column has one.
-    units: Mapping[str, str] = field(default_factory=dict)  #: Units of columns that have another one than the format.
+    names: tuple[str, ...] = ()  #: Column names of the CSV format where they apply, other names unchanged.
+    units: Mapping[str, str] = field(default_factory=dict)  #: Units of columns whose unit differs from the format's.
     stage: str = ""  #: Stage of all samples if there is no column `stage`.
 
     def plain(self, text: str) -> str:
@@ -191,7 +191,7 @@ def read_layout(path: Path, head: str, columns: Mapping[str, ColumnSection], fur
     _check_names(path, names, mapped=bool(columns), further=further)
     following = _cells(lines[skipped], separator) if skipped < len(lines) else []
     if any(following) and not any(_is_number(cell, separator) for cell in following):
-        skipped += 1  # a row of units
+        skipped += 1  # a row with units
     units = {n: c.unit for n, c in columns.items() if c.unit is not None and c.unit != COUNTS}
     stage = columns["stage"].value if "stage" in columns else None
     return Layout(skipped, separator, tuple(names), units, stage or "")
@@ -210,9 +210,10 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _header(lines: list[str], wanted: set[str]) -> tuple[int, str, list[str]]:
-    """Return the number of lines to the end of the header row, its separator and its cells.
+    """Return the number of lines up to the end of the header row, its separator and its cells.
 
-    It is the line with most of the `wanted` names; if no line has any, the first one that is not a comment.
+    The header row is the line with most of the `wanted` names; if no line has any, the first line that is not a
+    comment.
     """
     best, found = 0, (0, _PLAIN_SEPARATOR, list[str]())
     for number, line in enumerate(lines, 1):
@@ -268,7 +269,7 @@ def _columns(names: list[str]) -> Text:
 
 
 def _check_names(path: Path, names: list[str], *, mapped: bool, further: Collection[int]) -> None:
-    """Check that all needed columns are there and belong to configured IMUs. Raises InputError."""
+    """Check that all needed columns exist and belong to configured IMUs. Raises InputError."""
     number_of = {name: number for number in FURTHER_IMUS for name in further_channels(number)}
     others = [name for number in further for name in further_channels(number)]
     free = [name for name in names if name not in _KNOWN]

@@ -21,16 +21,16 @@ from calstation.records.raw_log import SUFFIX, RawLogWriter
 def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> LogFacts:
     """Write a CSV to the raw log `target`, which is deleted if the CSV is not usable.
 
-    The configuration is the TOML file beside the CSV or `meta_file`. Raises InputError or ConfigurationError.
+    The configuration is the TOML file next to the CSV, or `meta_file`. Raises InputError or ConfigurationError.
     """
     log = open_log(source, meta_file)
     return write_log(target, log.meta, log.blocks())
 
 
 def write_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> LogFacts:
-    """Write blocks, of which there is one at least, to the raw log `target`; an error leaves no log.
+    """Write one or more blocks to the raw log `target`; an error leaves no log.
 
-    Raises InputError if the target is not named as a log, ConfigurationError if it cannot be written.
+    Raises InputError if the target does not have the name of a log, ConfigurationError if it cannot be written.
     """
     if target.suffix != SUFFIX:
         raise InputError("csv.import_name", file=target, suffix=SUFFIX)
@@ -59,7 +59,7 @@ def export_csv(
     first_seq: int | None = None,
     last_seq: int | None = None,
 ) -> LogFacts:
-    """Write a log, or its samples `first_seq` to `last_seq`, to `target` (.csv or .csv.gz) and a TOML file beside it.
+    """Write a log, or its samples `first_seq` to `last_seq`, to `target` (.csv or .csv.gz) and a TOML file next to it.
 
     `progress` is called with the number of samples written so far. Returns the facts of the whole log. Raises
     InputError if the log cannot be read or the target cannot be written.
@@ -76,7 +76,7 @@ def export_corrected(
 ) -> None:
     """Write samples compensated with `parameters`, SI, shape (30,), to `target` (.csv or .csv.gz) and its TOML.
 
-    `source` is their log, None for samples of a connected unit. The columns of gyros and accelerometers hold angular
+    `source` is their log, None for samples of a connected unit. The columns of gyros and accelerometers contain angular
     rate, rad/s, and specific force, m/s². Raises InputError if the samples cannot be read or the target cannot be
     written.
     """
@@ -94,7 +94,7 @@ def export_corrected(
 
 
 def _check_target(target: Path, kept: Iterable[Path]) -> None:
-    """Raise InputError if the name is not that of a CSV, or if it or its TOML would replace a file of `kept`."""
+    """Raise InputError if the name is not a CSV name, or if the CSV or its TOML would replace a file of `kept`."""
     if not target.name.endswith((".csv", ".csv.gz")):
         raise InputError("csv.export_name", file=target)
     for new, old in itertools.product((target, meta_path(target)), kept):
@@ -103,7 +103,7 @@ def _check_target(target: Path, kept: Iterable[Path]) -> None:
 
 
 def _write(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> None:
-    """Write blocks as CSV, and their configuration beside it; a failure leaves no CSV."""
+    """Write blocks as CSV, and their configuration next to it; a failure leaves no CSV."""
     partial = partial_path(target)
     try:
         with open_csv_for_writing(partial) as stream:

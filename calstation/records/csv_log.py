@@ -35,19 +35,19 @@ from calstation.records.columns import (
 from calstation.records.meta import FURTHER_IMUS, LogMeta
 from calstation.schema import read_toml, validate
 
-#: Endings of the names of recordings as text; .gz may follow.
+#: Suffixes of text recordings; .gz may follow.
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
 _CHUNK_BYTES = 1 << 17
 
 
 def meta_path(path: Path) -> Path:
-    """Return NAME.toml beside NAME.csv or NAME.csv.gz."""
+    """Return NAME.toml next to NAME.csv or NAME.csv.gz."""
     name = Path(path.name.removesuffix(".gz"))
     return path.with_name((name.stem if name.suffix in TEXT_SUFFIXES else name.name) + ".toml")
 
 
 def is_text(path: Path) -> bool:
-    """Whether the name of a file is that of a CSV or of a text file with columns."""
+    """Return whether a file name belongs to a CSV or to a text file with columns."""
     return Path(path.name.removesuffix(".gz")).suffix in TEXT_SUFFIXES
 
 
@@ -64,7 +64,7 @@ def load_recording(path: Path, meta_file: Path) -> tuple[LogMeta, Layout]:
 
 
 def _complete_counts(section: dict[str, Any], path: Path, layout: Layout, number: str) -> None:
-    """Add the size of a count where columns have a physical unit and no size is given: their smallest step."""
+    """Set a missing count size of columns with a physical unit to their smallest step."""
     if not layout.has_gyros:
         section |= {name: section.get(name, 1.0) for name in ("gyro_lsb", "gyro_arw")}
     for sensor in ("gyro", "accel"):
@@ -82,7 +82,7 @@ def _complete_counts(section: dict[str, Any], path: Path, layout: Layout, number
 def csv_blocks(path: Path, meta: LogMeta, layout: Layout, jitter: list[float]) -> Iterator[SampleBlock]:
     """Yield the samples of a CSV in order, with unwrapped counters, split at stage changes.
 
-    If the times are times of arrival, `jitter` receives their root mean square, s, about the line that replaces them.
+    If the times are arrival times, `jitter` receives their rms deviation, s, from the line that replaces them.
     Raises InputError with file, line, column and remedy.
     """
     jitter.clear()

@@ -1,4 +1,4 @@
-"""Files replaced as a whole, and file locks that the operating system releases when the process ends."""
+"""Atomic replacement of files, and file locks that the operating system releases when the process ends."""
 
 import errno
 import os
@@ -21,7 +21,7 @@ TEST_TIMEOUT = 0.2
 if sys.platform == "win32":
     import msvcrt
 
-    #: Offset of the locked byte, beyond the content of the file because other processes cannot read it.
+    #: Offset of the locked byte, beyond the content of the file, because other processes cannot read a locked byte.
     _FAR = 1 << 30
 
     def _lock(handle: int, *, shared: bool) -> None:
@@ -77,7 +77,7 @@ def take(handle: int, within: float, *, shared: bool = False) -> bool:
 
 
 def held(path: Path, within: float = TEST_TIMEOUT) -> bool:
-    """Whether a process holds the lock on a file for `within` s or longer.
+    """Return whether a process holds the lock on a file for `within` s or longer.
 
     Raises OSError if the file cannot be opened or locked.
     """

@@ -1,4 +1,4 @@
-"""What a certificate says of the laboratory and its instruments; stored in the log, so that result and log suffice."""
+"""Laboratory and instruments stated on a certificate; stored in the log, so that result and log suffice."""
 
 from datetime import date
 from typing import Annotated, Any, Literal
@@ -9,7 +9,7 @@ from calstation.schema import EntryError, StrictModel
 
 
 def _as_date(value: Any) -> date:
-    """Return a date of TOML as it is, and that of a stored log, which is a text, as a date."""
+    """Return a date from TOML unchanged, and a date from a stored log, which is a text, as a date."""
     if isinstance(value, date):
         return value
     try:
@@ -19,17 +19,17 @@ def _as_date(value: Any) -> date:
 
 
 _Text = Annotated[str, Field(min_length=1)]
-#: A day; ISO 8601 text where the log is stored.
+#: A day; ISO 8601 text in a log.
 Day = Annotated[date, BeforeValidator(_as_date), PlainSerializer(date.isoformat)]
 
 
 class LaboratorySection(StrictModel):
-    """`[laboratory]`: who calibrates, where, for whom, and who authorises the certificate."""
+    """`[laboratory]`: the laboratory, the place, the customer, and the persons who authorise the certificate."""
 
     name: _Text
     address: _Text
     country: Annotated[str, Field(pattern="^[A-Z]{2}$")] | None = None  #: ISO 3166-1 code, such as CN.
-    place: _Text | None = None  #: Where the calibration is done, if not at `address`.
+    place: _Text | None = None  #: Place of the calibration, if not at `address`.
     accreditation: _Text | None = None  #: Accreditation body and number.
     customer: _Text | None = None
     customer_address: _Text | None = None
@@ -37,11 +37,11 @@ class LaboratorySection(StrictModel):
 
 
 class InstrumentSection(StrictModel):
-    """`[[instruments]]`: an instrument on which the traceability of the results rests."""
+    """`[[instruments]]`: an instrument that establishes the traceability of the results."""
 
     name: _Text
     serial: _Text | None = None
     kind: Literal["table", "site", "other"] = "other"  #: ``site`` is a survey of gravity, latitude or azimuth.
     certificate: _Text | None = None  #: Number of its calibration certificate.
     calibrated: Day | None = None
-    due: Day | None = None  #: Day of its next calibration.
+    due: Day | None = None  #: Date of its next calibration.

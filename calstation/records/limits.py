@@ -31,9 +31,9 @@ NEAR = 0.8
 Rule = Literal["simple", "guard_band"]
 #: Coverage factor of the expanded uncertainty.
 COVERAGE_FACTOR = 2.0
-#: Change of a parameter, in its standard deviations, beyond which the unit is not that of its calibration any more.
+#: Change of a parameter, in its standard deviations, beyond which the unit no longer matches its calibration.
 _CHANGED = 6.0
-#: Smallest relative decrease of a variance that is not rounding.
+#: Smallest relative decrease of a variance that is not due to rounding.
 _RESOLVED = 1e-6
 
 
@@ -108,7 +108,7 @@ def check_limit_names(names: Iterable[str]) -> None:
 
 
 #: Kind of a check. ``within`` and ``sigma_below`` apply to a parameter, ``consistency`` to a stage, ``previous`` to a
-#: parameter or group; ``other`` is a check of another version of the program; the rest apply to the whole result.
+#: parameter or group; ``other`` is a check of another program version; the rest apply to the whole result.
 CheckKind = Literal[
     "within",
     "sigma_below",
@@ -139,7 +139,7 @@ CheckKind = Literal[
     "other",
 ]
 
-#: Kinds of the tests of the model, one for a stage each; the failure of one may also fail those after it.
+#: Kinds of the model tests, one per stage each; if one fails, the following may fail as a consequence.
 MODEL_KINDS: tuple[CheckKind, ...] = (
     "clipping",
     "sample_clock",
@@ -203,8 +203,8 @@ class Check:
     passed: bool
     near_miss: bool = False  #: Whether the value is within the limit, but with little margin.
     where: Where = Where()  #: Origin of the value.
-    misfit: Misfit | None = None  #: What the failure of a test of the model shows.
-    #: Lowest and highest accepted value where the decision rule narrows the limit.
+    misfit: Misfit | None = None  #: Meaning of the failure of a model test.
+    #: Lowest and highest accepted value if the decision rule narrows the limit.
     acceptance: tuple[float, float] | None = None
 
     @classmethod
@@ -245,12 +245,12 @@ class Check:
 
     @property
     def compared_with(self) -> float | tuple[float, float]:
-        """The limit, or the acceptance limits where the decision rule narrows it."""
+        """The limit, or the acceptance limits if the decision rule narrows it."""
         return self.acceptance or self.limit
 
     @property
     def margin(self) -> float:
-        """Distance between the value and what it is compared with, in `unit`; negative if that is exceeded."""
+        """Distance of the value from `compared_with`, in `unit`; negative if exceeded."""
         return _margin(self.value, self.compared_with)
 
     def to_json(self) -> dict[str, Any]:
@@ -317,8 +317,8 @@ def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
 def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
     """Return estimated parameters that the data do not determine.
 
-    Their sigma is above 0.9 of the prior sigma; or they lie in the unobservable subspace of every stage that estimated
-    them, so that only a correlation of the prior has reduced it.
+    Their sigma is above 0.9 of the prior sigma, or they lie in the unobservable subspace of every stage that estimated
+    them, so that only a prior correlation has reduced their sigma.
     """
     if not solutions:
         return []
@@ -335,8 +335,8 @@ def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
 def undetermined(prior: Belief, solutions: Sequence[Solution], calibrated: Collection[str]) -> list[str]:
     """Return unobservable parameters that are not known from the current calibration either.
 
-    Those in `calibrated` are known from it if the data determine at least half of the parameters; a run of which the
-    data contain less, such as a stage ended at its first rest, is no calibration.
+    The parameters in `calibrated` are known from it if the data determine at least half of the parameters; a run with
+    less information, such as a stage ended at its first rest, is not a calibration.
     """
     lost, estimated = unobservable(prior, solutions), estimated_stage(solutions)
     known = calibrated if 2 * sum(name in lost for name in estimated) <= len(estimated) else ()
@@ -344,7 +344,7 @@ def undetermined(prior: Belief, solutions: Sequence[Solution], calibrated: Colle
 
 
 def _not_observed(name: str, solutions: Sequence[Solution]) -> bool:
-    """Whether the observability analyses of all stages that estimated a parameter exist and do not contain it."""
+    """Return whether all stages that estimated a parameter have observability analyses without it."""
     states = [s.observability.get("states", {}).get(name) for s in solutions if name in s.estimated]
     return all(state is not None and state["step"] is None for state in states)
 
@@ -352,7 +352,8 @@ def _not_observed(name: str, solutions: Sequence[Solution]) -> bool:
 def not_compared(limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution]) -> list[str]:
     """Return parameters with a limit that no stage estimated, or that the data do not determine.
 
-    A partial run is judged only by its own stages, and claims nothing about a parameter that its data do not contain.
+    A partial run is judged only by its own stages, and makes no statement about parameters that its data do not
+    determine.
     """
     estimated, lost = estimated_stage(solutions), unobservable(prior, solutions)
     limited = [p.name for p in PARAMETERS if p.name in limits or p.group in limits]
@@ -369,7 +370,7 @@ def check_limits(
 ) -> list[Check]:
     """Compare the result of a chain of stages with the limits of its product by a decision rule.
 
-    A value above the fraction `near` of its limit is a near miss. A parameter's limit overrides that of its group;
+    A value above the fraction `near` of its limit is a near miss. A parameter's limit overrides the limit of its group;
     only parameters that were estimated and determined by the data are compared. Innovations, if a stage had any to
     test, and undetermined parameters are checked without near misses. The change of the parameters in `calibrated`,
     whose prior is the current calibration, is compared with its sigma.
@@ -392,7 +393,7 @@ def check_limits(
             limit = entry_of(limits, name)
             if limit is not None:
                 checks += _check_estimate(name, estimate, limit, limit.sigma_below, near, rule)
-    last = solutions[-1]  # its test for effects uses all stages
+    last = solutions[-1]  # the last solution's test for effects uses all stages
     model = [
         Check.of_model(s.stage, test) for s in solutions for test in s.tests if test.kind != "effects" or s is last
     ]
@@ -412,7 +413,7 @@ def check_limits(
 
 
 def _changes(prior: Belief, found: Belief, names: Sequence[str]) -> dict[str, float]:
-    """Return by how much the data changed each parameter, in standard deviations of the change expected from the prior.
+    """Return the change of each parameter by the data, in standard deviations of the change expected from the prior.
 
     The variance of the change is the decrease of the parameter's variance.
     """

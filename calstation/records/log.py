@@ -20,7 +20,7 @@ from calstation.records.meta import LogMeta
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import DamagedRows, raw_blocks, read_contents, row_count
 
-#: Number of samples of a CSV among which an output that is not an integer shows decimals.
+#: Number of CSV samples that are searched for non-integer output.
 _DECIMALS_WITHIN = 200
 
 
@@ -33,7 +33,7 @@ class Log:
     _scan: Callable[[], Iterator[SampleBlock]]
     events: list[dict[str, Any]] = field(default_factory=list)
     results: list[dict[str, Any]] = field(default_factory=list)
-    outcome: str | None = None  #: Outcome of the run; None for a run that did not reach its end and for a CSV.
+    outcome: str | None = None  #: Outcome of the run; None for a run that was not completed and for a CSV.
     stored_sha256: str | None = None  #: Digest recorded at the end of the run.
     #: Damaged rows of a raw log, which are omitted as gaps; known after all samples have been read.
     damaged_rows: tuple[DamagedRows, ...] = ()
@@ -68,7 +68,7 @@ class Log:
 
     @property
     def jitter(self) -> float:
-        """Root mean square of the times of arrival of a CSV about the sample clock, s; known after reading, else 0."""
+        """Rms deviation of the arrival times of a CSV from the sample clock, s; known after reading, else 0."""
         return sum(self._jitter)
 
     def facts(self) -> LogFacts:
@@ -102,7 +102,7 @@ def _between(block: SampleBlock, first: int | None, last: int | None) -> SampleB
 
 
 def open_log(path: Path, meta_file: Path | None = None) -> Log:
-    """Open a raw log (.h5), or a CSV (.csv, .csv.gz) with its TOML file beside it or at `meta_file`.
+    """Open a raw log (.h5), or a CSV (.csv, .csv.gz) with its TOML file next to it or at `meta_file`.
 
     Raises InputError if the file is missing or of another type, or if its configuration is invalid.
     """
@@ -130,7 +130,7 @@ def open_log(path: Path, meta_file: Path | None = None) -> Log:
 
 
 def _with_quantisation(path: Path, meta: LogMeta, layout: Layout) -> LogMeta:
-    """Return the configuration of a CSV with quantisation 0, if not given, for sensors whose output has decimals."""
+    """Return the configuration of a CSV with quantisation 0, if not given, for sensors with non-integer output."""
     counts: list[FloatArray] = []
     with suppress(InputError):  # reported when the samples are read
         for block in csv_blocks(path, meta, layout, []):

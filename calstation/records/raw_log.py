@@ -3,8 +3,8 @@
 The samples are in one compound dataset, so that their columns have equal lengths after a crash. Configuration, events,
 results and the closing record are JSON lines in byte datasets. Everything is created before SWMR mode is switched on,
 because nothing can be created afterwards. Samples are not compressed: rewriting a partly filled compressed chunk at
-every flush would waste file space, and an incompletely written chunk would lose all its rows. Every row has a check
-value, so that individual damaged rows can be identified.
+every flush would waste file space, and an incompletely written chunk would lose all its rows. Every row has a checksum,
+so that individual damaged rows can be identified.
 
 References
 ----------
@@ -44,13 +44,13 @@ SUFFIX = ".h5"
 #: Host time between flushes to the operating system, s: killing the process loses less than this plus one tick.
 FLUSH_INTERVAL = 0.1
 #: Host time between fsyncs, s: a power failure loses less than this plus a tick and the duration of the fsync. They run
-#: in their own thread, because a disk may take seconds, during which the table's watchdog must be fed.
+#: in a separate thread, because a disk may take seconds, during which the table's watchdog must be fed.
 SYNC_INTERVAL = 0.8
 #: Host time to wait for the lock, s, because `being_written` holds it briefly.
 _LOCK_TIMEOUT = 1.0
-#: Name of the column with the check values of the rows.
+#: Name of the column with the row checksums.
 CHECK = "check"
-#: Columns of every log; those of secondary IMUs and of a gimbal follow, and the check value is last.
+#: Columns of every log; the columns of secondary IMUs and of a gimbal follow, and the checksum is last.
 ROW = np.dtype(
     [
         ("seq", "<i8"),
@@ -64,10 +64,10 @@ ROW = np.dtype(
     ]
 )
 CHUNK_ROWS = 1024
-#: Free disk space, bytes, to be kept for the end of the log and the result.
+#: Free disk space, bytes, reserved for the end of the log and the result.
 RESERVE = 32_000_000
 _TEXTS = ("events", "results", "closing")
-#: Initial value of a row's check value, so that a row of zeros that was never written does not pass.
+#: Initial value of a row's checksum, so that a row of zeros that was never written is invalid.
 _SEED = np.uint64(0x9E3779B97F4A7C15)
 
 
@@ -80,9 +80,9 @@ def row_dtype(further_imus: int, joints: bool, station: bool = False) -> np.dtyp
 
 
 def row_checks(rows: np.ndarray | Mapping[str, np.ndarray]) -> NDArray[np.uint32]:
-    """Compute the check values of n rows, shape (n,), from all columns except `CHECK`.
+    """Compute the checksums of n rows, shape (n,), from all columns except `CHECK`.
 
-    `rows` is an array with the dtype `row_dtype`, or its columns in this order, which takes less time.
+    `rows` is an array with the dtype `row_dtype`, or its columns in this order, which is faster.
     """
     names = rows.keys() if isinstance(rows, Mapping) else rows.dtype.names or ()
     total = np.full(len(rows["seq"]), _SEED, np.uint64)
@@ -123,7 +123,7 @@ class RawLogWriter:
 
     The file is locked until the writer closes it (`raw_read.being_written`). Data are buffered between flushes;
     `service`, which every append calls, flushes and syncs when due. Raises ConfigurationError if the file cannot be
-    created; so do all methods that write, flush or sync if a write fails, and nothing more is written then.
+    created; all methods that write, flush or sync raise it if a write fails, and nothing more is written then.
     """
 
     def __init__(self, path: Path, meta: LogMeta, joints: bool = False, station: bool = False) -> None:
@@ -175,7 +175,7 @@ class RawLogWriter:
         with self._writing():
             rows["stage"] = self._stage_index(block.stage)
         columns = self._row.names or ()
-        if "station" in columns and not block.station.shape[1]:  # of an older log that this one continues
+        if "station" in columns and not block.station.shape[1]:  # from an older log that this one continues
             block = replace(block, station=np.full((len(block), 1), np.nan))
         for name, values in (("others", block.others), ("joints", block.joints), ("station", block.station)):
             if name in columns:
@@ -283,7 +283,7 @@ class RawLogWriter:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Convert a failed write to a ConfigurationError; the log is left as it is and no more data are written."""
+        """Convert a failed write to a ConfigurationError; the log is left unchanged and no more data are written."""
         try:
             yield
         except (OSError, RuntimeError) as exc:  # h5py raises both

@@ -1,4 +1,4 @@
-"""Reader of raw logs, including those of killed runs; damaged rows are omitted and reported."""
+"""Reader of raw logs, including logs of killed runs; damaged rows are omitted and reported."""
 
 import itertools
 import json
@@ -65,7 +65,7 @@ def sound_rows(damaged: NDArray[np.int64], start: int, stop: int) -> NDArray[np.
 
 @dataclass(frozen=True)
 class RawLogContents:
-    """Contents of a raw log other than samples; `outcome` is None if the run did not reach its end."""
+    """Contents of a raw log other than samples; `outcome` is None if the run was not completed."""
 
     meta: LogMeta
     events: list[dict[str, Any]]
@@ -89,7 +89,7 @@ def read_contents(path: Path) -> RawLogContents:
 
 
 def being_written(path: Path, within: float = TEST_TIMEOUT) -> bool:
-    """Whether a run is still writing the log, shown by a lock that is tested for `within` s.
+    """Return whether a run is still writing the log, according to its lock, which is tested for `within` s.
 
     Raises InputError for an unreadable file.
     """
@@ -113,7 +113,7 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
     """Yield the samples of a raw log in order, in blocks of one stage.
 
     Damaged rows are omitted and added to `damaged`. Rows at the end of a log that was not closed were never written and
-    do not count as damaged. In a log of an early version, whose rows have no check values, reading ends at a damaged
+    do not count as damaged. In a log of an early version, whose rows have no checksums, reading ends at a damaged
     row.
 
     Raises InputError if other parts of the file are damaged.
@@ -176,7 +176,7 @@ def _row_count(path: Path, samples: h5py.Dataset) -> int:
 
 
 def _read(samples: h5py.Dataset, start: int, rows: np.ndarray, checked: bool) -> None:
-    """Read `rows` from `start` on; if they are checked, an unreadable chunk becomes zeros, which fail the check."""
+    """Read `rows` from `start` on; if they have checksums, an unreadable chunk becomes zeros, which are invalid."""
     try:
         samples.read_direct(rows, np.s_[start : start + len(rows)])
     except _BROKEN:
@@ -190,7 +190,7 @@ def _read(samples: h5py.Dataset, start: int, rows: np.ndarray, checked: bool) ->
 
 
 def _rising(seq: NDArray[np.int64], sound: NDArray[np.bool_], last: int) -> NDArray[np.bool_]:
-    """Return a mask of the intact rows whose sequence number is above those of all preceding intact rows."""
+    """Return a mask of the intact rows whose sequence number exceeds all preceding ones."""
     kept = np.where(sound, seq, -1)
     return kept > np.maximum.accumulate(np.concatenate([[last], kept[:-1]]))
 
@@ -240,14 +240,14 @@ def _open_repeatedly(path: Path, stack: ExitStack) -> h5py.File:
 
 
 def _open(path: Path, stack: ExitStack) -> h5py.File:
-    """Open the file, whether it was closed or not. Raises InputError for another format, or `_BROKEN`."""
+    """Open the file, whether or not it was closed. Raises InputError for another format, or `_BROKEN`."""
     with path.open("rb") as stream:
         head = stream.read(SUPERBLOCK)
     if not sound(head):
         raise OSError("the superblock is damaged")
     short = path.stat().st_size < superblock_end(head)
     source = stack.enter_context(AsClosed(path)) if short or left_open(head) else path
-    # without HDF5's chunk cache, which every chunk would pass through once
+    # without HDF5's chunk cache, which would not be reused
     file = stack.enter_context(h5py.File(source, "r", libver="latest", rdcc_nbytes=0))
     if not _is_raw_log(file):
         raise InputError("log.foreign", file=path)
@@ -255,7 +255,7 @@ def _open(path: Path, stack: ExitStack) -> h5py.File:
 
 
 def _is_raw_log(file: h5py.File) -> bool:
-    """Whether a file is a raw log.
+    """Return whether a file is a raw log.
 
     The format of early logs, a string of variable length, is not read, because HDF5 hangs on it in a damaged file.
     """

@@ -1,7 +1,7 @@
-"""Record of issued reports: a checked line in a file beside the runs, and an event of the site's audit trail.
+"""Record of issued reports: a line with a checksum in a file next to the runs, and an event in the site's audit trail.
 
-The file belongs to the logs: it shows their reports to everyone who uses the folder. The audit trail belongs to the
-site: it shows the reports of a log that was copied, and of a file that lost its last lines.
+The file belongs to the logs and lists their reports for everyone who uses the folder. The audit trail belongs to the
+site and also lists reports of copied logs and reports missing at the end of a truncated file.
 """
 
 from contextlib import AbstractContextManager
@@ -32,11 +32,12 @@ class IssuedReport:
     content_sha256: str  #: Digest of result, configuration, program version and templates; "" if it is unknown.
     software: str  #: Version of the program.
     received: str | None = None  #: Date of receipt of the unit, ISO 8601; None if it was not stated.
-    authorised: tuple[str, ...] = ()  #: Names of those who issued it and proved their identity with their own PIN.
+    #: Names of the persons who issued it and confirmed their identity with their own PIN.
+    authorised: tuple[str, ...] = ()
 
     @property
     def identification(self) -> str:
-        """Number and, from the first revision on, revision."""
+        """Number and, if revised, the revision."""
         return f"{self.number}-R{self.revision}" if self.revision else self.number
 
 
@@ -74,10 +75,10 @@ def read_reports(folder: Path) -> list[IssuedReport]:
 
 
 def issued_reports(folder: Path, trail: AuditTrail, number: str) -> list[IssuedReport]:
-    """Return the reports with a number that are recorded beside the logs of a folder or in the site's audit trail.
+    """Return the reports with a number that are recorded next to the logs of a folder or in the site's audit trail.
 
-    They are in the order of their revisions. Two with the same revision have different content: one was issued for a
-    copy of the log. Raises InputError if the record beside the logs cannot be read.
+    They are in the order of their revisions. Two reports with the same revision have different content: one was issued
+    for a copy of the log. Raises InputError if the record next to the logs cannot be read.
     """
     events = (_from_event(event) for event in trail.events if event.event == _EVENT)
     same = [each for each in (*read_reports(folder), *events) if each is not None and each.number == number]
@@ -87,14 +88,14 @@ def issued_reports(folder: Path, trail: AuditTrail, number: str) -> list[IssuedR
 
 
 def audit_values(report: IssuedReport) -> dict[str, Any]:
-    """Return the values of the event of a report; its reason is that of the event."""
+    """Return the values of a report's event; its reason is the event's reason."""
     return {name: value for name, value in asdict(report).items() if name != "reason"}
 
 
 def _from_event(event: AuditEvent) -> IssuedReport | None:
-    """Return the report of an event; None for an unknown content."""
+    """Return the report of an event; None if its content is unknown."""
     values = event.values
-    if "content_sha256" not in values:  # of an earlier version of the program
+    if "content_sha256" not in values:  # from an earlier version of the program
         number, mark, revision = str(values.get("certificate", "")).rpartition("-R")
         number, revision = (number, revision) if mark and revision.isdecimal() else (f"{number}{mark}{revision}", "0")
         return IssuedReport(number, int(revision), event.utc[:10], event.why or None, "", "")

@@ -1,4 +1,4 @@
-"""Record of the offline solutions of the logs in a folder: one file, to which each solution appends a checked line."""
+"""Record of the offline solutions of the logs in a folder: one file with a checksummed line per solution."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ _LOCKED_WITHIN = 5.0
 class OnlineDifference:
     """Difference between an offline solution and the result of the run."""
 
-    identical: bool  #: Whether every value and sigma is the same bit for bit.
+    identical: bool  #: Whether every value and sigma is bit-identical.
     parameter: str = ""  #: The parameter with the largest difference; "" if the solutions have none in common.
     sigmas: float | None = None  #: Magnitude of this difference in sigmas; None if it is not finite.
 
@@ -39,7 +39,7 @@ class ResolveRecord:
     configuration_sha256: str | None
     passed: bool | None  #: None if there are no limits, or data and model were not tested.
     difference: OnlineDifference | None  #: None if the log has no result of a run.
-    tested: bool = True  #: Whether data and model were tested; the line has it only if they were not.
+    tested: bool = True  #: Whether data and model were tested; stored only if False.
 
 
 _RECORD = TypeAdapter(ResolveRecord)

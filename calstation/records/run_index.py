@@ -62,7 +62,7 @@ _RETRY_S = 10.0
 #: Number of runs that are removed at once, so that other programs do not wait for the index.
 _AT_ONCE = 1000
 
-#: What SQLite says of a file that is damaged or no database; all else, such as a full disk, may pass.
+#: SQLite errors for a damaged file or a file that is not a database; all others, such as a full disk, may be temporary.
 _DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
 #: Prefix of the table's quantities among the parameters of a row; rows of earlier versions have none.
@@ -78,7 +78,7 @@ def verdict_of(outcome: str, *, partial: bool) -> str:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """A run in the index. Of a run of another folder, `log` does not exist and `result` is None."""
+    """A run in the index. For a run of another folder, `log` does not exist and `result` is None."""
 
     serial: str
     started_utc: str  #: ISO 8601.
@@ -96,9 +96,9 @@ class RunRecord:
     closed: bool = False  #: Whether an operator decided not to resume the run.
     partial: bool = False  #: Whether the run omitted stages of its product.
     released: bool = False  #: Whether an engineer released the unit although it failed.
-    check_standard: bool = False  #: Whether the unit was a check standard of the product, and none of production.
-    origin: str = ""  #: Outbox of the folder that holds the run; "" for a run of this folder.
-    location: str | None = None  #: Where the log of a run of another folder lies: a URL or ``host:path``.
+    check_standard: bool = False  #: Whether the unit was a check standard of the product instead of a production unit.
+    origin: str = ""  #: Outbox of the folder that contains the run; "" for a run of this folder.
+    location: str | None = None  #: Location of the log of a run of another folder: a URL or ``host:path``.
     batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
     slot: str | None = None  #: Name of the unit's slot on the table.
 
@@ -109,7 +109,7 @@ class RunRecord:
 
     @property
     def badge(self) -> str:
-        """The verdict as the window shows it: ``released`` for a failed run whose unit was released."""
+        """The verdict as displayed in the window: ``released`` for a failed run whose unit was released."""
         return "released" if self.released else self.verdict
 
 
@@ -122,16 +122,16 @@ class IndexedRun:
     record: RunRecord
     values: Mapping[str, float]  #: Solved values by parameter, SI.
     sigmas: Mapping[str, float]  #: Their standard deviations, SI.
-    failed_checks: tuple[str, ...] = ()  #: Names of the checks that failed; none of a run that is not judged.
+    failed_checks: tuple[str, ...] = ()  #: Names of the checks that failed; empty for a run without a verdict.
     #: Quantities of the table's geometry by name with their standard deviations, rad.
     table: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Categories(Generic[T]):
-    """A column in which values repeat: the different ones, and which one each row has."""
+    """A column with repeated values: the distinct values, and the index for each row."""
 
-    values: tuple[T, ...]  #: The different values.
+    values: tuple[T, ...]  #: The distinct values.
     codes: IntArray  #: Index of the value of each row, shape (n,).
 
     @classmethod
@@ -144,11 +144,11 @@ class Categories(Generic[T]):
         return self.values[int(self.codes[row])]
 
     def take(self, rows: IntArray) -> "Categories[T]":
-        """Return the values of some rows."""
+        """Return the column for some rows."""
         return Categories(self.values, self.codes[rows])
 
     def among(self, wanted: Collection[T]) -> BoolArray:
-        """Return whether the value of each row is one of these, shape (n,)."""
+        """Return whether the value of each row is one of `wanted`, shape (n,)."""
         flags = np.zeros(len(self.values), dtype=bool)
         flags[[self._known[value] for value in wanted if value in self._known]] = True
         return flags[self.codes]
@@ -172,15 +172,15 @@ class RunColumns:
     partial: BoolArray  #: Whether the run omitted stages of its product.
     check_standard: BoolArray  #: Whether the unit was a check standard.
     failed_checks: Categories[tuple[str, ...]]  #: As in `IndexedRun`.
-    values: Mapping[str, FloatArray]  #: Solved values by parameter, SI; NaN where a run has none.
+    values: Mapping[str, FloatArray]  #: Solved values by parameter, SI; NaN if a run has none.
     sigmas: Mapping[str, FloatArray]  #: Their standard deviations, SI.
-    table: Mapping[str, FloatArray]  #: Quantities of the table's geometry by name, rad; NaN where a run has none.
+    table: Mapping[str, FloatArray]  #: Quantities of the table's geometry by name, rad; NaN if a run has none.
     table_sigmas: Mapping[str, FloatArray]  #: Their standard deviations, rad.
 
 
 @dataclass(frozen=True)
 class RunFilter:
-    """Conditions for runs, all of which must hold; "" is no condition."""
+    """Conditions for runs, all of which must hold; "" means no condition."""
 
     search: str = ""  #: Part of a serial number, file name, product, station, operator or batch.
     verdict: str = ""
@@ -188,14 +188,14 @@ class RunFilter:
     station: str = ""
     operator: str = ""
     since: str = ""  #: Earliest start, ISO 8601 in UTC without an offset.
-    before: str = ""  #: End of the starts, which is not included, in the same format.
-    names: tuple[str, ...] = ()  #: File names of the logs without suffix; () is no condition.
+    before: str = ""  #: Upper limit of the start, exclusive, in the same format.
+    names: tuple[str, ...] = ()  #: File names of the logs without suffix; () means no condition.
     batch: str = ""
 
 
 @dataclass(frozen=True)
 class RunChoices:
-    """The values that the runs of a folder have, sorted, and their earliest start, "" if there is no run."""
+    """The values that occur in the runs of a folder, sorted, and their earliest start, "" without runs."""
 
     products: tuple[str, ...] = ()
     stations: tuple[str, ...] = ()
@@ -204,11 +204,11 @@ class RunChoices:
 
 
 _RECORD = TypeAdapter(RunRecord)
-#: Fields of a run that are columns; `text` is what a search finds, `content` the whole `RunRecord` as JSON.
-#: `parameters` and `failed_checks` are lists of names as JSON, `numbers` the values of all parameters, then their
-#: sigmas, as float64: those of 100,000 runs are read at once without parsing. The table's quantities are among them.
+#: Fields of a run that are columns; `text` is the searched text, `content` the whole `RunRecord` as JSON. `parameters`
+#: and `failed_checks` are lists of names as JSON; `numbers` contains the values of all parameters, then their sigmas,
+#: as float64, so that 100,000 runs are read at once without parsing. The table's quantities are included.
 _SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from", "batch", "slot")
-#: Columns of the conditions, in an index of their own: a query does not read the contents of other runs.
+#: Columns of the conditions, in a separate index, so that a query does not read the contents of other runs.
 _FILTERED = ("started_utc", "name", "verdict", "product", "station", "operator", "batch", "text")
 _metadata = MetaData()
 _runs = Table(
@@ -227,30 +227,31 @@ _runs = Table(
     Column("numbers", LargeBinary, nullable=False),
 )
 Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
-#: One row: the shared database from which runs of other folders came, and the last revision that was received.
+#: One row: the shared database from which runs of other folders were received, and the last revision received.
 _received = Table("received", _metadata, Column("database", String, primary_key=True), Column("revision", BigInteger))
-#: One row after the first change of the runs: a random mark, which every change of them replaces.
+#: One row after the first change of the runs: a random value, which every change replaces.
 _changed = Table("changed", _metadata, Column("mark", String, primary_key=True))
 _mark = select(_changed.c.mark)
 _rowid: ColumnElement[int] = literal_column("runs.rowid", Integer)
 
 
 class RunIndex:
-    """Index of a folder of runs; it is kept in memory while its file cannot be used, so that it never stops a run."""
+    """Index of a folder of runs; it is kept in memory while its file is unusable, so that it never stops a run."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._path = folder / FILE
         self.lost = False  #: Whether the index may lack runs, because it is new or its file could not be used before.
         self._engine = _file_engine(self._path)
-        self._memory: Engine | None = None  #: In place of the file until `_again`.
+        self._memory: Engine | None = None  #: Replaces the file until `_again`.
         self._again = 0.0
-        self._stamps: tuple[str | None, dict[str, str]] = (None, {})  #: As they were read last, with their mark.
+        #: Stamps as last read, with the value of `mark` at that time.
+        self._stamps: tuple[str | None, dict[str, str]] = (None, {})
         self._try(_create)
 
     @property
     def mark(self) -> str | None:
-        """A mark of the runs, which differs after any change of them; None before the first."""
+        """Value that differs after any change of the runs; None before the first."""
         return self._try(lambda connection: connection.execute(_mark).scalar())
 
     def stamps(self) -> Mapping[str, str]:
@@ -287,7 +288,7 @@ class RunIndex:
     def received(self) -> tuple[str, int]:
         """Return the name of the shared database and the last revision received from it, ("", 0) for none.
 
-        Raises ConfigurationError if the file cannot be used at present.
+        Raises ConfigurationError if the file is currently unusable.
         """
         rows = self._in_file(lambda connection: connection.execute(select(_received)).all())
         return (rows[0].database, rows[0].revision) if rows else ("", 0)
@@ -295,8 +296,7 @@ class RunIndex:
     def receive(self, runs: Iterable[IndexedRun], database: str, revision: int) -> None:
         """Add or replace runs of other folders, received from a shared database up to a revision.
 
-        Runs received from another database are removed. Raises ConfigurationError if the file cannot be used at
-        present.
+        Runs received from another database are removed. Raises ConfigurationError if the file is currently unusable.
         """
         rows = [_row(run) for run in runs]
 
@@ -353,8 +353,8 @@ class RunIndex:
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
 
     def columns(self, wanted: RunFilter) -> RunColumns:
-        """Return the runs that meet all conditions and have a time of start, in columns."""
-        days = func.julianday(_runs.c.started_utc)  # NULL for what is no time
+        """Return the runs that meet all conditions and have a start time, in columns."""
+        days = func.julianday(_runs.c.started_utc)  # NULL for an invalid time
         fields = (
             "name",
             "serial",
@@ -369,7 +369,7 @@ class RunIndex:
         query = select(days, *(_runs.c[name] for name in (*fields, "parameters", "numbers")))
         query = query.where(days.is_not(None), *_conditions(wanted))
         rows = self._try(lambda connection: _rows(connection, query))
-        # sorted here: SQLite would read the whole table in the order of time, which is random access
+        # sorted here, because SQLite would read the whole table in time order, which is random access
         order = np.argsort([row[0] for row in rows], kind="stable")
         columns = zip(*(rows[k] for k in order.tolist()), strict=True) if rows else [()] * 12
         begun, names, *texts, partial, standard, failed, parameters, numbers = columns
@@ -426,7 +426,7 @@ class RunIndex:
             return action(connection)
 
     def _in_file(self, action: Callable[[Connection], T]) -> T:
-        """Run `action` on the file. Raises ConfigurationError if the file cannot be used at present."""
+        """Run `action` on the file. Raises ConfigurationError if the file is currently unusable."""
         try:
             return self._use_file(action)
         except (DatabaseError, OSError) as exc:
@@ -434,7 +434,7 @@ class RunIndex:
             raise ConfigurationError("database.index_unusable", file=self._path, reason=reason) from exc
 
     def _use_file(self, action: Callable[[Connection], T]) -> T:
-        """Run `action` on the file; if it is damaged or gone, on a new one."""
+        """Run `action` on the file; if the file is damaged or missing, on a new one."""
         try:
             with self._engine.begin() as connection:
                 return action(connection)
@@ -451,7 +451,7 @@ class RunIndex:
 
 
 def _is_lost(error: DatabaseError) -> bool:
-    """Whether the file is damaged, is no database or lacks a table, and not only locked or without space."""
+    """Return whether the file is damaged, not a database or lacks a table, rather than just locked or out of space."""
     assert isinstance(error.orig, sqlite3.Error)
     return error.orig.sqlite_errorcode & 0xFF in _DAMAGED or str(error.orig).startswith("no such table")
 
@@ -479,7 +479,7 @@ def _create(connection: Connection) -> None:
 
 
 def _rows(connection: Connection, query: Select[Any]) -> list[tuple[Any, ...]]:
-    """Return the rows as SQLite gives them, in a third of the time that SQLAlchemy's rows take."""
+    """Return the rows as provided by SQLite, in a third of the time that SQLAlchemy's rows take."""
     cursor = connection.execute(query).cursor
     return [] if cursor is None else list(cursor.fetchall())
 
@@ -509,7 +509,7 @@ def _row(run: IndexedRun) -> dict[str, Any]:
 
 
 def to_columns(run: IndexedRun) -> dict[str, Any]:
-    """Return the columns that hold a run as a whole: ``content``, ``failed_checks``, ``parameters``, ``numbers``."""
+    """Return the columns that contain a whole run: ``content``, ``failed_checks``, ``parameters``, ``numbers``."""
     of_table = {f"{_OF_TABLE}{name}": row for name, row in run.table.items()}
     rows = {name: (value, run.sigmas.get(name, math.nan)) for name, value in run.values.items()} | of_table
     return {
@@ -543,7 +543,7 @@ def _renew_mark(connection: Connection) -> None:
 def _estimates(
     parameters: Categories[str], numbers: Sequence[bytes]
 ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-    """Return values and sigmas by parameter from the columns of the table, NaN where a run has none."""
+    """Return values and sigmas by parameter from the columns of the table, NaN if a run has none."""
     names_of = [json.loads(names_json) for names_json in parameters.values]
     column = {name: j for j, name in enumerate(dict.fromkeys(name for names in names_of for name in names))}
     found = np.full((2, len(column), len(numbers)), np.nan)

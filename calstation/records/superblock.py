@@ -26,7 +26,7 @@ def superblock_end(head: bytes) -> int:
 
 
 def sound(head: bytes) -> bool:
-    """Whether a file begins with a superblock of version 3 with a correct checksum."""
+    """Return whether a file begins with a superblock of version 3 with a correct checksum."""
     return (
         len(head) == SUPERBLOCK
         and head.startswith(_SIGNATURE)
@@ -35,12 +35,12 @@ def sound(head: bytes) -> bool:
 
 
 def left_open(head: bytes) -> bool:
-    """Whether the writer has not closed the file."""
+    """Return whether the writer has not closed the file."""
     return head[_FLAGS] != 0
 
 
 class AsClosed(io.FileIO):
-    """Reads a file that was not closed, or was truncated, as if it had been closed at its present length."""
+    """Reads a file that was not closed, or was truncated, as if it had been closed at its current length."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "rb")
@@ -51,7 +51,7 @@ class AsClosed(io.FileIO):
         self._head = bytes(head)
 
     def readinto(self, buffer: Any) -> int:
-        """See `io.RawIOBase`."""
+        """Read bytes into a buffer, see `io.RawIOBase`."""
         begin = self.tell()
         view = memoryview(buffer).cast("B")
         count = super().readinto(view) or 0

@@ -1,4 +1,4 @@
-"""Recovers interrupted transfers: finds them at the next start, and finishes or restores them as decided."""
+"""Recovery of interrupted transfers: finds them at the next start, and finishes or restores them as decided."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -40,8 +40,8 @@ def recover_interrupted(
 ) -> UnverifiedTransfer | None:
     """Recover an interrupted transfer to the unit before a run.
 
-    If the unit still has its old registers, this is reported and nothing is changed. Otherwise the request's
-    `unfinished` decides; without a decision the run is refused and the options are reported. New registers are verified
+    If the unit still has its old registers, this is reported and nothing is changed. Otherwise `unfinished` in the
+    request specifies what to do; without it the run is refused and the options are reported. New registers are verified
     later, when the run's table is ready; on a manual rig they are verified here, at rest.
 
     Raises DeviceFaultError if no decision was made, the output is wrong, or the link failed.
@@ -78,7 +78,7 @@ def recover_interrupted(
         report()
     else:
         table.identify()
-        check_power(table.status())  # write nothing that the table could not verify
+        check_power(table.status())  # do not write anything that the table could not verify
         unverified = UnverifiedTransfer(setup, imu, finish(imu, registers, entry), report)
     imu.start()
     return unverified

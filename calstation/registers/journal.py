@@ -1,10 +1,10 @@
 """The journal of each unit's registers: the intended values of every transfer, its time, its author and its progress.
 
 There is one file per serial number, with a checksummed line for every event (`checked_lines`), each on disk before the
-announced action. With a damaged journal the unit is refused, because it is then unknown what was written.
+announced action. If the journal is damaged, the unit is refused, because the written values are then unknown.
 
 The journals of hardware units are in the site's own folder, regardless of the folder of a run: flash cycles and
-interrupted transfers belong to the unit. Those of virtual units are in the folder of their runs.
+interrupted transfers belong to the unit. The journals of virtual units are in the folder of their runs.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ from calstation.records import DamagedLineError, Line, Lines, append_line, read_
 #: Folder of the journals, in the site's folder or in the folder of the runs.
 FOLDER = "registers"
 
-#: Kind of a unit's station; ``unknown`` for transfers recorded before hardware had separate journals.
+#: Kind of a unit's station; ``unknown`` for transfers recorded before hardware units had separate journals.
 Kind = Literal["hardware", "virtual", "unknown"]
 
 _SUFFIX = ".jsonl"
@@ -160,7 +160,7 @@ def history(runs: Path, serial: str, site: Path | None = None) -> list[Transfer]
 
 
 def by_station(runs: Path, serial: str, site: Path) -> dict[Kind, list[Transfer]]:
-    """Return every transfer by the kind of its station; `history` counts those of unknown stations for both kinds."""
+    """Return every transfer by kind of station; `history` counts transfers at unknown stations for both kinds."""
     beside = _transfers(_path(runs, serial), serial)
     return {
         "hardware": [transfer for transfer, _ in _transfers(_path(site, serial), serial)],

@@ -62,14 +62,14 @@ from calstation.sequencer import (
     VerificationData,
 )
 
-#: Type of a function that processes the operator's commands; it raises StopRequested if a stop is requested.
+#: Function that processes the operator's commands; it raises StopRequested if a stop is requested.
 CheckCancelled = Callable[[], None]
 
 _PROOFS = {Step.TURNED: "turn", Step.AT_REST: "rest"}
 
 
 def moves_table(operation: RegisterOperation) -> bool:
-    """Whether an operation moves a table. Raises InputError if there is nothing to do, or ConfigurationError."""
+    """Return whether an operation moves a table. Raises InputError if there is nothing to do, or ConfigurationError."""
     setup = resolve_configuration(operation.request)
     _ActiveOperation.of(operation, setup, lambda event: None)
     return not (operation.at_rest or setup.by_hand)
@@ -84,8 +84,8 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
 
     Raises InputError if there is nothing to finish or the journal does not contain the transfer; ConfigurationError if
     the journal or the audit trail cannot be written (the unit is then unchanged), or the product requires a second
-    engineer and none confirmed; DeviceFaultError if another unit is connected, an
-    earlier transfer is open, a value is out of range, or the link fails.
+    engineer but none confirmed; DeviceFaultError if another unit is connected, an earlier transfer is open, a value is
+    out of range, or the link fails.
     """
     work = _ActiveOperation.of(operation, resolve_configuration(operation.request), emit)
     _audit(operation, work.setup)
@@ -138,7 +138,7 @@ class _ActiveOperation:
 
     @classmethod
     def of(cls, operation: RegisterOperation, setup: ResolvedConfiguration, emit: Emit) -> "_ActiveOperation":
-        """Determine what to do. Raises InputError, or ConfigurationError if the flash is worn out."""
+        """Determine what an operation does. Raises InputError, or ConfigurationError if the flash is worn out."""
         request, site = operation.request, journal_folder(setup.station)
         runs, serial = request.out, request.serial
         entry = journal.interrupted(runs, serial, site)
@@ -164,7 +164,7 @@ class _ActiveOperation:
         return self.entry is not None and self.operation.what == "restore"
 
     def unchanged(self, imu: Imu) -> Settled | None:
-        """Return the last event for a unit that still has its old registers; None if there is something to do.
+        """Return the last event for a unit that still has its old registers; None if registers must be written.
 
         Raises DeviceFaultError for another unit, or for a unit with another open transfer.
         """
@@ -304,7 +304,7 @@ def _earlier(runs: Path, serial: str, ident: str | None, site: Path | None) -> T
 
 @contextmanager
 def _offering_at_rest() -> Iterator[None]:
-    """Add to table errors before the write the note that the operation is possible without the table."""
+    """Add a note to table errors before the write that the operation is also possible without the table."""
     try:
         yield
     except CalstationError as error:

@@ -58,14 +58,14 @@ def check_register_map(entry: Transfer, setup: ResolvedConfiguration) -> None:
 
 
 def check_product(entry: Transfer, setup: ResolvedConfiguration) -> None:
-    """Check that a transfer was made with the product, which says who confirms register writes. Raises InputError."""
+    """Check that a transfer was made with the product, which sets who confirms register writes. Raises InputError."""
     recorded, own = entry.unit_type.product, setup.product.name
     if recorded and recorded != own:
         raise InputError("transfer.other_product", id=entry.id, serial=entry.serial, recorded=recorded, product=own)
 
 
 def check_unit_model(entry: Transfer, model: str) -> None:
-    """Raise DeviceFaultError if a transfer was to another unit model than that of the connected unit."""
+    """Raise DeviceFaultError if a transfer was to a different unit model than the connected unit's."""
     recorded = entry.unit_type.model
     if recorded and recorded != model:
         raise DeviceFaultError("transfer.other_model", id=entry.id, serial=entry.serial, recorded=recorded, model=model)

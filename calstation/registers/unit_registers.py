@@ -1,4 +1,4 @@
-"""The registers of a unit: those read from the unit in the fixture, and those that a result requires."""
+"""Registers of a unit: values read from the unit in the fixture, and values required by a result."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -56,13 +56,13 @@ class UnitRegisters:
 
 @dataclass(frozen=True)
 class TargetRegisters:
-    """The registers that a result requires, those that its run replaced, and those that it wrote and verified."""
+    """The registers that a result requires, that its run replaced, and that its run wrote and verified."""
 
     serial: str
     registers: tuple[Register, ...]
     before: tuple[Register, ...] = ()
     written: tuple[Register, ...] = ()
-    written_utc: str = ""  #: "" if none were written.
+    written_utc: str = ""  #: Empty if none were written.
 
     @property
     def values(self) -> dict[str, float]:
@@ -81,8 +81,8 @@ def read_unit(progress: ProgressCallback, request: RunRequest, runs: Path) -> Un
 def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Result) -> TargetRegisters:
     """Return the registers that a result requires, with the encoding of its product's profile.
 
-    If its run wrote registers, these are returned, except for those that it kept. A result estimated from output
-    corrected by registers is combined with the registers in its log.
+    If its run wrote registers, these are returned, except for registers that it left unchanged. A result estimated from
+    output corrected by registers is combined with the registers in its log.
 
     Raises InputError if the log is needed but missing, the result has another IMU profile or product, or it was solved
     for its parameters only or with states added for a trial.

@@ -1,9 +1,9 @@
-"""Verifies a unit's output after its registers were written, against their definition and known references.
+"""Verification of a unit's output after its registers were written, against their definition and known references.
 
-Rests and turns are compared with the same ones captured without the registers (`compare`). The reference is the raw
-output (or the output with other registers) of the same unit in the same orientations, corrected by the parameters that
-were written. Mounting, table orientation and encoder errors are common to both and cancel, as does the uncertainty of
-the parameters. Only noise and the repeatability of the table remain.
+Rests and turns are compared with identical ones captured without the registers (`compare`). The reference is the raw
+output (or the output with other registers) of the same unit in the same orientations, corrected by the written
+parameters. Mounting, table orientation and encoder errors are common to both and cancel, as does the uncertainty of the
+parameters. Only noise and the repeatability of the table remain.
 
 Then the output alone is compared with known values: its magnitude at rest with gravity and earth rate, and turns with
 encoders. If no encoder measures a turn, gravity at its end is compared with the gravity propagated by the gyros. The
@@ -218,7 +218,7 @@ def _drift(
     context: SolveContext,
     joints: Mapping[str, Mapping[str, float]] | None,
 ) -> VerificationCheck:
-    """Compare the drift of a gimbal's other joints in a turn with the one expected from `joints`, 0 without them.
+    """Compare the drift of a gimbal's other joints in a turn with the drift expected from `joints`, 0 without them.
 
     The mounting of the unit affects the registers and their covariance, but not the drift.
     """
@@ -244,7 +244,7 @@ def compare(
     context: SolveContext,
     repeatability: float,
 ) -> tuple[VerificationCheck, ...]:
-    """Compare each rest and turn of a unit's output with a reference; `repeatability` is that of the table, rad."""
+    """Compare each rest and turn of a unit's output with a reference; `repeatability` is the table's, rad."""
     expected = _expected(np.array(reference.rests), registers)
     imu, count = context.imu, len(expected)
     seen = np.array(data.rests[:count])
@@ -256,7 +256,7 @@ def compare(
         for instability in (imu.gyro_bias_instability, imu.accel_bias_instability)
     )
     checks = []
-    # The mean of all rests, last, resolves smaller biases.
+    # The mean of all rests, which comes last, resolves smaller biases.
     for own, rate, force in (
         *((own, rate_noise, noise) for own, noise in zip(difference, force_noise, strict=True)),
         (difference.mean(axis=0), rate_noise / count, np.sum(force_noise, axis=0) / count**2),
@@ -396,7 +396,7 @@ def _net(turned: Turned, angle: FloatArray, rests: FloatArray) -> FloatArray:
 def _force_scatter(force: FloatArray, seconds: float, context: SolveContext, repeatability: float) -> FloatArray:
     """Return the covariance of a force difference without bias drift, (m/s²)², shape (3, 3).
 
-    Table tilt acts only across the force.
+    Table tilt acts only perpendicular to the force.
     """
     size = float(np.linalg.norm(force))
     up = force / size
@@ -405,7 +405,7 @@ def _force_scatter(force: FloatArray, seconds: float, context: SolveContext, rep
 
 
 def _turn_scatter(turn: FloatArray, seconds: tuple[float, float], imu: ImuModel, repeatability: float) -> FloatArray:
-    """Return the covariance of a turn difference, rad², shape (3, 3): own joint along it, other joint across it."""
+    """Return the covariance of a turn difference, rad², shape (3, 3): its joint along it, the other joint across it."""
     duration, rest = seconds
     size = float(np.linalg.norm(turn))
     along = np.outer(turn, turn) / size**2
@@ -434,7 +434,7 @@ def _force_noise(context: SolveContext, seconds: float) -> float:
     """Return the sigma of one axis of `mean_at_rest` of the accelerometer, m/s².
 
     It combines the sensor noise, as for the gyro, with the vibration of the base: the slope of a line through
-    velocities with the sigma in the table's profile, σ √12 / (T √n).
+    velocities with the sigma from the table's profile, σ √12 / (T √n).
     """
     imu, table = context.imu, context.table
     count = seconds / table.velocity_interval

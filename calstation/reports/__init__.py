@@ -1,6 +1,6 @@
 """Documents made from finished results: labels and certificates.
 
-What judges or computes values belongs to `calstation.results`.
+Code that evaluates or computes values belongs to `calstation.results`.
 """
 
 import lazy_loader as lazy

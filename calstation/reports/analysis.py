@@ -1,4 +1,4 @@
-"""What the samples of a log show beside its result: budget, convergence of the sigmas, and residuals at rest."""
+"""Analysis of a log's samples in addition to its result: budget, convergence of the sigmas, and residuals at rest."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -34,15 +34,15 @@ class Analysis:
 
     time: FloatArray  #: Time of each point since the first sample, s, shape (m,).
     sigma: FloatArray  #: Standard deviations of the 30 parameters at these points, SI, shape (m, 30).
-    spans: Mapping[str, tuple[float, float]]  #: Begin and end of the samples of every stage, s.
+    spans: Mapping[str, tuple[float, float]]  #: Start and end of the samples of every stage, s.
     rests: Mapping[str, RestResiduals]  #: Residuals at the rests of every stage.
     before: FloatArray  #: Standard deviations of the 30 parameters before the first stage, SI, shape (30,).
-    after: FloatArray  #: The same after the last stage.
+    after: FloatArray  #: Standard deviations of the 30 parameters after the last stage, SI, shape (30,).
     budget: Budget
     effects_tested: bool  #: Whether the data were tested for effects outside the error model.
     spoilt: int  #: Number of samples that were marked invalid.
     warnings: tuple[Text, ...]  #: Warnings during the run, from the events of the log.
-    identified: Mapping[str, str]  #: Names and serial numbers that table and IMU reported; empty if unknown.
+    identified: Mapping[str, str]  #: Names and serial numbers reported by table and IMU; empty if unknown.
 
 
 class _Watch:
@@ -73,9 +73,9 @@ class _Watch:
 
 
 def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
-    """Solve the log of a result again, several times, and return what its samples show.
+    """Solve the log of a result again, several times, and return the analysis of its samples.
 
-    Raises InputError, also if the log does not give the values or the verdict of the result.
+    Raises InputError, also if the log does not reproduce the values or the verdict of the result.
     """
     meta, _ = with_states(log.meta, tuple(result.states_added))
     watch = _Watch(meta, result)
@@ -121,14 +121,14 @@ def _check(result: Result, log: Log, chain: StageChain) -> None:
 
 
 def _agree(row: Parameter, found: Parameter) -> bool:
-    """Whether value and sigma agree within a thousandth of sigma."""
+    """Return whether value and sigma agree within a thousandth of sigma."""
     tolerance = ROUNDING * found.sigma
     pairs = ((row.value, found.value), (row.sigma, found.sigma))
     return all(np.isclose(a, b, rtol=0.0, atol=tolerance, equal_nan=True) for a, b in pairs)
 
 
 def _warnings(log: Log) -> Iterator[Text]:
-    """Yield the warnings of the run, each once."""
+    """Yield the warnings of the run, without repetitions."""
     seen: set[str] = set()
     for event in log.events:
         if event.get("event") != "Message":

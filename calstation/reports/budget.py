@@ -3,7 +3,8 @@
 The gain of an optimal estimator is stationary, so that a small change of a source's variance q changes the variance P
 of the estimate only directly: the contribution of the source is q dP/dq. P is homogeneous of degree one in all
 variances together, so that the contributions add up to P (Euler's theorem). The derivatives are differences between
-solutions of the same log by the same solvers. What they do not add up to is noise that the solvers took from the data.
+solutions of the same log by the same solvers. The remainder of the variance is noise that the solvers estimated from
+the data.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -20,11 +21,11 @@ from calstation.results import Result, StageChain, solve, solved_parameters
 #: Callback that gets the finished fraction and the stage.
 BudgetProgress = Callable[[float, str], None]
 
-#: Number of pieces in which a chain that is observed is fed.
+#: Number of pieces in which a monitored chain is fed.
 _PIECES = 160
 #: Relative change of a source's variance for its derivative.
 _STEP = 1e-3
-#: Error of the latitude whose effect is stated, °.
+#: Error of the latitude for which the effect is stated, °.
 LATITUDE_ERROR_DEG = 0.01
 
 #: Entries of an IMU whose squares are variances of a source.
@@ -38,7 +39,7 @@ _OF_TABLE = {
     "angles": ("encoder_sigma_deg", "mount_sigma_deg", "azimuth_sigma_deg", "base_tilt_sigma_deg"),
     "motion": ("velocity_sigma",),
 }
-#: Sources in the order of a budget. ``other`` is noise that the data showed beyond the profiles.
+#: Sources in the order of a budget. ``other`` is noise in the data in excess of the profiles.
 SOURCES = (*_OF_IMU, *_OF_TABLE, "gravity", "prior", "other")
 
 
@@ -48,14 +49,14 @@ class Budget:
 
     #: Variance from each source by quantity, SI squared; the sum is the variance of the quantity.
     variance: Mapping[str, Mapping[str, float]]
-    #: Change of each quantity with an error of the latitude of `LATITUDE_ERROR_DEG`, SI; not in its variance.
+    #: Change of each quantity due to an error `LATITUDE_ERROR_DEG` of the latitude, SI; not included in its variance.
     latitude: Mapping[str, float]
 
 
 def uncertainty_budget(log: Log, result: Result, meta: LogMeta, base: StageChain, progress: BudgetProgress) -> Budget:
     """Return the budget of a result; the chain `base` solved its log with the configuration `meta`. Raises InputError.
 
-    The log is solved once more for every source, and for another latitude.
+    The log is solved once more for every source and for a different latitude.
     """
     changes = [source for source in SOURCES if source not in ("gravity", "other")]
     before = _variances(base)
@@ -66,12 +67,12 @@ def uncertainty_budget(log: Log, result: Result, meta: LogMeta, base: StageChain
         chain = solve_again(log, result, _changed(meta, source), partial(_part, progress, number, len(changes) + 1))
         after = _variances(chain)
         parts[source] = (np.array([after[name] for name in names]) - total) / _STEP
-    # A change of the estimate with gravity adds its square, whatever the other sources are.
+    # The change of the estimate with gravity contributes its square, whatever the other sources are.
     gravity = base.solutions[-1].belief.covariance - base.belief.covariance
     parts["gravity"] = np.array([gravity[INDEX[n], INDEX[n]] if n in INDEX else 0.0 for n in names])
     parts["other"] = total - np.sum([parts[source] for source in changes], axis=0)
     rows = {name: {source: float(parts[source][k]) for source in SOURCES} for k, name in enumerate(names)}
-    elsewhere = _elsewhere(meta)
+    elsewhere = _at_other_latitude(meta)
     chain = solve_again(log, result, elsewhere, partial(_part, progress, len(changes), len(changes) + 1))
     here, there = (solved_parameters(tuple(each.solutions)) for each in (base, chain))
     return Budget(rows, {name: abs(there[name].value - found.value) for name, found in here.items() if name in there})
@@ -87,8 +88,8 @@ def solve_again(
 ) -> StageChain:
     """Solve the stages of a result again with the configuration `meta`; `progress` gets a fraction and the stage.
 
-    `chain` is a new chain that the caller observes while it is fed; without it, data and model are not tested. With
-    `on_block`, which is called for every block, it is fed in `_PIECES` pieces.
+    `chain` is a new chain that the caller monitors while it is fed; without it, data and model are not tested. With
+    `on_block`, which is called for every block, the chain is fed in `_PIECES` pieces.
     """
     first, last = result.log.first_seq, result.log.last_seq
 
@@ -137,8 +138,8 @@ def _changed(meta: LogMeta, source: str) -> LogMeta:
     return meta.model_copy(update={key: _grown(imu, _OF_IMU[source], factor) for key, imu in imus.items()})
 
 
-def _elsewhere(meta: LogMeta) -> LogMeta:
-    """Return the configuration with another latitude, towards the equator."""
+def _at_other_latitude(meta: LogMeta) -> LogMeta:
+    """Return the configuration with a different latitude, towards the equator."""
     latitude = meta.site.latitude_deg - float(np.copysign(LATITUDE_ERROR_DEG, meta.site.latitude_deg))
     return meta.model_copy(update={"site": meta.site.model_copy(update={"latitude_deg": latitude})})
 

@@ -26,10 +26,10 @@ from calstation.reports.budget import Budget
 from calstation.results import ParameterConformity, Result
 
 Decision = Literal["passed", "failed", "not_judged"]
-#: Statement of conformity; ``partial`` is that of a run of some stages of the product that are within their limits.
+#: Statement of conformity; ``partial`` is the statement for a run of some stages of the product, within their limits.
 Verdict = Literal["passed", "failed", "partial", "not_judged"]
 
-#: Endings of the names of logs, which the number of a certificate omits.
+#: Suffixes of log names, which the number of a certificate omits.
 _SUFFIXES = (".h5", ".csv", ".csv.gz")
 
 
@@ -45,11 +45,11 @@ class Quantity:
     unobservable: bool  #: Whether the run's own data did not determine it.
     limit: tuple[float, float] | None  #: Lowest and highest permitted value.
     sigma_limit: float | None  #: Largest permitted standard uncertainty.
-    #: Remaining error of the unit with its registers before and after the run; None if unknown.
+    #: Remaining error of the unit with its registers before the run, or after it; None if unknown.
     as_found: float | None
     as_left: float | None
     decision: Decision
-    #: Probability that the decision is wrong: false accept or false reject; None if limits of the value do not decide.
+    #: Probability that the decision is wrong, false accept or false reject; None without limits of the value.
     risk: float | None = None
 
 
@@ -60,7 +60,7 @@ class Certificate:
     number: str  #: Unique identification, without the revision.
     revision: int  #: 0 for the first issue.
     supersedes: str | None  #: For a revision: identification and date of issue of the certificate that it replaces.
-    reason: str | None  #: For a revision: why it was made.
+    reason: str | None  #: For a revision: its reason.
     issued: date
     result: Result
     meta: LogMeta
@@ -71,12 +71,13 @@ class Certificate:
     budget: Budget | None  #: None if it was not computed.
     verdict: Verdict
     rule: str  #: Decision rule, see `calstation.results.conformity`.
-    received: date | None = None  #: Date of receipt of the unit; None if it was not stated.
-    authorised: tuple[str, ...] = ()  #: Names of those who issued it and proved their identity with their own PIN.
+    received: date | None = None  #: Date of receipt of the unit; None if not stated.
+    #: Names of the persons who issued it and confirmed their identity with their own PIN.
+    authorised: tuple[str, ...] = ()
 
     @property
     def identification(self) -> str:
-        """Number and, from the first revision on, revision."""
+        """Number and, if revised, the revision."""
         return f"{self.number}-R{self.revision}" if self.revision else self.number
 
     @property
@@ -126,7 +127,7 @@ def build_certificate(
 
 
 def arrangement(meta: LogMeta) -> Iterator[Text]:
-    """Yield where and how a unit of a batch, or one that is turned, was on the table; nothing for any other."""
+    """Yield the placement of a unit of a batch, or of a rotated unit, on the table; nothing for any other unit."""
     run, table = meta.run, meta.table
     in_batch = run is not None and run.batch is not None
     if run is not None and in_batch:
@@ -147,17 +148,17 @@ def _signed(text: str) -> str:
 
 
 def _laboratory(meta: LogMeta) -> LaboratorySection | None:
-    """Return the laboratory of a log, without its accreditation if the run is a simulation, which it does not cover."""
+    """Return the laboratory of a log, without its accreditation for a simulated run, which it does not cover."""
     if meta.laboratory is None or not meta.is_simulated:
         return meta.laboratory
     return meta.laboratory.model_copy(update={"accreditation": None})
 
 
 def certificate_number(result: Result) -> str:
-    """Return the number of a certificate, which is the name of its log without ending.
+    """Return the number of a certificate, which is the name of its log without suffix.
 
-    The name of a recording of another program may not be unique, so that digits of its digest are added. A log that was
-    solved again has a number of its own for every range, choice of stages and states, and version of the program.
+    The name of a recording from another program may not be unique, so digits of its digest are added. A log that was
+    solved again has a separate number for every range, choice of stages and states, and program version.
     """
     name = PureWindowsPath(result.log.file).name
     name = next((name.removesuffix(end) for end in _SUFFIXES if name.endswith(end)), name)
@@ -171,7 +172,7 @@ def certificate_number(result: Result) -> str:
 
 
 def earliest_issue(result: Result) -> date | None:
-    """Return the day (UTC) on which the run ended or, if later, its unit was released; None if the run has no date."""
+    """Return the date (UTC) of the end of the run or, if later, of the unit's release; None if the run has no date."""
     period = performed(result)
     if period is None:
         return None
@@ -180,10 +181,10 @@ def earliest_issue(result: Result) -> date | None:
 
 
 def performed(result: Result) -> tuple[datetime, datetime] | None:
-    """Return begin and end (UTC) of the calibration, None if they are unknown."""
+    """Return start and end (UTC) of the calibration, None if they are unknown."""
     if result.started_utc is None:
         return None
-    # The cycle includes the parts of a run that are not recorded, such as warm-up and transfer.
+    # The cycle includes parts of a run that are not recorded, such as warm-up and transfer.
     seconds = sum(part.seconds for part in result.cycle) or result.duration_s
     begin = datetime.fromisoformat(result.started_utc).astimezone(UTC)
     return begin, begin + timedelta(seconds=seconds if math.isfinite(seconds) else 0.0)
@@ -238,7 +239,8 @@ def _risk(decision: Decision, judged: ParameterConformity | None) -> float | Non
 def _remaining(result: Result, meta: LogMeta) -> tuple[Mapping[str, float], Mapping[str, float]]:
     """Return the errors that remain with the registers before and after the run: the estimate minus the register.
 
-    A stream that follows the registers shows what remains; with them it gives the error of the uncorrected output.
+    If the registers act on the stream, the estimate is the remaining error; adding the registers gives the error of the
+    uncorrected output.
     """
     values = {name: found.value for name, found in result.parameters.items()}
     total = compose(meta.registers, values) if meta.registers else values
@@ -250,7 +252,7 @@ def _remaining(result: Result, meta: LogMeta) -> tuple[Mapping[str, float], Mapp
 def power_up_sigmas(meta: LogMeta) -> dict[str, float]:
     """Return the standard deviation of each parameter's change from one power-up to the next, SI.
 
-    Only those that the IMU profile in the log states.
+    Only parameters for which the IMU profile in the log specifies it are included.
     """
     stability = tomllib.loads(meta.profiles.get("imu", "")).get("stability", {})
     stated = {name: row["power_up"] for name, row in stability.items() if "power_up" in row}

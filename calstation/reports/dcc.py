@@ -29,14 +29,14 @@ _NAMESPACES = {
 _DCC = ElementMaker(namespace=_NAMESPACES["dcc"], nsmap=_NAMESPACES)
 
 _LANGUAGES: Mapping[str, Language] = {"en": "en", "zh": "zh_CN"}
-#: Standard to whose clauses statements refer.
+#: Standard referenced by the clauses in statements.
 _NORM = "ISO/IEC 17025:2017"
-#: ISO 3166-1 code, assigned to users, of a country that the station does not state.
+#: User-assigned ISO 3166-1 code for a country that the station does not specify.
 _NO_COUNTRY = "ZZ"
 
 
 def write_dcc(certificate: Certificate, deviations: Iterable[Text] = ()) -> bytes:
-    """Return the digital calibration certificate with `deviations` from the method; the same input, the same bytes."""
+    """Return the digital calibration certificate with `deviations` from the method, identical for identical input."""
     root = _DCC(
         "digitalCalibrationCertificate",
         _administrative_data(certificate, deviations),
@@ -110,7 +110,7 @@ def _calibration_laboratory(certificate: Certificate) -> etree._Element:
 
 
 def _responsible(certificate: Certificate) -> Iterable[etree._Element]:
-    """Yield who issued and confirmed it and proved it, the first one as signer, then those whom the station names."""
+    """Yield the persons who issued and confirmed it with their PIN, the first one as signer, then the station's."""
     signatories = certificate.laboratory.signatories if certificate.laboratory else []
     for number, (name, role) in enumerate(zip(certificate.authorised, ("issued", "confirmed"), strict=False)):
         signer = [_DCC("mainSigner", "true")] if number == 0 else []
@@ -242,7 +242,7 @@ def _conditions(certificate: Certificate) -> Iterable[etree._Element]:
 
 
 def _results(certificate: Certificate) -> Iterable[etree._Element]:
-    """Yield the values; the covariance of those of the error model, where the result has it; and what remains."""
+    """Yield the values, the covariance of the error-model values if the result has it, and the remaining errors."""
     quantities = certificate.quantities
     groups = [_group(group, rows, _judgement(rows)) for group, rows in _by_group(quantities)]
     yield _DCC("result", _name("parameters"), _DCC("data", *groups))
@@ -272,7 +272,7 @@ def _group_of(name: str) -> str:
 
 
 def _group(group: str, rows: list[Quantity], further: list[etree._Element], key: str = "value") -> etree._Element:
-    """Return the values of a group, or what remains of them as found or as left, with their expanded uncertainties."""
+    """Return the values of a group, or its remaining errors as found or as left, with their expanded uncertainties."""
     name = _texts("name", partial(parameter_name, group))
     values = real_list(*_columns(rows), [getattr(row, key) for row in rows], [row.sigma for row in rows])
     kind = "basic_measuredValue" if key == "value" else "basic_measurementError"
@@ -281,12 +281,12 @@ def _group(group: str, rows: list[Quantity], further: list[etree._Element], key:
 
 
 def _columns(rows: Iterable[Quantity]) -> tuple[list[str], list[str]]:
-    """Return names and units."""
+    """Return the columns of names and units."""
     return [row.name for row in rows], [row.unit for row in rows]
 
 
 def _judgement(rows: list[Quantity]) -> list[etree._Element]:
-    """Return limits and decisions of a group; none if the limits do not judge all of its quantities."""
+    """Return limits and decisions of a group; none if the limits do not apply to all of its quantities."""
     if any(row.decision == "not_judged" for row in rows):
         return []
     limits = {
@@ -315,12 +315,12 @@ def _adjustment(key: str, status: str) -> list[etree._Element]:
 
 
 def _token(text: str) -> str:
-    """Return a text without blanks at its ends, as the schema requires of identifiers."""
+    """Return a text without leading and trailing blanks, as the schema requires for identifiers."""
     return text.strip() or "-"
 
 
 def _plain(text: str) -> etree._Element:
-    """Return a text of the site, whose language is unknown."""
+    """Return a text element of the site, whose language is unknown."""
     return _DCC("content", text)
 
 
@@ -330,7 +330,7 @@ def _texts(tag: str, write: Callable[[Language], str]) -> etree._Element:
 
 
 def _rich(tag: str, *keys: str) -> etree._Element:
-    """Return an element with sentences of the catalogue, one after the other."""
+    """Return an element with consecutive sentences of the catalogue."""
     return _texts(tag, lambda lang: ("" if lang == "zh_CN" else " ").join(term("dcc", key, lang) for key in keys))
 
 

@@ -1,4 +1,4 @@
-"""Deviations of a run from its method, and what else a reader of its certificate must know."""
+"""Deviations of a run from its method, and other notes for the reader of its certificate."""
 
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ from procedures import DEFAULT_STAGES, method
 
 #: Checks that fail if effects outside the error model change the values.
 _OF_EFFECTS: tuple[CheckKind, ...] = ("effects", "halves", "agreement", "consistency", "convergence", "clipping")
-#: Names listed in a deviation; more are only counted by the table that has them all.
+#: Largest number of names listed in a deviation; others are only counted, and listed in a table.
 _MOST = 8
 
 
@@ -32,7 +32,7 @@ def deviations(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
 
 
 def not_included(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
-    """Yield what the stated uncertainties do not contain."""
+    """Yield the effects that the stated uncertainties do not include."""
     result, temperature = certificate.result, certificate.result.temperature_c
     if temperature is None:
         yield Text("certificate.n_temperature_unknown")
@@ -120,7 +120,7 @@ def _of_data(result: Result, analysis: Analysis) -> Iterator[Text]:
 
 
 def _of_traceability(certificate: Certificate, reported: str) -> Iterator[Text]:
-    """Yield what is missing from the traceability; `reported` is the serial number that the table reported, or ""."""
+    """Yield the gaps in the traceability; `reported` is the serial number reported by the table, or ""."""
     day = certificate.days[0]
     for instrument in certificate.instruments:
         if instrument.due is not None and instrument.due < day:
@@ -139,12 +139,12 @@ def _of_traceability(certificate: Certificate, reported: str) -> Iterator[Text]:
 
 
 def _is_later(instrument: InstrumentSection, day: date) -> bool:
-    """Whether an instrument was calibrated after a day, on which its certificate was not valid yet."""
+    """Return whether an instrument was calibrated after a date, so that its certificate was not valid yet."""
     return instrument.calibrated is not None and instrument.calibrated > day
 
 
 def _names(names: Sequence[str]) -> list[Text | str]:
-    """Return the parameters as parts of a sentence; of many, their number."""
+    """Return the parameters as parts of a sentence; if there are many, their number."""
     listed: list[Text | str] = [Text.of("certificate.parameter", name=name) for name in names[:_MOST]]
     if len(names) > _MOST:
         listed.append(Text.of("certificate.more", count=len(names) - _MOST))

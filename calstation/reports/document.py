@@ -36,16 +36,16 @@ from calstation.reports.numbers import NONE, check_unit, exact, in_display, inte
 from calstation.results import Verification, plain
 from procedures import method
 
-#: Shares of the noise found in the data below this are rounding and nonlinearity, and get no column.
+#: A share of the noise found in the data below this is due to rounding and nonlinearity and gets no column.
 _NEGLIGIBLE = 0.005
-#: Display units of checks whose own unit is that of other quantities too.
+#: Display units of checks whose SI unit is shared with other quantities.
 _UNITS = {"latitude": ("°", DEGREE), "sample_clock": ("ppm", 1e-6)}
-#: Largest number of failed checks that the verdict names.
+#: Largest number of failed checks listed in the verdict.
 _MOST_NAMED = 4
 
 
 def document(certificate: Certificate, analysis: Analysis, language: Language) -> dict[str, Any]:
-    """Return the data of the template."""
+    """Return the data for a certificate's template."""
     built = _Document(certificate, analysis, language).sections()
     plain_data: dict[str, Any] = plain(built)
     return plain_data
@@ -175,7 +175,7 @@ class _Document:
         return self._own(term("stage", stage, self._language))
 
     def _own(self, text: str) -> str:
-        """Return a text of the window in the words of the certificate: in Chinese it says 校准, the window 标定."""
+        """Return a text of the window in the certificate's terms: 校准 in Chinese instead of the window's 标定."""
         return text.replace("标定", "校准")
 
     def _check(self, check: Check) -> dict[str, Any]:
@@ -202,7 +202,7 @@ class _Document:
             if not known_rows:
                 continue
             total = [sum(budget.variance[q.name].values()) for q in known_rows]
-            # The mean of the shares, so that a badly known axis does not hide the others.
+            # The mean of the shares, so that a poorly determined axis does not hide the others.
             shares = {
                 source: float(
                     np.mean([budget.variance[q.name][source] / t for q, t in zip(known_rows, total, strict=True)])
@@ -230,7 +230,7 @@ class _Document:
         }
 
     def _sensitivities(self, budget: Budget) -> list[dict[str, str]]:
-        """Return what the budget does not contain by group: the largest change of its quantities."""
+        """Return the effects that the budget does not include, by group: the largest change of its quantities."""
         power_up, rows = power_up_sigmas(self._meta), []
         for group, quantities in self._groups:
             names = [q.name for q in quantities]
@@ -398,7 +398,7 @@ class _Document:
         return {"name": _capital(term("group", group, self._language)), "points": points} if points else None
 
     def _converges(self, rows: Sequence[Quantity]) -> bool:
-        """Whether a solver showed the sigmas before its end."""
+        """Return whether a solver reported the sigmas before its end."""
         names = [INDEX[q.name] for q in rows if q.name in INDEX]
         return bool(names) and bool((self._analysis.sigma[-2, names] != self._analysis.sigma[0, names]).any())
 
@@ -422,7 +422,7 @@ class _Document:
             ("vertical", r_unit, rests.vertical_rate / r_size, rests.rate_sigma / r_size),
             ("horizontal", r_unit, rests.horizontal_rate / r_size, rests.rate_sigma / r_size),
         ]
-        # Without the biases, the output at rest shows these instead of residuals.
+        # Without the biases, the output at rest is shown instead of residuals.
         found = {group for group, _ in self._groups}
         calibrated = {
             "force": "accel_bias" in found,
@@ -441,7 +441,7 @@ class _Document:
 
 
 def _axis(group: str, name: str) -> str:
-    """Return the axes of a parameter, and of several secondaries the number of the IMU."""
+    """Return the axes of a parameter and, for several secondaries, the number of the IMU."""
     number = "".join(filter(str.isdigit, name))
     axis = name.rpartition("_")[2] if name.translate(str.maketrans("", "", "0123456789")) != group else ""
     return f"{axis} ({number})" if number else axis
@@ -452,7 +452,7 @@ def _capital(text: str) -> str:
 
 
 def _value_text(value: Any) -> str:
-    """Return an entry of a schedule; of a long one, its length."""
+    """Return an entry of a schedule as text; for a long one, its length."""
     if isinstance(value, list | Mapping) and len(value) > 4:
         return f"[{len(value)}]"
     if isinstance(value, Mapping):

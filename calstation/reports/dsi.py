@@ -63,7 +63,7 @@ def real_list(
     Parameters
     ----------
     names, units, values, sigmas
-        One of each per quantity; names without blanks.
+        One entry per quantity; names without blanks.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def joint_list(
 ) -> etree._Element:
     """Return quantities with their covariance matrix and the coverage factor of the ellipsoidal region.
 
-    They form a ``realList``, because D-SI does not say how rows and list entries correspond in the covariance of an
+    They form a ``realList``, because D-SI does not define how rows and list entries correspond in the covariance of an
     ``XMLList``.
 
     For n quantities that are normally distributed, the square of the factor is the quantile of the chi-squared
@@ -104,7 +104,7 @@ def joint_list(
     Parameters
     ----------
     names, units, values
-        One of each per quantity, SI.
+        One entry per quantity, SI.
     covariance
         Covariance matrix, shape (n, n), SI.
 
@@ -125,7 +125,7 @@ def joint_list(
             for value, row in zip(column, units, strict=True)
         )
         matrix.append(_SI("column", *elements))
-    freedom = int(np.count_nonzero(np.diag(covariance)))  # a quantity that is fixed adds no dimension
+    freedom = int(np.count_nonzero(np.diag(covariance)))  # a fixed quantity does not add a dimension
     factor = math.sqrt(chdtri(freedom, 1.0 - _REGION_PROBABILITY)) if freedom else 1.0
     region = _SI(
         "ellipsoidalRegion",
@@ -139,7 +139,7 @@ def joint_list(
 
 
 def _number(value: float) -> str:
-    """Return a number that reads back the same; NaN if it is not finite, because D-SI has no infinity."""
+    """Return a number that is read back unchanged; NaN if it is not finite, because D-SI has no infinity."""
     return repr(float(value)) if math.isfinite(value) else "NaN"
 
 

@@ -1,4 +1,4 @@
-"""Issues the report of a result: its date and revision, the record of issued reports, and the file."""
+"""Issue of the report of a result: its date and revision, the record of issued reports, and the file."""
 
 import hashlib
 import json
@@ -53,19 +53,19 @@ _READ, _ANALYSED = 0.1, 0.97
 
 @dataclass(frozen=True)
 class ReportRequest:
-    """What a report is made of and how."""
+    """Source, destination and options of a report."""
 
     source: Path  #: Result JSON, or a log.
-    out: Path  #: PDF to write, or the folder for a file with the name of the certificate.
+    out: Path  #: PDF to write, or the folder for a file named after the certificate.
     language: Language = "en"
     issued: date | None = None  #: Date of issue; None for the day of `earliest_issue`.
-    received: date | None = None  #: Date of receipt of the unit; None for that of the last issue, if it had one.
+    received: date | None = None  #: Date of receipt of the unit; None for the date in the last issue, if any.
     revise: str | None = None  #: Reason for a new revision.
-    templates: Path | None = None  #: Folder of templates that take precedence over those of the site.
+    templates: Path | None = None  #: Folder of templates that take precedence over the site's templates.
     dcc: Path | None = None  #: XML to write: the digital calibration certificate, which is also in the PDF.
     signing: Path | None = None  #: PKCS #12 file to sign both with; None for no signatures.
-    first: Person | None = None  #: Who issues it; None for the program.
-    second: Person | None = None  #: Who confirms a new certificate, where the product requires it.
+    first: Person | None = None  #: Person who issues it; None for the program.
+    second: Person | None = None  #: Person who confirms a new certificate, if the product requires it.
 
     def __post_init__(self) -> None:
         """Remove control characters from the reason."""
@@ -75,12 +75,13 @@ class ReportRequest:
 
 @dataclass(frozen=True)
 class IssueState:
-    """What a station asks for, and what is known of the certificate of a result before it is made.
+    """Settings of a station, and state of the certificate of a result before it is made.
 
-    last : the last certificate with its number; None if none was issued, or the number is not known before the log is
-        solved
-    changed : whether result, templates or program differ from those of the last one, so that it cannot be printed again
-    pdf : the file of the last one in the language of the request; None if it is missing
+    last : the last certificate with the same number; None if none was issued, or if the number is unknown until the
+        log is solved
+    changed : whether result, templates or program differ from the last certificate's, so that it cannot be printed
+        again
+    pdf : the file of the last certificate in the language of the request; None if it is missing
     """
 
     request: ReportRequest
@@ -93,9 +94,9 @@ class IssueState:
 def station_request(
     station: Path, section: ReportSection | None, result_file: Path, language: Language = "en"
 ) -> ReportRequest:
-    """Return the request for the report of a result as the `[report]` section of a station file asks for it.
+    """Return the request for the report of a result according to the `[report]` section of a station file.
 
-    Without a folder, the PDF is written to ``certificates`` beside the folder of the runs; without a language, in
+    Without a folder, the PDF is written to ``certificates`` next to the folder of the runs; without a language, in
     `language`.
     """
     section, beside = section or ReportSection(), station.absolute().parent
@@ -118,9 +119,10 @@ def _at(folder: Path, name: str) -> Path:
 
 
 def issue_state(report: ProgressCallback, result_file: Path, station: Path | None, language: Language) -> IssueState:
-    """Job: return how a station issues the certificate of a result, and the last one that was issued.
+    """Job: return how a station issues the certificate of a result, and the last certificate that was issued.
 
-    `language` is that of certificates where the station file names none. Raises InputError or ConfigurationError.
+    `language` is the language of certificates if the station file does not specify one. Raises InputError or
+    ConfigurationError.
     """
     path, config = load_station(station)
     request = station_request(path, config.report, result_file, language)
@@ -146,7 +148,7 @@ def pdf_name(identification: str, language: Language) -> str:
 def issue_certificate(report: ProgressCallback, request: ReportRequest) -> Path:
     """Job: issue a report into the folder of the request, and return the PDF. Raises InputError or ConfigurationError.
 
-    The folder ``certificates`` beside the runs is made if it is missing.
+    The folder ``certificates`` next to the runs is created if it is missing.
     """
     if request.out == request.source.parent.parent / "certificates":
         try:
@@ -157,10 +159,10 @@ def issue_certificate(report: ProgressCallback, request: ReportRequest) -> Path:
 
 
 def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Certificate, Path]:
-    """Job: record the report of a result or log in the audit trail and beside the log, then write it.
+    """Job: record the report of a result or log in the audit trail and next to the log, then write it.
 
-    Returns the certificate and its PDF. The same result gives the same bytes in one language, unless they are signed. A
-    certificate that was issued keeps its number, revision and date; another result, date or reason needs a revision.
+    Returns the certificate and its PDF. The same result yields identical bytes in one language, unless they are signed.
+    An issued certificate keeps its number, revision and date; a different result, date or reason needs a revision.
     Raises InputError or ConfigurationError.
     """
     signer = None if request.signing is None else load_signer(request.signing)
@@ -195,16 +197,16 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
 
 @dataclass(frozen=True)
 class _People:
-    """Who issues a certificate, and the names of those who proved it with their own PIN."""
+    """The issuers of a certificate, and the names of those who confirmed it with their own PIN."""
 
     confirmation: Confirmation
     names: tuple[str, ...] = ()
 
 
 def _confirmed(meta: LogMeta, request: ReportRequest) -> _People:
-    """Return who issues a certificate.
+    """Return the issuers of a certificate.
 
-    Raises ConfigurationError if one or two people must prove their identity, or InputError if that is unknown.
+    Raises ConfigurationError if one or two people must confirm their identity, or InputError if that is unknown.
     """
     files = _files(meta, request.source)
     if files is None:
@@ -219,14 +221,14 @@ def _confirmed(meta: LogMeta, request: ReportRequest) -> _People:
 
 
 def _files(meta: LogMeta, path: Path) -> tuple[ProductConfig, StationConfig] | None:
-    """Return product and station of a log; None if it is of no product, as a recording of another program may be."""
+    """Return product and station of a log; None if it has no product, such as a recording from another program."""
     if meta.product is None and not meta.profiles:
         return None
     return run_files((meta.run.files if meta.run is not None else None) or {}, path, meta.profiles)
 
 
 def attachments(certificate: Certificate) -> list[Attachment]:
-    """Return the files embedded in the PDF of a certificate beside its digital form."""
+    """Return the files embedded in the PDF of a certificate, in addition to its digital form."""
     content = json.dumps(certificate.result.to_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     name = f"{certificate.identification}.json"
     return [Attachment(name, "application/json", content.encode(), "source")]
@@ -235,7 +237,7 @@ def attachments(certificate: Certificate) -> list[Attachment]:
 def _numbered(
     result: Result, log: Log, request: ReportRequest
 ) -> tuple[Certificate, list[IssuedReport], IssuedReport | None]:
-    """Return the certificate with its revision and date, all records of its number, and a new one of a new issue."""
+    """Return the certificate with revision and date, all records of its number, and a record of a new issue."""
     _check_dates(result, request)
     number, digest = certificate_number(result), _digest(result, log.meta, request.templates)
     same = _issued(log, number)
@@ -256,7 +258,7 @@ def _numbered(
     elif last is None:
         raise InputError("report.nothing_to_revise", number=number)
     else:
-        # A revision is made today, not on the day of the run.
+        # The date of issue of a revision is today, not the date of the run.
         issue_date = request.issued or max(_today(), earliest_issue(result) or _today())
         reason, revision = request.revise.strip(), last.revision + 1
     received = last.received if last is not None else None
@@ -267,7 +269,7 @@ def _numbered(
 
 
 def _check_dates(result: Result, request: ReportRequest) -> None:
-    """Raise InputError for a date of issue or receipt that cannot be, or a revision without a reason."""
+    """Raise InputError for an impossible date of issue or receipt, or a revision without a reason."""
     earliest, today = earliest_issue(result), _today()
     if request.issued is not None and earliest is not None and request.issued < earliest:
         raise InputError("report.issued_too_early", date=request.issued.isoformat(), earliest=earliest.isoformat())
@@ -285,17 +287,17 @@ def _today() -> date:
 
 
 def _issued(log: Log, number: str) -> list[IssuedReport]:
-    """Return the records of a number beside the log and in the site's audit trail, see `issued_reports`."""
+    """Return the records of a number next to the log and in the site's audit trail, see `issued_reports`."""
     return issued_reports(log.path.absolute().parent, read_audit(audit_path(site_folder())), number)
 
 
 def _reprinted(
     same: list[IssuedReport], digest: str, issued: str | None = None, received: str | None = None
 ) -> IssuedReport | None:
-    """Return the last revision if it was issued with this content and these dates; None if it was not.
+    """Return the last revision if it was issued with this content and these dates; otherwise None.
 
-    A superseded certificate is never printed again, because it would pass for a valid one; nor is one of which a copy
-    of the log has another with the same revision.
+    A superseded certificate is never printed again, because it could be mistaken for a valid one; nor is one for which
+    a copy of the log has a different certificate with the same revision.
     """
     latest = [each for each in same if each.revision == same[-1].revision]
     return latest[0] if len(latest) == 1 and _is_same(latest[0], digest, issued, received) else None
@@ -321,7 +323,7 @@ def _record(
             with audit_writer(site_folder()) as audit:
                 now = issued_reports(folder, audit.trail(), record.number)
                 if now == [record] and not before:
-                    return  # the same first issue
+                    return  # another process has recorded the same first issue
                 if now != before:
                     raise InputError("report.issued_meanwhile", number=record.number)
                 audit.append(
@@ -352,7 +354,7 @@ def _revised(certificate: Certificate, record: IssuedReport, same: list[IssuedRe
 
 
 def _digest(result: Result, meta: LogMeta, folder: Path | None) -> str:
-    """Return the digest of all that a certificate is made of: result, configuration, program and templates."""
+    """Return the digest of a certificate's sources: result, configuration, program and templates."""
     content = json.dumps(result.to_json(), sort_keys=True) + meta.to_json() + __version__
     digest = hashlib.sha256(content.encode())
     for name, template in sorted(used_templates(folder).items()):
@@ -361,7 +363,7 @@ def _digest(result: Result, meta: LogMeta, folder: Path | None) -> str:
 
 
 def _is_written(path: Path, content: bytes) -> bool:
-    """Whether a file exists with this content. Raises InputError if it has another one."""
+    """Return whether a file exists with this content. Raises InputError if it has different content."""
     try:
         if not path.exists():
             return False
@@ -373,7 +375,7 @@ def _is_written(path: Path, content: bytes) -> bool:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Create a file. Raises InputError, also if another program has created it meanwhile."""
+    """Create a file. Raises InputError, also if another program has created it in the meantime."""
     try:
         with path.open("xb") as stream:
             try:

@@ -21,9 +21,9 @@ _NO_COMMANDS = str.maketrans("^~", "  ")
 
 
 def label_template(result: Result) -> Path | None:
-    """Return the label template of a result's product; None if it has none, or if the unit may have no label.
+    """Return the label template of a result's product; None if it has none, or if the unit must not get a label.
 
-    Only a run of all stages that passed gives a label. Raises ConfigurationError if the product cannot be read.
+    Only a passed run of all stages gets a label. Raises ConfigurationError if the product cannot be read.
     """
     source = result.configuration.get("product")
     if result.verdict != "passed" or source is None or source.name not in library.names("products"):
@@ -33,7 +33,7 @@ def label_template(result: Result) -> Path | None:
 
 
 def print_label(report: ProgressCallback, result_file: Path, station: Path | None) -> Path | None:
-    """Job: print the label of a run, or return the PDF file of a Typst template in ``labels`` beside the runs.
+    """Job: print the label of a run, or return the PDF file of a Typst template in ``labels`` next to the runs.
 
     Raises InputError if the run has no label or the template cannot be filled in, ConfigurationError if the station has
     no printer, and DeviceFaultError if the printer cannot be reached.
@@ -86,7 +86,7 @@ def _filled(template: Path, result: Result) -> str:
         raise InputError("entry.unreadable", file=template, reason=os_reason(exc)) from exc
     except KeyError as exc:
         raise InputError("label.unknown_field", file=template, name=exc.args[0], known=list(fields)) from exc
-    except ValueError as exc:  # a lone dollar sign, or a file that is not UTF-8
+    except ValueError as exc:  # a single dollar sign, or a file that is not UTF-8
         raise InputError("label.not_a_template", file=template, detail=str(exc)) from exc
 
 
@@ -106,7 +106,7 @@ def _send(text: str, station: Path | None) -> None:
 
 
 def _compiled(template: Path, result: Result) -> bytes:
-    """Return the PDF of a template; the same result gives the same bytes."""
+    """Return the PDF of a template, identical for identical results."""
     import typst
 
     started = (

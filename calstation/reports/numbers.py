@@ -1,4 +1,4 @@
-"""Numbers of a certificate: values in people's units, rounded to two significant digits of their uncertainty."""
+"""Numbers of a certificate: values in display units, rounded to two significant digits of their uncertainty."""
 
 import math
 
@@ -10,12 +10,12 @@ NONE = "–"
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-#: Display units of checks that compare no parameter, by their own unit; the size is in that unit.
+#: Display units of checks that do not compare a parameter, by their own unit; the size is in that unit.
 _OF_CHECKS = {"1": ("", 1.0), "sigma": ("σ", 1.0), "K": ("K", 1.0), "s": ("s", 1.0)}
 
 
 def places(uncertainty: float) -> int:
-    """Return the decimal places of two significant digits, negative for tens and more (GUM 7.2.6)."""
+    """Return the number of decimal places for two significant digits, negative for tens and above (GUM 7.2.6)."""
     return 1 - int(f"{uncertainty:.1e}".partition("e")[2])
 
 
@@ -36,7 +36,7 @@ def in_display(name: str, value: float | None) -> float | None:
 
 
 def short(value: float) -> str:
-    """Return a limit or a check's value with up to four digits."""
+    """Return a limit or the value of a check with up to four digits."""
     if not math.isfinite(value):
         return NONE
     text = f"{value:.0f}" if 1000.0 <= abs(value) < 1e9 else f"{value:.4g}"
@@ -47,7 +47,7 @@ def short(value: float) -> str:
 
 
 def exact(value: float) -> str:
-    """Return a limit with up to seven digits, so that no value is judged otherwise than as it reads."""
+    """Return a limit with up to seven digits, so that a decision never contradicts the printed limit."""
     return with_minus(f"{value:.7g}") if 1e-4 <= abs(value) < 1e7 else short(value)
 
 
@@ -57,10 +57,10 @@ def interval(low: float, high: float) -> str:
 
 
 def check_unit(unit: str) -> tuple[str, float]:
-    """Return the display unit of a check that compares no parameter, and its size in the check's unit."""
+    """Return the display unit of a check that does not compare a parameter, and its size in the check's unit."""
     return _OF_CHECKS.get(unit) or unit_of(unit)
 
 
 def percentage(probability: float) -> str:
-    """Return a probability in percent with one decimal, or that it is smaller."""
+    """Return a probability in percent with one decimal, or as smaller than the last digit."""
     return "< 0.1 %" if probability < 0.0005 else f"{100.0 * probability:.1f} %"

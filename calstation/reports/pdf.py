@@ -1,4 +1,4 @@
-"""Typesets a certificate as PDF/A-3b from the templates in `data/reports`, which a site may copy and change."""
+"""Typesetting of a certificate as PDF/A-3b with the templates in `data/reports`, which a site may copy and change."""
 
 import json
 import re
@@ -54,9 +54,9 @@ def typeset(
     attachments: Sequence[Attachment],
     folder: Path | None = None,
 ) -> bytes:
-    """Return the PDF of a certificate; the same input gives the same bytes with the same fonts.
+    """Return the PDF of a certificate; identical input and fonts yield identical bytes.
 
-    Templates in `folder` take precedence over those of the site's folder and the shipped ones. Raises InputError.
+    Templates in `folder` take precedence over the site's and the shipped templates. Raises InputError.
     """
     import typst
 
@@ -93,7 +93,7 @@ def typeset(
 
 
 def used_templates(folder: Path | None) -> dict[str, bytes]:
-    """Return the files that the document uses by name: the main template, and what used files name in full.
+    """Return the files that the document uses, by name: the main template, and files whose names occur in used files.
 
     Raises InputError.
     """
@@ -121,7 +121,7 @@ def _templates(folder: Path | None) -> dict[str, bytes]:
 
 
 def _chinese_font(language: Language, text: str) -> str:
-    """Return the font for Chinese text; "" if there is none in the document. Raises InputError without such a font."""
+    """Return the font for Chinese text; "" if the document has none. Raises InputError without such a font."""
     import typst
 
     installed = set(typst.Fonts().families())

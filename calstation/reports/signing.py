@@ -1,6 +1,6 @@
 """Signatures with the site's own certificate: PAdES for a PDF, XAdES for a digital calibration certificate.
 
-A signature contains the time at which it was made, so that the same document gives other bytes every time.
+A signature contains its time, so that signing the same document yields different bytes every time.
 """
 
 import io
@@ -28,7 +28,7 @@ KEYRING = ("calstation", "signing")
 
 @dataclass(frozen=True)
 class Signer:
-    """A private key and its certificates, the signer's own first."""
+    """A private key and its certificates, starting with the signer's own."""
 
     key: "RSAPrivateKey | EllipticCurvePrivateKey"
     certificates: "list[Certificate]"
@@ -77,14 +77,14 @@ def _password() -> str | None:
 
 
 def sign_pdf(pdf: bytes, signer: Signer) -> bytes:
-    """Return a PDF with an invisible signature. It is an incremental update, so that PDF/A and attachments remain."""
+    """Return a PDF with an invisible signature, added as an incremental update that preserves PDF/A and attachments."""
     from pyhanko.pdf_utils.incremental_writer import IncrementalPdfFileWriter
     from pyhanko.sign import PdfSignatureMetadata
     from pyhanko.sign import sign_pdf as sign
     from pyhanko.sign.fields import SigSeedSubFilter
 
     class Writer(IncrementalPdfFileWriter):
-        """Leaves metadata and version as PDF/A-3 has them: the library's XMP is not PDF/A, and PDF/A-3 is PDF 1.7."""
+        """Keeps metadata and version as in PDF/A-3: the library's XMP is not PDF/A, and PDF/A-3 is based on PDF 1.7."""
 
         def _update_meta(self) -> None:
             pass
@@ -99,7 +99,7 @@ def sign_pdf(pdf: bytes, signer: Signer) -> bytes:
 
 
 def sign_xml(xml: bytes, signer: Signer) -> bytes:
-    """Return an XML document with an enveloped signature, which the schema of the DCC has at the end of its root."""
+    """Return an XML document with an enveloped signature, placed at the end of the root as in the DCC schema."""
     from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
     from signxml.algorithms import SignatureMethod
     from signxml.xades.xades import XAdESSigner

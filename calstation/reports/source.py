@@ -1,7 +1,7 @@
-"""The result that a certificate states: nothing of a result file is taken on trust that its log can show.
+"""The verified source of a certificate: every statement of a result file is compared with its log.
 
-The file of a run must be the result that the run stored in its log. A release that came later must be in the audit
-trail of the site. A log that was solved again is solved once more, and the file must say what comes out.
+The file of a run must equal the result that the run stored in its log. A later release must be in the audit trail of
+the site. A log that was solved again is solved once more, and the file must agree with the new solution.
 """
 
 import json
@@ -27,25 +27,25 @@ from calstation.results import (
 #: Largest difference of a value between two computers, in sigmas or relative to the largest number of its row.
 ROUNDING = 1e-3
 
-#: What is added to the file of a run later: a release, which the audit trail must have, and the decision not to resume
+#: Entries added to the file of a run later: a release, which must be in the audit trail, and the decision not to resume
 #: an interrupted run, which no certificate states.
 _LATER = ("override", "closed_utc", "closed_by")
-#: What the certificate of a log that was solved again does not print, but attaches as it was solved for it. Its numbers
-#: have no common scale of rounding.
+#: Entries that the certificate of a log that was solved again attaches without printing them. Their numbers have no
+#: common scale of rounding.
 _ONLY_ATTACHED = ("details", "observability")
 
 
 def load_source(report: ProgressCallback, path: Path) -> tuple[Result, Log]:
-    """Return the result of a result file, proved by its log, or that of a log, and the log.
+    """Return the result of a result file, verified with its log, or the result of a log, and the log.
 
-    Raises InputError, also if the file says anything else than its log.
+    Raises InputError, also if the file contradicts its log.
     """
     result, log = read_source(path)
     if result is None or result.outcome == "resolved":
         result = _solved_again(report, path, result, log)
     elif path.suffix == ".json":
         result = _of_run(path, result, log)
-    # The folder of the log is no part of the report.
+    # The folder of the log is not part of the report.
     section = result.log.model_copy(update={"file": log.path.name})
     return result.model_copy(update={"log": section}), log
 
@@ -53,7 +53,7 @@ def load_source(report: ProgressCallback, path: Path) -> tuple[Result, Log]:
 def read_source(path: Path) -> tuple[Result | None, Log]:
     """Read a result file and open its log, or open a log with the result of its run, None if it has none.
 
-    Nothing but the digest of the log is checked. Raises InputError.
+    Only the digest of the log is checked. Raises InputError.
     """
     if path.suffix != ".json":
         log = open_log(path)
@@ -71,7 +71,7 @@ def read_source(path: Path) -> tuple[Result | None, Log]:
 
 
 def _of_run(path: Path, result: Result, log: Log) -> Result:
-    """Return the result in the log of a run with the release that the file and the audit trail have."""
+    """Return the result in the log of a run, with the release from the file if it is in the audit trail."""
     stored = stored_result(log)
     if stored is None:
         raise InputError("report.no_result_in_log", file=path, log=log.path)
@@ -84,7 +84,7 @@ def _of_run(path: Path, result: Result, log: Log) -> Result:
 
 
 def _solved_again(report: ProgressCallback, path: Path, result: Result | None, log: Log) -> Result:
-    """Solve a log as it was solved for a result file, None for a log without a result, and compare both."""
+    """Solve a log with the options of a result file, or with defaults for a log without a result, and compare both."""
     facts = log.facts()
 
     def progress(stage: str, seq: int, done: float) -> None:
@@ -112,7 +112,7 @@ def _content(path: Path, omitted: tuple[str, ...]) -> dict[str, Any]:
 def _require_same(
     path: Path, log: Log, content: Mapping[str, Any], expected: Mapping[str, Any], rounding: float
 ) -> None:
-    """Raise InputError if a file differs from what is expected of it by more than rounding; the log may have moved."""
+    """Raise InputError if a file differs from its expected content by more than rounding, ignoring the log's folder."""
     log_section = {**expected["log"], "file": content["log"]["file"]}
     found = difference(content, {**expected, "log": log_section}, rounding)
     if found is not None:
@@ -122,7 +122,7 @@ def _require_same(
 def difference(one: Any, other: Any, rounding: float, scale: float = 0.0) -> str | None:
     """Return the first entry in which two JSON values differ, such as ``checks.2.value``; None if they agree.
 
-    Numbers agree within `rounding` times the `sigma` beside them, or else times the largest number of their row; whole
+    Numbers agree within `rounding` times the `sigma` next to them, or else times the largest number of their row; whole
     numbers are exact.
     """
     if isinstance(one, dict) and isinstance(other, dict):
@@ -143,7 +143,7 @@ def difference(one: Any, other: Any, rounding: float, scale: float = 0.0) -> str
 
 
 def _scale(row: Mapping[Any, Any]) -> float:
-    """Return the size with which the rounding of the numbers of a row is compared."""
+    """Return the scale to which the rounding of a row's numbers is relative."""
     if _is_number(row.get("sigma")):
         return float(row["sigma"])
     numbers = (part for value in row.values() for part in (value if isinstance(value, list) else [value]))

@@ -1,4 +1,4 @@
-"""The current calibration of a unit: the joint estimate of its last verified run, the prior of a partial run."""
+"""The current calibration of a unit: the joint estimate of its last verified run, used as prior of a partial run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,13 +25,14 @@ class Calibration:
 
     section: CalibrationSection
     belief: Belief
-    registers: Mapping[str, float]  #: The registers that the run wrote, SI by parameter.
+    registers: Mapping[str, float]  #: Registers that the run wrote, SI, by parameter.
 
     def prior(self, setup: ResolvedConfiguration, meta: LogMeta) -> LogMeta:
         """Return the configuration `meta` of a partial run of this unit with the calibration as its prior.
 
         The estimate is aged by the stability in the IMU profile. If the registers are applied to the stream, the prior
-        is what they leave of the parameters. The outer lever belongs to the mounting and keeps the prior in `meta`.
+        contains the remaining errors after their correction. The outer lever belongs to the mounting and keeps the
+        prior in `meta`.
         """
         run = meta.run
         assert run is not None, "the log of a run has a run section"
@@ -59,11 +60,11 @@ class Calibration:
 def current_calibration(
     history: History, setup: ResolvedConfiguration, held: Mapping[str, float] | None
 ) -> tuple[Calibration | None, Message]:
-    """Find the latest passed run of the unit that wrote and verified the registers that the unit holds.
+    """Find the latest passed run of the unit that wrote and verified the registers that the unit currently holds.
 
-    `held` contains the registers read from the unit by parameter, SI; they must agree as stored. With None, as in a
-    preview, the unit is assumed to hold those of its latest calibration. Return the calibration and the message that
-    reports it, which explains why there is None otherwise.
+    `held` contains the registers read from the unit by parameter, SI; they must equal the stored values. With None, as
+    in a preview, the unit is assumed to hold the registers of its latest calibration. Return the calibration and the
+    message that reports it; without a calibration, return None and the reason.
     """
     entries, serial, imu = RegisterMap(tuple(setup.imu.registers)), setup.request.serial, setup.log_meta().imu
     none = Message("prior_no_calibration", {"serial": serial})
@@ -89,7 +90,7 @@ def current_calibration(
 def estimate_of(belief: Belief, registers: Mapping[str, float]) -> JointEstimate:
     """Return the joint estimate for the result; `registers` are those applied to the stream, SI, {} if there are none.
 
-    The estimate is that of the unit's parameters before registers are applied.
+    The estimate refers to the unit's parameters before registers are applied.
     """
     offset, matrix = composition(registers)
     mean, covariance = offset + matrix @ belief.mean, matrix @ belief.covariance @ matrix.T

@@ -1,6 +1,6 @@
 """Conformity with limits: the probability that a decision is wrong, for one unit and for all units of a product.
 
-Clauses are those of JCGM 106:2012, *The role of measurement uncertainty in conformity assessment*.
+Clause numbers refer to JCGM 106:2012, *The role of measurement uncertainty in conformity assessment*.
 
 The true value y of a unit is drawn from N(μ, s²), with the spread s of the product about the middle μ of the limits
 (9.2). The solver's estimate m with standard deviation σ contains the prior N(m₀, p²) of the IMU profile; given y,
@@ -25,10 +25,10 @@ from calstation.results.result import Conformity, ParameterConformity
 #: Lowest and highest value.
 Interval = tuple[float, float]
 
-#: Replaces an argument or a sigma of 0, where a formula divides by it.
+#: Replaces an argument or a sigma of 0 where a formula divides by it.
 _TINY = 1e-300
 
-#: √(1 − ρ²) below which ρ counts as 1. Rounding errors in Owen's formula are of the size of their quotient by it.
+#: √(1 − ρ²) below which ρ counts as 1, because rounding errors in Owen's formula are divided by it.
 _SMALLEST_ROOT = 1e-8
 
 
@@ -50,8 +50,8 @@ class Measurement:
 def probability_outside(measured: Measurement, limits: Interval, spread: float | None = None) -> float:
     """Return the probability that the true value is outside the limits, given the estimate (7.1, 7.4).
 
-    Without a spread, the true value is distributed as the solver says. With it, the prior N(μ, spread²) of the product
-    replaces that of the IMU profile, and Bayes' theorem (6.2) gives a normal distribution with
+    Without a spread, the true value has the distribution given by the solver. With it, the prior N(μ, spread²) of the
+    product replaces the prior of the IMU profile, and Bayes' theorem (6.2) gives a normal distribution with
 
         1/u² = κ/σ² + 1/s²,  mean = u² ((m − (1 − κ) m₀)/σ² + μ/s²).
     """
@@ -113,7 +113,7 @@ def decision_rule(meta: LogMeta) -> Rule:
 def conformity(
     meta: LogMeta, prior: Belief, solutions: Sequence[Solution], checks: Sequence[Check]
 ) -> Conformity | None:
-    """Return the decisions that `checks` of values contain, with their probabilities; None if there are none."""
+    """Return the decisions on values in `checks` with their probabilities; None if there are none."""
     if not solutions:
         return None
     section, found = _section(meta), {}

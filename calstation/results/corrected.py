@@ -1,7 +1,7 @@
 """Corrected output of IMUs on one body as JSON lines for other programs, see docs/reference/corrected-data.md.
 
-The primary is corrected by its own errors, a secondary by its stored errors relative to the primary and then by those
-of the primary. Each line says which of them is valid.
+The primary is corrected for its own errors, a secondary for its stored errors relative to the primary and then for the
+primary's errors. Each line specifies the IMU whose output is valid.
 """
 
 import json
@@ -31,13 +31,13 @@ class CorrectedStream:
         context = context_from_meta(meta)
         self._imu, self._own = context.imu, compensation(prior_from_meta(meta).mean)
         self._secondaries = {s.number: SecondaryCorrection(s, self._own) for s in context.secondaries}
-        self.source: str | None = None  #: Name of the IMU whose output is valid, None without one.
+        self.source: str | None = None  #: Name of the IMU whose output is valid; None if there is none.
         self.switch_overs = 0
         self.calibrations: dict[int, int] = {}  #: Number of the calibration in use, from 0, by IMU.
-        self.unaligned: frozenset[int] = frozenset()  #: IMUs whose samples are not aligned with the primary's.
+        self.unaligned: frozenset[int] = frozenset()  #: IMUs whose samples are not aligned with the primary's samples.
 
     def update(self, watch: PairWatch) -> list[tuple[str, int, dict[str, Any]]]:
-        """Take over the state of the watch; return what has changed as kind, number of the IMU or 0, and values."""
+        """Take over the state of the watch; return the changes as kind, number of the IMU or 0, and values."""
         changes: list[tuple[str, int, dict[str, Any]]] = []
         begun, self.unaligned = bool(self.calibrations), watch.unaligned
         for number, secondary in self._secondaries.items():
@@ -62,7 +62,7 @@ class CorrectedStream:
         }
 
     def _valid(self, watch: PairWatch) -> tuple[str | None, str]:
-        """Return the IMU whose corrected output is valid, None without one, and why."""
+        """Return the IMU whose corrected output is valid, None without one, and the reason."""
         if 0 in watch.silent:
             reason = "primary_silent"
         elif watch.primary_off:
@@ -84,14 +84,14 @@ class CorrectedStream:
         return found
 
     def clock_offset(self, number: int) -> float:
-        """Return the time to be added to the times of a secondary's samples, s."""
+        """Return the time to add to the times of a secondary's samples, s."""
         return self._secondaries[number].clock_offset
 
 
 class CorrectedOutput:
     """A `PairConsumer` that passes every line on to all `sinks`.
 
-    A calibration or a state of the primary that a block of the watch brings about applies to that whole block.
+    If a block changes a calibration or the state of the primary, the change applies to the whole block.
     """
 
     def __init__(self, meta: LogMeta, sinks: Sequence[Callable[[str], object]]) -> None:
@@ -104,16 +104,16 @@ class CorrectedOutput:
             PRIMARY: {"serial": meta.imu.serial},
             **{f"imu{number}": {"serial": section.serial} for number, section in meta.secondaries.items()},
         }
-        self.greeting = self._greeting()  #: First line for a reader, with the present state.
+        self.greeting = self._greeting()  #: First line for a new reader, with the current state.
         self._write(self.greeting)
 
     def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
-        """Write the events, then the samples with the state after them."""
+        """Write the events, then the samples with the state after the events."""
         time = float(block.time[-1]) if len(block) else None
         for event in events:
-            self._tell(event.kind, event.time, event.number, values_to_json(event.values))
+            self._emit(event.kind, event.time, event.number, values_to_json(event.values))
         for kind, number, values in self._stream.update(watch):
-            self._tell(kind, time, number, values)
+            self._emit(kind, time, number, values)
         self.greeting = self._greeting()
         for start in range(0, len(block), self._rows):
             self._write_frame(block.part(start, min(start + self._rows, len(block))))
@@ -130,7 +130,7 @@ class CorrectedOutput:
         for sink in self._sinks:
             sink(line)
 
-    def _tell(self, kind: str, time: float | None, number: int, values: Mapping[str, Any]) -> None:
+    def _emit(self, kind: str, time: float | None, number: int, values: Mapping[str, Any]) -> None:
         imu = {"imu": f"imu{number}"} if number else {}
         self._write(_line({"type": "event", "kind": kind, "time_s": time, **imu, **values}))
 

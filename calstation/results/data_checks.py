@@ -12,19 +12,19 @@ from calstation.estimation.common import ImuModel, RestResiduals, SampleBlock, S
 from calstation.physics import CHANNELS, PARAMETERS, BoolArray, FloatArray, group_indices
 from calstation.records import ChecksSection, LogMeta, SampleClockLimit, TemperatureLimit
 
-#: A channel is clipped if its noise lets this many samples be expected above the largest one.
+#: A channel is clipped if this many samples are expected above its largest one, given its noise.
 MISSING_SAMPLES = 30.0
-#: Default of the largest error of a clock with which the sample rate is compared, ppm: that of a computer's quartz.
+#: Default of the largest error of a clock that is compared with the sample rate, ppm: a computer's quartz.
 CLOCK_ERROR_PPM = 50.0
-#: Window in which the noise of a channel and the mean of times and temperatures are determined, s.
+#: Window for the noise of a channel and the mean of times and temperatures, s.
 _WINDOW = 1.0
-#: Sigmas of the rate of the clock beyond its limit that fail; no verdict where these are more than the limit.
+#: Deviation of the clock rate beyond its limit that fails, in sigmas; no verdict if this is more than the limit.
 _SIGMAS = 5.0
-#: Times that differ less from the counter, s, are derived from it and show no clock.
+#: Times closer to the counter than this, s, are derived from it and do not represent a clock.
 _DERIVED = 1e-6
-#: Fewest windows from which the rate of the clock is determined.
+#: Smallest number of windows from which the clock rate is determined.
 _FEWEST_WINDOWS = 20
-#: Range of the temperature, °C, below which nothing is regressed on it.
+#: Smallest range of the temperature, °C, for a regression.
 _LEAST_CHANGE = 0.5
 
 
@@ -41,7 +41,7 @@ class DataChecks:
         self._temperatures: list[float] = []
 
     def checked(self, solution: Solution, samples: SampleBlock, data: StageData) -> Solution:
-        """Return the solution of a stage with the tests of its samples, and what they show in its details."""
+        """Return the solution of a stage with the tests of its samples, and their findings in its details."""
         clocks = sample_clocks(samples, self._context.imu.sample_rate)
         tests = [self._clipping(samples), *self._clock(clocks)]
         details: dict[str, Any] = {}
@@ -133,10 +133,10 @@ def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: s
 
 
 def _missing_samples(counts: FloatArray, noise: FloatArray, step: FloatArray, width: int) -> FloatArray:
-    """Return how many samples are missing above the largest one, and below the smallest one, at least, shape (6, 2).
+    """Return a lower bound of the samples missing above the largest and below the smallest one, shape (6, 2).
 
-    `noise`, the profile's, and `step`, that of the rounding, are in counts, shape (6,); both are also taken from the
-    data, the noise from windows of `width` samples.
+    `noise`, the profile's noise, and `step`, the rounding step, are in counts, shape (6,); both are also estimated from
+    the data, the noise from windows of `width` samples.
     """
     missing = np.zeros((len(step), 2))
     if not len(counts):
@@ -144,12 +144,12 @@ def _missing_samples(counts: FloatArray, noise: FloatArray, step: FloatArray, wi
     low, high, fine, slow, finest = _windows_of(counts, width)
     for i in range(len(step)):
         least, most = float(low[:, i].min()), float(high[:, i].max())
-        if finest[i] > step[i]:  # neighbours in time may be farther apart than values are
+        if finest[i] > step[i]:  # adjacent samples may differ by more than adjacent values do
             finest[i] = np.diff(np.unique(counts[:, i])).min(initial=np.inf)
         inside = (high[: len(fine), i] < most) & (low[: len(fine), i] > least)
         if not inside.any():
             continue
-        # Second differences exclude the motion, standard deviations include slow noise; both only limit the noise.
+        # Second differences exclude motion, standard deviations include slow noise; both are upper limits of the noise.
         found = np.sqrt(min(np.quantile(fine[inside, i], 0.05), slow[inside, i].min()))
         smallest, spacing = min(noise[i], found), max(step[i], finest[i])
         if not smallest > 0.0:
@@ -165,7 +165,7 @@ def _missing_samples(counts: FloatArray, noise: FloatArray, step: FloatArray, wi
 
 @nb.njit(cache=True)
 def _known(valid: BoolArray, counts: FloatArray) -> BoolArray:
-    """Whether each sample is valid and all of its channels are there, shape (n,)."""
+    """Return whether each sample is valid and has all of its channels, shape (n,)."""
     known = valid.copy()
     for k in range(len(counts)):
         for i in range(counts.shape[1]):
@@ -175,11 +175,11 @@ def _known(valid: BoolArray, counts: FloatArray) -> BoolArray:
 
 @nb.njit(cache=True)
 def _windows_of(counts: FloatArray, width: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return what windows of `width` samples of m channels show, and the smallest step of each from one to the next.
+    """Return statistics of windows of `width` samples of m channels, and the smallest step of each channel.
 
-    The smallest and the largest value of each window have the shape (k, m), the last window being the remainder. The
-    noise from second differences and the variance of whole windows follow, shape (k or k − 1, m), and the steps,
-    infinite for a constant channel, shape (m,).
+    The smallest and the largest value of each window have the shape (k, m), the last window being the remainder.
+    Further results are the noise from second differences and the variance of whole windows, shape (k or k − 1, m), and
+    the steps, infinite for a constant channel, shape (m,).
     """
     whole, channels = len(counts) // width, counts.shape[1]
     total = -(-len(counts) // width)
@@ -235,7 +235,7 @@ class SampleClock:
 
 
 def sample_clocks(samples: SampleBlock, rate: float) -> dict[str, SampleClock]:
-    """Compare the counter of the samples at `rate`, Hz, with their times and with the station's, where it is known."""
+    """Compare the counter of the samples at `rate`, Hz, with their times and with station time, if known."""
     nominal = samples.seq / rate
     found = {"time_s": _clock(nominal, samples.time, rate)}
     if samples.station.shape[1]:
@@ -250,7 +250,7 @@ def _clock(nominal: FloatArray, time: FloatArray, rate: float) -> SampleClock | 
     nominal, late, interval = nominal[known], (time - nominal)[known], interval[known]
     if not len(nominal) or np.ptp(late) < _DERIVED:
         return None
-    # Means over windows: times of arrival that are late together count once.
+    # Use means over windows, so that arrival times that are late together count once.
     window = np.floor((nominal - nominal[0]) / _WINDOW).astype(np.int64) + interval * (1 << 32)
     _, first, index = np.unique(window, return_index=True, return_inverse=True)
     weight = np.bincount(index)
@@ -265,7 +265,7 @@ def _clock(nominal: FloatArray, time: FloatArray, rate: float) -> SampleClock | 
     scatter = float(np.sqrt(((y - slope * x) ** 2).sum() / free))
     each = late - (np.bincount(index, late) / weight)[index]
     jitter = float(np.hypot(scatter, each.std()))
-    # Delays may also change slowly, for example where times are read at multiples of the sample period.
+    # Delays may also change slowly, for example if times are read at multiples of the sample period.
     sigma = float(np.hypot(scatter / np.sqrt(x @ x), jitter / np.ptp(x)))
     return SampleClock(-slope / (1.0 + slope), sigma, jitter)
 
@@ -280,7 +280,7 @@ def temperature_coefficients(rests: RestResiduals, samples: SampleBlock, gravity
     """Regress the residuals of rests on the temperature.
 
     Return the change of each bias and accelerometer scale per °C that the rests determine, with its sigma, SI, as JSON
-    values; {} if the temperature of the rests is constant. A rest shows the gyros' biases along up, and the force's
+    values; {} if the temperature of the rests is constant. A rest determines the gyro bias along up and the force
     component along up.
     """
     known = ~np.isnan(samples.temperature)

@@ -1,6 +1,7 @@
 """Diagnostics of a result: innovations, residuals and observability of every stage.
 
-A result JSON contains only a summary; the details are computed on demand by solving the log again, bit-exactly.
+A result JSON contains only a summary; the details are computed on demand by solving the log again, with bit-identical
+results.
 """
 
 from collections.abc import Callable, Mapping
@@ -66,7 +67,7 @@ def diagnose(
 ) -> Diagnostics:
     """Job: solve a log again and return the details that its result omits.
 
-    Parameters and exceptions are those of `resolve`.
+    Parameters and exceptions are as in `resolve`.
     """
     log = open_log(path)
     expected = len(stages or (log.meta.run.stages if log.meta.run is not None else ()))

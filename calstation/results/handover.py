@@ -1,4 +1,4 @@
-"""Delivers the result of every run to the factory's system exactly once, as a JSON file and a CSV line.
+"""Delivery of the result of every run to the factory's system, exactly once, as a JSON file and a CSV line.
 
 A run is pending from its start until its result is delivered, whatever its outcome; a later run may deliver it.
 """
@@ -79,7 +79,7 @@ class HandOver:
     def finish(self) -> None:
         """Deliver all pending results, and emit a message if some remain or earlier ones were delivered.
 
-        It waits at most 10 s of host time for a delivery in progress, and as long for its own.
+        It waits at most 10 s of host time for a delivery in progress, and another 10 s for its own.
         """
         if self._thread is not None:
             self._thread.join(_WAIT)
@@ -116,7 +116,7 @@ def deliver_pending(report: ProgressCallback, runs: Path, station: Path | None) 
 
 
 def _target(runs: Path, station_path: Path, station: StationConfig) -> tuple[Path, bool]:
-    """Return the hand-over folder and whether it may be created; a missing share must not become a local folder."""
+    """Return the hand-over folder and whether it may be created, which is not allowed for a missing network share."""
     if station.handover is None:
         return runs.absolute().parent / "handover", True
     return station_path.absolute().parent / Path(station.handover.folder).expanduser(), False
@@ -126,7 +126,7 @@ def _waiting(runs: Path) -> list[str]:
     """Return the stems of the pending runs, oldest first; drop those without any file."""
     names = []
     for entry in (runs / WAITING).glob("*"):
-        with suppress(FileNotFoundError):  # another process has delivered it
+        with suppress(FileNotFoundError):  # another process has already delivered it
             if (runs / f"{entry.name}.json").exists():
                 names.append((entry.stat().st_mtime, entry.name))
             elif not (runs / f"{entry.name}{SUFFIX}").exists() and not entry.name.startswith("."):
@@ -160,7 +160,7 @@ def _deliver(runs: Path, folder: Path, make: bool) -> Delivery:
 def _hand_over(runs: Path, name: str, folder: Path) -> None:
     content = (runs / f"{name}.json").read_bytes()
     write_atomic(folder / f"{name}.json", content)
-    with suppress(ValueError):  # JSON from another program gets no line
+    with suppress(ValueError):  # JSON from another program does not get a line
         _append(folder, name, Result.from_json(json.loads(content)))
     (runs / WAITING / name).unlink(missing_ok=True)
 
@@ -183,7 +183,7 @@ def _append(folder: Path, name: str, result: Result) -> None:
         tail = os.read(handle, _TAIL)
         if f",{name}.json\n".encode() in tail:
             return
-        begin = "" if not tail or tail.endswith(b"\n") else "\n"  # a line truncated by a power failure
+        begin = "" if not tail or tail.endswith(b"\n") else "\n"  # the last line may be truncated by a power failure
         header = "" if size else _line([*COLUMNS, "result"])
         os.write(handle, (begin + header + _line(cells)).encode())
         os.fsync(handle)

@@ -1,4 +1,4 @@
-"""History of the runs in a folder, which can be filtered, read from an index of the runs' files; counts of a shift."""
+"""Searchable history of the runs in a folder, from an index of the runs' files, and counts of a shift."""
 
 import json
 import math
@@ -50,10 +50,11 @@ class History:
     """The runs of a folder. Queries read the index and take milliseconds; `refresh` updates it from the files."""
 
     def __init__(self, folder: Path, index: RunIndex | None = None) -> None:
-        """Open the history of a folder, with its index if that is open already."""
+        """Open the history of a folder, with its index if that is already open."""
         self._folder = folder
         self._index = RunIndex(folder) if index is None else index
-        self._resolves: tuple[tuple[int, int] | None, list[ResolveRecord]] = (None, [])  #: With the file's stamp.
+        #: Offline solutions with the stamp of their file.
+        self._resolves: tuple[tuple[int, int] | None, list[ResolveRecord]] = (None, [])
 
     def refresh(self, report: Callable[[float], None] | None = None) -> int:
         """Update the index from the folder; return the number of changed runs."""
@@ -90,11 +91,11 @@ class History:
         return self._ask(lambda: self._index.find(wanted, limit))
 
     def columns(self, wanted: RunFilter = NO_FILTER) -> RunColumns:
-        """Return the runs that meet all conditions and have a time of start in columns, the oldest first."""
+        """Return as columns the runs that meet all conditions and have a start time, the oldest first."""
         return self._ask(lambda: self._index.columns(wanted))
 
     def mark(self) -> str | None:
-        """Return a mark of the indexed runs, which differs after any change of them; None before the first."""
+        """Return a value that differs after any change of the indexed runs; None before the first."""
         return self._ask(lambda: self._index.mark)
 
     def count(self, wanted: RunFilter) -> int:
@@ -120,7 +121,7 @@ class History:
     def result(self, record: RunRecord) -> Result:
         """Return the result of a run in the index, from its log if there is no result file. Raises InputError.
 
-        That of a run of another folder is in the shared database; a copy lies where its log would be.
+        For a run of another folder, the result is in the shared database, with a copy where its log would be.
         """
         if record.origin:
             copy = record.log.with_suffix(".json")
@@ -190,7 +191,7 @@ def load_results(report: ProgressCallback, folder: Path, runs: Sequence[RunRecor
 def _files(folder: Path, known: Mapping[str, str]) -> dict[str, str]:
     """Return a stamp of each run's files by stem, except for logs that are still being written.
 
-    A log with its `known` stamp is not being written.
+    A log whose stamp equals its `known` stamp is not being written.
     """
     if not folder.is_dir():
         return {}
@@ -208,7 +209,7 @@ def _files(folder: Path, known: Mapping[str, str]) -> dict[str, str]:
 
 
 def _is_running(folder: Path, stem: str) -> bool:
-    """Whether a run is still in progress, or its log cannot be read.
+    """Return whether a run is still in progress, or its log cannot be read.
 
     The lock is tested once without waiting, because each of up to 16 runs in progress is tested whenever one ends. A
     log that another program tests at the same moment enters the index with the next refresh.
@@ -255,7 +256,7 @@ def _check_texts(run: IndexedRun) -> None:
 
 
 def _is_run(result: Result, name: str) -> bool:
-    """Whether a result belongs to the run with this name, and is not a copy or the solution of another log."""
+    """Return whether a result belongs to the run with this name, and is not a copy or a solution of another log."""
     return result.outcome != "resolved" and Path(result.log.file.replace("\\", "/")).stem == name
 
 
@@ -331,7 +332,7 @@ class ShiftCount:
 
 
 def shift_start(starts: Iterable[str], now: datetime | None = None) -> datetime:
-    """Return when the current shift began; `starts` are local times ``HH:MM``, `now` is the present by default."""
+    """Return when the current shift began; `starts` are local times ``HH:MM``, `now` defaults to the current time."""
     now = (now or datetime.now()).astimezone()
     days = (now.date(), now.date() - timedelta(days=1))
     times = [datetime.combine(day, time.fromisoformat(start)).astimezone() for day in days for start in starts]
@@ -339,7 +340,7 @@ def shift_start(starts: Iterable[str], now: datetime | None = None) -> datetime:
 
 
 def count_shift(report: ProgressCallback, folder: Path, station: str, since: datetime) -> ShiftCount:
-    """Job: count the runs of a station in a folder that began at `since` or later.
+    """Job: count the runs of a station in a folder that started at `since` or later.
 
     Partial runs and runs of check standards do not count, nor do runs that were stopped or ended in a fault; a resumed
     run counts once. The units of a batch share its duration.

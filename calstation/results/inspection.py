@@ -1,4 +1,4 @@
-"""Inspection of a recording: what it contains, its rate and gaps, and the methods that it can be solved with."""
+"""Inspection of a recording: its contents, rate and gaps, and the methods that can solve it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,18 +19,19 @@ class Inspection:
 
     serial: str
     facts: LogFacts
-    rate: float  #: Samples per second of its clock, or of the line through times of arrival; NaN for one sample.
+    rate: float  #: Samples per second by its clock, or by a line fitted to the arrival times; NaN for one sample.
     configured_rate: float  #: Samples per second of its configuration.
-    jitter: float  #: Root mean square of the times of arrival about the sample clock, s; 0 if it has a clock.
+    #: Root mean square deviation of the arrival times from the sample clock, s; 0 if the recording has a clock.
+    jitter: float
     missing: int  #: Number of samples missing in gaps.
     invalid: int  #: Number of invalid samples.
     channels: tuple[str, ...]  #: Groups of columns: gyro, accel, encoders, temperature, imu2, ..., joints.
     stages: dict[str, int]  #: Number of samples of each recorded stage, in order.
-    methods: dict[str, Text | None]  #: Why a method cannot be solved, None if it can.
+    methods: dict[str, Text | None]  #: Reason why a method cannot solve it, None if it can.
 
 
 def inspect_recording(path: Path) -> Inspection:
-    """Read a log or a CSV and try the methods: its stages, or if it names none, those that need no table.
+    """Read a log or a CSV and try its stages, or the methods that need no table if it names no stages.
 
     Raises InputError if it cannot be read.
     """
@@ -70,7 +71,7 @@ def inspect_recording(path: Path) -> Inspection:
 
 
 def _recorded(log: Log, stages: dict[str, int]) -> dict[str, Text | None]:
-    """Solve the stages in order, each with the posterior of those before it."""
+    """Solve the stages in order, each with the posterior of the preceding ones."""
     try:
         missing = solve(log.blocks, log.meta, source=log.path).missing_data
     except InputError as exc:
@@ -79,7 +80,7 @@ def _recorded(log: Log, stages: dict[str, int]) -> dict[str, Text | None]:
 
 
 def _reason(log: Log, name: str) -> Text | None:
-    """Return why the whole recording cannot be solved with a method, None if it can."""
+    """Return why a method cannot solve the whole recording; None if it can."""
     try:
         solve(log.blocks, log.meta, (name,), source=log.path)
     except InputError as exc:

@@ -1,4 +1,4 @@
-"""Judges the solutions of a run against the product's limits, says what a failed test shows, and builds its result."""
+"""Comparison of a run's solutions with the product's limits, explanation of failed tests, and the result."""
 
 import hashlib
 import tomllib
@@ -39,7 +39,7 @@ _OF_THE_MODEL: frozenset[CheckKind] = frozenset({
     "within", "consistency", "agreement", "halves", "gravity_at_rest", "improvement_at_rest",
     "improvement_at_rest_floor", "motion_angle", "motion_improvement", "motion_improvement_floor",
 })  # fmt: skip
-#: Number of parameters that the sentence about a failed test lists.
+#: Largest number of parameters listed in the message about a failed test.
 _MOST_MOVES = 3
 
 
@@ -50,7 +50,7 @@ class Judgement:
     checks: tuple[Check, ...]
     passed: bool | None  #: None if there are no limits.
     not_compared: tuple[str, ...] = ()  #: Parameters with a limit that no stage estimated or determined.
-    tested: bool = True  #: Whether data and model were tested; without that there is no verdict.
+    tested: bool = True  #: Whether data and model were tested; if not, there is no verdict.
 
     def with_more(self, checks: list[Check]) -> "Judgement":
         """Return the judgement with more checks; it fails if one of them does not pass."""
@@ -94,7 +94,7 @@ def _limits(meta: LogMeta) -> tuple[Mapping[str, Limit], float]:
 
 
 def _with_explanation(checks: list[Check], solutions: Sequence[Solution]) -> list[Check]:
-    """Return checks with a failed test of the last stage before the first check that fails because of it."""
+    """Return the checks, with the last stage's failed test inserted before the first check that it explains."""
     failed = [k for k, check in enumerate(checks) if not check.passed and check.kind in _OF_THE_MODEL]
     last = solutions[-1] if solutions else None
     if not failed or last is None or last.explanation is None:
@@ -114,7 +114,7 @@ def _explained(meta: LogMeta, check: Check) -> Check:
 
 
 def is_partial(meta: LogMeta, solved: Collection[str] | None = None) -> bool:
-    """Whether the stages of the run, or those `solved` again, omit stages of its product.
+    """Return whether the stages of the run, or the stages `solved` again, omit stages of its product.
 
     A log without a run section is never partial.
     """
@@ -132,9 +132,9 @@ class Ending:
     outcome: str
     log_file: str
     facts: LogFacts
-    first_seq: int | None = None  #: First sequence number solved; None for that of the log.
-    last_seq: int | None = None  #: Last sequence number solved; None for that of the log.
-    registers: Mapping[str, Any] | None = None  #: The registers as in the result JSON.
+    first_seq: int | None = None  #: First sequence number solved; None for the first of the log.
+    last_seq: int | None = None  #: Last sequence number solved; None for the last of the log.
+    registers: Mapping[str, Any] | None = None  #: Registers as in the result JSON.
     error: CalstationError | None = None
     stop_reason: str | None = None  #: Source of the stop of a stopped run.
     advice: str | None = None  #: Recommended action, see `calstation.runs.verdict`.
@@ -146,7 +146,7 @@ class Ending:
 def build_result(
     meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...], judgement: Judgement, ending: Ending
 ) -> Result:
-    """Build the result of a run from the solutions of its stages, in order, and the belief before the first one."""
+    """Build the result of a run from its solutions in order, and the belief before the first stage."""
     run, facts, error = meta.run, ending.facts, ending.error
     first, last = ending.first_seq, ending.last_seq
     stages = [solution.stage for solution in solutions]
@@ -205,7 +205,7 @@ def build_result(
 
 
 def _tests(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...], judgement: Judgement) -> dict[str, Any]:
-    """Return the sections of a result that judge its values, or test data and model."""
+    """Return the sections of a result that judge its values or test data and model."""
     return {
         "conformity": conformity(meta, prior, solutions, judgement.checks),
         "consistency": {s.stage: StageConsistency.of(s.consistency) for s in solutions},
@@ -264,6 +264,6 @@ def cause_text(check: Check) -> Text | None:
 
 
 def missing_state(result: Result) -> Check | None:
-    """Return the most significant failed check whose cause a further state of the model would describe, or None."""
+    """Return the most significant failed check whose cause another state of the model would describe, or None."""
     failed = [c for c in result.failed_checks if c.misfit is not None and c.misfit.cause in EFFECTS]
     return max(failed, key=lambda check: check.value, default=None)

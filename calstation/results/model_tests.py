@@ -1,4 +1,4 @@
-"""Tests of the error model along a chain of stages, and the effects that the model of a unit contains."""
+"""Tests of the error model along a chain of stages, and the effects in a unit's model."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,7 +7,7 @@ from calstation.estimation import Estimate, Misfit, ModelTest, Solution
 from calstation.estimation.common import Belief, stage_agreement
 from calstation.estimation.effects import EffectTests, effect_tests
 
-#: A change of the posterior less probable than this contradicts the stages before.
+#: A change of the posterior less probable than this contradicts the earlier stages.
 LEAST_PROBABILITY = 1e-6
 
 
@@ -21,14 +21,14 @@ class ModelTests:
         self.effects_tested = False
 
     def with_states(self, solution: Solution) -> Solution:
-        """Return the solution of a stage with the effects in the model of the unit, without tests."""
+        """Return the solution of a stage with the effects in the unit's model, without tests."""
         if solution.sensitivity is None:
             return solution
         self._effects.add(solution.stage, solution.sensitivity, solution.estimated)
         return self._with_effects(replace(solution, sensitivity=None))
 
     def tested(self, solution: Solution, before: Sequence[Solution], posterior: Belief) -> Solution:
-        """Return a solution with its tests; `before` are the stages before, and `posterior` is that of the last one."""
+        """Return a solution with its tests; `before` are the earlier stages, and `posterior` is the last posterior."""
         tests = [*solution.tests, *_convergence(solution)]
         if solution.sensitivity is not None:
             self.effects_tested = True
@@ -56,13 +56,13 @@ class ModelTests:
 
 
 def _convergence(solution: Solution) -> list[ModelTest]:
-    """Fail a solution whose iteration has not converged: it may be anywhere."""
+    """Return a failed test for a solution whose iteration has not converged, because its error is unknown."""
     passes = [values["passes"] for code, values in solution.messages if code == "not_settled"]
     return [ModelTest("convergence", n, n - 1, "1", Misfit("not_settled", values={"passes": n})) for n in passes]
 
 
 def _agreement(solution: Solution, before: Sequence[Solution], posterior: Belief) -> list[ModelTest]:
-    """Test whether a stage agrees with those before it."""
+    """Test whether a stage agrees with the earlier ones."""
     last = {name: s.stage for s in before for name in s.estimated}
     found = stage_agreement(posterior, solution.belief, [name for name in solution.estimated if name in last])
     if found is None:

@@ -63,7 +63,7 @@ def offline_solve(
     def watch(stage: str, seq: int, done: float) -> None:
         nonlocal read, most
         read = max(read, sum(s.within(first_seq, min(seq, last_seq)) for s in chosen))
-        solved.update({**dict.fromkeys(solved, 1.0), stage: done})  # stages are solved one after another
+        solved.update({**dict.fromkeys(solved, 1.0), stage: done})  # stages are solved in sequence
         work = read + sum(solved[name] * shares.get(name, 0.0) for name in solved)
         most = max(most, min(work / total, 0.99))
         report(most, note=stage)
@@ -85,7 +85,7 @@ def drop_partial(report: ProgressCallback, target: Path) -> None:
 
 
 def export_result(report: ProgressCallback, result: Result, stored: Result | None, target: Path) -> Path:
-    """Job: write a result as JSON, or to a ``.csv`` file its parameters next to those that the run stored, if any.
+    """Job: write a result as JSON, or to a ``.csv`` file its parameters next to those stored by the run, if any.
 
     Raises ConfigurationError if the file cannot be written.
     """
@@ -103,9 +103,9 @@ def export_result(report: ProgressCallback, result: Result, stored: Result | Non
 def export_runs(report: ProgressCallback, folder: Path, wanted: RunFilter, target: Path) -> Path:
     """Job: export the runs of a folder that meet all conditions, the latest first; a failure leaves no file.
 
-    A ``.csv`` file has a row per run with its values and sigmas, SI, from the index; any other has a list of their
-    result JSONs, in which a run without a result is missing. Raises InputError if a result cannot be read,
-    ConfigurationError if the file cannot be written.
+    A ``.csv`` file has a row per run with its values and sigmas, SI, from the index; any other file has a list of their
+    result JSONs, without the runs that have no result. Raises InputError if a result cannot be read, ConfigurationError
+    if the file cannot be written.
     """
     history = History(folder)
     runs = history.indexed(wanted)
@@ -126,7 +126,7 @@ def export_runs(report: ProgressCallback, folder: Path, wanted: RunFilter, targe
 
 
 def _result_of(history: History, run: RunRecord) -> Result | None:
-    """Return the result of a run; None for one that did not end and was not closed."""
+    """Return the result of a run; None for an incomplete run that was not closed."""
     return None if run.outcome == "incomplete" and run.result is None else history.result(run)
 
 

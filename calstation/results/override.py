@@ -1,4 +1,4 @@
-"""Release of a unit that failed: the result keeps its outcome and says who released the unit, and why."""
+"""Release of a unit that failed: the result keeps its outcome and records who released the unit, and why."""
 
 import json
 import tomllib
@@ -30,19 +30,19 @@ T = TypeVar("T", bound=BaseModel)
 
 
 def override_required(report: ProgressCallback, path: Path) -> ConfirmationRequired:
-    """Job: return what the release of the unit of a result requires. Raises InputError if it cannot be released."""
+    """Job: return the confirmation that releasing a result's unit requires. Raises InputError if not releasable."""
     return confirmation_required("override", *_files(_failed(path), path))
 
 
 def override_result(report: ProgressCallback, path: Path, why: str, first: Person, second: Person | None) -> Override:
-    """Job: release the unit of a failed result; an event of the audit trail, on disk before the result says so.
+    """Job: release the unit of a failed result; the audit trail is written to disk before the result is changed.
 
     Parameters
     ----------
     report : progress callback of the job, not used
     path : result file of the run, which is changed
     why : reason of the release
-    first, second : person who releases the unit, and the second one if the product requires one
+    first, second : person who releases the unit, and a second person if the product requires one
 
     Raises
     ------
@@ -53,7 +53,7 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
     if not why:
         raise InputError("override.no_reason")
     people = confirm("override", *_files(_failed(path), path), first, second)
-    with audit_writer(site_folder()) as audit:  # of two releases at the same time, the second finds that of the first
+    with audit_writer(site_folder()) as audit:  # of two concurrent releases, the second finds the first one
         result = _failed(path)
         about = {"serial": result.serial, "result": path.name, "log_sha256": result.log.sha256, "pin": people.pin}
         event = audit.append("override", people.by, why, confirmed_by=people.confirmed_by, **about)
@@ -64,7 +64,7 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
 
 
 def recorded_release(result: Result) -> bool:
-    """Whether the site's audit trail is intact and has the release of a result. Raises InputError."""
+    """Return whether the site's audit trail is intact and contains the release of a result. Raises InputError."""
     trail = read_audit(audit_path(site_folder()))
     events = (event for event in trail.events if event.event == "override")
     same = (event for event in events if event.values.get("log_sha256") == result.log.sha256)
@@ -93,10 +93,11 @@ def _files(result: Result, path: Path) -> tuple[ProductConfig, StationConfig]:
 def run_files(
     files: Mapping[str, FileSection], path: Path, texts: Mapping[str, str]
 ) -> tuple[ProductConfig, StationConfig]:
-    """Return product and station of a run: the product as it was then, the station as it is now if the site has it.
+    """Return product and station of a run.
 
-    `files` names the files of the run, `texts` are the texts in its log, both by kind. Raises InputError if a file is
-    neither there nor at the site; the error names `path`.
+    The product is the one used by the run, the station the current one of the site, if it exists. `files` names the
+    files of the run, `texts` are the texts in its log, both by kind. Raises InputError, naming `path`, if a file is
+    neither in the log nor at the site.
     """
     product = _file("product", ProductConfig, files.get("product"), path, texts.get("product"))
     station = files.get("station")
@@ -105,7 +106,7 @@ def run_files(
 
 
 def _file(kind: str, model: type[T], used: FileSection | None, path: Path, text: str | None) -> T:
-    """Parse the text of a file of a run; without it, the file of that name in the library. Raises InputError."""
+    """Parse the text of a file of a run; if missing, read the library file of that name. Raises InputError."""
     if text is not None:
         return validate(model, tomllib.loads(text), path, InputError)
     if used is None or used.name not in library.names(f"{kind}s"):

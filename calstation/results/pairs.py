@@ -1,4 +1,4 @@
-"""Watches IMUs on one body, from a log or live: checks them, calibrates those out of tolerance, stores the result.
+"""Monitoring of IMUs on one body, from a log or live: checks, calibrates if out of tolerance, and stores the result.
 
 The calibration of a pair is stored in the site's folder and applied to the next log before its check.
 """
@@ -44,12 +44,12 @@ STAGE = "cross_calibration"
 
 
 class PairConsumer(Protocol):
-    """Receives what a `PairSession` watches, in order and from one thread."""
+    """Receives the data of a `PairSession`, in order and in one thread."""
 
     def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
-        """Take the next samples, which `watch` has already seen, and the events that they caused.
+        """Process the next samples, which `watch` has already processed, and the resulting events.
 
-        `block` holds the raw counts of the primary and, in `others`, those of the secondaries at the same times; see
+        `block` contains the raw counts of the primary and, in `others`, of the secondaries at the same times; see
         `PairWatch` for the state of the primary and the stored calibrations. After the last samples, `block` is empty.
         """
 
@@ -78,7 +78,7 @@ class PairWatchResult:
 
 
 class PairSession:
-    """Watches IMUs on one body, from a log or live, and stores the calibrations of its secondaries.
+    """Monitors IMUs on one body, from a log or live, and stores the calibrations of its secondaries.
 
     A pair without a file in `folder` starts with the values in `meta`. Raises InputError if `meta` has no secondary or
     an invalid schedule; `source` names it in messages. `submit` executes the fits, see `PairWatch`.
@@ -110,9 +110,9 @@ class PairSession:
         consumers: Sequence[PairConsumer] = (),
         stopped: Callable[[], bool] = lambda: False,
     ) -> PairWatchResult:
-        """Watch all blocks, and pass each on to the consumers together with its events.
+        """Process all blocks, and pass each to the consumers together with its events.
 
-        After the last one, what was collected is checked or calibrated, unless `stopped` returns True.
+        After the last block, a check or calibration of the collected data is completed, unless `stopped` returns True.
         """
         watch, events = self.watch, list[WatchEvent]()
         last: SampleBlock | None = None
@@ -131,7 +131,7 @@ class PairSession:
 
 
 def pair_report(watched: PairWatchResult, alignments: Mapping[int, Alignment] | None = None) -> dict[str, Any]:
-    """Return the JSON of a watch; `alignments` holds the clocks of secondaries that were watched live."""
+    """Return the JSON of a watch; `alignments` contains the clocks of secondaries that were monitored live."""
     return {
         "schema": "calstation.watch/1",
         "passed": watched.within,

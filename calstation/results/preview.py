@@ -1,6 +1,7 @@
 """Preview of a run by covariance analysis: joint angles, duration, violated limits, and sigmas after every stage.
 
-Plans and solvers are those of the run; the solvers receive simulated samples of a perfect unit in the planned motion.
+It uses the plans and solvers of the run; the solvers receive simulated samples of a perfect unit during the planned
+motion.
 """
 
 from collections.abc import Iterator, Mapping
@@ -45,7 +46,7 @@ class Violation:
     step: int  #: Number of the move in the stage, from 1.
     label: tuple[str | float, ...]  #: Label of the move.
     kind: str  #: ``rate``, ``acceleration`` or ``travel``; ``plan`` if no motion could be planned.
-    text: Text  #: The error that the run would raise.
+    text: Text  #: Error that the run would raise.
     joint: str = ""  #: ``outer`` or ``inner``; empty for both.
     value: float = 0.0  #: Value required by the move, rad, rad/s or rad/s².
     low: float = 0.0  #: Lowest allowed value.
@@ -60,12 +61,13 @@ class StagePreview:
     stage: str
     begin: float  #: Start time, since the start of the first stage, s.
     end: float  #: End time, since the start of the first stage, s.
-    reason: str  #: Reason for its end: plan, rounds, duration, targets or operator; "" if MOST_ROUNDS are not enough.
+    #: Reason for its end: plan, rounds, duration, targets or operator; "" if it does not end within MOST_ROUNDS rounds.
+    reason: str
     rounds: int  #: Complete rounds.
     moves: int  #: Number of moves of the table.
     estimated: tuple[str, ...]  #: Names of the estimated parameters.
     sigma: FloatArray | None = None  #: Sigmas of the parameters at its end, SI, shape (30,); None if not computed.
-    error: Text | None = None  #: Why `sigma` was not computed.
+    error: Text | None = None  #: Reason why `sigma` was not computed.
     observability: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -101,7 +103,7 @@ def compute_preview(report: ProgressCallback, request: RunRequest) -> Preview:
 
 
 def _expected_meta(setup: ResolvedConfiguration) -> LogMeta:
-    """Return the configuration of the log that a run would write, if the unit holds its latest calibration."""
+    """Return the log configuration that a run would use if the unit holds its latest calibration."""
     meta, folder = setup.log_meta(), setup.request.out
     if not is_partial(meta) or not folder.is_dir():
         return meta
@@ -154,7 +156,7 @@ class _Previewer:
         )
 
     def _check(self, plan: StagePlan, violations: list[Violation]) -> float:
-        """Check every move of a plan against the table's limits; return the plan's duration without targets, s."""
+        """Check every move of a plan against the table's limits; return the plan's duration, s, ignoring targets."""
         seconds, moves = 0.0, 0
         found: dict[tuple[str, str], Violation] = {}
         try:
@@ -213,7 +215,7 @@ class _Previewer:
                     self._step(step, plan.name if solve else "")
                     self._report(_FEEDING * self._clock / expected if expected else 0.0, note=plan.name)
         except ConfigurationError:
-            reason = ""  # `_check` has reported why the plan cannot continue
+            reason = ""  # `_check` has already reported the reason
         estimated = method(plan.name).estimates(self._context)
         stage = StagePreview(plan.name, begin, self._clock, reason, rounds, moves, estimated)
         if not solve:

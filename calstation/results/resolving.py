@@ -36,7 +36,7 @@ from calstation.results.solver_chain import SolveProgress, StageChain, one_blas_
 
 
 def warm_up() -> None:
-    """Compile the kernels for solving; importing this module has already loaded everything else."""
+    """Compile the kernels for solving; the import of this module loads everything else."""
     compile_kernels()
 
 
@@ -47,7 +47,7 @@ class Resolved:
     result: Result
     messages: tuple[tuple[str, dict[str, Any]], ...]
     missing_data: tuple[Text, ...] = ()  #: Reasons why stages could not be solved.
-    #: Residuals per rest and move, by stage in the order of the log; empty unless they were asked for.
+    #: Residuals per rest and move, by stage in the order of the log; empty unless requested.
     residuals: Mapping[str, tuple[PositionResidual, ...]] = field(default_factory=dict)
 
 
@@ -66,11 +66,11 @@ def resolve(
 
     Without `stages`, stages of the log that lack data are skipped; the result can then fail but not pass. Damaged rows
     are treated as gaps and reported by the message ``log_damaged``. `progress` is called periodically. With
-    `residuals`, the log is read a second time for the residuals per rest and move. `states` are estimated beside those
-    of the log's model; the result then says so and is not checked against the stored one. Without `diagnostics`, only
-    the parameters are solved, bit for bit the same; the result then has no verdict.
+    `residuals`, the log is read a second time for the residuals per rest and move. `states` are estimated in addition
+    to the states of the log's model; the result then lists them and is not compared with the stored one. Without
+    `diagnostics`, only the parameters are solved, with bit-identical values; the result then has no verdict.
 
-    The solution is recorded beside the log; if that fails, the message ``resolve_unrecorded`` says so.
+    The solution is recorded next to the log; if that fails, the message ``resolve_unrecorded`` reports it.
 
     Raises InputError or ConfigurationError if the log cannot be used or solved.
     """
@@ -102,8 +102,8 @@ def resolve_log(
 ) -> Resolved:
     """Solve an open log like `resolve`, but record nothing, with a configuration that may differ from the log's.
 
-    `added` are the states in the model of `meta` that the log's own model lacks. The result is checked against the
-    stored one only if the configuration is that of the log.
+    `added` are the states in the model of `meta` that are missing in the log's own model. The result is compared with
+    the stored one only if the configuration equals the log's.
 
     Raises InputError or ConfigurationError if the log cannot be used or solved.
     """
@@ -174,14 +174,14 @@ def _record_of(path: Path, result: Result, stored: Result | None) -> ResolveReco
 
 
 def with_states(meta: LogMeta, states: tuple[EffectName, ...]) -> tuple[LogMeta, list[EffectName]]:
-    """Return the configuration of a log with more states in its model, and those that it did not have."""
+    """Return the configuration of a log with more states in its model, and the states that were added."""
     held = meta.model.states if meta.model is not None else []
     added = [state for state in dict.fromkeys(states) if state not in held]
     return meta.model_copy(update={"model": ModelSection(states=[*held, *added])} if added else {}), added
 
 
 def _check_range(log: Log, first: int | None, last: int | None) -> None:
-    """Raise InputError if the range begins before the log or ends beyond it."""
+    """Raise InputError if the range exceeds the log."""
     if first is None and last is None:
         return
     facts = log.facts()
@@ -209,7 +209,7 @@ def _check_complete(log: Log, solved: list[str]) -> None:
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """A result and the values that it is compared with."""
+    """A result and the values with which it is compared."""
 
     result: Result
     log: Path | None  #: The run's log; None if it is missing.
@@ -219,7 +219,7 @@ class FinishedRun:
 
 
 def find_log(result: Result, path: Path) -> Path | None:
-    """Return the log of a result file, from where it was written or beside the file; None if it is missing."""
+    """Return the log of a result file, at its original path or next to the result; None if it is missing."""
     candidates = (Path(result.log.file), path.with_suffix(SUFFIX))
     return next((candidate for candidate in candidates if candidate.is_file()), None)
 
@@ -247,7 +247,7 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
 
 
 def _step_labels(log: Path | None) -> dict[int, tuple[str | float, ...]]:
-    """Return the labels of the moves in a log; none if it is missing or damaged, which does not concern its result."""
+    """Return the labels of the moves in a log; none if it is missing or damaged, which does not affect the result."""
     try:
         return step_labels(open_log(log).events) if log is not None else {}
     except InputError:
@@ -255,7 +255,7 @@ def _step_labels(log: Path | None) -> dict[int, tuple[str | float, ...]]:
 
 
 def resolve_with_state(report: ProgressCallback, run: FinishedRun, state: EffectName) -> FinishedRun:
-    """Job: solve the log of a run again with one more state; the values that it is compared with are those of the run.
+    """Job: solve the log of a run again with one more state, and keep the values for comparison.
 
     Raises InputError or ConfigurationError if the log cannot be used or solved.
     """

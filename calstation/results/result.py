@@ -61,7 +61,7 @@ class StandardVerdict(_Section):
     t_squared_limit: Number
     degrees: int  #: Number of parameters compared.
     false_alarm: Number  #: Probability that an unchanged station and unit fail.
-    #: Smallest true error of each parameter that its normalised error shows with 90 % probability, SI.
+    #: Smallest true error of each parameter that its normalised error detects with 90 % probability, SI.
     detectable: dict[str, Number] = Field(default_factory=dict)
 
 
@@ -92,7 +92,7 @@ class Temperature(_Section):
 class ParameterConformity(_Section):
     """Decision about a parameter with limits of its value, and the probabilities that it is wrong.
 
-    `false_accept` and `false_reject` need the spread of the product and concern all its units, not this one.
+    `false_accept` and `false_reject` need the spread of the product and apply to all its units, not to this one.
     """
 
     accepted: bool
@@ -109,7 +109,7 @@ class Conformity(_Section):
     """Decision rule of a result, and its decisions by parameter."""
 
     rule: Rule
-    coverage_factor: float = COVERAGE_FACTOR  #: Expanded uncertainty over standard uncertainty.
+    coverage_factor: float = COVERAGE_FACTOR  #: Ratio of expanded to standard uncertainty.
     parameters: dict[str, ParameterConformity] = Field(default_factory=dict)
 
 
@@ -117,7 +117,7 @@ class Override(_Section):
     """Release of a unit that failed."""
 
     by: str  #: Badge or name of the person who released it.
-    confirmed_by: str | None = None  #: Second person, where the product requires one.
+    confirmed_by: str | None = None  #: Second person, if the product requires one.
     why: str
     utc: str  #: ISO 8601.
 
@@ -131,11 +131,11 @@ class JointEstimate(_Section):
 
 
 class CalibrationUsed(_Section):
-    """The current calibration from which a partial run began."""
+    """The current calibration used as prior of a partial run."""
 
-    log: str  #: File name of the log of its run.
+    log: str  #: File name of the log of that run.
     started_utc: str
-    #: Unobservable parameters that are known from it.
+    #: Unobservable parameters whose values come from it.
     not_improved: list[str] = Field(default_factory=list)
 
 
@@ -191,7 +191,7 @@ class CyclePhase(_Section):
 
 
 class LatitudeUnknown(_Section):
-    """An inconsistent stage, and the latitude, degrees, that it assumed but no rest confirmed."""
+    """An inconsistent stage and its configured latitude, degrees, which no rest confirmed."""
 
     stage: str
     latitude: float
@@ -218,10 +218,10 @@ class Result(_Section):
     #: Whether the run, or the solution of its log, omitted stages of the product.
     partial: bool = Field(default=False, validation_alias=AliasChoices("partial", "part"))
     passed: bool | None = None  #: None if there are no limits, or data and model were not tested.
-    #: Whether data and model were tested; False for a log solved again for its parameters only, which has no verdict.
+    #: Whether data and model were tested; False if a log was solved again for its parameters only, without a verdict.
     tested: bool = True
     parameters: dict[str, Parameter]
-    #: Correlation coefficients of the 30 parameters that were solved, by name; 0 for pairs that are not listed.
+    #: Correlation coefficients of the solved parameters among the 30, by name; 0 for pairs that are not listed.
     correlation: dict[str, dict[str, float]] = Field(default_factory=dict)
     #: Geometry of the table, which does not depend on the unit: ``orthogonality``, ``tilt_x`` and ``tilt_y``.
     table: dict[str, TableValue] = Field(default_factory=dict)
@@ -243,7 +243,7 @@ class Result(_Section):
     configuration: dict[str, FileSection] = Field(default_factory=dict)  #: The files used, by kind.
     temperature_c: Temperature | None = None
     registers: Registers | None = None
-    calibration: CalibrationUsed | None = None  #: None for a run that began from the prior of the IMU profile.
+    calibration: CalibrationUsed | None = None  #: None for a run that started from the prior of the IMU profile.
     log: LogSection
     software: Software | None = None
     started_utc: str | None = None
@@ -256,27 +256,28 @@ class Result(_Section):
     stop_reason: str | None = None
     finished_stages: list[str] | None = None  #: Stages that an incomplete run solved before it ended.
     latitude_untold: LatitudeUnknown | None = None
-    #: Comparison of a check standard with its reference values; None for a unit of production.
+    #: Comparison of a check standard with its reference values; None for a production unit.
     check_standard: StandardVerdict | None = None
-    #: Reason for a run although a check standard or a certificate was not in order.
+    #: Reason for a run despite an overdue or failed check standard or certificate.
     standard_override: str | None = None
     resumed_from: str | None = None
     batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
     slot: str | None = None  #: Name of the unit's slot on the table.
     #: Reason why a stage could not be solved, by stage.
     missing_data: dict[str, str] = Field(default_factory=dict, alias="lacking")
-    #: States that were added to the model of the log when it was solved again; never of a run.
+    #: States that were added to the model of the log when it was solved again; always empty for a run.
     states_added: list[EffectName] = Field(default_factory=list)
     closed_utc: str | None = None  #: Time of the decision not to resume an incomplete run.
     closed_by: str | None = None  #: Person who made this decision.
-    override: Override | None = None  #: Release of a unit that failed; the outcome stays ``failed``.
+    override: Override | None = None  #: Release of a unit that failed; the outcome remains ``failed``.
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Result":
         """Read a result JSON. Raises ValueError for anything else."""
         try:
             return cls.model_validate(data)
-        except (LookupError, TypeError, AttributeError) as exc:  # pydantic passes on those of a malformed check
+        # pydantic does not catch these errors for a malformed check
+        except (LookupError, TypeError, AttributeError) as exc:
             raise ValueError(f"malformed check: {exc!r}") from exc
 
     def to_json(self) -> dict[str, Any]:
@@ -296,17 +297,17 @@ class Result(_Section):
 
     @property
     def released(self) -> bool:
-        """Whether the unit failed and an engineer released it all the same."""
+        """Whether the unit failed and was released by an engineer nevertheless."""
         return self.override is not None
 
     @property
     def badge(self) -> str:
-        """The verdict as the window shows it: ``released`` for a failed run whose unit was released."""
+        """The verdict as displayed in the window: ``released`` for a failed run whose unit was released."""
         return "released" if self.released else self.verdict
 
     @property
     def judged(self) -> bool:
-        """Whether the run reached its end, so that its values are compared with the limits."""
+        """Whether the run was completed, so that its values are compared with the limits."""
         return self.outcome not in ("stopped", "fault", "incomplete")
 
     @property
@@ -322,7 +323,7 @@ class Result(_Section):
 
     @property
     def cycle_seconds(self) -> dict[str, float]:
-        """Duration of the cycle's phases by name, s; all stages together are ``stage``."""
+        """Duration of the cycle's phases by name, s; the sum of all stages is ``stage``."""
         seconds: dict[str, float] = {}
         for part in self.cycle:
             seconds[part.phase] = seconds.get(part.phase, 0.0) + part.seconds
@@ -344,12 +345,12 @@ class Result(_Section):
 
     @property
     def end_reason(self) -> str | None:
-        """Why the run ended in a fault or was stopped, in English."""
+        """The reason why the run was stopped or ended in a fault, in English."""
         return self.error or self.stop_reason
 
     @property
     def fault(self) -> CalstationError | None:
-        """The fault that ended the run; None if the result lacks the values of its message."""
+        """The fault that ended the run; None if the result does not contain the values of its message."""
         if self.error_code is None or self.error_values is None or not known(self.error_code):
             return None
         return CalstationError(self.error_code, **values_from_json(self.error_values))
@@ -363,7 +364,7 @@ class Result(_Section):
 def in_sigma(later: Parameter, earlier: Parameter, *, independent: bool = False) -> float:
     """Return the difference of two estimates of a parameter, later minus earlier, in sigmas of the difference.
 
-    If one estimate uses part of the other's data, the sigma of the difference is never larger than the larger sigma
+    If one estimate uses part of the other's data, the sigma of the difference is at most the larger sigma
     (J. A. Hausman, *Specification Tests in Econometrics*, Econometrica 46(6), 1978, lemma 2.1), which is then used;
     with `independent` data, the sigmas are added in quadrature.
     """
@@ -373,7 +374,7 @@ def in_sigma(later: Parameter, earlier: Parameter, *, independent: bool = False)
 
 
 def online_difference(offline: Result, online: Result) -> OnlineDifference:
-    """Return the largest difference between the parameters solved offline and those of the run."""
+    """Return the largest difference between the parameters solved offline and online in the run."""
     both = [{name: (p.value, p.sigma) for name, p in each.parameters.items()} for each in (offline, online)]
     common = [name for name in offline.parameters if name in online.parameters]
     sigmas = {name: abs(in_sigma(offline.parameters[name], online.parameters[name])) for name in common}
@@ -395,7 +396,7 @@ def load_result(path: Path) -> Result:
 
 def plain(value: Any) -> Any:
     """Convert numbers and containers to JSON types; a non-finite number becomes null."""
-    if type(value) is float:  # most values, for which the tests of the others would take longest
+    if type(value) is float:  # most values; testing them for the other types would take longest
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}

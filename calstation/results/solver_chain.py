@@ -29,10 +29,10 @@ from calstation.results.model_tests import ModelTests
 from calstation.schema import validate
 from procedures import method
 
-#: Type of a function that starts reading the samples of a log from the beginning.
+#: Function that starts reading the samples of a log from the beginning.
 Blocks = Callable[[], Iterable[SampleBlock]]
 
-#: Callback with the stage, the latest sequence number read, and the solved fraction of the stage, 0 while it is read.
+#: Callback with the stage, the latest sequence number read, and the solved fraction of the stage, 0 during reading.
 SolveProgress = Callable[[str, int, float], None]
 
 
@@ -46,18 +46,18 @@ def one_blas_thread() -> Iterator[None]:
 class StageChain:
     """Solves stages in order, each with the joint posterior of the previous one as its prior.
 
-    Without `diagnostics`, the solutions have the same parameters, but nothing that only tests data and model.
+    Without `diagnostics`, the solutions have the same parameters, but no tests of data and model.
     """
 
     def __init__(self, meta: LogMeta, *, diagnostics: bool = True) -> None:
         self._meta, self._diagnostics = meta, diagnostics
         states = meta.model.states if meta.model is not None else ()
-        # states of the model are estimated from the response to them
+        # additional states are estimated from the responses to them, which diagnostics compute
         self._context = replace(context_from_meta(meta), diagnostics=diagnostics or bool(states))
         self.prior = prior_from_meta(meta)
         #: Posterior of the last completed stage without the error of gravity, which no stage can reduce.
         self.belief = self.prior
-        #: The same without the effects in the model of the unit, from which the next stage starts.
+        #: The same posterior without the effects in the unit's model, from which the next stage starts.
         self._solved = self.prior
         self._gravity = np.zeros(COUNT)
         self.solutions: list[Solution] = []
@@ -70,7 +70,7 @@ class StageChain:
         self._gather = diagnostics and checks is not None and checks.need_samples
         self._data_checks = DataChecks(meta, self._context)
         offset, matrix = composition(meta.registers)
-        #: Parameters that compensate the effect of the registers, which leaves the uncalibrated output.
+        #: Parameters that compensate the effect of the registers, which yields the uncalibrated output.
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
         imu = self._context.imu
         self._model = ModelTests(self.prior, states)
@@ -131,7 +131,7 @@ class StageChain:
         return solution
 
     def _tested(self, solution: Solution, spool: Spool) -> Solution:
-        """Return a solution with what its samples show beside the parameters."""
+        """Return a solution with the findings from its samples in addition to the parameters."""
         data = spool.data()
         if self._gather:
             found = gather(self._stage, data, self._context, self._uncalibrated, solution.belief.mean)
@@ -140,12 +140,12 @@ class StageChain:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))
         solution = self._model.tested(solution, self.solutions, self.belief)
         solution = self._data_checks.checked(solution, spool.block(), data)
-        if not data.joints.size:  # a gimbal has three joints, and no base that stays in its place
+        if not data.joints.size:  # a gimbal has three joints, and no stationary base
             self._table_rests.append(table_rests(data, self._context, solution.belief))
         return solution
 
     def table(self) -> dict[str, TableQuantity]:
-        """Return the geometry of the table as the rests of the solved stages show it; {} if they are too few."""
+        """Return the table geometry determined from the rests of the solved stages; {} if they are too few."""
         return table_axes(self._table_rests, self._context, self.belief)
 
     @property
@@ -154,7 +154,7 @@ class StageChain:
         return self._model.effects_tested
 
     def skip_stage(self, reason: Text) -> None:
-        """Skip the started stage; the next one begins with the posterior of the previous one."""
+        """Skip the started stage; the next one starts with the posterior of the previous one."""
         self._solver = None
         self.missing_data[self._stage] = reason
 
@@ -168,9 +168,9 @@ def solve(
     progress: SolveProgress | None = None,
     chain: StageChain | None = None,
 ) -> StageChain:
-    """Solve the chosen stages of a log in order, by default all as recorded; `source` names the log in messages.
+    """Solve the chosen stages of a log, by default all as recorded; `source` names the log in messages.
 
-    `chain` is a new chain that the caller observes while it is fed.
+    `chain` is a new chain that the caller may monitor while it is fed.
 
     Raises InsufficientDataError if a chosen stage or every stage of the log lacks data; InputError if the log cannot be
     solved for another reason.
@@ -228,14 +228,14 @@ class _Replay:
             if not method(waiting[0]).needs_no_table:
                 code = "solution.stage_not_in_range" if recorded else "solution.range_without_stages"
                 raise self._in_log(InsufficientDataError(code, stage=waiting[0], held=recorded))
-            # A manual recording names no stages, or other ones; all of its samples belong to this stage.
+            # A manual recording does not name stages, or names other ones; all of its samples belong to this stage.
             self._start(waiting.pop(0))
             for block in self._blocks():
                 self._feed(block)
             self._finish()
 
     def _one_pass(self, waiting: list[str]) -> list[str]:
-        """Solve and remove as many stages of `waiting` as one pass allows; return the stages of the log."""
+        """Solve and remove as many stages of `waiting` as one pass permits; return the stages of the log."""
         recorded: dict[str, None] = {}
         self._stage = ""
         for block in self._blocks():
@@ -268,7 +268,7 @@ class _Replay:
             self._progress(self._stage, self._seq, solved)
 
     def _finish(self, *, skip: bool = False) -> None:
-        """Finish a stage; with `skip`, omit it if it lacks data, as the last one of an interrupted run may."""
+        """Finish a stage; with `skip`, omit it if it lacks data, as the last stage of an interrupted run may."""
         try:
             self.chain.finish(None if self._progress is None else self._report)
         except InsufficientDataError as exc:

@@ -1,4 +1,4 @@
-"""Starts the reports of verdicts in a process of their own, which neither delays nor endangers the engine."""
+"""Automatic reports of verdicts, made in separate processes that neither delay nor endanger the engine."""
 
 import json
 import logging
@@ -13,23 +13,23 @@ from calstation.reports import station_request
 from calstation.schema import EntryError
 from calstation.sequencer import Emit, Message
 
-#: Program that runs several commands one after the other, so that the computer has one report at a time to make.
+#: Program that runs several commands in sequence, so that the computer makes one report at a time.
 _IN_TURN = "import json, subprocess, sys\nfor command in json.loads(sys.argv[1]):\n    subprocess.run(command)"
 
-#: Longest time that a share which does not respond delays the verdict, s; the report is then started all the same.
+#: Longest time that an unresponsive network share may delay the verdict, s; the report is then started anyway.
 _SEARCH_S = 2.0
 
-#: Processes that may outlive the engine; without a reference, Python would warn of them.
+#: Processes that may outlive the engine; without a reference, Python would issue a warning about them.
 _started: list[subprocess.Popen[bytes]] = []
 
 logger = logging.getLogger(__name__)
 
 
 def report_command(setup: ResolvedConfiguration, result_file: Path, emit: Emit) -> list[str]:
-    """Return the command that makes the report of a result, [] if the station does not ask for one.
+    """Return the command that makes the report of a result, [] if the station does not request one.
 
-    A certificate that a second person must confirm is not made automatically; a message says that it waits. Another
-    one names the folder or file of the station file without which no certificate can be made.
+    A certificate that a second person must confirm is not made automatically; a message reports that it is pending.
+    Another message names a missing folder or file of the station file that a certificate needs.
     """
     section, source = setup.station.report, setup.sources.get("station")
     if section is None or section.folder is None or source is None:
@@ -48,14 +48,14 @@ def report_command(setup: ResolvedConfiguration, result_file: Path, emit: Emit) 
         return []
     request = station_request(source.path, section, result_file)
     command = [sys.executable, "-m", "calstation", "report", str(request.source), "-o", str(request.out)]
-    command += ["--language", "zh" if request.language == "zh_CN" else "en", "--by", ""]  # by the program
+    command += ["--language", "zh" if request.language == "zh_CN" else "en", "--by", ""]  # made by the program
     for option, path in (("--templates", request.templates), ("--sign", request.signing)):
         command += [] if path is None else [option, str(path)]
     return command
 
 
 def start_reports(commands: Iterable[list[str]]) -> None:
-    """Start the commands of reports, one after the other; their errors are in the application log."""
+    """Start the commands of reports in sequence; their errors are written to the application log."""
     wanted = [command for command in commands if command]
     if not wanted:
         return

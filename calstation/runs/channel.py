@@ -93,7 +93,7 @@ class Channel:
         while True:
             try:
                 if not self._connection.poll(BEAT_EVERY):
-                    # Only if there is nothing to read: a late engine must not take its listener for frozen.
+                    # Only if there is nothing to read: a late engine must not mistake its listener for frozen.
                     since = self._unanswered
                     if since is not None and time.monotonic() - since > self._silent_after:
                         self._unanswered = None

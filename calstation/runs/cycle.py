@@ -1,4 +1,4 @@
-"""Measures the phases of a run, from its start to the table at the load position and the result, from its events."""
+"""Durations of a run's phases, from its start to the load position and the result, derived from its events."""
 
 import threading
 import time
@@ -9,7 +9,7 @@ from calstation.errors import DeviceFaultError
 from calstation.results import CyclePhase
 from calstation.sequencer import Clock, Event, Message, StageEnded, StageSolved, StageStarted, State, StateChanged
 
-#: Phase that begins with a state.
+#: Phase that begins with each state.
 _STATES: dict[str, str] = {
     State.PREPARING: "preparation",
     State.PAUSING: "pause",
@@ -17,7 +17,7 @@ _STATES: dict[str, str] = {
     **dict.fromkeys((State.STOPPED, State.FAULT, State.PASSED, State.FAILED), "files"),
 }
 
-#: Phase that begins with a message.
+#: Phase that begins with each message.
 _MESSAGES = {
     "resumed": "resuming",
     "warming_up": "warm_up",
@@ -32,8 +32,8 @@ _MESSAGES = {
 class Cycle:
     """The phases of a run; the first one, ``opening``, begins when this object is created.
 
-    A phase lasts as long as the clock on which more time passed: on hardware the station's clock is that of the host;
-    on a bench at full speed, motion takes device time, and solving and files take host time.
+    The duration of a phase is the longer of device time and host time. On hardware both are the same; on a bench at
+    full speed, motion takes device time, and solving and files take host time.
     """
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class Cycle:
 
     @contextmanager
     def on(self, clock: Clock) -> Iterator[None]:
-        """Use the station's clock, too, while the context is open."""
+        """Also use the station's clock while the context is open."""
         self._measure()
         self._clock, self._station = clock, clock.now()
         try:
@@ -56,7 +56,7 @@ class Cycle:
             self._clock = None
 
     def follow(self, event: Event) -> None:
-        """Begin another phase if the event begins one."""
+        """Begin another phase if the event starts one."""
         if isinstance(event, StageStarted):
             self._begin("stage", event.stage)
         elif isinstance(event, StageEnded):
@@ -73,7 +73,7 @@ class Cycle:
             self._begin(_MESSAGES[event.id])
 
     def phases(self) -> list[CyclePhase]:
-        """Return the phases so far, in order; the last one is still going on."""
+        """Return the phases so far, in order; the last one is still in progress."""
         with self._lock:
             self._measure()
             return [*self._done, self._current()]
@@ -101,7 +101,7 @@ class Cycle:
         """Add the time since the last call to the current phase."""
         host, station = time.monotonic(), self._station
         if self._clock is not None:
-            with suppress(DeviceFaultError):  # a virtual bench that has died has no time
+            with suppress(DeviceFaultError):  # a virtual bench that has terminated has no time
                 station = self._clock.now()
         self._seconds += max(host - self._host, station - self._station)
         self._host, self._station = host, station

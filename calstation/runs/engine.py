@@ -35,8 +35,8 @@ _EVENTS_FROZEN_AFTER = 30.0
 #: Limit for the first event, s: a computer that was just started loads hundreds of megabytes of libraries.
 _FIRST_EVENT_WITHIN = 60.0
 
-#: Host time without processing commands after which the sequencer counts as stuck and heartbeats stop, s. Three lost
-#: replies of a slow table and a slow disk take less time.
+#: Host time without processing commands after which the sequencer counts as stuck and heartbeats stop, s; it exceeds
+#: three lost replies of a slow table plus a slow disk.
 STUCK_AFTER = 10.0
 
 #: Maximum time that `close` waits for the engine's safe stop and its result, s.
@@ -80,12 +80,12 @@ class Engine:
 
     @property
     def _has_ending(self) -> bool:
-        """Whether every unit has a verdict, or the run has a fault."""
+        """Return whether every unit has a verdict, or the run has a fault."""
         return self._missing <= 0
 
     @property
     def alive(self) -> bool:
-        """Whether the engine's process is alive; it may stay alive briefly after its last event."""
+        """Return whether the engine's process is alive; it may stay alive briefly after its last event."""
         return self.process.is_alive()
 
     def poll(self) -> list[Event]:
@@ -117,7 +117,7 @@ class Engine:
         self._send(str(command))
 
     def hang_up(self) -> None:
-        """Stop listening without waiting: a run in progress then stops safely by itself, a frozen engine is killed.
+        """Stop listening without waiting: a run in progress then stops safely, a frozen engine is killed.
 
         `alive` becomes False when the process has ended.
         """
@@ -176,7 +176,7 @@ class Engine:
                 self._connection.send(text)
 
     def _becomes_frozen(self, received: bool, frozen_after: float) -> bool:
-        """Whether the engine has just become frozen; only time during which this listener polled counts."""
+        """Return whether the engine has just become frozen; only time during which this listener polled counts."""
         now = time.monotonic()
         if received:
             self._silence, self._frozen = 0.0, False
@@ -197,13 +197,13 @@ class Engine:
 def _engine(
     connection: "Connection[Any, Any]", request: RunRequest | RegisterOperation, hooks: "type[RunHooks] | None"
 ) -> None:
-    """Entry point of the engine's process; no signal that it can handle ends it without a safe stop."""
+    """Entry point of the engine's process; signals that can be handled end it only after a safe stop."""
     applog.configure("engine")
     logger.info("engine begins, calstation %s", __version__)
     control = Control()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda number, frame: control.send(Command.STOP, StopReason.SIGNAL))
-    if sys.platform != "win32":  # a closed or suspended terminal silences the listener, which stops the run
+    if sys.platform != "win32":  # a closed or suspended terminal stops the listener's replies, which stops the run
         for number in (signal.SIGHUP, signal.SIGTSTP, signal.SIGTTIN):
             signal.signal(number, signal.SIG_IGN)
 

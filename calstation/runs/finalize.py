@@ -1,4 +1,4 @@
-"""Evaluates a unit: checks limits after each stage and at the end, transfers the registers and verifies them."""
+"""Evaluation of a unit: checks limits after each stage and at the end, transfers the registers and verifies them."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -43,7 +43,7 @@ class Finalization:
         self._wanted: Mapping[str, float] = {}
         self._done: Transferred | None = None
         self._belief: Belief | None = None
-        #: Sizes of the effects in the model of the unit, SI by parameter.
+        #: Sizes of the effects in the unit's model, SI, by parameter.
         self._effects: dict[str, float] = {}
 
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
@@ -52,7 +52,7 @@ class Finalization:
         return None if unverified is None else unverified.verify_output
 
     def stage_passed(self, solution: Solution) -> bool:
-        """Whether to continue after a stage; False if the product ends early and a limit is missed.
+        """Return whether to continue after a stage; False if the product ends early and a limit is exceeded.
 
         Raises ConfigurationError if the measured latitude contradicts the station file.
         """
@@ -118,7 +118,7 @@ class Finalization:
             raise
 
     def _judge_standard(self, solutions: tuple[Solution, ...]) -> bool | None:
-        """Compare a check standard with its reference; None for a unit of production."""
+        """Compare a check standard with its reference; return None for a production unit."""
         run, standard = self.run, self._setup.check_standard
         if standard is None:
             return None
@@ -172,7 +172,7 @@ class Finalization:
         close_run(run, ended)
 
     def _registers(self, solutions: tuple[Solution, ...]) -> dict[str, float]:
-        """Return the registers to write; those of parameters that no stage estimated keep their values."""
+        """Return the registers to write; registers of parameters that no stage estimated keep their values."""
         self._belief = belief = solutions[-1].belief
         found = dict(zip(NAMES, belief.mean.tolist(), strict=True))
         effects = {p.name for p in EFFECT_PARAMETERS}

@@ -23,11 +23,11 @@ class RunHooks:
         return setup
 
     def listener(self, setup: ResolvedConfiguration, folder: Path, emit: Emit) -> Emit:
-        """Return the listener for the run's events; `folder` is that of its log. Called before any device is opened."""
+        """Return the listener for the run's events, given the folder of its log. Called before any device is opened."""
         return emit
 
     def connected(self, devices: Devices) -> None:
-        """Called when the devices are open and identified."""
+        """Process the open and identified devices."""
 
     def log_opened(self, log: RawLogWriter) -> None:
-        """Called when the run's log is open and empty."""
+        """Process the run's log, which is open and empty."""

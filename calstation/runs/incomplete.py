@@ -1,4 +1,4 @@
-"""Incomplete runs: writes a result for those whose process died, and closes those that will not be resumed."""
+"""Incomplete runs: writes a result for runs whose process died, and closes runs that will not be resumed."""
 
 import json
 from contextlib import suppress
@@ -90,7 +90,7 @@ def close_incomplete_job(progress: ProgressCallback, log: Path, operator: str | 
 
 @dataclass(frozen=True)
 class StartupRecovery:
-    """Logs of the runs whose process had died, and the result of the hand-over."""
+    """Logs of the runs whose process died, and the result of the hand-over."""
 
     incomplete: tuple[Path, ...]
     delivery: Delivery

@@ -1,4 +1,4 @@
-"""Prepares a requested run: its configuration, its folder, its history, and its log."""
+"""Preparation of a requested run: its configuration, folder, history, and log."""
 
 import logging
 import re
@@ -46,7 +46,7 @@ logger = logging.getLogger(__name__)
 class PreparedRun:
     """The run of a unit before its devices are open; `continuation` is the start of a resumed run.
 
-    The units of a batch have a common `cycle`, which follows the events that the `listener` gets.
+    The units of a batch share a `cycle`, which follows the events passed to the `listener`.
     """
 
     setup: ResolvedConfiguration
@@ -75,7 +75,7 @@ class PreparedRun:
     def meta(self, registers: dict[str, float] | None) -> tuple[LogMeta, Message | None]:
         """Return the log's configuration, and a message about the prior of a partial run that is not resumed.
 
-        `registers` are those of the unit, SI, or None if they could not be read. The prior of a partial run is the
+        `registers` are the unit's registers, SI, or None if they could not be read. The prior of a partial run is the
         current calibration. Raises ConfigurationError or DeviceFaultError if a run to be resumed has changed.
         """
         before, serial, message = self.continuation, self.setup.request.serial, None
@@ -90,7 +90,7 @@ class PreparedRun:
         checks = self.setup.product.checks
         if checks is None or checks.previous is None:
             return meta, message
-        of_mounting = group_indices("outer_lever") if self.slot else ()  # another slot has another lever arm
+        of_mounting = group_indices("outer_lever") if self.slot else ()  # another slot has a different lever arm
         previous = self.history.previous(serial).items()
         known = {name: value for name, value in previous if name in INDEX and INDEX[name] not in of_mounting}
         return meta.model_copy(update={"previous": known}), message
@@ -129,9 +129,10 @@ class OpenRun:
     chain: StageChain
     unverified: UnverifiedTransfer | None = None
     registers: dict[str, Any] = field(default_factory=dict)
-    standard: StandardVerdict | None = None  #: Set at the end of a whole run of a check standard.
-    closed: bool = False  #: Whether its result is written.
-    report: list[str] = field(default_factory=list)  #: Command that makes the report of its result, if there is one.
+    standard: StandardVerdict | None = None  #: Set at the end of a complete run of a check standard.
+    closed: bool = False  #: Whether its result has been written.
+    #: Command that makes the report of its result; empty if there is none.
+    report: list[str] = field(default_factory=list)
 
     @property
     def setup(self) -> ResolvedConfiguration:
@@ -193,7 +194,7 @@ def _emit_of_slot(emit: Emit, slot: str, event: Event) -> None:
 
 
 def _allowed(setup: ResolvedConfiguration, history: History) -> ResolvedConfiguration:
-    """Check that a unit may be calibrated; return its configuration as `_with_standards` does.
+    """Check that a unit may be calibrated; return its configuration, see `_with_standards`.
 
     Raises ConfigurationError.
     """
@@ -216,10 +217,11 @@ def _allowed(setup: ResolvedConfiguration, history: History) -> ResolvedConfigur
 
 
 def _with_standards(setup: ResolvedConfiguration, history: History) -> ResolvedConfiguration:
-    """Refuse production while a check standard or a certificate is not in order, or record why it is allowed.
+    """Refuse production if a check standard or a certificate is overdue or failed, or record the permitted exception.
 
-    Returns the configuration with the override only if it was needed. Raises ConfigurationError, also if nobody has
-    proved his identity although the site has PINs, or the product requires a second person who has not confirmed it.
+    Returns the configuration with the override only if it was needed. Raises ConfigurationError, also if the site has
+    PINs and nobody has confirmed their identity, or if a second person required by the product has not confirmed the
+    exception.
     """
     found, request = require_standards(setup, history, datetime.now(UTC)), setup.request
     if not found:

@@ -1,6 +1,6 @@
-"""Resumes a run after its last finished stage in a new log, which begins with the samples of the finished stages.
+"""Resumption of a run after its last completed stage in a new log that begins with the samples of completed stages.
 
-These are solved again by the same chain with bit-identical results; therefore posteriors are not stored.
+These stages are solved again by the same chain with bit-identical results, so posteriors are not stored.
 """
 
 import tomllib
@@ -87,7 +87,7 @@ def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
 
 
 def _most_complete(runs: list[RunRecord]) -> RunRecord | None:
-    """Return the latest of the folder's runs with the most finished stages since the unit's last verdict anywhere."""
+    """Return the folder's latest run with the most finished stages since the unit's last verdict anywhere."""
     best: RunRecord | None = None
     for run in runs:
         if run.outcome in _ENDED or run.closed:
@@ -103,7 +103,7 @@ def _offer(record: RunRecord) -> list[Resumable]:
         finished = _finished(log)
         result = stored_result(log)
     except (InputError, ConfigurationError, ValueError, KeyError):
-        return []  # a log that cannot be used cannot be resumed
+        return []  # a log that cannot be read cannot be resumed
     if result is not None and result.registers is not None and result.registers.new is not None:
         return []  # its registers have changed: finish or restore the transfer instead
     if result is not None and not latitude_agrees(result.checks):
@@ -142,7 +142,7 @@ def _finished(log: Log) -> tuple[str, ...]:
 
 
 def filled(request: RunRequest) -> RunRequest:
-    """Return the request, completed from the run that it resumes, if any.
+    """Return the request, completed with the values of the run that it resumes, if any.
 
     Raises ConfigurationError or InputError if that run cannot be resumed.
     """
@@ -156,7 +156,7 @@ def serial_of(path: Path) -> str:
 
 @dataclass(frozen=True)
 class Continuation:
-    """Start of a resumed run: its request, the log that it continues, and the stages finished there."""
+    """Start of a resumed run: its request, the log that it continues, and the stages finished in that log."""
 
     request: RunRequest
     log: Log
@@ -190,11 +190,11 @@ class Continuation:
 
     @property
     def attempt(self) -> int:
-        """Number of the run among those of its unit, from 1."""
+        """Sequence number of this run among the unit's runs, from 1."""
         return self.log.meta.run.attempt if self.log.meta.run is not None else 1
 
     def meta(self, new: LogMeta, registers_read: bool) -> LogMeta:
-        """Return the new log's configuration: that of the old log, so that the finished stages stay valid.
+        """Return the new log's configuration: a copy of the old one, so that the finished stages stay valid.
 
         `new` is the configuration of a new run, with the unit's registers if they could be read. Raises
         ConfigurationError or DeviceFaultError if site, table, unit or product have changed.
@@ -219,7 +219,7 @@ class Continuation:
         """Copy the finished stages into the new log and solve them again; return the last sample copied.
 
         `on_block` is called for every block and may raise, `on_solved` with each solution. Raises InputError if the
-        solution of a stage differs from that of the original run.
+        solution of a stage differs from the original run's.
         """
         last: SampleBlock | None = None
         for stage, block in self._blocks():
@@ -299,7 +299,7 @@ def _schedule(meta: LogMeta, stage: str) -> dict[str, Any]:
 
 
 def _known(meta: LogMeta) -> Any:
-    """Return what a run knew of its unit: the current calibration, or else the prior; and the registers it applies."""
+    """Return the prior information of a run: its current calibration, or else the prior; and the registers applied."""
     calibration = meta.run.calibration if meta.run is not None else None
     return meta.registers, meta.prior if calibration is None else calibration.log
 

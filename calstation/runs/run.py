@@ -83,20 +83,20 @@ def _run(units: tuple[PreparedRun, ...]) -> None:
 
 
 def _name(runs: Sequence[OpenRun]) -> str:
-    """Return the name of the run in the application log: that of its batch, or of its log."""
+    """Return the name of the run in the application log: the name of its batch or of its log."""
     return runs[0].setup.request.batch or runs[0].log.path.stem
 
 
 @contextmanager
 def _closing(runs: Sequence[OpenRun]) -> Iterator[None]:
-    """Close the runs still open with a fault if the context ends by an error, even by a programming error."""
+    """Close the runs still open with a fault if the context ends with any exception, including programming errors."""
     try:
         yield
     except StopRequested:
         raise
     except Exception as mistake:
         left = [run for run in runs if not run.closed]
-        if not left:  # a result itself could not be written
+        if not left:  # the result itself could not be written
             raise
         if isinstance(mistake, CalstationError):
             error = mistake
@@ -112,8 +112,8 @@ def _closing(runs: Sequence[OpenRun]) -> Iterator[None]:
 def _open(units: Sequence[PreparedRun], devices: Devices, runs: list[OpenRun]) -> list[Finalization]:
     """Recover interrupted transfers, read the registers of the units and append their open runs to `runs`.
 
-    Returns the evaluations of the units that can go on; those with an error have left the batch. Raises StopRequested,
-    ConfigurationError if a log cannot be created, and any CalstationError if it is of the only unit.
+    Returns the evaluations of the units that can continue; units with an error have left the batch. Raises
+    StopRequested, ConfigurationError if a log cannot be created, and any CalstationError of the only unit.
     """
     evaluations = []
     for index, (unit, imu) in enumerate(zip(units, devices.imus, strict=True)):
@@ -143,8 +143,8 @@ def _registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
     """Return the unit's registers by parameter, SI.
 
     A unit that applies them to its samples is restarted first: otherwise a restart during the run would discard
-    uncommitted values, and later samples would be corrected by other registers. So is a unit on a gimbal, which may
-    still hold the correction of a run that was killed.
+    uncommitted values, and later samples would be corrected by other registers. A unit on a gimbal is restarted too,
+    because it may still hold the correction of a run that was killed.
     """
     uncommitted = setup.after_registers or setup.table.gimbal is not None
     if uncommitted and imu.identify().serial == setup.request.serial:
@@ -162,8 +162,8 @@ def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:
             after = _resume(run)
             solved = tuple(run.chain.solutions)
             if solved:
-                imu.read()  # discards samples received while they were solved
-        except (StopRequested, CalstationError) as error:  # of a single unit
+                imu.read()  # discards samples received while the stages were solved
+        except (StopRequested, CalstationError) as error:  # error of a single unit
             evaluation.ended(_ended(run, error))
             return
         unit = run.setup.unit_task(run.meta)

@@ -21,7 +21,7 @@ logger = logging.getLogger(__name__)
 def close_run(run: OpenRun, ended: Ended) -> None:
     """Write the result into the log and next to it; emit the verdict.
 
-    The report of a unit of a batch is to be started when the table is at rest.
+    In a batch, the caller starts the report when the table is at rest.
     """
     run.closed = True
     history, log, control = run.prepared.history, run.log, run.prepared.control
@@ -63,7 +63,7 @@ def close_run(run: OpenRun, ended: Ended) -> None:
 
 
 def _report_table(run: OpenRun, name: str) -> None:
-    """Emit a message if a chart of the table's geometry alarms at this run."""
+    """Emit a message if a control chart of the table's geometry raises an alarm for this run."""
     station, product = run.setup.station, run.setup.product
     charts = table_charts(station, run.prepared.history.columns(RunFilter(product=product.name, station=station.name)))
     moved = [quantity for quantity, chart in charts.items() if name in {chart.names[k] for k in chart.alarms}]

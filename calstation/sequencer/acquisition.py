@@ -16,12 +16,12 @@ from calstation.sequencer.context import Clock, LastSample, UnitTask
 #: Number of ticks over which the minimum delay between IMU clock and station clock is determined.
 CLOCK_WINDOW = 200
 
-#: Assumed interval, in counter and IMU time, between the last sample of a run and the first after it is resumed, s. The
-#: true interval is unknown if the unit lost power.
+#: Assumed interval, in counter and IMU time, between the last sample of a run and the first one after resumption, s.
+#: The true interval is unknown if the unit lost power.
 INTERRUPTION = 1.0
 
 #: A channel is stuck if its noise is at least this many output steps and its value is constant over this many samples;
-#: the probability of this happening by chance is 1e-28.
+#: the probability of this occurring by chance is 1e-28.
 _MIN_NOISE, _STUCK_AFTER = 0.35, 400
 
 #: Lateness of samples, as a fraction of the counter's wrap time, that indicates an undetected wrap. Transport delay
@@ -36,7 +36,8 @@ SLOWEST_POLL = 0.3
 class Flow:
     """Result of a drain: number of samples, number missing before or among them, and status bits.
 
-    `invalid` is True if some output is not a number; `stuck` names a channel that was constant for too long, else "".
+    `invalid` is True if some output is not a number; `stuck` is the name of a channel that was constant for too long,
+    or "".
     """
 
     count: int = 0
@@ -50,9 +51,9 @@ class Flow:
 
 @dataclass
 class Stamps:
-    """What the samples of all units have in common: every later drain stamps `stage`, `step` and `valid` on them.
+    """Stamps that all units share: every later drain assigns `stage`, `step` and `valid` to its samples.
 
-    While `unlogged` is set, samples go only to taps.
+    While `unlogged` is set, samples are passed to taps only.
     """
 
     step: int = 0
@@ -76,12 +77,12 @@ class Acquisition:
     The IMU time of a table poll is the midpoint between the station times of request and reply, minus the latency and
     the smallest delay observed between IMU clock and station clock. The angle, extrapolated with the polled rate, is
     assigned to the nearest sample; other samples have NaN. `latency` is the age of a polled angle at the midpoint, s.
-    If `gimbal`, the polled angles are those of three joints.
+    If `gimbal` is set, the polled angles belong to three joints.
 
-    If exactly one wrap of the counter is lost, the counter shows no gap. The station clock reveals the loss: the
-    samples after it are later than all before it by the duration of a wrap.
+    If exactly one full wrap of the counter is lost, the counter shows no gap. The station clock reveals the loss: the
+    following samples are later than all previous ones by the duration of a wrap.
 
-    `breaks` counts interruptions of the counter and losses of readiness, `restarts` only those that prove a restart.
+    `breaks` counts interruptions of the counter and losses of readiness, `restarts` only the ones caused by a restart.
     """
 
     def __init__(
@@ -142,7 +143,7 @@ class Acquisition:
             return Flow()
         now = self._clock.now()
         if self._after is not None and self._last_seq is None:
-            # Counter and clock continue from those of the run that is resumed.
+            # Counter and clock continue from the run that is resumed.
             after, lost = self._after, round(INTERRUPTION / self._period)
             self._seq_shift = after.seq + lost + 1 - int(batch.seq[0])
             self._time_shift = after.time + INTERRUPTION + self._period - float(batch.time[0])
@@ -162,7 +163,7 @@ class Acquisition:
         finite = np.isfinite(batch.counts).all(axis=1)
         ends = (batch.counts <= self._unit.span.low) | (batch.counts >= self._unit.span.high)
         saturated = (batch.status & self._unit.masks.saturated != 0) | ends.any(axis=1)
-        # Samples after an invalid one belong to a step that is about to be repeated.
+        # samples after an invalid one belong to a step that will be repeated
         sound = np.logical_and.accumulate(finite & ~saturated)
         polled = self._angles(batch)
         station = np.full((count, 1), np.nan)
@@ -209,7 +210,7 @@ class Acquisition:
 
     @contextmanager
     def tap(self) -> Iterator[list[SampleBlock]]:
-        """Collect the blocks that are drained while the context is open."""
+        """Collect the blocks drained while the context is open."""
         blocks: list[SampleBlock] = []
         self._taps.append(blocks)
         try:
@@ -228,7 +229,7 @@ class Acquisition:
         return replace(batch, seq=batch.seq + self._seq_shift, time=batch.time + self._time_shift)
 
     def _stuck(self, counts: FloatArray) -> str:
-        """Return the first channel that is stuck, or "" if none is."""
+        """Return the first channel that is stuck, or "" if there is none."""
         before = counts[:1] if self._previous_counts is None else self._previous_counts[None]
         changed = counts != np.concatenate([before, counts[:-1]])
         self._previous_counts = counts[-1]

@@ -1,4 +1,4 @@
-"""Captures the output of units for verification: rests in several attitudes and turns of both joints."""
+"""Capture of unit output for verification: rests in several attitudes and turns of both joints."""
 
 from collections.abc import Callable, Iterable
 from typing import TypeVar
@@ -29,7 +29,7 @@ _ATTEMPTS = 3
 #: Approximate time to capture a unit's output on a table before and after its restart, s.
 DURATION = 45.0
 
-#: Expected time for turning a unit over manually, s.
+#: Expected time to turn a unit over manually, s.
 _CARRY_TIME = 6.0
 
 
@@ -44,7 +44,7 @@ class Restarted(Interruption):
 def verification_data(
     runner: StepRunner, path: VerificationPath, units: Iterable[Unit], *, is_reference: bool
 ) -> dict[Unit, VerificationData]:
-    """Capture rests and turns of some units along a path; units that leave the run meanwhile have no data.
+    """Capture rests and turns of some units along a path; units that leave the run during it have no data.
 
     A reference needs no opposite rest, but must return to the start, from where the next capture begins. The table must
     be at the start, and no stream must be broken. Raises DeviceFaultError or Restarted.
@@ -116,7 +116,7 @@ def _captured(
     measure: Callable[[Unit, list[SampleBlock]], _Value],
     before_repeat: Callable[[], None] = lambda: None,
 ) -> dict[Unit, _Value]:
-    """Record samples until those of every unit have been complete once; units whose samples never are leave the run."""
+    """Record until the samples of every unit are complete once; units whose samples never are leave the run."""
     found: dict[Unit, _Value] = {}
     streams = runner.streams
 
@@ -144,15 +144,15 @@ def _captured(
 
 
 def _is_complete(blocks: list[SampleBlock]) -> bool:
-    """Whether there is more than one sample, and all are valid."""
+    """Return whether there is more than one sample, and all are valid."""
     return sum(map(len, blocks)) > 1 and all(block.valid.all() for block in blocks)
 
 
 def mean_at_rest(counts: FloatArray) -> FloatArray:
     """Return the weighted mean, shape (6,), of samples at rest, shape (n, 6).
 
-    The weights are parabolic, those of the slope of a line fitted to the integral. They minimise the effect of
-    vibration of a stationary base, modelled as uncorrelated velocities of equal sigma (Gauss-Markov).
+    The weights are parabolic, equal to the weights of the slope of a line fitted to the integral. They minimise the
+    effect of vibration of a stationary base, modelled as uncorrelated velocities of equal sigma (Gauss-Markov).
     """
     n = len(counts)
     middle = np.arange(n) + 0.5
@@ -162,7 +162,7 @@ def mean_at_rest(counts: FloatArray) -> FloatArray:
 
 
 def carried_data(runner: StepRunner) -> VerificationData:
-    """Capture a rest, have the operator turn the only unit over, capture a rest.
+    """Capture a rest, let the operator turn the only unit over, and capture another rest.
 
     Raises DeviceFaultError on lost samples.
     """

@@ -21,7 +21,7 @@ from calstation.sequencer.verification_path import VerificationData
 if TYPE_CHECKING:  # the window uses tasks but not logs
     from calstation.records import RawLogWriter
 
-#: Type of a function that runs another one to its end in a separate thread and returns its result or raises its error.
+#: Function that runs another function to its end in a separate thread and returns its result or raises its error.
 RunInBackground = Callable[[Callable[[], Any]], Any]
 
 
@@ -58,7 +58,7 @@ class PreflightLimits:
     Times are in s, angles in rad, rates in rad/s; `warm_up_slope` is in °C/min, None if temperature does not matter.
     `gravity` is in m/s²; `gravity_tolerance` and `turn_tolerance` are fractions of the magnitude. At rest each gyro
     must measure between `rate_low` and `rate_high`, shape (3,). `flow` seconds of data must have no gap. `output` is
-    False if registers that may be wrong are applied to the output, which is then not checked.
+    False if registers that may be wrong are applied to the output; the output is then not checked.
     """
 
     serial_pattern: str
@@ -101,7 +101,7 @@ class Task:
     """The motion of the table in a run and its limits; times in s, angles in rad.
 
     Units are loaded at `load_angle`, which is reached with the travel rate and acceleration. `gimbal_turn` contains the
-    settings of the turns of a gimbal.
+    settings of gimbal turns.
     """
 
     stages: tuple[StagePlan, ...]
@@ -122,7 +122,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Judged:
-    """Whether the unit passed, and whether its registers are to be written; never if it has not passed."""
+    """Whether the unit passed, and whether to write its registers; never if it did not pass."""
 
     passed: bool
     to_write: bool
@@ -141,7 +141,7 @@ Emit = Callable[[Event], None]
 
 
 class Clock(Protocol):
-    """Station time, s: real time, or that of the virtual bench."""
+    """Station time, s: real time, or the time of the virtual bench."""
 
     @property
     def tick(self) -> float:
@@ -183,14 +183,14 @@ class Evaluation(Protocol):
     """Decides whether a unit continues after a stage, whether it passed and whether its registers are correct.
 
     All communication with the unit runs in `run_in_background`, which a stop request does not interrupt. The table is
-    at rest meanwhile.
+    at rest during that time.
     """
 
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
         """Return a function that verifies registers written before the run, or None if there are none to verify."""
 
     def stage_passed(self, solution: Solution) -> bool:
-        """Whether to continue after a stage. Raises ConfigurationError."""
+        """Return whether to continue after a stage. Raises ConfigurationError."""
 
     def judge(self, solutions: tuple[Solution, ...]) -> Judged:
         """Check the results against the limits."""
@@ -226,7 +226,7 @@ class Slot:
     solved: tuple[Solution, ...] = ()
 
     def take(self, block: SampleBlock) -> None:
-        """Log samples, and feed those of a stage to its solver."""
+        """Log samples, and feed samples of a stage to its solver."""
         if self.journal is not None:
             self.journal.append(block)
         if block.stage and self.solving is not None:
@@ -237,8 +237,8 @@ class Slot:
 class RunContext:
     """The objects that the parts of a run share, for one table.
 
-    `left` contains the names of the slots whose units have left the run: their logs take nothing more. A log of a batch
-    that cannot be written is noted in `log_errors` by name of its slot, until that unit leaves.
+    `left` contains the names of the slots whose units have left the run: nothing more is written to their logs. If a
+    log of a batch cannot be written, the error is stored in `log_errors` by slot name until that unit leaves.
     """
 
     task: Task
@@ -252,7 +252,7 @@ class RunContext:
 
     @property
     def slot(self) -> Slot:
-        """The first slot, which is the only one on a manual rig, on a gimbal and of a register operation."""
+        """The first slot, which is the only one on a manual rig, on a gimbal and in a register operation."""
         return self.slots[0]
 
     def emit(self, event: Event) -> None:

@@ -1,4 +1,4 @@
-"""States of a run, commands to it, and the exceptions with which they interrupt the current step."""
+"""States of a run, its commands, and the exceptions by which they interrupt the current step."""
 
 import time
 from collections.abc import Iterator
@@ -89,7 +89,7 @@ class Control:
         self.stopping = False
         self.stop_reason: StopReason | None = None
         self.pausing = False
-        #: Whether the current stage is to end after the current move, if its plan repeats, and be solved.
+        #: Whether to end the current stage, if its plan repeats, after the current move and solve it.
         self.ending_stage = False
 
     def send(self, command: Command, reason: StopReason = StopReason.OPERATOR) -> None:
@@ -128,6 +128,6 @@ class Control:
             self._taken = None
 
     def stuck(self, limit: float) -> bool:
-        """Whether `take` has not been called for `limit` s of host time within `ticking`; callable from any thread."""
+        """Return whether `take` was not called for `limit` s of host time in `ticking`; callable from any thread."""
         taken = self._taken
         return taken is not None and time.monotonic() - taken > limit

@@ -27,7 +27,7 @@ class ControlLoop:
     """Runs ticks in the engine's thread and interrupts the running step.
 
     If `powered`, it is a fault if the axes become disabled. If `pausable`, a pause interrupts the step;
-    otherwise it waits. If `watchful`, lost or saturated samples of any unit invalidate the step.
+    otherwise it is deferred. If `watchful`, lost or saturated samples of any unit invalidate the step.
     """
 
     def __init__(self, context: RunContext, units: Units, on_show: Callable[[], None]) -> None:
@@ -125,15 +125,15 @@ class ControlLoop:
             self.tick()
 
     def rested(self, seconds: float) -> None:
-        """Tick until `seconds` of IMU time have been received from every unit that does not fall silent."""
+        """Tick until `seconds` of IMU time have been received from every unit, ignoring units without data."""
         enough = self._received(seconds)
         self.wait_for_units(lambda unit: enough(unit) or unit.silent, 1.5 * seconds + 10.0, _late(seconds))
 
     def rest(self, seconds: float) -> None:
         """Tick until `seconds` of IMU time have been received from every unit.
 
-        A unit leaves without a sample for 5 s, or after 1.5·`seconds` + 10 s of station time. Raises DeviceFaultError
-        for the last one; see `update`.
+        A unit leaves the run after 5 s without a sample, or after 1.5·`seconds` + 10 s of station time. Raises
+        DeviceFaultError for the last unit; see also `update`.
         """
         self.wait_for_units(lambda unit: unit.acquisition.newest is not None, 5.0, DeviceFaultError("stream.no_data"))
         self.wait_for_units(self._received(seconds), 1.5 * seconds + 10.0, _late(seconds))

@@ -28,7 +28,7 @@ from calstation.sequencer.verification_path import VerificationData, Verificatio
 #: Fraction of the gyro range used by the verification turns.
 _RANGE_FRACTION = 0.5
 
-#: Settling time after a move that may be too short to appear in a poll, s.
+#: Settling time after a move that may be too short to be seen by a poll, s.
 _SETTLED = 1.0
 
 #: Maximum number of captures in which a unit may restart before it is at fault; each starts from the beginning.
@@ -110,13 +110,13 @@ class Driving:
     def preflight(self) -> None:
         """Run all preflight checks, switch the axes on and move home. Raises DeviceFaultError or ConfigurationError."""
         Preflight(self.runner).run()
-        # From here on, a unit that restarts by itself is commanded to stream again.
+        # From here on, the stream of a unit that restarts is requested again.
         for unit in self.units:
             unit.patient = True
 
     def check_turns(self) -> None:
         """Check the verification path against the limits. Raises ConfigurationError."""
-        if self._context.task.gimbal:  # its own turns are checked before each of them
+        if self._context.task.gimbal:  # a gimbal's turns are checked before each of them
             return
         own = self.control_loop.status.limits
         for leg in self._verification_path(self.units, compared=False).legs:
@@ -139,12 +139,13 @@ class Driving:
             self._references = self._capture(compared, "stream.restarts_before_write", is_reference=True)
 
     def verification_data(self, units: Iterable[Unit], *, restarted: bool = True) -> dict[Unit, VerificationData]:
-        """Capture the output of some units at rest and in turns without logging it; the raw stream is on again then.
+        """Capture unlogged output of some units at rest and in turns, and restore the raw stream.
 
-        Units that leave the run meanwhile have no data. Raises DeviceFaultError, ConfigurationError, StopRequested.
+        Units that leave the run during the capture have no data. Raises DeviceFaultError, ConfigurationError,
+        StopRequested.
         """
         task, units = self._context.task, tuple(units)
-        gimbal = task.gimbal  # which applies the registers itself
+        gimbal = task.gimbal  # a gimbal applies the registers itself
         asked = {unit for unit in units if unit.slot.unit.corrected is Output.ASKED and not gimbal}
 
         def stream(unit: Unit) -> None:
@@ -165,7 +166,7 @@ class Driving:
             else:
                 data = self._capture(units, "stream.restarts_after_write", is_reference=False)
             self.units.each(lambda unit: self._streams[unit].start(corrected=False), filter(asked.__contains__, units))
-        # The next capture starts from the table's position at that time.
+        # The next capture starts from the table's current position.
         references, self._references, self._path = self._references, {}, None
         return {
             unit: replace(
@@ -177,15 +178,15 @@ class Driving:
         }
 
     def _verification_path(self, units: Iterable[Unit], *, compared: bool) -> VerificationPath:
-        """Return the path of a capture from the load position, where the table must go in the end anyway."""
+        """Return the path of a capture from the load position, where the table must end in any case."""
         task, limits = self._context.task, self.control_loop.status.limits
         fastest = _RANGE_FRACTION * min(map(_gyro_range, units))
         return verification_path(task.load_angle, task.geometry, limits, fastest, compared=compared)
 
     def _capture(self, units: Iterable[Unit], code: str, *, is_reference: bool) -> dict[Unit, VerificationData]:
-        """Capture the output of some units; if one restarts during the capture, begin again.
+        """Capture the output of some units; if one restarts during the capture, start over.
 
-        `code` is the code of the error of a unit that restarts during every attempt. The path is that of the reference,
+        `code` is the error code for a unit that restarts during every attempt. The path is the path of the reference,
         or a new one.
         """
         restarts: Counter[Unit] = Counter()
@@ -212,7 +213,7 @@ class Driving:
     def run_in_background(self, work: Callable[[], Any]) -> Any:
         """Run uninterruptible `work` in a thread while feeding the table's watchdog; return its result.
 
-        The watchdog is fed until the work is done even if there is an error meanwhile, which is raised then.
+        The watchdog is fed until the work is done, even after an error, which is raised at the end.
         """
         errors: list[CalstationError] = []
         self._abandoned.clear()
@@ -258,12 +259,12 @@ class Driving:
         if self._begun:
             try:
                 self.runner.gimbal.restore()
-            except CalstationError as error:  # the former values return when the unit is restarted
+            except CalstationError as error:  # the former values return when the unit restarts
                 failures.append(reason_of(error))
         for unit in self.units:
             try:
                 unit.acquisition.drain()
-            except CalstationError as error:  # of the unit, or of the log, which this flushes
+            except CalstationError as error:  # error of the unit, or of the log, which this call flushes
                 failures.append(reason_of(error))
         for failure in failures:
             self._context.emit(Message("safe_stop_incomplete", {"text": failure}))

@@ -16,7 +16,7 @@ from calstation.physics import INDEX
 
 @dataclass(frozen=True)
 class Event:
-    """Base class of all events; `slot` is that of the unit concerned, "" for the whole run or its only unit."""
+    """Base class of all events; `slot` is the slot of the unit concerned, "" for the whole run or its only unit."""
 
     slot: str = field(default="", kw_only=True)
 
@@ -106,7 +106,7 @@ class JointsMoved(Event):
 class GimbalTurned(Event):
     """Turn number `index` (from 1) about body axis `axis` by `angle`, rad, is complete.
 
-    `drift` of the other joints and the `threshold` are in rad, `gain` is α; `complete` is whether the axis is.
+    `drift` of the other joints and the `threshold` are in rad, `gain` is α; `complete` is True if the axis is complete.
     """
 
     axis: int
@@ -130,10 +130,10 @@ class Trace(Event):
 class PositionGuided(Event):
     """Progress at a position to which the operator turns the unit.
 
-    `stage` is "" while the unit is turned to verify its new registers; `index` counts from 1; `state` is that of a
+    `stage` is "" while the unit is turned to verify its new registers; `index` counts from 1; `state` is the state of a
     `Guidance`; `rest` and `wanted` are the rest so far and the required one, s. `outer` and `inner` are the requested
     rail angles, rad, `*_before` the previous ones. `up` is the unit vector opposite to gravity in the body frame, shape
-    (3,); `done` contains those of the completed positions, concatenated. `suffices` is True if they determine all
+    (3,); `done` contains the vectors of the completed positions, concatenated. `suffices` is True if they determine all
     parameters of the stage.
     """
 
@@ -183,9 +183,9 @@ class Verdict(Event):
 class Settled(Event):
     """A register operation has ended.
 
-    `closing` is that of the transfer in the journal: done, kept or restored; stopped if the operator stopped it.
-    `proof` is the method of verification: turn, rest or read_back; "" if there was none. `unit` contains its registers;
-    {} after a stop.
+    `closing` is the end state of the transfer in the journal: done, kept or restored; stopped if the operator stopped
+    it. `proof` is the method of verification: turn, rest or read_back; "" if there was none. `unit` contains its
+    registers; {} after a stop.
     """
 
     serial: str

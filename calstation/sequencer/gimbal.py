@@ -1,4 +1,4 @@
-"""Drives a gimbal: returns to zero, stabilised turns with the correction in the unit's registers, verification."""
+"""Control of a gimbal: returns to zero, stabilised turns with the correction in the unit's registers, verification."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, cast
@@ -55,7 +55,7 @@ class GimbalLoop:
         loop.wait(lambda: self._at_zero(loop.status), _HOME_WITHIN, DeviceFaultError("motion.zero_not_reached"))
 
     def zero(self, step: GimbalZero) -> None:
-        """Return to zero and take the gyro bias; the joints stay locked until the next turn."""
+        """Return to zero and measure the gyro bias; the joints stay locked until the next turn."""
         self._begin_step("gimbal_zero", (float(step.index),))
         self._zero(step.rest)
 
@@ -181,7 +181,7 @@ class GimbalLoop:
         return status.homed and _rests(status) and joints is not None and float(np.abs(joints).max()) < _AT_ZERO
 
     def _write(self, correction: FloatArray) -> None:
-        """Write K, shape (3, 3), to the unit's registers and read it back; K is without the scale of the registers."""
+        """Write K, shape (3, 3), to the unit's registers and read it back; K excludes the scale of the registers."""
         imu = self._context.slot.imu
 
         def write() -> float:

@@ -105,7 +105,7 @@ def check_joints(gimbal: GimbalJoints, joints: FloatArray) -> None:
 
 
 def safe_stop(table: Table, clock: Clock) -> list[Text]:
-    """Bring the table to rest and switch its axes off; return the failures and never raise.
+    """Bring the table to rest and switch its axes off; return the failures without raising.
 
     A table that no longer responds is stopped by its own watchdog, which was on when the axes were enabled. A table
     without a watchdog only received moves to fixed angles, so its axes are switched off after `_UNRESPONSIVE_WAIT`.

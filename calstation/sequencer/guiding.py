@@ -1,4 +1,4 @@
-"""Guides the operator at a manual rig: monitors the stream until the unit has rested long enough at each position."""
+"""Guidance at a manual rig: monitors the stream until the unit has rested long enough at each position."""
 
 import time
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ _SHOW = 0.2
 class Guiding:
     """Guides the operator through the positions of each stage; an interrupted position is requested again.
 
-    Samples that are stamped invalid, and samples around a gap, do not count as rest. `asked` contains the rail angles
+    Samples marked as invalid, and samples around a gap, do not count as rest. `asked` contains the rail angles
     requested last, rad.
     """
 
@@ -37,12 +37,12 @@ class Guiding:
 
     @property
     def done(self) -> bool:
-        """Whether the operator has ended the stage and the positions suffice."""
+        """Return whether the operator has ended the stage and the positions suffice."""
         return self._context.control.ending_stage and self._guide.now.suffices
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Collect every sample for the guide while the context is open, even while the run is paused."""
+        """Collect all samples for the guide while the context is open, even while the run is paused."""
         with self._control_loop.units.first.acquisition.tap() as self._blocks:
             yield
         self._blocks = []

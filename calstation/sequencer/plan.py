@@ -39,7 +39,7 @@ class StopRule:
     rounds: int | None = None
     duration: float | None = None
     targets: Mapping[str, float] = field(default_factory=dict)
-    #: Rounds after which its targets usually end a plan, for the duration that is shown; None if that is unknown.
+    #: Typical number of rounds until the targets end a plan, for the displayed duration; None if unknown.
     usual: int | None = None
     repeated: bool = False  #: Whether the plan repeats; any other plan is executed to its end.
 
@@ -126,7 +126,7 @@ def planned(
 ) -> Iterator[tuple[Step, float]]:
     """Yield the steps that a run will execute from joint angles `start`, rad, each with its duration in s.
 
-    A repeated plan ends when its rounds or duration are reached, or after one round if only sigmas or the operator can
+    A repeated plan ends when its rounds or duration are reached, or after one round if only targets or the operator can
     end it.
     """
     elapsed = 0.0

@@ -24,8 +24,8 @@ _SLOPE_OVER, _SLOPE_AFTER = 60.0, 20.0
 class Preflight:
     """Runs the checks in an order in which each can rely on the previous ones.
 
-    The warm-up begins with the first check: a unit that is mounted wrongly is refused before it is warm. In a batch, a
-    unit that fails a check leaves, and the others go on.
+    The warm-up begins with the first check, so that an incorrectly mounted unit is refused before it is warm. In a
+    batch, a unit that fails a check leaves, and the others continue.
     """
 
     def __init__(self, runner: StepRunner) -> None:
@@ -33,7 +33,7 @@ class Preflight:
         self._control_loop = runner.control_loop
         self._units = runner.units
         self._context = runner.control_loop.context
-        #: Limits of the table's motion are the same for all units.
+        #: The motion limits of the table are the same for all units.
         self._limits = self._context.slot.unit.preflight
 
     def run(self) -> None:
@@ -84,7 +84,7 @@ class Preflight:
     def _wait_until_ready(self) -> None:
         self._context.emit(Message("waiting_ready"))
         timeout = self._limits.ready_timeout
-        # Whether the self-test of each unit failed that has been ready once; not all need be so in the same tick.
+        # Whether the self-test failed, for each unit that has been ready; units need not become ready in the same tick.
         failed: dict[Unit, bool] = {}
 
         def was_ready(unit: Unit) -> bool:
@@ -110,7 +110,7 @@ class Preflight:
         )
 
     def _warm_up(self, begin: float) -> None:
-        """Wait for the rest of the warm-up, which began at station time `begin`, s."""
+        """Wait for the remaining warm-up, which began at station time `begin`, s."""
         clock = self._context.clock
         warm_ups = {unit: _WarmUp(unit, begin, clock.now()) for unit in self._units}
         end = max(warm_up.end for warm_up in warm_ups.values())
@@ -179,7 +179,7 @@ class _WarmUp:
         self._track: deque[tuple[float, float]] = deque()
 
     def done(self, now: float) -> bool:
-        """Note the temperature and return whether the unit is warm; to be called at every tick until then."""
+        """Record the temperature and return whether the unit is warm; called at every tick until it is."""
         if self._limits.warm_up_slope is None:
             return now >= self.end
         recent, track = self._acquisition.recent, self._track
@@ -190,7 +190,7 @@ class _WarmUp:
         return now >= self.end and abs(_slope(track)) <= self._limits.warm_up_slope
 
     def late(self, now: float) -> DeviceFaultError | None:
-        """Return the error of a unit whose temperature has changed for too long."""
+        """Return the error of a unit whose temperature has not become stable in time."""
         timeout = self._limits.warm_up_timeout
         if self._limits.warm_up_slope is None or now - self._begin <= timeout:
             return None

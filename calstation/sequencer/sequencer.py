@@ -22,7 +22,7 @@ logger = logging.getLogger(__name__)
 
 
 class Sequencer:
-    """Executes one run; `run` blocks until it ends. Every unit's end is told to its `Evaluation`."""
+    """Executes one run; `run` blocks until it ends. The end of each unit is reported to its `Evaluation`."""
 
     def __init__(self, context: RunContext) -> None:
         if any(None in (slot.journal, slot.solving, slot.evaluation) for slot in context.slots):
@@ -42,7 +42,7 @@ class Sequencer:
         self._units.close(self._drive.state, error)
 
     def _calibrate(self) -> State:
-        """Do everything from preparation to the load position with the axes off; return PASSED or FAILED."""
+        """Execute everything from preparation to the load position with axes off; return PASSED or FAILED."""
         drive = self._drive
         drive.go(State.PREPARING)
         with self._units.jobs(lambda unit: _solving(unit).warm()) as warm:
@@ -86,7 +86,7 @@ class Sequencer:
                 writing.append(unit)
 
         def transfer(unit: Unit) -> None:
-            if units.in_batch:  # the table was not polled while the units before were read or written
+            if units.in_batch:  # the table was not polled while the previous units were read or written
                 drive.control_loop.check_table()
             _evaluation(unit).transfer(background)
             unit.unproved = True
@@ -118,7 +118,7 @@ class Sequencer:
             raise
 
     def _dismiss(self, units: Iterable[Unit]) -> None:
-        """Dismiss units with which nothing more is done, so that no later fault changes their result."""
+        """Dismiss units that are complete, so that no later fault changes their result."""
         for unit in units:
             self._units.dismiss(unit, State.PASSED if unit.passed else State.FAILED)
 
@@ -139,7 +139,7 @@ class Sequencer:
         emit(StageStarted(stage.name, index, count, duration, stage.rule.repeated))
         logger.info("stage %s begins", stage.name)
         self._compute_for_each(lambda unit: _solving(unit).start(stage.name))
-        self._context.control.check_cancelled()  # a late END_STAGE of the stage before ends nothing
+        self._context.control.check_cancelled()  # a late END_STAGE of the previous stage has no effect
         self._context.control.ending_stage = False
         drive.stamps.stage = stage.name
         drive.runner.begin_stage()
@@ -174,7 +174,7 @@ class Sequencer:
         unit.solutions.append(solution)
         for event in solution_events(solution):
             unit.emit(event)
-        # Once the log is on disk, a solved stage never has to be repeated.
+        # Once the log is on disk, a solved stage need not be repeated.
         journal = unit.slot.journal
         assert journal is not None, "a run has a log"
         self._wait_for(journal.begin_sync())
@@ -223,7 +223,7 @@ class Sequencer:
         return sigmas
 
     def _compute_for_each(self, work: Callable[[Unit], object]) -> None:
-        """Do for every unit what may take a while, and feed the table's watchdog after each.
+        """Run `work`, which may take a while, for every unit, and feed the table's watchdog after each.
 
         Raises StopRequested before a unit.
         """

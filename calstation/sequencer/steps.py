@@ -1,4 +1,4 @@
-"""Executes a plan's steps; each is a checkpoint and is repeated from its start after a pause or lost samples."""
+"""Execution of a plan's steps; each step is repeated from its start after a pause or lost samples."""
 
 import logging
 from collections import Counter
@@ -19,10 +19,10 @@ from calstation.sequencer.plan import move_time
 from calstation.sequencer.unit_stream import UnitStream
 from calstation.sequencer.units import StepInvalid, Unit
 
-#: Maximum distance from the target for a joint at rest and settled to count as arrived, rad.
+#: A joint counts as arrived if it is at rest and settled within this angle of its target, rad.
 ARRIVED = np.deg2rad(0.5)
 
-#: Maximum number of repetitions of a step with invalid samples of a unit before that unit is at fault.
+#: Maximum number of repetitions of a step with invalid samples of a unit before that unit is considered faulty.
 REPEATS = 3
 
 #: Rest before a move is repeated, s; the solvers need it to find the attitude and the angles again.
@@ -58,7 +58,7 @@ class StepRunner:
         self._context = control_loop.context
         self._limits = self._context.task.geometry.limits
         self._on_state = on_state
-        #: Commanded joint angles at which the table has arrived, rad; None if they are not known.
+        #: Commanded joint angles at which the table has arrived, rad; None if unknown.
         self.target: tuple[float, float] | None = None
         self._last_move: tuple[tuple[float, float], Move] | None = None
 
@@ -134,7 +134,7 @@ class StepRunner:
         self.target = (move.outer, move.inner)
 
     def arrived(self, target: tuple[float, float]) -> bool:
-        """Whether the table is at rest and settled at `target` (rad)."""
+        """Return whether the table is at rest and settled at `target` (rad)."""
         status = self.control_loop.status
         away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))
         return status.settled and not status.moving and away < ARRIVED

@@ -1,4 +1,4 @@
-"""Maintains the requested stream of the unit: starts it again, with the same kind of output, if the unit restarts."""
+"""The requested stream of a unit, which is restarted with the same kind of output if the unit restarts."""
 
 from collections.abc import Callable
 from typing import Any
@@ -19,8 +19,8 @@ _ATTEMPTS = 3
 class UnitStream:
     """The unit's stream, raw or corrected by its registers.
 
-    A unit that restarts is silent for a while or until it is commanded to stream. Its counter restarts, it is not ready
-    yet, and it outputs raw samples regardless of earlier requests. Therefore, after every silence and every
+    A unit that restarts sends no data for a while or until it is commanded to stream. Its counter restarts, it is not
+    ready yet, and it outputs raw samples regardless of earlier requests. Therefore, after every silence and every
     interruption of a corrected stream, its identity is checked and the stream is requested again.
 
     `check_cancelled` raises StopRequested in the background thread if its result is no longer wanted.
@@ -52,7 +52,7 @@ class UnitStream:
 
     @property
     def broken(self) -> bool:
-        """Whether samples or readiness have been lost since `start` or `restore`, or the unit is silent."""
+        """Return whether samples or readiness have been lost since `start` or `restore`, or the unit is silent."""
         return self._unit.silent or self._acquisition.breaks != self._breaks
 
     def restore(self) -> bool:
@@ -101,7 +101,7 @@ class UnitStream:
         return not self.broken
 
     def _first_sample(self, requested: bool) -> bool:
-        """Wait for a sample; return False if a unit that was not commanded to stream has fallen silent."""
+        """Wait for a sample; return False if a unit that was not commanded to stream has stopped sending."""
         deadline = self._clock.now() + (_DATA_WITHIN if requested else NO_DATA)
         patient, self._unit.patient = self._unit.patient, not requested
         try:

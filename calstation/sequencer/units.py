@@ -1,4 +1,4 @@
-"""The units of a run: what belongs to each, and how one that fails leaves without stopping the others."""
+"""The units of a run: data of each, and how a failed unit leaves without stopping the others."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -31,8 +31,8 @@ _MAX_TRACED = 400
 class Unit:
     """A unit in a run, with its samples.
 
-    If `patient`, bytes that belong to no frame are treated as silence; otherwise they are an immediate fault. If
-    `unproved`, its registers are written but not verified.
+    If `patient` is set, bytes outside frames are treated as silence; otherwise they are an immediate fault. If
+    `unproved` is set, the unit's registers are written but not verified.
     """
 
     def __init__(self, context: RunContext, slot: Slot, stamps: Stamps) -> None:
@@ -53,7 +53,7 @@ class Unit:
         self.solutions: list[Solution] = list(slot.solved)
         self.passed = False
         self.unproved = False
-        #: What its solver does, or has done last, in another thread.
+        #: Current or last job of its solver in another thread.
         self.job: Future[Any] | None = None
         self._traced: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=_MAX_TRACED)
 
@@ -95,7 +95,7 @@ class Unit:
 
     @property
     def spoilt(self) -> str:
-        """Reason why the samples of the last drain cannot be used, a term of the family ``reason``; "" if they can."""
+        """Reason why the samples of the last drain are unusable, a term of the family ``reason``; "" if usable."""
         if self.silent:
             return "no_data"
         if self.flow.missing:
@@ -119,8 +119,8 @@ class StepInvalid(Interruption):
 class Units:
     """The units that are still in the run, in the order of their slots.
 
-    An error that occurs while a unit is served is that unit's: it leaves the run, and the others go on. It ends the run
-    if no other unit is left, or if it is an error of the table.
+    An error that occurs while a unit is being served is attributed to that unit: it leaves the run, and the others
+    continue. The error ends the run if no other unit is left, or if it is an error of the table.
     """
 
     def __init__(self, context: RunContext) -> None:
@@ -131,8 +131,8 @@ class Units:
         self._all = tuple(self._active)
         self._served: Unit | None = None
         self._table_errors: list[CalstationError] = []
-        # The units are solved, and the result of one that leaves is written, beside the control loop, which feeds the
-        # table's watchdog.
+        # Units are solved, and the results of leaving units are written, in threads in parallel with the control loop,
+        # which feeds the table's watchdog.
         self._solver, self._leaving = ThreadPoolExecutor(1, "solver"), ThreadPoolExecutor(1, "leaving")
         self._ends: list[Future[None]] = []
 
@@ -157,15 +157,15 @@ class Units:
 
     @property
     def first(self) -> Unit:
-        """The first unit, which is the only one on a manual rig, on a gimbal and of a register operation."""
+        """The first unit, which is the only one on a manual rig, on a gimbal and in a register operation."""
         return self._active[0]
 
     def of(self, units: Iterable[Unit]) -> list[Unit]:
-        """Return those of some units that are still in the run."""
+        """Return the given units that are still in the run."""
         return [unit for unit in units if unit in self._active]
 
     def each(self, work: Callable[[Unit], object], units: Iterable[Unit] | None = None) -> None:
-        """Do some work for every unit, or for some units; those that fail leave. Raises the error of the last one."""
+        """Call `work` for every unit, or for some units; those that fail leave. Raises the error of the last one."""
         for unit in self if units is None else tuple(units):
             if unit in self._active:
                 with self.serving(unit):
@@ -173,7 +173,7 @@ class Units:
 
     @contextmanager
     def serving(self, unit: Unit) -> Iterator[None]:
-        """Let a unit leave if an error occurs while the context is open. Raises the error of the last unit."""
+        """Make a unit leave if an error occurs while the context is open. Raises the error of the last unit."""
         if self._served is unit:
             yield
             return
@@ -190,7 +190,7 @@ class Units:
 
     @contextmanager
     def jobs(self, work: Callable[[Unit], _Result]) -> Iterator[Mapping[Unit, Future[_Result]]]:
-        """Do some work for every unit in another thread; leaving the context cancels what has not begun."""
+        """Run `work` for every unit in another thread; leaving the context cancels jobs that have not started."""
         jobs = {unit: self._solver.submit(work, unit) for unit in self}
         for unit, job in jobs.items():
             unit.job = job
@@ -202,7 +202,7 @@ class Units:
 
     @contextmanager
     def of_table(self) -> Iterator[None]:
-        """Note an error that occurs while the context is open as one of the table, whichever unit is being served."""
+        """Attribute an error while the context is open to the table, regardless of the unit being served."""
         try:
             yield
         except CalstationError as error:
@@ -210,9 +210,9 @@ class Units:
             raise
 
     def leave(self, unit: Unit, error: CalstationError) -> None:
-        """Let a unit leave by a fault of its own. Raises `error` if no other one is left, or while the unit is served.
+        """Remove a unit that has an error. Raises `error` if no other unit is left, or while the unit is served.
 
-        Nothing happens if the unit has left already.
+        If the unit has already left, nothing happens.
         """
         if unit not in self._active:
             return
@@ -233,7 +233,7 @@ class Units:
 
         def end() -> None:
             if unit.job is not None and not unit.job.cancel():
-                wait([unit.job])  # the solver must not change what is written
+                wait([unit.job])  # the solver must not change what is being written
             if evaluation is not None:
                 evaluation.ended(ended)
 
@@ -245,7 +245,7 @@ class Units:
         self._leaving.shutdown()
 
     def close(self, state: State, error: CalstationError | None) -> None:
-        """Write the results of all other units at the end of the run in `state`. Raises like `Evaluation.ended`."""
+        """Write the results of all remaining units at the end of the run in `state`. Raises like `Evaluation.ended`."""
         with ExitStack() as ends:  # calls all of them, in reverse order, even if one raises
             for unit in reversed(self._active):
                 failure = error or self._context.log_errors.get(unit.slot.name)
@@ -261,6 +261,6 @@ class Units:
 
     @contextmanager
     def taps(self) -> Iterator[Mapping[Unit, list[SampleBlock]]]:
-        """Collect the blocks of every unit that are drained while the context is open."""
+        """Collect the blocks of every unit drained while the context is open."""
         with ExitStack() as stack:
             yield {unit: stack.enter_context(unit.acquisition.tap()) for unit in self}

@@ -1,4 +1,4 @@
-"""The path of the table for the verification of units, and the data that are captured along it.
+"""The table's path for the verification of units, and the data captured along it.
 
 The turns excite every gyro, the rests every accelerometer.
 """
@@ -20,11 +20,11 @@ _AMOUNTS = tuple(np.deg2rad(v) for a in (180.0, 90.0, 30.0) for v in (a, -a))
 #: Candidates without a reference: full turns come first, because the encoder error cancels in them.
 _WHOLE_AMOUNTS = (_FULL_TURN, -_FULL_TURN, *_AMOUNTS)
 
-#: Candidate moves of the inner joint before the outer one turns again about another body axis, rad.
+#: Candidate moves of the inner joint, rad, before the outer joint turns again about another body axis.
 _QUARTERS = tuple(np.deg2rad(v) for a in (90.0, 30.0) for v in (a, -a))
 
 _LEG_STEP = np.deg2rad(90.0)
-#: Minimum angle between a new gravity direction in the body frame and all previous ones for a rest there, rad.
+#: Minimum angle between a new gravity direction in the body frame and all previous ones for a rest at it, rad.
 _NEW_UP = np.deg2rad(20.0)
 
 
@@ -32,7 +32,7 @@ _NEW_UP = np.deg2rad(20.0)
 class Leg:
     """A move; `turn` is the number of the turn of one joint it belongs to, or None; if `rest`, a rest follows.
 
-    If `opposite`, gravity is opposite to that of another rest: a rest is not needed in a reference.
+    If `opposite`, gravity is opposite to its direction at another rest, and a reference does not need this rest.
     """
 
     move: Move
@@ -43,7 +43,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class Turn:
-    """A turn of one joint by `amount`, rad; earth rate along its axis is the same as at rest number `still`."""
+    """A turn of one joint by `amount`, rad; earth rate along its axis equals its value at rest number `still`."""
 
     joint: int
     amount: float
@@ -118,7 +118,7 @@ class _PathBuilder:
         self._has_opposite = False
 
     def amount(self, joint: int, sign: float = 0.0) -> float:
-        """Return how far a joint can turn from here, rad; only in the direction of `sign` unless it is 0."""
+        """Return the angle by which a joint can turn from here, rad; only in the direction of `sign` unless it is 0."""
         return self.first(joint, tuple(a for a in self._amounts if sign * a >= 0.0))
 
     def first(self, joint: int, amounts: tuple[float, ...]) -> float:
@@ -132,7 +132,7 @@ class _PathBuilder:
     def further(self, turned: float) -> float:
         """Return a further quarter turn of the outer joint after it `turned` by at least half a turn, or 0, rad.
 
-        Beyond it, the turn back begins with gravity across the axis of the inner joint and needs no stop on its way.
+        After it, the turn back begins with gravity perpendicular to the inner axis and needs no intermediate stop.
         """
         quarter = float(np.sign(turned) * _QUARTER_TURN)
         return quarter if abs(turned) > _HALF_TURN - 1e-9 and self._reaches(OUTER, quarter) else 0.0
@@ -198,11 +198,11 @@ class _PathBuilder:
         return self._is_new(pose) or self._is_opposite(pose)
 
     def _is_new(self, pose: tuple[float, float]) -> bool:
-        """Whether gravity has a new axis in the body frame."""
+        """Return whether gravity has a new axis in the body frame."""
         return bool(np.abs(self._cosines(pose)).max() < np.cos(_NEW_UP))
 
     def _is_opposite(self, pose: tuple[float, float]) -> bool:
-        """Whether gravity is, for the first time, opposite to that of a rest."""
+        """Return whether gravity is, for the first time, opposite to its direction at a rest."""
         return not self._has_opposite and bool(self._cosines(pose).min() <= -np.cos(_NEW_UP))
 
     def _cosines(self, pose: tuple[float, float]) -> FloatArray:
@@ -210,7 +210,7 @@ class _PathBuilder:
 
 
 def turned_over(geometry: TableGeometry, outer: float) -> float:
-    """Return the outer angle that turns a unit over from `outer`, rad: half a turn away, or what travel allows."""
+    """Return the outer angle that turns a unit over from `outer`, rad: half a turn away, or as far as travel allows."""
     for turn in (_HALF_TURN, -_HALF_TURN, _QUARTER_TURN, -_QUARTER_TURN):
         if geometry.limits.within(OUTER, outer + turn):
             return outer + turn

@@ -1,6 +1,6 @@
 """Simulated recordings without a rate table: a manual rig, several IMUs on one body, a gimbal.
 
-Each is a raw log as a station with such hardware would write it, together with its true parameters.
+Each recording is a raw log as written by a station with such hardware, together with its true parameters.
 """
 
 from collections.abc import Callable

@@ -29,7 +29,7 @@ _SET_UP: Mapping[str, Callable[[Mapping[str, Any], float], dict[str, Any]]] = {
     "never_ready": lambda bench, value: {"ready_time_s": 1e6},
     "single_bank_flash": lambda bench, value: {"flash_banks": 1},
 }
-#: Those of them that concern one unit; the others concern the table or the site.
+#: Kinds that affect one unit; the others affect the table or the site.
 _OF_UNIT = ("wrong_unit", "mounted_otherwise", "never_ready", "single_bank_flash")
 #: Default values: mounting angle of the unit, deg; latitude error of the station file, deg; gravity error, m/s².
 _VALUES = {"mounted_otherwise": 20.0, "wrong_latitude": 10.0, "wrong_gravity": 0.05}
@@ -59,11 +59,11 @@ class PlannedFault(StrictModel):
     step: int | None = Field(default=None, ge=0)
     time_s: float | list[float] = 0.0
     value: float | None = None
-    unit: int = Field(default=1, ge=1)  #: Number of the slot of the unit concerned, if several are on the table.
+    unit: int = Field(default=1, ge=1)  #: Slot number of the affected unit, if several are on the table.
 
     @property
     def of_unit(self) -> bool:
-        """Whether the fault concerns one unit, not the table, the site or the computer."""
+        """Whether the fault affects one unit instead of the table, the site or the computer."""
         return self.kind in _OF_UNIT or (
             self.kind in ORDERS and not Order.model_validate({"order": self.kind}).of_table
         )
@@ -136,7 +136,7 @@ def load_fault_plan(path: Path) -> FaultPlan:
 
 
 def fault_plan(setup: ResolvedConfiguration) -> FaultPlan:
-    """Return the fault plan of a run; empty if its configuration names none. Raises ConfigurationError."""
+    """Return the fault plan of a run; empty if its configuration has none. Raises ConfigurationError."""
     return FaultPlan() if setup.fault_plan is None else load_fault_plan(setup.fault_plan)
 
 

@@ -1,8 +1,8 @@
-"""A station with a golden unit on the bench: calibrations in the fast MEMS schedule, charts of the table's geometry.
+"""A simulated station with a golden unit: calibrations with the fast MEMS schedule, charts of the table's geometry.
 
-A run is the bench's truth, the solver and the fit of the table, without protocols and logs, and takes 0.15 s. In every
-run the unit is mounted anew, and noise, bias drift and encoder errors are drawn anew. The golden unit and the table
-stay the same; the units of production between two golden runs are all different.
+A run consists of the bench's truth, the solver and the fit of the table, without protocols and logs, and takes 0.15 s.
+Every run draws new mounting, noise, bias drift and encoder errors. The golden unit and the table remain the same; the
+production units between two golden runs are all different.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -32,22 +32,22 @@ from calstation.simulation.study import (
 )
 from procedures import method
 
-#: Runs after a shift within which it should be alarmed, and alarms in control that are accepted.
+#: Number of runs after a shift within which an alarm is expected, and accepted number of alarms in control.
 WITHIN, MOST_ALARMS = 10, 3
 
-#: Standard deviation of the true values of the bench's axes from unit to unit of the table, rad.
+#: Standard deviation of the true values of the bench's axes from table to table, rad.
 AXIS_ERROR = (
     float(np.deg2rad(BenchConfig().non_orthogonality_arcsec / 3600.0)),
     *2 * (float(np.deg2rad(TILT_DEG)) / np.sqrt(2.0),),
 )
 
 _STAGE = "designed"
-#: Resampled series for the probabilities, and runs before the shift in each.
+#: Number of resampled series for the probabilities, and of runs before the shift in each.
 _TRIALS, _BEFORE = 1000, 60
 
 Shift = tuple[float, float, float]
 _NO_SHIFT: Shift = (0.0, 0.0, 0.0)
-#: Seed of the first unit of production.
+#: Seed of the first production unit.
 _OTHERS = 1_000_000
 
 
@@ -121,13 +121,13 @@ def golden_demo(
 ) -> dict[str, Any]:
     """Chart the table over golden runs without a shift, and over runs after a shift of a table's axis.
 
-    The first `BASELINE` runs give center and standard deviation of each chart. `runs` golden runs without a shift
-    follow, each after `production` runs of other units, which measure the table as well. Then the axis of `quantity`
-    shifts by `shift` standard deviations from run to run, and `WITHIN` golden runs follow, with those of production. As
-    many follow for a shift by `AXIS_ERROR` instead.
+    The first `BASELINE` runs determine center and standard deviation of each chart. `runs` golden runs without a shift
+    follow, each after `production` runs of other units, which also measure the table. Then the axis of `quantity` is
+    shifted by `shift` run-to-run standard deviations, and `WITHIN` golden runs follow, again with production runs. The
+    same is repeated for a shift by `AXIS_ERROR`.
 
-    Returns JSON data: what the charts did, and the probabilities of `false_alarms` and `detection`. `passed` means at
-    most `MOST_ALARMS` alarms of all charts without a shift, and an alarm of the chart of `quantity` within `WITHIN`
+    Returns JSON data: the alarms of the charts, and the probabilities of `false_alarms` and `detection`. `passed` means
+    at most `MOST_ALARMS` alarms of all charts without a shift, and an alarm of the chart of `quantity` within `WITHIN`
     golden runs after each shift.
     """
     period = production + 1
@@ -178,7 +178,7 @@ def golden_demo(
 
 
 def _map(work: Callable[[int], FloatArray], numbers: Iterable[int], workers: int) -> Iterator[FloatArray]:
-    """Yield results in order; 1 worker is the calling process."""
+    """Yield results in order; with 1 worker, they are computed in the calling process."""
     if workers == 1:
         yield from map(work, numbers)
         return
@@ -193,9 +193,9 @@ def _table_of(number: int, seed: int, period: int, shift: Shift) -> FloatArray:
 
 
 def false_alarms(values: FloatArray, runs: int, seed: int) -> dict[str, float]:
-    """Return how often the charts alarm over `_TRIALS` series drawn from runs without a shift, shape (n, 3).
+    """Return the alarm statistics of the charts over `_TRIALS` series drawn from runs without a shift, shape (n, 3).
 
-    Each series has a baseline of its own. `run_length` is the mean number of runs between alarms of all charts
+    Each series has its own baseline. `run_length` is the mean number of runs between alarms of all charts
     together, `few_alarms` the probability of at most `MOST_ALARMS` alarms of all charts together in `runs` runs.
     """
     series = _Resampled(values, seed)
@@ -207,14 +207,15 @@ def false_alarms(values: FloatArray, runs: int, seed: int) -> dict[str, float]:
 
 
 def detection(values: FloatArray, within: int, shift: float | FloatArray, seed: int) -> dict[str, dict[str, float]]:
-    """Return how soon a shift is alarmed over `_TRIALS` series drawn from runs without a shift, shape (n, 3).
+    """Return the detection delay of a shift over `_TRIALS` series drawn from runs without a shift, shape (n, 3).
 
     `shift` is in standard deviations of `values`, the same for all quantities or of shape (3,). `alarmed_in_time` is
-    the probability by quantity that its chart alarms within `within` runs, `median_runs` the median number of runs.
+    the probability by quantity that its chart raises an alarm within `within` runs, `median_runs` the median number of
+    runs.
     """
     series = _Resampled(values, seed)
     longest = max(within, 10 * WITHIN)
-    # each chart sees the shift of its own quantity as if it were the only one
+    # each chart is evaluated with a shift of its own quantity only
     moved = series.draw(longest) + shift * values.std(axis=0, ddof=1)
     found = series.alarms(np.concatenate([series.draw(_BEFORE), moved]))
     first = np.array(
@@ -227,7 +228,7 @@ def detection(values: FloatArray, within: int, shift: float | FloatArray, seed: 
 
 
 class _Resampled:
-    """Series drawn from runs, each with a baseline of its own."""
+    """Series drawn from runs, each with its own baseline."""
 
     def __init__(self, values: FloatArray, seed: int) -> None:
         self._values, self._random = values, np.random.default_rng([seed, 1])

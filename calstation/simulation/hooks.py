@@ -47,7 +47,7 @@ class BenchHooks(RunHooks):
         return accompanied
 
     def connected(self, devices: Devices) -> None:
-        """Store the bench's clock, which accepts orders."""
+        """Store the bench's clock, which accepts fault orders."""
         if isinstance(devices.clock, BenchClock):
             self._clock = devices.clock
 

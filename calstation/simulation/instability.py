@@ -1,4 +1,4 @@
-"""Increase of the errors of an excitation stage by bias instability: the filter's gains with the bench's true noise.
+"""Increase of an excitation stage's errors by bias instability, from the filter's gains and the bench's true noise.
 
 The filter models flicker noise by one Gauss-Markov process per bias. The resulting error follows from linear algebra:
 with the filter's gains K, the error e of its estimate (true bias drift counted as 0) and the bank of processes β that

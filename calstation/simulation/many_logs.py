@@ -1,8 +1,8 @@
-"""Many short raw logs as several stations would record them in a year, for solving them again and comparing.
+"""Many short raw logs like those recorded by several stations in a year, for re-solving and comparison.
 
-They show what a comparison should find: from March on, the configuration of `WRONG_STATION` has a surveyed gravity that
-is too high by `GRAVITY_ERROR`, and the limits of the accelerometer scale factors are so narrow that units fail. The
-stations stand at places of different gravity, so that no value is right for all of them.
+They contain an error that a comparison should find: from March on, the configuration of `WRONG_STATION` has a surveyed
+gravity that is too high by `GRAVITY_ERROR`, and the limits of the accelerometer scale factors are so narrow that units
+fail. The stations are at locations with different gravity, so that no value is correct for all of them.
 """
 
 import zlib
@@ -24,7 +24,7 @@ STATIONS = {
     "bench 2": {"latitude_deg": 31.2, "height_m": 20.0, "gravity_mps2": 9.7941},
     "bench 3": {"latitude_deg": 45.75, "height_m": 150.0, "gravity_mps2": 9.8064},
 }
-#: The station whose configured gravity is wrong, and since when.
+#: Station with a wrong configured gravity, and the start of this error.
 WRONG_STATION, WRONG_SINCE = "bench 2", datetime(2026, 3, 1, tzinfo=UTC)
 #: Relative error of its configured gravity.
 GRAVITY_ERROR = 20e-6
@@ -37,9 +37,9 @@ _PROCESSES = 2
 def record_logs(
     progress: ProgressCallback, folder: Path, count: int, grade: GradeName = "mems", seed: int = 1
 ) -> list[Path]:
-    """Job: write `count` logs of different units into a folder, each of all 30 parameters; return their paths.
+    """Job: write `count` logs of different units to a folder, with all 30 parameters each; return their paths.
 
-    The product is the one of the grade with a designed schedule. Equal seeds give equal logs.
+    The product is the grade's product with a designed schedule. Equal seeds yield equal logs.
     """
     folder.mkdir(parents=True, exist_ok=True)
     jobs = [(folder, grade, seed, number, count) for number in range(count)]

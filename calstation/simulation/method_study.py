@@ -24,8 +24,8 @@ def run_method_study(
     """Study one method; return JSON data. `progress` is called with the number of units done and the total.
 
     The data give for each group the rms sigma (SI), the rms of error/sigma over units and axes with its 99.9 % band,
-    the largest error/sigma, and whether the rms is within the band. At most three axes per group count, because they
-    share the motion. Raises ConfigurationError if there is no recording for the method.
+    the largest error/sigma, and whether the rms is within the band. At most three axes per group count for the band,
+    because they share the motion. Raises ConfigurationError if there is no recording for the method.
     """
     if stage not in KIND_OF:
         raise ConfigurationError("study.unknown_method", method=stage, methods=list(KIND_OF))

@@ -1,4 +1,4 @@
-"""Shows on the bench when a station with a golden unit refuses production, by the functions that decide in a run."""
+"""Demonstration of when a station with a golden unit refuses production, with the same functions as a run."""
 
 import os
 from collections.abc import Iterator, Mapping
@@ -24,7 +24,7 @@ GOLDEN, UNIT = "SN-000001", "SN-000042"
 PRODUCT = "nav_a_fast"
 #: Days between golden runs, and the interval that makes the last one overdue, 1 s.
 INTERVAL, OVER = 7.0, 1.0 / 86400.0
-#: Relative error of the gravity that is entered: gravity that was not surveyed is off by as much.
+#: Relative error of the entered gravity, a typical error of gravity that was not surveyed.
 GRAVITY_ERROR = 5e-5
 #: Standard deviation of the reference, relative to the limit of a parameter's sigma in the product.
 _REFERENCE = 0.2
@@ -33,15 +33,15 @@ REASON = "golden unit at the laboratory until Friday"
 
 @dataclass(frozen=True)
 class LockStep:
-    """What a step of the demonstration showed; `code` is that of its sentence in the catalogue, without the family."""
+    """Result of a step of the demonstration; `code` is the catalogue code of its sentence, without the family."""
 
     code: str
     values: Mapping[str, Any]
-    passed: bool  #: Whether it is what it should be.
+    passed: bool  #: Whether the step matches its expectation.
 
 
 def lock_demo(folder: Path, seed: int) -> Iterator[LockStep]:
-    """Yield the steps as they happen; `folder`, an empty one, takes the files of the site and of the runs."""
+    """Yield the steps as they happen; `folder`, an empty one, receives the files of the site and of the runs."""
     with _home(folder / "home"):
         site = _Site(folder, seed)
         yield site.refused("first", "quality.standard_never")
@@ -57,7 +57,7 @@ def lock_demo(folder: Path, seed: int) -> Iterator[LockStep]:
 
 @contextmanager
 def _home(folder: Path) -> Iterator[None]:
-    """Use a folder of its own for the site, so that its audit trail and its files stay as they are."""
+    """Use a separate folder for the site, so that its audit trail and its files are not changed."""
     before = os.environ.get("CALSTATION_HOME")
     os.environ["CALSTATION_HOME"] = str(folder)
     try:
@@ -87,18 +87,18 @@ class _Site:
             self._reference[name] = {"value": value, "sigma": _REFERENCE * (limit.sigma_below or 0.0)}
 
     def refused(self, code: str, expected: str, error: float = 0.0, interval: float = INTERVAL) -> LockStep:
-        """Ask for a run of production that should be refused with an error."""
+        """Request a production run that should be refused with an error."""
         self._write(error, interval)
         found = self._production()
         reason = "" if found is None else found.render().text
         return LockStep(f"lock_{code}", {"reason": reason}, found is not None and found.code == expected)
 
     def allowed(self, code: str) -> LockStep:
-        """Ask for a run of production that should be allowed."""
+        """Request a production run that should be allowed."""
         return LockStep(f"lock_{code}", {}, self._production() is None)
 
     def overridden(self) -> LockStep:
-        """Ask for a run of production that is refused and that an engineer allows."""
+        """Request a production run that is refused and that an engineer permits."""
         allowed = self._production() is not None and self._production(REASON) is None
         event = read_audit(audit_path(library.site_folder())).events[-1]
         recorded = (event.event, event.why) == ("standard_overridden", REASON)
@@ -126,7 +126,7 @@ class _Site:
         return LockStep(f"lock_{code}", values, judged.passed == passes and (verdict.outcome == "passed") == passes)
 
     def _production(self, override: str | None = None) -> ConfigurationError | None:
-        """Prepare a run of production as `calstation run` does; return the error that refuses it."""
+        """Prepare a production run like `calstation run`; return the error that refuses it."""
         try:
             prepare(replace(self._request, override_standard=override), lambda _: None, Control(), BenchHooks())
         except ConfigurationError as error:
@@ -134,7 +134,7 @@ class _Site:
         return None
 
     def _write(self, error: float = 0.0, interval: float = INTERVAL) -> None:
-        """Write both files, with a relative error of gravity in that of the station."""
+        """Write both files, with a relative error of gravity in the station file."""
         site = {**self._station["site"], "gravity_mps2": self._gravity * (1.0 + error)}
         standard = {"serial": GOLDEN, "interval_days": interval, "reference": self._reference}
         standards = {"check_standards": [standard]} if self._reference else {}

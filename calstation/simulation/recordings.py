@@ -1,4 +1,4 @@
-"""The background job that makes a recording on the virtual bench, together with a file of its true parameters."""
+"""Background job that makes a recording on the virtual bench, together with a file of its true parameters."""
 
 import json
 from pathlib import Path

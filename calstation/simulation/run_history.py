@@ -1,8 +1,8 @@
 """A synthetic history of runs: small result files of several products, stations and operators over a year.
 
-It contains what statistics of quality should show: a drift of one station, a station with a shorter schedule, a table
-whose axes shift, a step of one lot, a tired operator, checks that fail, repeated runs of failed units, a golden unit of
-every product, and a study of units by operators.
+It contains effects that quality statistics should reveal: a drift of one station, a station with a shorter schedule, a
+table whose axes shift, a step in one lot, a tired operator, failing checks, repeated runs of failed units, a golden
+unit of every product, and a study of units by operators.
 """
 
 import json
@@ -23,38 +23,38 @@ from calstation.results import History
 BEGIN = datetime(2025, 11, 3, tzinfo=UTC)
 _SECONDS = 365 * 86400.0
 
-#: Products and their share of the runs.
+#: Products and their shares of the runs.
 _PRODUCTS = {"nav_a": 0.5, "tactical_b": 0.3, "mems_c": 0.2}
 STATIONS = ("bench 1", "bench 2", "bench 3", "bench 4")
 OPERATORS = ("Li Wei", "Zhang Min", "Wang Fang", "Chen Jie", "Liu Yang", "Zhao Lei")
 
-#: Standard deviation of the units' values relative to half the width of the limits, and of the measurement of the
-#: values relative to the limit of its sigma, in the whole schedule.
+#: Standard deviation of the units' values relative to half the width of the limits, and measurement noise relative to
+#: the limit of its sigma, for the complete schedule.
 _SPREAD, _NOISE = 0.27, 0.15
-#: Station with a short schedule, and its sigmas relative to those of the whole one.
+#: Station with a short schedule, and the ratio of its sigmas to those of the complete schedule.
 _SHORT, _COARSER = "bench 4", 3.0
 _STAGES = ["rate", "six_position", "excitation", "azimuth_flip"]
 #: Geometry of the tables and its standard deviation from run to run, rad; station and size of the shift halfway.
 _GEOMETRY = {"orthogonality": (3e-4, 1e-5), "tilt_x": (1e-3, 5e-5), "tilt_y": (-5e-4, 5e-5)}
 _SHIFTED, _SHIFT = "bench 2", 2e-5
-#: One in so many runs is of the golden unit.
+#: One of this many runs is made with the golden unit.
 _GOLDEN_EVERY = 50
-#: Shares of runs that are stopped, and of runs of which only the data are bad.
+#: Fractions of runs that are stopped, and of runs in which only the data are bad.
 _STOPPED, _BAD_DATA = 0.01, 0.015
-#: Checks that bad data fail.
+#: Checks that fail for bad data.
 _DATA_CHECKS = ("excitation consistency", "six_position table noise", "rate imu noise")
 
-#: Units, operators and trials of the study, and its smallest history.
+#: Units, operators and trials of the study, and the smallest number of runs of a history that contains it.
 _STUDY = (10, 3, 3)
 _STUDY_FROM = 500
 
 
 @dataclass(frozen=True)
 class _Product:
-    """What the values of a product's units are drawn from; all arrays have shape (30,), SI."""
+    """Distribution of the values of a product's units; all arrays have shape (30,), SI."""
 
     name: str
-    prefix: str  #: Of the serial numbers.
+    prefix: str  #: Prefix of the serial numbers.
     low: FloatArray
     high: FloatArray
     spread: FloatArray  #: Standard deviation of the units.
@@ -64,7 +64,7 @@ class _Product:
 def synthesise_runs(report: ProgressCallback, folder: Path, runs: int, seed: int) -> Path:
     """Job: write the results of `runs` synthetic runs into a folder, index them, and return the plan of the study.
 
-    Each result is a file of about 3 KB without a log: the history is rebuilt from them as from those of real runs.
+    Each result is a file of about 3 KB without a log: the history index is rebuilt from them as from real results.
     """
     folder.mkdir(parents=True, exist_ok=True)
     plan = _plan(seed)
@@ -87,7 +87,7 @@ def _plan(seed: int) -> GaugePlan:
 
 
 def _results(count: int, random: np.random.Generator, plan: GaugePlan) -> Iterator[tuple[str, dict[str, object]]]:
-    """Yield names and results in the order of time."""
+    """Yield names and results in chronological order."""
     products = [_product(name) for name in _PRODUCTS]
     made = [0] * len(products)
     again: list[tuple[int, str, FloatArray, int]] = []  # failed units, their true values and attempts
@@ -113,7 +113,7 @@ def _results(count: int, random: np.random.Generator, plan: GaugePlan) -> Iterat
             made[which] += 1
             serial = f"{products[which].prefix}-{made[which]:06d}"
             true = random.normal(0.0, products[which].spread)
-            if 0.6 < phase < 0.7:  # a lot of accelerometers with another scale
+            if 0.6 < phase < 0.7:  # a lot of accelerometers with a different scale
                 true = true + _on("accel_scale_x", 1.0 * products[which].spread)
         product = products[which]
         sigma = product.sigma * (_COARSER if station == _SHORT else 1.0)
@@ -134,7 +134,7 @@ def _results(count: int, random: np.random.Generator, plan: GaugePlan) -> Iterat
 
 
 def _table(random: np.random.Generator, station: str, phase: float) -> dict[str, object]:
-    """Return the geometry of a station's table as a run measures it."""
+    """Return the geometry of a station's table as measured by a run."""
     coarser = _COARSER if station == _SHORT else 1.0
     rows: dict[str, object] = {}
     for name, (true, sigma) in _GEOMETRY.items():

@@ -1,4 +1,4 @@
-"""Evaluate a soak-test run: its verdict against the bench's truth, its records, and the final state of the table."""
+"""Evaluation of a soak-test run: its verdict against the bench's truth, its records, and the table's final state."""
 
 import os
 import time
@@ -39,9 +39,9 @@ _VERDICTS = ("passed", "failed")
 class Judged:
     """Evaluation of one run.
 
-    `outcome` is that of the result, or ``hung``, or ``lost`` without a result; `error` is that of the result.
-    `injected` lists the kinds of faults that occurred, `wrong` the errors of the verdict, `lost` the defects of the
-    records. `unsafe` means that the table was left moving, or left enabled although it can switch off without the
+    `outcome` is the outcome of the result, or ``hung``, or ``lost`` without a result; `error` is the error in the
+    result. `injected` lists the kinds of faults that occurred, `wrong` the errors of the verdict, `lost` the defects of
+    the records. `unsafe` means that the table was left moving, or left enabled although it can switch off without the
     engine. `engine_mb` and `parent_mb` are peaks of resident memory, MB; `seconds` is host time, s.
     """
 
@@ -89,7 +89,7 @@ def judge_run(
     happened += [kind for kind in kinds if kind in HOST and outcome == "incomplete"]
     happened += [kind for kind in kinds if kind in FROM_LISTENER and outcome == "stopped"]
     lost_link = died or "mute_table" in happened
-    may_stay_on = lost_link and _left_alone(setup.table)
+    may_stay_on = lost_link and _keeps_axes_on(setup.table)
     samples, missing = _samples(result, "jump_counter" in happened)
     return Judged(
         planned=planned,
@@ -108,7 +108,7 @@ def judge_run(
 
 
 def _set_up(kind: str, setup: ResolvedConfiguration) -> bool:
-    """Whether a fault present from the start has an effect on these devices."""
+    """Return whether a fault present from the start has an effect on these devices."""
     if kind == "watchdog_off":
         return _has_watchdog(setup.table)
     if kind == "never_ready":
@@ -121,8 +121,8 @@ def _has_watchdog(table: TableProfile) -> bool:
     return any("watchdog" in name for name in names)
 
 
-def _left_alone(table: TableProfile) -> bool:
-    """Whether the axes stay on when the link is lost: the table completes its move and then rests."""
+def _keeps_axes_on(table: TableProfile) -> bool:
+    """Return whether the axes stay on when the link is lost: the table completes its move and then rests."""
     return table.link_loss_stop_s is None and not _has_watchdog(table)
 
 
@@ -178,7 +178,7 @@ def _wrong(
 
 
 def _outside(check: Check, result: Result, truth: FloatArray, sigmas: float) -> bool:
-    """Whether the true value is outside the limits of a check, widened by `sigmas`; False unless it checks a value."""
+    """Return whether the true value is outside a value check's limits, widened by `sigmas`; False for other checks."""
     parameter = result.parameters.get(check.subject)
     if check.kind != "within" or not isinstance(check.limit, tuple) or parameter is None:
         return False

@@ -1,4 +1,4 @@
-"""Plan each run of a soak test (devices, unit and faults), and write the files that configure it."""
+"""Plan of each run of a soak test (devices, unit and faults), and the files that configure it."""
 
 import random
 from collections.abc import Iterator, Mapping
@@ -138,7 +138,7 @@ def write_request(planned: Planned, folder: Path, stages: tuple[str, ...]) -> Ru
     if stages:
         limits = {name: {"within": limit["within"]} for name, limit in product["limits"].items()}
         product |= {"name": "soak", **_SHORT, "limits": limits, "stages": list(stages)}
-        product.pop("checks", None)  # they name stages that are left out, and judge the full schedule
+        product.pop("checks", None)  # they name omitted stages, and apply to the full schedule
     names = tuple(product["stages"])
     faults = [_fault(kind, value, names, drawn) for kind, value in planned.faults if kind not in FROM_LISTENER]
     _write(folder / "station.toml", station)

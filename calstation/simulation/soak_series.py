@@ -1,4 +1,4 @@
-"""Run consecutive calibrations on the virtual bench with random faults, and evaluate them against the bench's truth."""
+"""Consecutive calibrations on the virtual bench with random faults, evaluated against the bench's truth."""
 
 import random
 import time

@@ -84,7 +84,7 @@ CASES = (
 
 
 def _present(dph_g: float, ppm: float, ug_g3: float, mm: float, ms: float) -> Effects:
-    """Return effects of all states; the displacements of two accelerometers along an axis are opposite, not a lever."""
+    """Return effects for all states; accelerometer displacements along an axis are opposite, not a lever."""
     displacements = ((0.0, -mm, mm), (mm, 0.0, -mm), (-mm, mm, 0.0))
     return Effects(
         g_sensitivity_dph_g=dph_g,
@@ -95,7 +95,7 @@ def _present(dph_g: float, ppm: float, ug_g3: float, mm: float, ms: float) -> Ef
     )
 
 
-#: Effects of the units of a grade in the cases with optional states: many sigmas of the parameters that they resemble.
+#: Effects of a grade's units in the cases with optional states: many sigmas of the parameters that they resemble.
 PRESENT: dict[GradeName, Effects] = {
     "nav": _present(0.1, 30.0, 10.0, 5.0, 0.5),
     "tactical": _present(3.0, 100.0, 100.0, 10.0, 1.0),
@@ -224,7 +224,7 @@ def _solve(
 ) -> UnitResult:
     """Solve the stages of a case as a run does, and its bound: the same stages linearised at the truth.
 
-    Optional states add to the bound what they add to the covariance.
+    Optional states increase the bound by the same amount as the covariance.
     """
     belief = study_prior(truth.grade, case.outer_lever)
     bound = Belief(truth.parameters, belief.covariance)
@@ -267,7 +267,7 @@ def _solve(
 
 
 def feed_until_targets(solver: StageSolver, samples: SampleBlock, schedule: BaseModel) -> SampleBlock:
-    """Feed the samples, of a designed stage until its targets are reached, as in a run; return those fed."""
+    """Feed the samples of a designed stage until its targets are reached, as in a run; return the fed samples."""
     targets, least = getattr(schedule, "targets", {}), getattr(schedule, "least_moves", None)
     if not targets or least is None:
         solver.feed(samples)

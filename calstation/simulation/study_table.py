@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from calstation.physics import GROUPS, NAMES, BoolArray, FloatArray, IntArray, group_indices
 
 BAND = (0.0005, 0.9995)
-#: Largest rms of error/bound over all parameters; with few parameters, the upper end of its 99.9 % band if larger.
+#: Largest rms of error/bound over all parameters, or the upper end of its 99.9 % band if that is larger.
 BOUND_RATIO_LIMIT = 1.1
 
 
@@ -23,7 +23,8 @@ class UnitResult:
     covariance: FloatArray
     bound: FloatArray
     nis: dict[str, tuple[float, float, float]]
-    cost: FloatArray | None = None  #: Sigmas with the optional states over those without, shape (30,); None without.
+    #: Ratio of the sigmas with and without the optional states, shape (30,); None without such states.
+    cost: FloatArray | None = None
     seconds: float = 0.0  #: Duration of the samples that were solved, s.
 
 

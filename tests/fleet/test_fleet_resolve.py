@@ -5,6 +5,7 @@ import math
 import os
 import shutil
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
@@ -327,9 +328,12 @@ def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path], monkeypat
         list(cluster.solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
 
 
-def test_a_cluster_closes_workers_that_it_has_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.long
+def test_a_cluster_closes_workers_that_it_has_lost() -> None:
     with cluster.started_cluster("local:1", 1) as client:
         client.wait_for_workers(1)
+        while not client.cluster.workers:
+            time.sleep(0.05)  # the cluster notes a worker after it has joined
         (nanny,) = client.cluster.workers.values()
         client.cluster.workers.clear()
         client.cluster.worker_spec.clear()

@@ -73,4 +73,4 @@ def test_no_certificate_is_made_of_them(tmp_path: Path) -> None:
     log_with(tmp_path / "log.h5", "six_position")
     write_json(tmp_path / "result.json", resolve(tmp_path / "log.h5", diagnostics=False).result.to_json())
     with raises_code(InputError, "report.untested"):
-        load_source(tmp_path / "result.json")
+        load_source(ignore_progress, tmp_path / "result.json")

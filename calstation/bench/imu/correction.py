@@ -41,7 +41,7 @@ class Correction:
 
 
 def _times(matrix: FloatArray, rows: FloatArray) -> FloatArray:
-    """Multiply each row by a matrix; unlike BLAS, to the same bits in blocks of any length."""
+    """Multiply each row by a matrix with results that, unlike BLAS, do not depend on the length of the block."""
     return np.asarray((rows[:, None, :] * matrix).sum(axis=2))
 
 

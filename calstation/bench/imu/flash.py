@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-#: Sequence number that precedes the content of an image, and CRC-32 of both that follows it.
+#: Sequence number that precedes the content of an image, and CRC-32 of both, which follows it.
 _NUMBER, _CHECK = struct.Struct("<I"), struct.Struct("<I")
 
 

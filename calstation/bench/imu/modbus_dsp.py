@@ -63,17 +63,17 @@ class DspUnit(ImuUnit):
         self._page = 0
         self._busy = 0
 
-    def _take(self, held: bytes) -> None:
+    def _load_registers(self, held: bytes) -> None:
         words = list(struct.unpack(f"<{len(held) // 2}H", held))
         for page, (_, count) in PAGES.items():
             self._words[page], words = words[:count], words[count:]
 
-    def _given(self) -> bytes:
+    def _register_bytes(self) -> bytes:
         words = [word for page in PAGES for word in self._words[page]]
         return struct.pack(f"<{len(words)}H", *words)
 
     def conversation(self) -> Callable[[bytes, float], list[bytes]]:
-        """See `ImuUnit.conversation`."""
+        """Return a parser for one connection, see `ImuUnit.conversation`."""
         pending = b""
 
         def answer(data: bytes, time: float) -> list[bytes]:
@@ -95,7 +95,7 @@ class DspUnit(ImuUnit):
 
     def _answer_rtu(self, function: int, data: bytes, time: float) -> bytes:
         try:
-            body = bytes([UNIT, function]) + self._obey(function, data, time)
+            body = bytes([UNIT, function]) + self._execute(function, data, time)
         except _Refused as refused:
             body = bytes([UNIT, function | 0x80, refused.code])
         except PowerCut:
@@ -103,7 +103,7 @@ class DspUnit(ImuUnit):
             return b""
         return body + crc16_modbus(body)
 
-    def _obey(self, function: int, data: bytes, time: float) -> bytes:
+    def _execute(self, function: int, data: bytes, time: float) -> bytes:
         address, second = struct.unpack(">HH", data[:4])
         if function == READ:
             if not 1 <= second <= 125:
@@ -159,7 +159,7 @@ class DspUnit(ImuUnit):
             raise _Refused(ILLEGAL_VALUE)
 
     def correction(self) -> Correction:
-        """See `ImuUnit.correction`; formulas and addresses are in the module docstring."""
+        """Return the correction, see `ImuUnit.correction`; formulas and addresses are in the module docstring."""
         gyros, accels = (np.array(self._words[page], dtype=">u2") for page in (1, 2))
         cubic = np.array(self._words[3], dtype=">u2").tobytes()
         columns = gyros[:18].reshape(9, 2)[:, ::-1].tobytes()

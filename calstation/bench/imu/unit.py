@@ -39,9 +39,9 @@ BOOT_TIME = 0.1
 class ImuUnit:
     """Replies to commands and converts samples to frames; all times are device time, s.
 
-    `scale` is the size of a count, rad/s and m/s², shape (6,). `axes` are the registers of the table's axes if they are
-    accessed over the unit's line. `fails_writing` and `fails_committing` are the numbers of bytes written to registers
-    or flash before the power fails briefly; None for no power failure.
+    `scale` is the size of a count, rad/s and m/s², shape (6,). `axes` contains the registers of the table's axes if
+    they are accessed over the unit's line. `fails_writing` and `fails_committing` are the numbers of bytes written to
+    registers or flash before the power fails briefly; None for no power failure.
     """
 
     #: Size of the flash content, bytes.
@@ -63,33 +63,33 @@ class ImuUnit:
         self.registers = np.zeros(REGISTERS, np.float32)
         held = self.flash.load()
         if held is not None:
-            self._take(held)
+            self._load_registers(held)
         self._started = time
         self.counter = 0
         self.corrected = False
         self._requantiser = Requantiser()
 
-    def _take(self, held: bytes) -> None:
+    def _load_registers(self, held: bytes) -> None:
         """Load the registers from the content of the flash."""
         self.registers = np.frombuffer(held, "<f4").astype(np.float32)
 
-    def _given(self) -> bytes:
-        """Return the registers as content of the flash."""
+    def _register_bytes(self) -> bytes:
+        """Return the registers in the format of the flash."""
         return self.registers.astype("<f4").tobytes()
 
     def calibrate(self, model: FloatArray) -> None:
-        """Store an `ImuTruth.error_model`, shape (12, 3), in registers and flash unless the flash holds others."""
+        """Store an `ImuTruth.error_model`, shape (12, 3), in registers and flash unless the flash has other values."""
         if self.flash.load() is not None:
             return
         levers = np.diag(model[9:12])
         rows = (model[6], model[0:3] - np.eye(3), model[7], model[3:6] - np.eye(3), model[8], levers)
         self.registers = np.concatenate([np.ravel(row) for row in rows]).astype(np.float32)
-        self.flash.burn(self._given())
+        self.flash.burn(self._register_bytes())
 
     def _burn(self) -> None:
         """Write all registers to flash. Raises PowerCut if the power fails."""
         power_for, self.fails_committing = self.fails_committing, None
-        self.flash.burn(self._given(), power_for)
+        self.flash.burn(self._register_bytes(), power_for)
 
     def _draw_power(self, written: int) -> None:
         """Count register bytes as they are written; raises PowerCut if the power fails while writing them."""
@@ -105,7 +105,7 @@ class ImuUnit:
         return float(config.ambient_c + config.warm_up_c * -np.expm1(-time / config.warm_up_time_s))
 
     def restart(self, time: float) -> None:
-        """Reset: reload the registers from flash, restart the counter at 0, set the ready bit after the ready time."""
+        """Reload the registers from flash, restart the counter at 0, and set the ready bit after the ready time."""
         self._busy_until = -np.inf
         self._start(time)
 

@@ -50,7 +50,7 @@ class VectorNavUnit(ImuUnit):
         self.streaming = bool(self.registers[REGISTERS - 1])
 
     def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:
-        """See `ImuUnit.frames`."""
+        """Return the frames of samples, see `ImuUnit.frames`."""
         awake = ends > self._started + BOOT_TIME
         if not self.streaming or not awake.any():
             return b""
@@ -69,7 +69,7 @@ class VectorNavUnit(ImuUnit):
         return frames.tobytes()
 
     def correction(self) -> Correction:
-        """See `ImuUnit.correction`; the formula is in the module docstring."""
+        """Return the correction, see `ImuUnit.correction`; the formula is in the module docstring."""
         gyro, accel = (np.array(self._numbers(register)) for register in (84, 25))
         return Correction(
             gyro=gyro[:9].reshape(3, 3),
@@ -82,7 +82,7 @@ class VectorNavUnit(ImuUnit):
         )
 
     def conversation(self) -> Callable[[bytes, float], list[bytes]]:
-        """See `ImuUnit.conversation`."""
+        """Return a parser for one connection, see `ImuUnit.conversation`."""
         pending = b""
 
         def answer(data: bytes, time: float) -> list[bytes]:
@@ -102,7 +102,7 @@ class VectorNavUnit(ImuUnit):
         except ValueError:
             sound = False
         try:
-            reply: str | int = self._obey(words.split(","), time) if sound else BAD_CHECK
+            reply: str | int = self._execute(words.split(","), time) if sound else BAD_CHECK
         except PowerCut:
             self.restart(time)
             return b""
@@ -111,7 +111,7 @@ class VectorNavUnit(ImuUnit):
         text = f"VNERR,{reply:02X}" if isinstance(reply, int) else reply
         return f"${text}*{check_line(text):02X}\r\n".encode()
 
-    def _obey(self, words: list[str], time: float) -> str | int:
+    def _execute(self, words: list[str], time: float) -> str | int:
         command, *rest = words
         if command == "VNWNV":
             self.registers[REGISTERS - 1] = float(self.streaming)

@@ -13,7 +13,7 @@ BUFFER = 65536
 #: Polling interval of a terminal, host time, s.
 POLL = 0.002
 
-#: Creates the parser of one connection, which converts received bytes to replies.
+#: Function that creates the parser of one connection, which converts received bytes to replies.
 Talk = Callable[[], Callable[[bytes], list[bytes]]]
 
 

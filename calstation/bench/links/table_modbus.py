@@ -19,7 +19,7 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 from calstation.bench.links.lines import open_raw
 from calstation.bench.table import Drive, OutOfRange, Refusal, TableRegisters
 
-#: Modbus unit number of a table that has one controller.
+#: Modbus unit number of a table with one controller.
 UNIT = 1
 READ = 3
 BAUD = 115200
@@ -106,7 +106,7 @@ class TableLink:
         current: list[int],
         values: list[int] | list[bool] | None,
     ) -> ExcCodes | None:
-        """Handle a request within the register map; called by the server before it accesses its copy `current`."""
+        """Process a request within the register map; called by the server before it accesses its copy `current`."""
         if self.slow:
             await asyncio.sleep(self.slow.pop(0))
         if self.refuse:
@@ -119,7 +119,7 @@ class TableLink:
                 return ExcCodes.ILLEGAL_VALUE
             except Refusal:
                 return ExcCodes.DEVICE_FAILURE
-            # The server stores `values` itself; the next read shows the registers after the command.
+            # The server stores `values`; the next read shows the registers after the command.
             return None
         # The reply to a single write is read from the registers as well: refresh them only for a read.
         if function_code == READ:

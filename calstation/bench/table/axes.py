@@ -23,7 +23,7 @@ class StateBit(IntFlag):
 
 
 class Axes:
-    """Joints 0 (outer) and 1 (inner), commanded in rad, read in degrees; `wanted` marks those that are switched on."""
+    """Joints 0 (outer) and 1 (inner), commanded in rad, read in degrees; `wanted` marks joints that are on."""
 
     def __init__(self, machine: TableMachine, clocks: Clocks) -> None:
         machine.watchdog = 0.0

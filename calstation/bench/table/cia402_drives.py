@@ -68,7 +68,7 @@ class Drive:
         self._put(VELOCITY, struct.pack(">f", self._sense * axes.speed(joint)))
 
     def write(self, address: int, values: list[int]) -> None:
-        """Carry out one write request; raises `machine.Refusal` and stores nothing if it is refused."""
+        """Execute one write request; raises `machine.Refusal` and stores nothing if it is refused."""
         touched = range(address, address + len(values))
         before = self.words[address : address + len(values)]
         self.words[address : address + len(values)] = values

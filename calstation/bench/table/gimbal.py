@@ -15,7 +15,7 @@ MODEL = "VG-3"
 
 
 class GimbalDrive(TableDrive):
-    """The gimbal as the machine's drive: both of its commands, homing and stop, act on all joints."""
+    """The gimbal as the machine's drive: its two commands, homing and stop, act on all joints."""
 
     def __init__(self, stream: GimbalStream) -> None:
         super().__init__(EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0))
@@ -56,14 +56,14 @@ class GimbalController(TextController):
         self._pending = b""
         self.mute = 0
 
-    def _answer(self, line: str) -> bytes:
+    def _reply(self, line: str) -> bytes:
         name, *rest = line.upper().split(",")
         try:
-            return f"{name},{self._obey(name, rest)}\n".encode()
+            return f"{name},{self._execute(name, rest)}\n".encode()
         except (Refusal, ValueError, IndexError):
             return b"?\n"
 
-    def _obey(self, name: str, rest: list[str]) -> str:
+    def _execute(self, name: str, rest: list[str]) -> str:
         machine, device, host = self._machine, self._clocks.device(), self._clocks.host()
         if name == "IDN":
             return f"{MODEL},{self._serial}"

@@ -122,7 +122,7 @@ class TableMachine:
         self._fed = host_time
 
     def watch(self, host_time: float, time: float) -> None:
-        """Trip if the axes are enabled and the watchdog was not fed in time."""
+        """Trip the watchdog fault if the axes are enabled and the watchdog was not fed in time."""
         if self.power is not Power.ENABLED or self.watchdog == 0.0 or self._fed is None:
             return
         if host_time - self._fed > self.watchdog:
@@ -145,7 +145,7 @@ class TableMachine:
         self.jammed = True
 
     def settled(self, time: float) -> bool:
-        """Whether both joints have been at rest for the settling time."""
+        """Return whether both joints have been at rest for the settling time."""
         return not self.jammed and time >= max(self.drive.settled + SETTLING_TIME, self.restless_until)
 
     def control(self, word: int, time: float, host_time: float) -> None:

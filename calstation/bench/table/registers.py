@@ -64,7 +64,7 @@ class TableRegisters:
             self._put(first + RATE, rates[joint] / _SPEED)
 
     def write(self, address: int, values: list[int]) -> None:
-        """Carry out one write request; raises `machine.Refusal` and stores nothing if it is refused."""
+        """Execute one write request; raises `machine.Refusal` and stores nothing if it is refused."""
         machine, time, host_time = self._machine, self._clocks.device(), self._clocks.host()
         machine.watch(host_time, time)
         touched = range(address, address + len(values))

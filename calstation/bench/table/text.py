@@ -27,14 +27,14 @@ class TextController(ABC):
         """Process received bytes; return one reply, possibly empty, for each completed line."""
         *lines, rest = (self._pending + data).split(b"\n")
         self._pending = rest[-1000:]
-        replies = [self._answer(line.decode("ascii", "replace").strip()) for line in lines]
+        replies = [self._reply(line.decode("ascii", "replace").strip()) for line in lines]
         muted = min(self.mute, len(replies))
         self.mute -= muted
         return [b""] * muted + replies[muted:]
 
     @abstractmethod
-    def _answer(self, line: str) -> bytes:
-        """Carry out a line and return the reply."""
+    def _reply(self, line: str) -> bytes:
+        """Execute a line and return the reply."""
 
 
 def _joint(text: str) -> int:
@@ -51,17 +51,18 @@ def _radians(text: str) -> float:
 class Atl(TextController):
     """The subset of Ideal Aerosmith's table language that the bench implements.
 
-    Lines end with CR and LF, replies with the prompt ">". The reply to JOG is sent together with that to the next line.
+    Lines end with CR and LF, replies with the prompt ">". The reply to JOG is sent together with the reply to the next
+    line.
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
         super().__init__(axes, serial)
         self._delayed = b""
 
-    def _answer(self, line: str) -> bytes:
+    def _reply(self, line: str) -> bytes:
         line = line.upper()
         try:
-            words = self._obey(line)
+            words = self._execute(line)
         except (Refusal, ValueError):
             words = "?ERR"
         reply = self._delayed + (f"{words}\r\n" if words else "").encode() + b">"
@@ -70,7 +71,7 @@ class Atl(TextController):
             self._delayed, reply = reply, b""
         return reply
 
-    def _obey(self, line: str) -> str:
+    def _execute(self, line: str) -> str:
         axes = self._axes
         if line == "IDN":
             return f"AERO 4000,{self._serial}"
@@ -109,7 +110,7 @@ class Atl(TextController):
 class Acl(TextController):
     """The subset of Acutronic's command language that the bench implements.
 
-    Lines end with LF. Only queries get a reply; a wrong command is reported by *STB?.
+    Lines end with LF. Only queries get a reply; an invalid command is reported by *STB?.
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
@@ -118,7 +119,7 @@ class Acl(TextController):
         self._wrong = False
         axes.machine.know_zero()  # absolute encoders need no homing
 
-    def _answer(self, line: str) -> bytes:
+    def _reply(self, line: str) -> bytes:
         name, question, rest = line.partition("?")
         if question:
             words = self._value(name.lower(), rest)
@@ -126,7 +127,7 @@ class Acl(TextController):
             return b"" if words is None else f"{words}\n".encode()
         command, _, rest = line.partition(" ")
         try:
-            self._obey(command.lower(), [part.strip() for part in rest.split(",")])
+            self._execute(command.lower(), [part.strip() for part in rest.split(",")])
         except (Refusal, ValueError, IndexError):
             self._wrong = True
         return b""
@@ -156,7 +157,7 @@ class Acl(TextController):
         }
         return values.get(name)
 
-    def _obey(self, name: str, rest: list[str]) -> None:
+    def _execute(self, name: str, rest: list[str]) -> None:
         axes = self._axes
         if name == ":interlock:reset":
             axes.reset()
@@ -193,18 +194,18 @@ class Mn(TextController):
         super().__init__(axes, serial)
         self._turns = [False, False]
 
-    def _answer(self, line: str) -> bytes:
+    def _reply(self, line: str) -> bytes:
         match = re.fullmatch(r"\$MN(.*)\*([0-9A-F]{2})", line)
         if match is None or sum(match[1].encode()) & 0xFF != int(match[2], 16):
             return b""
         name, *rest = match[1].split(",")
         try:
-            words = f"{name},OK{self._obey(name, rest)}"
+            words = f"{name},OK{self._execute(name, rest)}"
         except (Refusal, ValueError, IndexError):
             words = f"{name},ERR"
         return f"$AS{words}*{sum(words.encode()) & 0xFF:02X}\r\n".encode()
 
-    def _obey(self, name: str, rest: list[str]) -> str:
+    def _execute(self, name: str, rest: list[str]) -> str:
         axes = self._axes
         if name == "CHK":
             return f",MN-2A,{self._serial}"

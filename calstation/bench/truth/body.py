@@ -1,4 +1,4 @@
-"""IMUs on one body that moves by itself, alternating between rests and rotations about all axes, without end."""
+"""IMUs on one freely moving body, which alternates without end between rests and rotations about all axes."""
 
 from functools import lru_cache
 
@@ -12,9 +12,9 @@ from calstation.physics import FloatArray
 
 #: Number of rotations about each axis in an episode, and the largest angle of one, rad.
 _ROTATIONS, _LARGEST = 8, np.deg2rad(100.0)
-#: Mean angle of a rotation that is drawn, as a fraction of the largest.
+#: Smallest angle of a rotation, as a fraction of the largest.
 _SMALLEST = 0.4
-#: Rms acceleration of the body's point while it moves, m/s².
+#: Rms acceleration of the body's reference point during motion, m/s².
 _SHAKE = 0.5
 #: Number of samples produced at once, because short requests are slow.
 _AHEAD = 200
@@ -43,7 +43,7 @@ class BodyMotion:
         return found[0], found[1], found[2]
 
     def _make(self, number: int) -> FreeMotion:
-        """Return the motion of an episode, which begins with the attitude in which the one before ended."""
+        """Return the motion of an episode, which begins with the final attitude of the previous one."""
         while len(self._starts) <= number:
             self._starts.append(self._end(len(self._starts) - 1))
         random = np.random.default_rng([self._seed, number])
@@ -76,12 +76,12 @@ class BodyMotion:
 
 
 def draw_mounting(random: np.random.Generator) -> Mounting:
-    """Draw the mounting of a secondary: some degrees off the primary's axes, and at most 0.17 m from it."""
+    """Draw the mounting of a secondary: rotated by some degrees from the primary's axes, and at most 0.17 m away."""
     return Mounting(rotation(0.03 * random.standard_normal(3)), random.uniform(-0.1, 0.1, 3))
 
 
 class BodyStream:
-    """Samples of a unit on a body, which was switched on at time `begin`, s, and whose clock runs `gain` times as fast.
+    """Samples of a unit on a body; it was switched on at time `begin`, s, and its clock runs `gain` times as fast.
 
     steps : times in the unit's clock, s, and the gyro bias added to all axes from then on, rad/s, shape (k, 2)
     """

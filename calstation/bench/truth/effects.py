@@ -1,4 +1,4 @@
-"""Errors of a unit outside the model of 30 parameters: further terms, delays, changes over time."""
+"""Errors of a unit outside the 30-parameter model: further terms, delays, changes over time."""
 
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -74,7 +74,7 @@ class Changes:
         increments += (self._bias(times) + walk[1:]) * interval
 
     def parameters(self, parameters: FloatArray, time: float) -> FloatArray:
-        """Return what the unit's 30 parameters at time 0 have become at `time`, the end of the last sample, s."""
+        """Return the unit's 30 parameters at `time`, the end of the last sample, s, from their values at time 0."""
         scale, bias = self._grown(time) * self._effects.warm_up_scale, self._bias(time) + self._walk[0]
         found = parameters.copy()
         for i, p in enumerate(PARAMETERS):
@@ -122,7 +122,7 @@ class Effects(BaseModel):
     jump_at_s: float = 600.0
 
     def drawn(self, random: np.random.Generator) -> EffectTruth:
-        """Return the effects of one unit, SI; `random` decides signs that are not set."""
+        """Return the effects of one unit, SI; `random` draws signs that are not specified."""
         signs = random.choice([-1.0, 1.0], (3, 3, 3))
         signs[1:] *= 1.0 - np.eye(3)
         terms = [

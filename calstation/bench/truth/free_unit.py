@@ -32,7 +32,7 @@ class Motion(Protocol):
     def states(
         self, times: FloatArray, up_force: FloatArray, earth: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return specific force, rate and angular acceleration as `FreeMotion.states`."""
+        """Return specific force, rate and angular acceleration as in `FreeMotion.states`."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def record_pair(
 ) -> tuple[FloatArray, FloatArray]:
     """Return counts of the primary at the body's point, shape (n, 6), and of the others in the same rows, (n, k, 6).
 
-    All units share the vibration of the motion; that of the field, which is drawn for each unit, is omitted.
+    All units share the vibration of the motion; the vibration of the field, which is drawn for each unit, is omitted.
     """
     field = replace(field, velocity_sigma=0.0)
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)

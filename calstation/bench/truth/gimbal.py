@@ -110,7 +110,7 @@ class GimbalBench:
         return np.asarray(self.joints * (1.0 - _smooth(round(seconds / self.interval))[1:, None]))
 
     def course_stop(self) -> FloatArray:
-        """Return the joint angles at the end of each sample of a stop from the present rate, rad, shape (n, 3)."""
+        """Return the joint angles at the end of each sample of a stop from the current rate, rad, shape (n, 3)."""
         s = np.linspace(0.0, 1.0, round(_STOPPING / self.interval) + 1)[1:, None]
         rates = joint_rates(self._order, self.joints, self._rate)
         return np.asarray(self.joints + rates * _STOPPING * (s - 0.5 * s**2))
@@ -144,14 +144,15 @@ class GimbalBench:
     ) -> tuple[StreamOutput, FloatArray]:
         """Produce samples and the true joint angles at their ends, rad, shape (count, 3).
 
-        Either the body rates are `demanded` (rad/s, shape (count + 1, 3), the last row that of the following sample)
+        Either the body rates are `demanded` (rad/s, shape (count + 1, 3), the last row for the following sample)
         with the rates corrected by `gyro_matrix`, shape (3, 3), or the joints follow `course`, rad, shape (count, 3).
         """
         locked = demanded is None
         path = np.zeros((1, 3)) if course is None else np.vstack([self.joints, course])
         stabilised = np.zeros((1, 3)) if demanded is None else demanded
         width = 6 * len(INSTABILITY_TIMES)
-        random = self._random.standard_normal((count, 9 + width))  # the output does not depend on the parts of a run
+        # draw all at once, so that the output does not depend on how a run is divided
+        random = self._random.standard_normal((count, 9 + width))
         noise = random[:, :3] * (self._imu.gyro_arw * np.sqrt(self.interval))
         drift = np.zeros((count, 6))
         increments, joints = np.empty((count, 6)), np.empty((count, 3))
@@ -159,7 +160,7 @@ class GimbalBench:
         gimbal = (self._model, self._order, self._up, self._earth, self.interval, locked)
         motion = (path, stabilised, np.asarray(gyro_matrix), self.bias, noise + drift[:, :3] * self.interval)
         _simulate(*gimbal, *motion, self.joints, self._rate, increments, joints)
-        normals = np.hstack([np.zeros((count, 3)), random[:, 3:6]])  # the gyros' noise is already included
+        normals = np.hstack([np.zeros((count, 3)), random[:, 3:6]])  # the gyro noise is already included
         increments[:, 3:] += drift[:, 3:] * self.interval
         self._produced += count
         return self._digitiser.digitise(increments, normals), joints
@@ -195,7 +196,7 @@ class GimbalStream(GimbalBench):
         return self.read(self.joints), joint_rates(self._order, self.joints, self._rate)
 
     def zero(self) -> None:
-        """Lock the joints where they are, and average the gyro output from now on as the bias."""
+        """Lock the joints at their current angles, and average the gyro output from now on as the bias."""
         self.is_stabilised, self._program, self._zeroing = False, np.empty((0, 3)), []
 
     def stabilise(self) -> None:

@@ -21,7 +21,7 @@ _MAX_SIGMAS = 2.5
 
 @dataclass(frozen=True)
 class Grade:
-    """Magnitudes of one grade, SI: `sigma` of a unit's parameters by group; LSBs are those of increment output.
+    """Magnitudes of one grade, SI: `sigma` of a unit's parameters by group; LSBs refer to increment output.
 
     `repeatability` is the sigma of the change of a parameter from one power-up to the next, by group.
     """

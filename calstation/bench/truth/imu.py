@@ -252,6 +252,6 @@ class Digitiser:
         lsb, limit, remainder = self._lsb, self._limit, self._remainder
         noise = (self._white, self._decay, self._driven, self._bias)
         counts, saturated = digitise(increments, normals, *noise, lsb, limit, self._interval, self._as_rate, remainder)
-        if np.any(self._limit < self._range):  # clipped below their range, the gyros do not report it
+        if np.any(self._limit < self._range):  # gyros clipped below their range do not report saturation
             saturated = np.any(np.abs(counts) >= self._range, axis=1)
         return StreamOutput(counts, saturated)

@@ -24,7 +24,7 @@ def compiled(function: F) -> F:
 #: Undamped frequency of the drive, rad/s, and its damping ratio.
 DRIVE_FREQUENCY = 2.0 * np.pi * 12.0
 DRIVE_DAMPING = 0.2
-#: Oscillations below which a joint counts as settled and as completely at rest, rad.
+#: Oscillation amplitudes below which a joint counts as settled, and as completely at rest, rad.
 SETTLED = 1e-6
 STILL = 1e-12
 

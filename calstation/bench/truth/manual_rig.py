@@ -1,6 +1,7 @@
 """A manual rig: the unit on an inner rail inside an outer rail, pushed by an operator from position to position.
 
-The operator stops near the position, corrects it, and shakes the rig with a tremor; the unit is off the rails' centre.
+The operator stops near the position, corrects it, and shakes the rig with a tremor; the unit is mounted away from the
+rails' centre.
 """
 
 from dataclasses import dataclass
@@ -153,7 +154,7 @@ class Hands:
 
 #: Range of the delay between a request and the push, s.
 _REACTION_TIME = (0.5, 1.5)
-#: Fraction of positions at which the rig is touched again too soon.
+#: Fraction of positions at which the rig is touched again too early.
 _RETOUCH_FRACTION = 0.12
 #: Angle by which such a touch turns a rail, rad.
 _RETOUCH_ANGLE = np.deg2rad(12.0)

@@ -6,7 +6,7 @@ from scipy.linalg import expm
 from calstation.bench.truth.kinematics import compiled
 from calstation.physics import FloatArray
 
-#: Correlation times of the bank of processes, s, in ratios of four.
+#: Correlation times of the bank of processes, s, with ratios of four.
 INSTABILITY_TIMES: tuple[float, ...] = (2.0, 8.0, 32.0, 128.0, 512.0, 2048.0)
 _SPACING = 4.0
 
@@ -18,9 +18,9 @@ VIBRATION_DAMPING = 0.2
 def instability_variance(instability: FloatArray | float) -> FloatArray:
     """Return the stationary variance of each process of the bank for a bias instability B.
 
-    Processes with correlation times in ratios of ρ and equal variance s² sum to the two-sided density s²/(2 f ln ρ);
-    flicker noise of instability B has B²/(2π f) (IEEE Std 952-1997, C.4), hence s² = B² ln ρ / π and an Allan deviation
-    floor of sqrt(2 ln 2 / π) B = 0.664 B.
+    Processes of equal variance s² whose correlation times have the ratio ρ add up to the two-sided density s²/(2 f ln
+    ρ); flicker noise of instability B has B²/(2π f) (IEEE Std 952-1997, C.4), hence s² = B² ln ρ / π and an Allan
+    deviation floor of sqrt(2 ln 2 / π) B = 0.664 B.
     """
     return np.asarray(np.square(instability) * (np.log(_SPACING) / np.pi), dtype=np.float64)
 

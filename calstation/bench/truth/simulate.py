@@ -1,4 +1,4 @@
-"""Simulate a plan from the true values without any protocol, for the Monte Carlo study."""
+"""Simulation of a plan from the true values without any protocol, for the Monte Carlo study."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ TEMPERATURE = 25.0
 class BenchTruth:
     """True values of everything that the station estimates.
 
-    `azimuth`, rad, is that of the station file; the true azimuth is `table.azimuth`. `outer_lever` is "estimated", or
+    `azimuth`, rad, is the station file's value; the true azimuth is `table.azimuth`. `outer_lever` is "estimated", or
     "fixed" at 0.
     """
 

@@ -13,8 +13,8 @@ from calstation.physics import FloatArray
 class SensorStream:
     """Samples of one unit on one table; they do not depend on the sizes of the requests.
 
-    `interval` is the true duration of a sample, s, which differs from the nominal one if the unit's clock is wrong.
-    The table's motion is in the time of another unit, which runs `rate` times as fast as that of this unit and is
+    `interval` is the true duration of a sample, s, which differs from the nominal one if the unit's clock is wrong. The
+    table's motion is given in the time of another unit, which runs `rate` times as fast as this unit's time and equals
     `begin`, s, when this unit's time is 0; gravity and the rotation of the earth are per second of this unit.
     """
 

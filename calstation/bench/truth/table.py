@@ -5,7 +5,7 @@
 A has the axes of the unit along x, y and z of the platform as rows. W is the wobble of a bearing: a tilt of constant
 size ε whose direction turns with the joint, W = R(a, kq + ψ) · R(u, ε) · R(a, −kq − ψ), with u normal to the axis a.
 The attitude is therefore a chain of constant rotations P_j and of turns about constant axes by angles linear in the
-joint angles, and rate and acceleration are transformed exactly by each link: with R = R(a, θ),
+joint angles, and each link transforms rate and acceleration exactly. With R = R(a, θ),
 
     ω' = Rᵀω + a θ',    ω'' = Rᵀω'' − θ' a × (Rᵀω) + a θ''        (rigid-body kinematics, rotating axes)
 

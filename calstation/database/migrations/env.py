@@ -1,4 +1,4 @@
-"""Run by alembic: migrate over the connection that `calstation.database.connect` gives."""
+"""Executed by alembic: migrate over the connection provided by `calstation.database.connect`."""
 
 from alembic import context
 

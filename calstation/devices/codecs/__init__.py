@@ -1,4 +1,4 @@
-"""Encoding of numbers, checks and matrix conventions in bytes and registers.
+"""Encoding of numbers, checksums and matrix conventions in bytes and registers.
 
 All functions are pure and depend on neither profiles nor ports.
 """

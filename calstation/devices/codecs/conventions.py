@@ -61,7 +61,7 @@ def offset_slots(sensor: str) -> tuple[str, ...]:
     return tuple(f"{sensor}_offset_{axis}" for axis in AXES)
 
 
-#: Names that register entries may contain besides the parameters themselves.
+#: Names that register entries may contain in addition to the parameters themselves.
 SLOTS: tuple[str, ...] = tuple(name for sensor in SENSORS for name in (*matrix_slots(sensor), *offset_slots(sensor)))
 
 
@@ -105,8 +105,9 @@ def to_registers(
 
 
 def from_registers(sensor: str, held: Mapping[str, float], matrix: Convention, offset: Convention) -> dict[str, float]:
-    """Convert the values of a sensor's slots to parameters, SI; NaN if the matrix cannot be inverted. Raises
-    DeviceFaultError if an accelerometer's matrix is not lower triangular, which the error model cannot represent.
+    """Convert the values of a sensor's slots to parameters, SI; NaN if the matrix cannot be inverted.
+
+    Raises DeviceFaultError if an accelerometer's matrix is not lower triangular, as the error model requires.
     """
     stored = np.zeros((3, 3)) if not matrix.identity else np.eye(3)
     for i, slot in enumerate(matrix_slots(sensor)):

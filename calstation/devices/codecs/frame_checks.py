@@ -1,4 +1,4 @@
-"""Frame checks: the CRCs, sums and parities that profiles may name, and CRCs defined by parameters."""
+"""Frame checksums: the CRCs, sums and parities that profiles may name, and CRCs defined by parameters."""
 
 import zlib
 from collections.abc import Callable
@@ -24,7 +24,7 @@ def _fletcher(data: bytes) -> int:
 
 
 def _crc32_novatel(data: bytes) -> int:
-    """Return the CRC-32 with initial value and final XOR 0: zlib's, whose inversions at both ends are undone."""
+    """Return the CRC-32 with initial value and final XOR 0, computed by undoing the inversions of zlib's CRC-32."""
     return zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 
@@ -48,12 +48,12 @@ _CHECKS = {**_CRCS, **_SUMS}
 #: Size in bytes of each kind of CRC.
 CRC_WIDTHS: dict[str, int] = {kind: width for kind, (width, _) in _CRCS.items()}
 
-#: Size in bytes of each kind of check, including sums and parities.
+#: Size in bytes of each kind of checksum, including sums and parities.
 CHECK_WIDTHS: dict[str, int] = {kind: width for kind, (width, _) in _CHECKS.items()}
 
 
 def check_bytes(kind: str, data: bytes, byte_order: Literal["little", "big"]) -> bytes:
-    """Return the check of `data` as bytes on the wire."""
+    """Return the checksum of `data` as bytes on the wire."""
     width, function = _CHECKS[kind]
     return function(data).to_bytes(width, byte_order)
 
@@ -66,7 +66,7 @@ def check_function(kind: str) -> CheckFunction:
 def parametric_crc(
     width: int, polynomial: int, initial: int, reflect_in: bool, reflect_out: bool, final_xor: int
 ) -> CheckFunction:
-    """Return the function of a CRC in the Rocksoft model (R. Williams, A Painless Guide to CRC Error Detection, 1993).
+    """Return a function that computes a CRC in the Rocksoft model.
 
     Parameters
     ----------

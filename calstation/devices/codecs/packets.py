@@ -9,7 +9,7 @@ QUOTE_LENGTH = 40
 
 
 class PacketKind(Protocol):
-    """A kind of packet in a stream; `sync` are the bytes that begin it."""
+    """A kind of packet in a stream; `sync` contains its first bytes."""
 
     sync: bytes
 
@@ -17,7 +17,7 @@ class PacketKind(Protocol):
         """Return the size in bytes of the packet at `start`: None until more bytes arrive, 0 if there is none."""
 
     def is_valid(self, packet: bytes) -> bool:
-        """Whether a complete packet passes its check."""
+        """Return whether a complete packet has a correct checksum."""
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ class BinaryFrame:
         return self._frame.items is None or not self.is_sample(packet) or self._walk(packet) is not None
 
     def is_sample(self, packet: bytes) -> bool:
-        """Whether a valid packet has the id of sample frames."""
+        """Return whether a valid packet has the id of sample frames."""
         at = self._frame.id.at if self._frame.id else 0
         return packet[at : at + len(self._id)] == self._id
 
@@ -181,7 +181,7 @@ class Layout:
         return found
 
 
-#: Largest number of stored layouts, so that noise which passes a check cannot fill the memory.
+#: Largest number of stored layouts, so that noise with a matching checksum cannot fill the memory.
 _LAYOUTS_KEPT = 256
 
 

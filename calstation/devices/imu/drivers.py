@@ -1,4 +1,4 @@
-"""Selects the driver of an IMU by its profile's protocol, and drives IMUs that only stream."""
+"""Selection of an IMU's driver by its profile's protocol, and the driver of IMUs that only stream."""
 
 from collections.abc import Callable, Mapping
 
@@ -22,7 +22,7 @@ class SilentImu(StreamedImu):
     def start(self, *, corrected: bool = False) -> None: ...
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> None:
-        """Reset the noise count only, because a unit that has restarted resumes its stream by itself."""
+        """Reset only the noise count, because a unit that has restarted resumes its stream automatically."""
         self._forget_noise()
 
     def identify(self) -> ImuIdentity:

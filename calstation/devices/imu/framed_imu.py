@@ -20,7 +20,7 @@ _PAYLOAD = 255
 class FramedImu(RegisteredImu):
     """Driver of an IMU on a link; one thread owns the port, reads samples and sends commands.
 
-    Registers are read and written with address u16, count u8 and the numbers themselves.
+    Register requests consist of address u16, count u8 and, for writes, the numbers.
     """
 
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:

@@ -54,12 +54,12 @@ class Decoded:
 
 
 class FrameDecoder:
-    """Finds packets by their sync bytes and check; other bytes are skipped one by one.
+    """Finds packets by their sync bytes and checksum; other bytes are skipped one by one.
 
     A partial packet is kept until the rest arrives, so the result does not depend on how the stream is divided.
     At most one packet of the largest size is kept, and no bytes that cannot begin a packet.
 
-    crc_errors : packets that failed their check; skipped : bytes that belong to no packet
+    crc_errors : packets with a wrong checksum; skipped : bytes outside packets
     others : valid packets without sample fields
     since_frame : bytes skipped since the last valid packet
     """
@@ -188,7 +188,7 @@ class _Search:
 
 
 class CommandReply:
-    """Replies of the framed link: sync | op u8 | n u8 | n bytes | check over op to payload."""
+    """Replies of the framed link: sync | op u8 | n u8 | n bytes | checksum over op to payload."""
 
     def __init__(self, commands: CommandSection, frame: FrameSection) -> None:
         self.sync = hex_bytes(commands.reply_sync)
@@ -211,6 +211,6 @@ class CommandReply:
 
 
 def command_frame(commands: CommandSection, frame: FrameSection, op: int, payload: bytes) -> bytes:
-    """Return the bytes of a request: sync, op, length, payload, check."""
+    """Return the bytes of a request: sync, op, length, payload, checksum."""
     body = bytes([op, len(payload)]) + payload
     return hex_bytes(commands.request_sync) + body + check_bytes(commands.crc, body, frame.byte_order)

@@ -100,7 +100,7 @@ class ModbusImu(RegisteredImu):
             time.sleep(POLL)
 
     def _done(self, command: WordCommand) -> bool:
-        """Whether the unit has carried out a command; until then it may be busy or silent."""
+        """Return whether the unit has executed a command; until then it may be busy or silent."""
         address = command.address if command.done is not None else self._section.model.address
         try:
             return self._read(address, 1, attempts=1)[0] == command.done or command.done is None
@@ -114,7 +114,7 @@ class ModbusImu(RegisteredImu):
 
     @contextmanager
     def _quiet(self) -> Iterator[None]:
-        """Switch the stream off in this context if the unit requires it."""
+        """Switch the stream off while the context is open, if the unit requires it."""
         stream = self._section.stream
         if stream is None or stream.off is None:
             yield

@@ -1,9 +1,9 @@
-"""Writes values to a unit's registers so that after a power cut at any time they can be identified as old or new.
+"""Writing of a unit's registers so that, after a power cut at any time, they can be identified as old or new.
 
-Verify the serial number, restart the unit so that its registers have the values of its flash, save them, record the
-intended change, write, read back bit by bit, commit, restart, and read again. The journal entry stays open until the
-corrected output is verified on new data; an open entry contains the old and the new values, so that the next start
-can determine which of them the unit has.
+The transfer verifies the serial number, restarts the unit so that its registers have the values of its flash, saves
+them, records the intended change, writes, reads back bit by bit, commits, restarts, and reads again. The journal entry
+stays open until the corrected output is verified on new data; an open entry contains the old and the new values, so
+that the next start can determine which of them the unit holds.
 """
 
 from collections.abc import Callable, Mapping
@@ -45,7 +45,7 @@ class Closing(StrEnum):
 
 
 class Holds(StrEnum):
-    """Which values the flash of a restarted unit contains."""
+    """Values that the flash of a restarted unit contains."""
 
     OLD = "old"
     NEW = "new"
@@ -69,7 +69,7 @@ class Entry(Protocol):
         """Record the outcome."""
 
 
-#: Records an intended change of the registers from old to new, by parameter, SI; on disk when it returns.
+#: Function that records an intended change of the registers from old to new, by parameter, SI; on disk when it returns.
 Begin = Callable[[Mapping[str, float], Mapping[str, float]], Entry]
 
 

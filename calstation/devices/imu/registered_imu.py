@@ -32,7 +32,7 @@ ATTEMPTS = 3
 class RegisteredImu(StreamedImu):
     """An IMU whose registers are accessed by commands on its link; `replies` is the kind of its reply packets.
 
-    Timeouts are those of `profile.command_times`, host time in s.
+    Timeouts are taken from `profile.command_times`, host time in s.
     """
 
     def __init__(self, link: SerialLink, profile: ImuProfile, replies: CommandSection | ReplyKind) -> None:
@@ -52,7 +52,10 @@ class RegisteredImu(StreamedImu):
         self._expect(own or self._profile.frame)
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity:
-        """See `Imu`; raises OtherModelError at once, and another DeviceFaultError only after `reset_timeout_s`."""
+        """Identify the unit, see `Imu.wake`.
+
+        Raises OtherModelError at once, and another DeviceFaultError only after `reset_timeout_s`.
+        """
         deadline = time.monotonic() + self._reset_timeout
         while True:
             check_cancelled()
@@ -148,7 +151,7 @@ class RegisteredImu(StreamedImu):
             time.sleep(POLL)
 
     def _restarted(self, mark: "RestartMarker | None", *, last: bool) -> bool:
-        """Whether the unit replies and the marker is gone; if not, raises DeviceFaultError on the `last` check."""
+        """Return whether the unit replies and the marker is gone; raise DeviceFaultError on the `last` check if not."""
         try:
             self._ask_identity(attempts=1)
             if mark is None:
@@ -202,7 +205,7 @@ class RegisteredImu(StreamedImu):
         """Send a single restart command to the unit."""
 
 
-#: Fractions of a register's range that calibrations do not produce; one always differs from the present value.
+#: Fractions of a register's range that calibrations do not produce; one always differs from the current value.
 _FRACTIONS = (0.381966, 0.618034)
 
 _MATRIX = frozenset(slot for sensor in SENSORS for slot in matrix_slots(sensor))
@@ -223,7 +226,7 @@ def markable(entries: Sequence[RegisterEntry]) -> RegisterEntry | None:
 
 
 def marked(entry: RegisterEntry, before: Sequence[float]) -> list[float]:
-    """Return numbers in the entry's range that differ from its present ones; only the last one in a matrix entry."""
+    """Return numbers in the entry's range that differ from its current ones; only the last one in a matrix entry."""
     free = _free(entry) or [len(entry.names) - 1]
     kind = number(entry.type)
     numbers = list(before)

@@ -161,7 +161,7 @@ def alike(numbers: Sequence[float], others: Sequence[float]) -> bool:
 
 
 def _same(a: float, b: float) -> bool:
-    """Whether two numbers agree in every bit; any NaN equals any other."""
+    """Return whether two numbers agree in every bit; any NaN equals any other."""
     return (a == b and math.copysign(1.0, a) == math.copysign(1.0, b)) or (math.isnan(a) and math.isnan(b))
 
 

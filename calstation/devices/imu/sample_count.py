@@ -1,4 +1,4 @@
-"""Converts a unit's counter, or its clock, to a continuous count of samples."""
+"""Conversion of a unit's counter, or its clock, to a continuous count of samples."""
 
 from typing import Any
 

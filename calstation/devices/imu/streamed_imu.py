@@ -111,8 +111,8 @@ class StreamedImu(Imu):
     def exchange(self, question: Question[T], *, timeout: float, attempts: int, urgent: bool = False) -> T:
         """Send a command and wait for its reply, `timeout` s of host time in each attempt.
 
-        A late reply could be mistaken for that of the next command. A command whose reply has the signature of one that
-        may still arrive is therefore sent only after the unit has replied to a question with another signature. An
+        A late reply could be mistaken for the reply to the next command. A command whose reply has the signature of one
+        that may still arrive is therefore sent only after the unit has replied to a question with another signature. An
         `urgent` command must not wait and may be sent twice: it is sent immediately, and again if needed.
 
         Raises DeviceFaultError if no acceptable reply arrives or the link is lost.
@@ -136,7 +136,10 @@ class StreamedImu(Imu):
         return iter(())
 
     def _between(self, timeout: float) -> bool:
-        """Ask a question whose reply cannot be a late one. Return whether it arrives: no late reply can follow it."""
+        """Ask a question to which no late reply can belong; return whether its reply arrives.
+
+        After this reply, no late reply can arrive.
+        """
         while True:
             for question in self._other_questions():
                 if question.signature not in self._unanswered:

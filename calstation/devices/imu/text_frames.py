@@ -1,4 +1,4 @@
-"""Lines of text in a byte stream: samples in columns, and other lines with a check before their end."""
+"""Lines of text in a byte stream: samples in columns, and other lines with a checksum before their end."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ _EXACT = 2.0**53
 
 
 class TextLine:
-    """A line with a check: sync ... mark, check in hexadecimal, tail."""
+    """A line with a checksum: sync ... mark, checksum in hexadecimal, tail."""
 
     def __init__(self, frame: FrameSection) -> None:
         self.sync = frame.sync_bytes
@@ -39,7 +39,7 @@ class TextLine:
 
 
 class TextFrame(TextLine):
-    """Lines of numbers in ASCII, with a check in hexadecimal before the line end."""
+    """Lines of numbers in ASCII, with a hexadecimal checksum before the line end."""
 
     def __init__(self, frame: FrameSection) -> None:
         super().__init__(frame)
@@ -55,7 +55,7 @@ class TextFrame(TextLine):
         self.shortest = len(self.sync) + 2 * frame.crc.size + 1 + len(frame.tail_bytes)
 
     def is_sample(self, packet: bytes) -> bool:
-        """Whether a line has the header of samples, not a longer header that begins with it."""
+        """Return whether a line has the header of samples, and not a longer header that begins with it."""
         return self.body(packet)[len(self.sync) :].startswith(self._separator.encode())
 
     def columns(self, packets: Sequence[bytes]) -> Columns:

@@ -1,4 +1,4 @@
-"""Driver of VectorNav IMUs (VN-100), with a binary or text stream and commands as lines $VN...*check."""
+"""Driver of VectorNav IMUs (VN-100), with a binary or text stream and commands as lines $VN...*checksum."""
 
 from collections.abc import Iterator
 

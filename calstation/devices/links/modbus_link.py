@@ -16,7 +16,7 @@ from calstation.devices.profiles import SerialSettings
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.messages import Text, known
 
-logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # its errors become DeviceFaultError
+logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # pymodbus errors are raised as DeviceFaultError
 
 #: Modbus exception of a device that executes the request but needs time.
 ACKNOWLEDGED = 5
@@ -80,7 +80,7 @@ class ModbusLink:
         return self._carrier.received
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
-        """Read unsigned 16-bit words from a 0-based address of the link's own unit or another; repeats a lost transfer.
+        """Read unsigned 16-bit words from a 0-based address of the link's own unit or another; repeat a lost transfer.
 
         Raises ModbusRefusalError if the device refuses, NoAnswerError if it does not reply.
         """

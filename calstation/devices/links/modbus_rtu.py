@@ -138,8 +138,9 @@ def _refuses(reply: Reply, signature: Hashable) -> bool:
 
 
 class Barriers:
-    """Reads whose replies differ in length from any that may still arrive; lengths already read are preferred to
-    shorter parts of the longest one, which a device might refuse.
+    """Reads whose replies differ in length from all replies that may still arrive.
+
+    Lengths that were already read are preferred to shorter parts of the longest one, which a device might refuse.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Determines why a port cannot be opened, as a reason that the user can act on."""
+"""Diagnosis of a port that cannot be opened, with a reason that the user can act on."""
 
 import errno
 import socket
@@ -12,8 +12,8 @@ from calstation.devices.profiles import SerialSettings
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text
 
-#: In order: no such USB adapter, no such port, no permission, in use, unsuitable settings; host:port malformed, host
-#: not found, connection refused, host unreachable; other.
+#: In order: no such USB adapter, no such port, no permission, in use, unsuitable settings, malformed host:port, host
+#: not found, connection refused, host unreachable, other.
 Reason = Literal[
     "no_adapter",
     "no_port",

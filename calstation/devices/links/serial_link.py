@@ -1,4 +1,4 @@
-"""A serial link, which opens any port that pyserial supports and converts its exceptions to errors of the catalogue."""
+"""A serial link that opens any port supported by pyserial and converts its exceptions to catalogue errors."""
 
 import select
 from contextlib import suppress
@@ -19,7 +19,7 @@ except ImportError:  # no termios on Windows
 #: Exceptions raised by pyserial: OSError for a closed pty, termios.error for a refused parity.
 LINK_ERRORS = (serial.SerialException, OSError, termios_error)
 
-#: Device that a port belongs to, as a code of the message family `source`.
+#: Device to which a port belongs, as a code of the message family `source`.
 Device = Literal["table", "imu"]
 
 _READ_SIZE = 65536

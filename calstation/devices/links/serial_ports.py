@@ -1,4 +1,4 @@
-"""Lists the serial ports of this computer, also by the serial numbers of their USB adapters."""
+"""The serial ports of this computer, also by the serial numbers of their USB adapters."""
 
 import re
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ class FoundPort:
 
 
 def found_ports() -> tuple[FoundPort, ...]:
-    """Return all serial ports of this computer, those of USB adapters first."""
+    """Return all serial ports of this computer, USB adapters first."""
     listed = _listed()
     ports = []
     for p in listed:
@@ -44,8 +44,9 @@ def found_ports() -> tuple[FoundPort, ...]:
 
 
 def resolve(port: str, device: str) -> str:
-    """Return the port to open: for `usb:...` the current device of the adapter, else `port`. Raises DeviceFaultError,
-    with `device` as its source, if no such adapter is plugged in or if several are.
+    """Return the port to open: for `usb:...` the current device of the adapter, else `port`.
+
+    Raises DeviceFaultError, with `device` as its source, if no such adapter is plugged in or if several are.
     """
     if not port.startswith(USB):
         return port
@@ -72,7 +73,8 @@ def _listed() -> list[ListPortInfo]:
 def _names(port: ListPortInfo, listed: Sequence[ListPortInfo]) -> tuple[str, ...]:
     """Return the names of a port by its adapter, the preferred one first.
 
-    A serial number of several adapters is not used as a name, since it would change its meaning if one is unplugged.
+    A serial number shared by several adapters is not used as a name, because its meaning would change when one is
+    unplugged.
     """
     alike = [p for p in listed if p.serial_number and p.serial_number == port.serial_number]
     location = _location(port)

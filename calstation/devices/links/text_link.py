@@ -1,4 +1,4 @@
-"""Text lines to a table and their replies, with a prompt, plain or checked; each exchange is bounded in time."""
+"""Text lines to a table and their replies, with a prompt, plain or checksummed; each exchange is bounded in time."""
 
 import re
 import time
@@ -19,7 +19,7 @@ class TextRefusalError(DeviceFaultError):
 
 
 class UnlikeAnswerError(DeviceFaultError):
-    """The form of the table's reply is not the one that the profile states."""
+    """The table's reply does not have the form specified in the profile."""
 
 
 class Plain:
@@ -29,11 +29,11 @@ class Plain:
         self._end = section.line_end
 
     def request(self, line: str) -> bytes:
-        """The bytes to send."""
+        """Return the bytes to send."""
         return (line + self._end).encode("latin-1")
 
     def reply(self, line: str, received: bytes) -> tuple[str, bytes] | None:
-        """Return the reply to `line` in the received bytes and the bytes after it; None until the reply is complete."""
+        """Return the reply to `line` in the received bytes and the rest of them; None until the reply is complete."""
         while b"\n" in received:
             first, _, received = received.partition(b"\n")
             words = self._words(line, first.decode("latin-1").strip())
@@ -54,7 +54,7 @@ class Prompted(Plain):
         self._prompt = section.prompt.encode("latin-1")
 
     def reply(self, line: str, received: bytes) -> tuple[str, bytes] | None:
-        """See `Plain`; an echo of the line is dropped."""
+        """Return the reply as in `Plain`, without an echo of the line."""
         text, prompt, rest = received.partition(self._prompt)
         if not prompt:
             return None
@@ -70,12 +70,12 @@ class Checked(Plain):
         self._lines, self._sum = lines, check_function("sum8")
 
     def request(self, line: str) -> bytes:
-        """The bytes to send."""
+        """Return the bytes to send."""
         body = self._lines.head + line
         return f"{body}{self._lines.mark}{self._check(body, self._lines.head)}{self._end}".encode("latin-1")
 
     def _words(self, line: str, received: str) -> str:
-        """Return the text of a line if its checksum is correct and its command is that of `line`."""
+        """Return the text of a line if its checksum is correct and its command matches `line`."""
         begin = received.rfind(self._lines.reply_head)
         body, mark, stated = received[begin:].rpartition(self._lines.mark) if begin >= 0 else ("", "", "")
         words = body.removeprefix(self._lines.reply_head)
@@ -159,11 +159,11 @@ class TextLink:
         return SerialLink(url, self._serial, "table")
 
     def _known(self) -> bool:
-        """Whether the table has been identified since the link was opened."""
+        """Return whether the table has been identified since the link was opened."""
         return self._link is not None and not self._new
 
     def _synchronised(self) -> bool:
-        """Whether the next reply will belong to the next line; queries the table if this is uncertain."""
+        """Return whether the next reply will belong to the next line; query the table if this is uncertain."""
         if self._known() and not self._unanswered:
             return True
         others = [line for line in self._questions if line not in self._unanswered]

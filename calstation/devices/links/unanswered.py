@@ -1,16 +1,16 @@
-"""Records unanswered requests, whose late replies could be mistaken for those to later requests."""
+"""Record of unanswered requests, whose late replies could be mistaken for replies to later requests."""
 
 from collections.abc import Callable, Hashable, Iterator
 
 #: Host time without a byte after which a transmission is considered complete, s.
 QUIET = 0.05
 
-#: Largest number of recorded requests; a device that leaves more unanswered is not late but silent.
+#: Largest number of recorded requests; a device that leaves more unanswered is silent rather than late.
 _MAX_REQUESTS = 100
 
 
 class Unanswered:
-    """Signatures of replies that may still arrive, oldest first; after a reply, none to an older request arrives."""
+    """Signatures of replies that may still arrive, oldest first; a reply rules out later replies to older requests."""
 
     def __init__(self) -> None:
         self._signatures: list[Hashable] = []

@@ -1,4 +1,4 @@
-"""Data models of profile files: frames, registers, limits and accuracy, checked as a whole.
+"""Data models of profile files: frames, registers, limits and accuracy, validated as a whole.
 
 The files are found and edited by `config`.
 """

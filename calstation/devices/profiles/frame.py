@@ -1,4 +1,4 @@
-"""The section `[frame]` of a profile: packets, their check and fields, and the range of the channels."""
+"""The section `[frame]` of a profile: packets, their checksum and fields, and the range of the channels."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -39,7 +39,7 @@ class FrameField(StrictModel):
     at : first byte in the frame or item, or column in a text frame; directly after the previous field if absent
     item : id of the item that contains the field, in hexadecimal; only in frames of items
     word_order : order of its 16-bit words, if it differs from the byte order
-    per_sample : increment of a counter per sample, e.g. the ticks of a clock, or seconds where it is a float
+    per_sample : increment of a counter per sample, e.g. the ticks of a clock, or seconds for a float
     reach : absolute value at and above which a channel is saturated, in addition to the bounds of its type
     prefix, base : in a text frame, the letters before the number, and 16 for hexadecimal numbers
     """
@@ -68,7 +68,7 @@ class FrameField(StrictModel):
 
     @property
     def is_float(self) -> bool:
-        """Whether it is a floating-point number, as a counter one that gives time."""
+        """Whether the field is a floating-point number; a floating-point counter contains time."""
         return number(self.type).kind == "f"
 
     @property
@@ -120,11 +120,11 @@ class CrcSection(StrictModel):
 
     @property
     def size(self) -> int:
-        """Size of the check in bytes."""
+        """Size of the checksum in bytes."""
         return self.width // 8 if self.width else CHECK_WIDTHS[self.kind]
 
     def function(self) -> CheckFunction:
-        """Return the function that computes the check, including the padding."""
+        """Return the function that computes the checksum, including the padding."""
         if self.width is None:
             function = check_function(self.kind)
         else:
@@ -150,7 +150,7 @@ class LengthSection(StrictModel):
 
 
 class ItemSection(StrictModel):
-    """`items`: items with their own id and length, from byte `at` up to the check.
+    """`items`: items with their own id and length, from byte `at` up to the checksum.
 
     order : order of id and length; counts_header : whether the length includes both of them
     """
@@ -174,12 +174,12 @@ class IdSection(StrictModel):
 
 
 class FrameSection(StrictModel):
-    """`[frame]`: sync, fields and check of a frame, and the optional parts of its header.
+    """`[frame]`: sync, fields and checksum of a frame, and the optional parts of its header.
 
     sync : first bytes in hexadecimal; in a text frame, its first characters
-    tail : constant bytes after the check
+    tail : constant bytes after the checksum
     max_size : size in bytes above which a length is treated as noise
-    separator, mark, tail : in a text frame, the characters between numbers, before the check, and at the line end
+    separator, mark, tail : in a text frame, the characters between numbers, before the checksum, and at the line end
     """
 
     format: Literal["binary", "text"] = "binary"
@@ -211,7 +211,7 @@ class FrameSection(StrictModel):
 
     @property
     def tail_bytes(self) -> bytes:
-        """Last bytes of every frame, after the check."""
+        """Last bytes of every frame, after the checksum."""
         if self.tail is None:
             return b"\r\n" if self.format == "text" else b""
         return hex_bytes(self.tail)
@@ -231,7 +231,7 @@ class FrameSection(StrictModel):
         return next((f for f in self.fields if f.name == name), None)
 
     def named(self, name: str) -> FrameField:
-        """Return the field called `name`, which every checked sample frame contains."""
+        """Return the field with a name, which every validated sample frame contains."""
         return next(f for f in self.fields if f.name == name)
 
     def positions(self) -> list[tuple[FrameField, int, int]]:
@@ -249,7 +249,7 @@ class FrameSection(StrictModel):
         """Return the smallest size in bytes of a frame with the fields of these names, or with all fields."""
         wanted = {f.name for f in self.fields if f.name in names or not names}
         trailer = self.crc.size + len(self.tail_bytes)
-        if self.format == "text":  # digit and separator per field, mark, two digits per check byte
+        if self.format == "text":  # digit and separator per field, mark, two digits per checksum byte
             return len(self.sync_bytes) + 2 * len(self.fields) + 1 + self.crc.size + trailer
         if self.items is None:
             ends = [end for f, _, end in self.positions() if f.name in wanted or self.length is None]
@@ -305,7 +305,7 @@ class FrameSection(StrictModel):
                     raise EntryError("profile.not_with", "fields", i, name, other='format = "text"')
 
     def _check_header(self) -> None:
-        """Check that sync, length and id do not overlap, and that the check begins before the frame ends."""
+        """Check that sync, length and id do not overlap, and that the checksum is within the frame."""
         for (a, at), (b, other) in combinations(self._header().items(), 2):
             if at[0] < other[1] and other[0] < at[1]:
                 raise EntryError("profile.header_overlap", b, "at", other=a, first=at[0], last=at[1] - 1)
@@ -352,7 +352,7 @@ class FrameSection(StrictModel):
 
 
 def check_samples(frame: FrameSection) -> None:
-    """Check that a frame's fields are those of a sample; raises EntryError."""
+    """Check that a frame has the fields of a sample; raises EntryError."""
     for i, f in enumerate(frame.fields):
         if f.name not in FIELDS and not f.is_spare:
             remedy = near_miss(f.name, FIELDS, Text("profile.call_it_spare"))

@@ -1,4 +1,4 @@
-"""IMU profiles (`data/imus`): stream frame, commands, register map, noise and priors, checked as a whole."""
+"""IMU profiles (`data/imus`): stream frame, commands, register map, noise and priors, validated as a whole."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -65,8 +65,8 @@ class ImuProfile(StrictModel):
     without_register : parameters and groups for which the unit has no register
     flash_cycles_max : number of commits that its data sheet allows
     stability : change of the parameters from power-up to power-up and over time
-    states : effects beyond the 30 parameters that are estimated too
-    corrected : how to switch from the stream before the registers are applied to the one after
+    states : effects estimated in addition to the 30 parameters
+    corrected : how to switch from the raw stream to the stream with the registers applied
     """
 
     name: str
@@ -106,7 +106,7 @@ class ImuProfile(StrictModel):
     @model_validator(mode="before")
     @classmethod
     def _addresses(cls, data: Any) -> Any:
-        """Set the protocol's default span (addresses per number) where a register entry gives none."""
+        """Set the protocol's default span (addresses per number) for register entries without a span."""
         if not isinstance(data, dict) or not isinstance(data.get("registers"), list):
             return data
         protocol = data.get("protocol")
@@ -188,7 +188,7 @@ class ImuProfile(StrictModel):
 
     @property
     def quantised_stream(self) -> StreamSection:
-        """The stream with the quantisation that follows from the frame: a count if not otherwise specified."""
+        """The stream with the quantisation that follows from the frame: one count if not otherwise specified."""
         steps, found = span(self.frame).step, {}
         for sensor, step in (("gyro", steps[:3].max()), ("accel", steps[3:].max())):
             if getattr(self.stream, f"{sensor}_quantisation") is None and step != 1.0:
@@ -246,7 +246,7 @@ def check_status(status: StatusSection, frame: FrameSection, name: str) -> None:
 
 
 def check_baud(settings: SerialSettings, frame: FrameSection, rate: float, name: str = "frame") -> None:
-    """Check that the serial line can carry a stream of `rate` samples per second; `name` is that of the frame."""
+    """Check that the serial line can transmit `rate` samples per second; `name` is the name of the frame."""
     size = frame.min_size(("counter", *CHANNELS))
     needed = settings.bits_per_byte * size * rate
     if needed > settings.baud:
@@ -289,9 +289,9 @@ def check_corrected(section: CorrectedSection, protocol: str, order: str, raw: t
     if protocol == "stream":
         raise EntryError("profile.not_with", "corrected", other='protocol = "stream"')
     needed, other = ("start", "stream") if protocol == "vectornav" else ("stream", "start")
-    if not _given(section, needed):
+    if not _is_set(section, needed):
         raise EntryError("profile.needed_by", "corrected", needed, owner=f'protocol = "{protocol}"')
-    if _given(section, other):
+    if _is_set(section, other):
         raise EntryError("profile.not_with", "corrected", other, other=f'protocol = "{protocol}"')
     if section.stream is None:
         return
@@ -303,14 +303,14 @@ def check_corrected(section: CorrectedSection, protocol: str, order: str, raw: t
         raise EntryError("entry.out_of_range", "corrected", "stream", value=section.stream, low=2, high=255)
 
 
-def _given(section: CorrectedSection, name: str) -> bool:
+def _is_set(section: CorrectedSection, name: str) -> bool:
     return getattr(section, name) not in (None, [])
 
 
 def check_modbus_map(section: ModbusUnitSection, entries: Sequence[RegisterEntry]) -> None:
     """Check that the unit's own registers and its calibration registers do not overlap.
 
-    Commands and the page register are present on every page, so calibration registers must not overlap them on any.
+    Commands and the page register exist on every page, so calibration registers must not overlap them on any page.
     """
     own, written = section.ranges, section.written
     for name, (begin, end) in own.items():

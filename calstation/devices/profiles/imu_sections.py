@@ -38,7 +38,7 @@ class StreamSection(StrictModel):
     """`[stream]`: meaning of a count; units as in the `[imu]` section of a log.
 
     order : whether the stream is taken before or after the unit applies its calibration registers
-    gyro_quantisation, accel_quantisation : step of the rounding; by default a count, and 0 if the frame has floats
+    gyro_quantisation, accel_quantisation : step of the rounding; default: one count, or 0 if the frame has floats
     """
 
     sample_rate_hz: float = Field(gt=0, le=100_000)
@@ -76,7 +76,7 @@ class CommandTimes(StrictModel):
 
 
 class CommandSection(CommandTimes):
-    """`[commands]`: request and reply frames, sync | op u8 | n u8 | n bytes | check over op to payload.
+    """`[commands]`: request and reply frames, sync | op u8 | n u8 | n bytes | checksum over op to payload.
 
     ops : numbers of the ops that differ from `OPS`; errors : meanings of the codes in an error reply
     busy : error codes of a unit that is busy; by default 3, or none if `errors` is given
@@ -201,9 +201,9 @@ class ModbusUnitSection(CommandTimes):
 
 
 class VectorNavSection(CommandTimes):
-    """`[vectornav]`: commands as lines $VN...*check.
+    """`[vectornav]`: commands as lines $VN...*checksum.
 
-    start : lines that configure and start the stream, without $ and check, e.g. "VNWRG,75,1,4,05,0001,001C"
+    start : lines that configure and start the stream, without $ and checksum, e.g. "VNWRG,75,1,4,05,0001,001C"
     digits : number of significant digits of a written value
     commit_timeout_s : timeout of a commit, which takes about half a second
     """
@@ -219,8 +219,8 @@ class VectorNavSection(CommandTimes):
 class CorrectedSection(StrictModel):
     """`[corrected]`: how the unit is commanded to stream its output with the registers applied; omitted if it cannot.
 
-    stream : value that starts this stream: the byte after the op of the framed link, or that of the Modbus register
-    start : lines that start it on a VectorNav, without $ and check
+    stream : value that starts this stream: the byte after the op of the framed link, or the Modbus register value
+    start : lines that start it on a VectorNav, without $ and checksum
     frame : frame of this stream if it differs from the raw one; it has the same units and rate
     """
 

@@ -1,4 +1,4 @@
-"""The register map of a profile (`[[registers]]`), checked as a whole: names, overlaps, ranges, missing parameters."""
+"""The register map of a profile (`[[registers]]`), validated as a whole: names, overlaps, ranges, completeness."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -26,7 +26,7 @@ from calstation.messages import Text
 from calstation.physics import AXES, EFFECT_PARAMETERS, EFFECTS, GROUPS, NAMES, PARAMETERS
 from calstation.schema import EntryError, StrictModel, entry, field_name, near_miss
 
-#: Number of standard deviations of its prior up to which a parameter must fit its register.
+#: Number of standard deviations of its prior for which a parameter must fit its register.
 _MAX_SIGMAS = 3.0
 
 #: Largest tolerance of a value that is read back, as a fraction of its range.
@@ -53,7 +53,7 @@ class RegisterEntry(StrictModel):
 
     address : address of the first register; page : page to select before access, if the unit has pages
     parameters : contents in order: parameters by contract name, also of effects; slots of the matrix and offset in the
-        unit's own formula, e.g. `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that stays 0. The name of a group,
+        unit's own formula, e.g. `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that remains 0. The name of a group,
         e.g. `gyro_bias` or `gyro_matrix`, includes all names of the group
     major : whether the group of a matrix is in row or column order
     type, byte_order, word_order : type and orders of each number; the orders of the link if absent
@@ -239,7 +239,7 @@ def _check_sensor(sensor: str, seen: Mapping[str, RegisterEntry]) -> None:
 
 
 def _check_agreement(matrix: RegisterEntry, offset: RegisterEntry) -> None:
-    """Check that neither entry contradicts the part of the convention that the other entry defines."""
+    """Check that neither entry contradicts the part of the convention defined by the other entry."""
     for register, other, fields in (
         (offset, matrix, ("matrix", "identity", "negated")),
         (matrix, offset, ("offset", "added")),

@@ -1,4 +1,4 @@
-"""Table profiles (`data/tables`): axes, limits, accuracy, and registers or text lines, checked as a whole."""
+"""Table profiles (`data/tables`): axes, limits, accuracy, and registers or text lines, validated as a whole."""
 
 import math
 from pathlib import Path
@@ -40,7 +40,7 @@ class ModbusSection(ImuLinkSection):
     """`[modbus]`: unit numbers, timeout, serial settings and extent of a transfer.
 
     timeout_s : reply timeout, host time in s
-    inner_unit : unit number of the inner axis's drive, if each axis has one; its registers are those named `inner_...`
+    inner_unit : unit number of the inner axis's drive, if each axis has one; its registers have names `inner_...`
     """
 
     unit: int = Field(ge=0, le=255)
@@ -80,13 +80,14 @@ class TableProfile(StrictModel):
     model : text that the table's own model name must contain
     protocol : "modbus", with sections `[modbus]`, `[status_bits]`, `[commands]`, `[registers]`; "imu_link", the same
         registers over the link of the IMU that the axes belong to, with `[imu_link]`; a text protocol with `[text]`:
-        "atl" with a prompt, "acl" with plain, "mn" with checked lines; "hand", a manual rig (no section); or "gimbal",
-        three joints that stabilise the unit on its corrected rates, with `[middle]`, `middle_axis` and `[gimbal]`
+        "atl" with a prompt, "acl" with plain lines, "mn" with checksummed lines; "hand", a manual rig (no section); or
+        "gimbal", three joints that stabilise the unit on its corrected rates, with `[middle]`, `middle_axis` and
+        `[gimbal]`
     status_bits : bit numbers in the statusword, or other sources of the flags
     commands : value of the command register, or all register values that each command writes
     faults : meanings of the fault codes; settle_s : time from the end of a motion profile until the table has settled
-    link_loss_stop_s : time after the last received line within which a table without a watchdog stops its axes by
-        itself, s; omitted if it does not: then only moves to angles are allowed, not continuous rotation
+    link_loss_stop_s : time after the last received line within which a table without a watchdog stops its axes
+        automatically, s; if omitted, only moves to angles are allowed, not continuous rotation
     """
 
     name: str
@@ -225,8 +226,9 @@ class TableProfile(StrictModel):
         return self.modbus.unit if self.modbus is not None else None
 
     def at_place(self, timeout_s: float | None, unit: int | None) -> "TableProfile":
-        """Return the profile with a station's own reply timeout and unit number; None keeps the profile's. Raises
-        ConfigurationError if the unit number is that of the inner axis's drive.
+        """Return the profile with a station's own reply timeout and unit number; None keeps the profile's.
+
+        Raises ConfigurationError if the inner axis's drive has the same unit number.
         """
         if self.lines is not None:
             changed = {"timeout_s": timeout_s} if timeout_s is not None else {}

@@ -1,4 +1,4 @@
-"""Axes and registers in the profile of a table, checked as a whole.
+"""Axes and registers in the profile of a table, validated as a whole.
 
 A table has one controller, or a drive for each axis. Registers of a drive (`controlword`, `statusword`, ...) are
 defined once, or once for each axis: `outer_controlword`, `inner_controlword`.
@@ -49,7 +49,7 @@ class ModbusRegister(StrictModel):
     """A holding register with a 0-based address; value = raw × scale in degrees, °/s, °/s² or s; a text has `words`.
 
     scale : negative if the table counts in the opposite sense
-    word_order : order of its 16-bit words; that of the link if absent
+    word_order : order of its 16-bit words; if absent, the order of the link
     """
 
     address: Address
@@ -131,7 +131,7 @@ def _as_writes(given: Any) -> Any:
 #: The number of a bit in the statusword, or another source of the flag.
 Bit = Annotated[StatusBit, BeforeValidator(_as_bit)]
 
-#: Values that a command writes, in order: the one for the `command` register, or those for several registers.
+#: Values that a command writes, in order: the value of the `command` register, or the values of several registers.
 Writes = Annotated[list[dict[str, int]], BeforeValidator(_as_writes), Field(min_length=1)]
 
 
@@ -156,7 +156,7 @@ class JointSection(StrictModel):
 class TableMap:
     """Registers, bits and commands of a table as defined in its profile.
 
-    inner_apart : whether the registers of the inner axis (`inner_...`) are those of its own drive
+    inner_apart : whether the registers of the inner axis (`inner_...`) belong to a separate drive
     """
 
     registers: Mapping[str, ModbusRegister]

@@ -135,7 +135,9 @@ class Flag(StrictModel):
 
 
 class CheckedLines(StrictModel):
-    """`checked`: commands and replies are HEAD body MARK check; the check is the 8-bit sum of the bytes before MARK.
+    """`checked`: commands and replies are HEAD body MARK checksum.
+
+    The checksum is the 8-bit sum of the bytes before MARK.
 
     counts_head : whether the sum includes the head
     """
@@ -221,7 +223,7 @@ class TextSection(StrictModel):
             raise EntryError("profile.heartbeat_without_watchdog", "commands", "heartbeat")
 
     def _check_patterns(self) -> None:
-        """Check that `silent` matches no query and that `refused` does not match every reply."""
+        """Check that `silent` does not match a query and that `refused` does not match every reply."""
         for name, query in self.queries.items():
             if self.silent is not None and re.search(self.silent, query.send):
                 raise EntryError("profile.silent_matches_query", "silent", query=name, line=query.send)

@@ -1,4 +1,4 @@
-"""Selects the driver of a table by its profile's protocol, and represents a manual rig as a table."""
+"""Selection of a table's driver by its profile's protocol, and the representation of a manual rig as a table."""
 
 import math
 
@@ -13,8 +13,9 @@ from calstation.errors import ConfigurationError
 
 
 def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) -> ModbusTable | TextTable:
-    """Open a table on its port and return its driver; `serial` replaces the profile's settings. Raises DeviceFaultError
-    or ConfigurationError if the port cannot be opened.
+    """Open a table on its port and return its driver; `serial` replaces the profile's settings.
+
+    Raises DeviceFaultError or ConfigurationError if the port cannot be opened.
     """
     if profile.protocol == "imu_link":
         raise ConfigurationError("table.behind_imu", profile=profile.name)

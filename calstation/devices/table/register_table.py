@@ -54,7 +54,7 @@ def _words(register: ModbusRegister, raw: float) -> list[int]:
 
 
 class RegisterTable(Table):
-    """Driver of a table as described by its profile. Moves are absolute, so a repeated transfer never adds to a motion.
+    """Driver of a table as described by its profile. Moves are absolute, so a repeated transfer does not add motion.
 
     gap : unused registers that may be read along with used ones
     inner : link to the inner axis's own drive, if it has one
@@ -178,7 +178,7 @@ class RegisterTable(Table):
         return [bool(int(value[word]) >> bit.bit & 1) for word in self._map.names(bit.word)]
 
     def _fault(self, value: Mapping[str, float]) -> str | None:
-        """Return the latched fault, or why else the table accepts no commands: bits 5, 9 and 11 of the statusword."""
+        """Return the latched fault, or why else the table rejects commands: bits 5, 9 and 11 of the statusword."""
         codes = [int(value[name]) for name in self._map.names("fault")]
         if any(self._flags("fault", value)) or any(codes):
             code = next((code for code in codes if code), 0)

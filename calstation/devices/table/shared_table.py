@@ -10,7 +10,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 
 
 class ImuWords:
-    """A `register_table.RegisterLink` by commands of the IMU. Raises DeviceFaultError if it refuses or is silent."""
+    """A `register_table.RegisterLink` over commands of the IMU. Raises DeviceFaultError if it refuses or is silent."""
 
     received = b""
 

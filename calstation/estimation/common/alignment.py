@@ -1,4 +1,4 @@
-"""Start attitude of a segment: a prior from the encoders and the site, and a linearisation point from the data."""
+"""Initial attitude of a segment: a prior from the encoders and the site, and a linearisation point from the data."""
 
 from dataclasses import dataclass
 
@@ -31,7 +31,7 @@ SHORTEST_REST = 1.0
 
 @dataclass(frozen=True)
 class Start:
-    """Start of a segment and the attitude there."""
+    """Start of a segment and its initial attitude."""
 
     begin: int  #: Index of the first sample, which is at rest.
     end: int  #: Index after the last sample.
@@ -81,7 +81,7 @@ def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, bel
 
 
 def levelled(attitude: FloatArray, up_b: FloatArray) -> FloatArray:
-    """Rotate `attitude` by the smallest angle that makes the measured up direction vertical, shape (3, 3)."""
+    """Rotate `attitude` by the smallest angle that makes the measured up direction vertical; return shape (3, 3)."""
     up_n = attitude @ up_b / np.linalg.norm(up_b)
     axis = np.cross(up_n, UP)
     sine = float(np.linalg.norm(axis))
@@ -98,8 +98,8 @@ def _heading_offset(rate_level: FloatArray) -> float:
 def gyrocompass(rate_b: FloatArray, up_b: FloatArray, latitude: float, belief: Belief) -> tuple[FloatArray, float]:
     """Return C_bn from the mean specific force (level) and the mean rate (north), and the azimuth's sigma, rad.
 
-    The sigma is that of the gyro bias divided by Ω cos φ (IEEE Std 1780). `rate_b` is in rad/s, `up_b` in m/s², shape
-    (3,) each, and `latitude` in rad.
+    The azimuth's sigma equals the sigma of the gyro bias divided by Ω cos φ (IEEE Std 1780). `rate_b` is in rad/s,
+    `up_b` in m/s², shape (3,) each, and `latitude` in rad.
     """
     level = level_attitude(up_b)
     attitude = axis_rotation((0.0, 0.0, 1.0), _heading_offset(level @ rate_b)) @ level

@@ -1,4 +1,4 @@
-"""Residuals of a stage per rest and move: its innovations there, and an error of a channel that exists only there."""
+"""Residuals of a stage per rest and move: the innovations during it, and a constant channel error confined to it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from calstation.estimation.common.stage import StageData
 from calstation.messages import Text
 from calstation.physics import FloatArray, IntArray, group_indices
 
-#: A smaller rotation, rad, is no move; earth rate is 0.25° per minute.
+#: A rotation smaller than this, rad, does not count as a move; earth rate is 0.25° per minute.
 SMALLEST_MOVE = np.deg2rad(1.0)
 #: Names of the joints in a residual.
 _JOINTS = ("outer", "inner")
@@ -27,14 +27,14 @@ CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in 
 class LocalScores:
     """Score tests of constant errors of the channels, gyro x y z and accel x y z, each during one of k spans.
 
-    With an error θ the sum of the squares of the innovations decreases by 2 θᵀ score − θᵀ information θ.
+    An error θ decreases the sum of the squared innovations by 2 θᵀ score − θᵀ information θ.
     """
 
     score: FloatArray  #: SI, shape (6 k,).
     information: FloatArray  #: SI, shape (6 k, 6 k).
     shift: FloatArray  #: Shift of the 30 parameters per unit of each error, SI, shape (30, 6 k).
-    own_score: FloatArray  #: `score` by the innovations of the same span alone, SI, shape (k, 6).
-    own_information: FloatArray  #: `information` by the innovations of the same span alone, SI, shape (k, 6, 6).
+    own_score: FloatArray  #: `score` from the innovations of the same span alone, SI, shape (k, 6).
+    own_information: FloatArray  #: `information` from the innovations of the same span alone, SI, shape (k, 6, 6).
 
     def common(self, spans: Sequence[int], signs: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return score, shape (6,), and information, shape (6, 6), of errors that are common to n spans.
@@ -47,25 +47,25 @@ class LocalScores:
         return score, np.asarray(np.einsum("a,aibj,b->ij", signs, blocks, signs))
 
     def explained(self, spans: Sequence[int], signs: FloatArray) -> float:
-        """Return by how much common errors decrease the sum of squares more than by chance, see `common`."""
+        """Return how much more than by chance common errors decrease the sum of squares, see `common`."""
         score, information = self.common(spans, signs)
         return float(score @ np.linalg.pinv(information, hermitian=True) @ score) - len(score)
 
     def own_explained(self, span: int) -> float:
-        """Return by how much errors during a span decrease the sum of squares of the innovations of this span."""
+        """Return how much errors during a span decrease the sum of squares of the innovations of this span."""
         score, information = self.common([span], np.ones(1))
         error = np.linalg.pinv(information, hermitian=True) @ score
         return float(2.0 * error @ self.own_score[span] - error @ self.own_information[span] @ error)
 
     def single(self, spans: Sequence[int], signs: FloatArray) -> tuple[int, float, float]:
-        """Return the most significant channel with a common error of its own, the error and its sigma, SI."""
+        """Return the channel whose own common error is most significant, with that error and its sigma, SI."""
         score, information = self.common(spans, signs)
         one = np.maximum(np.diag(information), np.finfo(float).tiny)
         channel = int(np.argmax(np.abs(score) / np.sqrt(one)))
         return channel, float(score[channel] / one[channel]), float(1.0 / np.sqrt(one[channel]))
 
 
-#: Function that makes the score tests for spans (start, stop) of a stage's samples, in their order.
+#: Function that returns the score tests for spans (start, stop) of a stage's samples, in the order given.
 ScoreFunction = Callable[[StageData, Sequence[tuple[int, int]]], LocalScores]
 
 
@@ -75,24 +75,24 @@ class PositionResidual:
 
     kind: Literal["rest", "move"]
     number: int  #: Number of the rest, or of the move, within the stage, from 1.
-    step: int  #: As in `SampleBlock`, at its end.
+    step: int  #: Step number at the end of the rest or move, as in `SampleBlock`.
     first_seq: int
     last_seq: int
     duration: float  #: s
-    #: At rest the axis that is up, see `upward_axis`; of a move ``outer``, ``inner`` or ``outer+inner``, or the body
-    #: axis (``x``) without encoders.
+    #: For a rest, the axis that points up, see `upward_axis`; for a move, ``outer``, ``inner`` or ``outer+inner``, or
+    #: the body axis (``x``) without encoders.
     axis: str
     turned: float  #: Rotation of a move about its axis, rad; 0 at rest.
     body: str  #: Signed body axis of a move, such as "-x"; "" at rest.
     angles: tuple[float, float]  #: Outer and inner encoder angle at the end, rad, NaN without encoders.
     freedom: int  #: Number of innovation components.
     total: float  #: Sum of their squares.
-    #: `total` against its distribution: the standard normal deviate that is exceeded with the same probability.
+    #: `total` as a standard normal deviate that is exceeded with the same probability.
     excess: float
     component: int  #: Component with the largest mean: 0, 1 or 2.
     mean: float  #: Mean of that component, in sigmas of the mean.
     channel: int | None  #: Channel with the most significant error here, 0 to 5 (gyro x y z, accel x y z).
-    error: float  #: Constant error of that channel that fits all innovations best, rad/s or m/s².
+    error: float  #: Constant error of that channel that best fits all innovations, rad/s or m/s².
     error_sigma: float  #: Sigma of `error`.
     force: float  #: Magnitude of the specific force minus gravity.
     vertical_rate: float  #: Rate along up minus the vertical earth rate.
@@ -100,7 +100,7 @@ class PositionResidual:
 
     @property
     def worst(self) -> float:
-        """Largest test of this rest or move by the innovations, sigmas: of an error that belongs to it, if possible."""
+        """Largest test statistic of this rest or move, sigmas: from an error confined to it, if possible."""
         local = self.mean if self.channel is None else self.error / self.error_sigma
         return float(np.fmax(self.excess, abs(local)))
 
@@ -145,7 +145,7 @@ class PositionResidual:
 
 @dataclass(frozen=True)
 class StageResiduals:
-    """Residuals of a stage per rest and move, in the order of the data."""
+    """Residuals of a stage per rest and move, in chronological order."""
 
     rows: tuple[PositionResidual, ...] = ()
     scores: LocalScores | None = None  #: Score tests of the rows; None for a stage without the 39-state filter.
@@ -168,7 +168,7 @@ def position_residuals(
     rests : residuals of the stage's rests, with the parameters `found`
     seq, normalised : as in `Innovations`
     white : whether the components are independent; if not, `excess` is the largest component instead of their sum
-    score : makes the score tests; None for a stage without the 39-state filter
+    score : computes the score tests; None for a stage without the 39-state filter
     """
     spans = _spans(data, rests, found)
     scores = None if score is None else score(data, [(start, stop) for start, stop, _ in spans])
@@ -229,7 +229,7 @@ def normal_deviate(total: float, freedom: int) -> float:
 def _spans(data: StageData, rests: RestResiduals, found: Belief) -> list[tuple[int, int, int | None]]:
     """Divide the samples into rests and moves: (start, stop, index of the rest or None), without the gaps.
 
-    Samples between two rests without a rotation, such as those in which the table creeps, belong to what is before.
+    Samples between two rests without a rotation, for example while the table creeps, belong to the preceding span.
     """
     begin = np.searchsorted(data.seq, rests.first_seq)
     end = np.searchsorted(data.seq, rests.last_seq) + 1
@@ -252,7 +252,7 @@ def _spans(data: StageData, rests: RestResiduals, found: Belief) -> list[tuple[i
 
 
 def _idle(data: StageData, span: tuple[int, int, int | None], found: Belief) -> bool:
-    """Whether a span is not a rest, and nothing rotates in it."""
+    """Return whether a span is not a rest and yet contains no rotation."""
     start, stop, rest = span
     return rest is None and abs(_rotation(data, start, stop, found)[1]) < SMALLEST_MOVE
 

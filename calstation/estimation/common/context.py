@@ -1,4 +1,4 @@
-"""Models of site, IMU and table that a solver needs besides the samples: immutable values in SI units."""
+"""Models of site, IMU and table that a solver needs in addition to the samples: immutable values in SI units."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ import numpy as np
 
 from calstation.physics import ALIGNED, FloatArray, Orientation, TableGeometry, normal_gravity
 
-#: Standard deviation of normal gravity, m/s²: gravity anomalies are of 30 to 50 ppm.
+#: Standard deviation of normal gravity, m/s²: gravity anomalies are 30 to 50 ppm.
 NORMAL_GRAVITY_SIGMA = 5e-4
 #: Standard deviation of a surveyed gravity, m/s².
 SURVEYED_GRAVITY_SIGMA = 1e-6
@@ -23,7 +23,7 @@ class Site:
     azimuth: float | None = None  #: Heading of platform +y at home, rad clockwise from true north; None if unknown.
     gravity: float | None = None  #: Surveyed gravity, m/s²; None for the normal gravity of the site.
 
-    #: Standard deviation of gravity, m/s²; None for that of a surveyed or of normal gravity.
+    #: Standard deviation of gravity, m/s²; None for the default of surveyed or of normal gravity.
     gravity_sigma: float | None = None
 
     @property
@@ -33,7 +33,7 @@ class Site:
 
     @property
     def relative_gravity_sigma(self) -> float:
-        """Standard deviation of gravity as a fraction of it, which the accelerometer scale factors carry one to one."""
+        """Relative standard deviation of gravity, which enters the accelerometer scale factors one to one."""
         usual = NORMAL_GRAVITY_SIGMA if self.gravity is None else SURVEYED_GRAVITY_SIGMA
         return (self.gravity_sigma or usual) / self.local_gravity
 
@@ -101,7 +101,7 @@ class TableModel:
 class StoredPair:
     """The last cross-calibration of a secondary IMU against the primary."""
 
-    #: Pair parameters, SI, by contract name without the IMU's number; a missing one has its neutral value.
+    #: Pair parameters, SI, by contract name without the IMU's number; missing ones have their neutral values.
     values: Mapping[str, float] = field(default_factory=dict)
     gyro_static: float | None = None  #: Deviation at rest right after the calibration, rad/s.
     accel_static: float | None = None  #: Deviation at rest right after the calibration, m/s².
@@ -118,13 +118,13 @@ class Secondary:
 
 @dataclass(frozen=True)
 class SolveContext:
-    """Everything that a stage's solver needs besides its prior and its samples."""
+    """Everything that a stage's solver needs in addition to its prior and its samples."""
 
     site: Site
     imu: ImuModel
     table: TableModel
     secondaries: tuple[Secondary, ...] = ()
-    #: Whether to compute, beside the estimate, what tests data and model: observability, response to effects, misfits.
+    #: Whether to also compute what tests the data and the model: observability, responses to effects, misfits.
     diagnostics: bool = True
 
 

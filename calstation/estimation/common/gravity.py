@@ -1,8 +1,9 @@
-"""Effect of an error of gravity on a solution; it is common to all stages and never averages out.
+"""Effect of an error of gravity on a solution; it is common to all stages and does not average out.
 
-The data do not change if every force grows by a factor 1 + ε while the accelerometers' matrix shrinks by it, the
-quadratic terms by its square, and the lever arms grow: only the prior tells the two apart. A stage therefore moves its
-estimated parameters x along that direction u as if ε u were their prior, dx⁺/dε = dx⁻/dε + (I − P⁺ (P⁻)⁻¹)(u − dx⁻/dε).
+The data do not change if every force grows by a factor 1 + ε while the accelerometer matrix shrinks by the same factor,
+the quadratic terms shrink by its square, and the lever arms grow by it. Only the prior distinguishes the two cases. A
+stage therefore shifts its estimated parameters x along this direction u as if ε u were added to their prior: dx⁺/dε =
+dx⁻/dε + (I − P⁺ (P⁻)⁻¹)(u − dx⁻/dε).
 """
 
 from collections.abc import Sequence
@@ -17,7 +18,7 @@ _POWERS = {"accel_misalign": -1.0, "accel_quadratic": -2.0, "inner_lever": 1.0, 
 
 
 def force_scaling(parameters: FloatArray) -> FloatArray:
-    """Return the change u of the parameters per relative change of all forces that leaves the data as they are."""
+    """Return the parameter change u that compensates a relative change of all forces and leaves the data unchanged."""
     u = np.zeros(COUNT)
     for group, power in _POWERS.items():
         at = list(group_indices(group))
@@ -30,7 +31,7 @@ def force_scaling(parameters: FloatArray) -> FloatArray:
 def gravity_sensitivity(before: Belief, after: Belief, estimated: Sequence[str], sensitivity: FloatArray) -> FloatArray:
     """Return the change of the estimate after a stage per relative error of gravity, shape (30,).
 
-    `sensitivity` is that of the estimate before the stage, and `estimated` names the parameters that it estimates.
+    `sensitivity` is the sensitivity before the stage, and `estimated` names the parameters that the stage estimates.
     """
     known = np.flatnonzero(before.sigma > 0.0)
     scale = before.sigma[known]
@@ -45,15 +46,15 @@ def gravity_sensitivity(before: Belief, after: Belief, estimated: Sequence[str],
 
 
 def with_gravity(belief: Belief, sensitivity: FloatArray, sigma: float) -> Belief:
-    """Return the estimate with the error of gravity, of relative standard deviation `sigma`, in its covariance."""
+    """Return the estimate with a relative standard deviation `sigma` of gravity included in its covariance."""
     shift = sensitivity * sigma
     return Belief(belief.mean, belief.covariance + np.outer(shift, shift))
 
 
 def without_gravity(sigma: FloatArray, gravity: float) -> FloatArray:
-    """Return the sigmas, shape (30,), that a stage may leave for `sigma` to be reached with the error of gravity.
+    """Return the sigmas, shape (30,), that together with the error of gravity amount to `sigma`.
 
-    `gravity` is its relative standard deviation. The sigma is 0 where that error alone is larger.
+    `gravity` is the relative standard deviation of gravity. A sigma is 0 if the error of gravity alone is larger.
     """
     common = np.zeros(COUNT)
     common[list(group_indices("accel_scale"))] = gravity

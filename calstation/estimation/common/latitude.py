@@ -1,4 +1,4 @@
-"""Latitude from a unit at rest: the component of earth rate along the up direction that its accelerometers measure.
+"""Latitude from a unit at rest, from the component of earth rate along the measured up direction.
 
 No other check of a calibration detects a wrong latitude, because both gravity and earth rate are computed from it.
 """
@@ -23,7 +23,7 @@ DEFLECTION = np.deg2rad(0.02)
 _SUFFICIENT = np.sin(np.deg2rad(5.0)) / SIGMAS
 #: Averaging window, s.
 _WINDOW = 1.0
-#: Fewest windows of a rest; its first and last, during which the table may have moved, are not counted.
+#: Smallest number of windows in a rest; its first and last, during which the table may have moved, do not count.
 _SHORTEST = 3
 _MOVING = 3.0 * RATE
 _NEAR_POLE = 0.02
@@ -44,7 +44,7 @@ class LatitudeEstimate:
 
 
 def resolves_earth_rate(imu: ImuModel) -> bool:
-    """Whether six rests of 30 s with gyros of this noise distinguish latitudes 5° apart."""
+    """Return whether six rests of 30 s with gyros of this noise distinguish latitudes 5° apart."""
     rest = np.hypot(bias_drift_sigmas(imu)[0], _noise(imu) / np.sqrt(30.0))
     return bool(rest / np.sqrt(6.0) < _SUFFICIENT * RATE)
 
@@ -55,7 +55,7 @@ class RestOutput:
     def __init__(self, imu: ImuModel) -> None:
         self._imu = imu
         self._width = max(round(_WINDOW * imu.sample_rate), 1)
-        #: Number of the second that is summed, number of its samples and their sum.
+        #: Number of the second being summed, its number of samples, and their sum.
         self._second, self._sum = np.array([-1, 0]), np.zeros(6)
         self._seconds: list[IntArray] = []
         self._means: list[FloatArray] = []
@@ -110,8 +110,8 @@ def _means(
 ) -> tuple[IntArray, FloatArray]:
     """Return the numbers of the whole seconds, `width` samples each, that end in a block, and their mean counts.
 
-    `second`, shape (2,), and `total`, shape (6,), are the second that is summed with the number of its samples, and
-    their sum; they are updated in place.
+    `second`, shape (2,), holds the number of the second being summed and its number of samples, and `total`, shape
+    (6,), their sum; both are updated in place.
     """
     most = len(seq) // width + 1
     seconds, means, found = np.empty(most, np.int64), np.empty((most, 6)), 0

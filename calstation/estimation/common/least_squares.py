@@ -14,10 +14,10 @@ from calstation.physics import COUNT, GROUPS, PARAMETERS, BoolArray, FloatArray
 MOST_ITERATIONS = 60
 #: The iteration has converged when its step is below this, in sigmas.
 CONVERGED = 1e-3
-#: Largest variance that unknowns may explain in a tested direction, in units of that of the noise. Near 1, products of
-#: unknowns, which no covariance contains, may be as large as the noise.
+#: Largest variance that unknowns may explain in a tested direction, in units of the noise variance. Near 1, products of
+#: unknowns, which the covariance does not include, may be as large as the noise.
 MOST_EXPLAINED = 0.1
-#: An innovation whose share in the tested directions is below this is not tested.
+#: Innovations with a smaller share than this in the tested directions are not tested.
 LEAST_SHARE = 1e-6
 
 
@@ -28,17 +28,17 @@ class MapResult:
     belief: Belief  #: Posterior of the 30 parameters.
     nuisance: FloatArray  #: Posterior mean of the nuisance parameters, shape (k,).
     residual: FloatArray  #: Observations minus model at the solution, shape (m,).
-    redundancy: "Redundancy"  #: What the observations say beyond the unknowns, at the solution.
-    #: Jacobian and gain of the parameters, shapes (m, 30) and (30, m), covariance and innovation of the last iteration.
+    redundancy: "Redundancy"  #: Test of the part of the innovations that the unknowns cannot explain, at the solution.
+    #: Jacobian and gain of the parameters, shapes (m, 30) and (30, m); covariance and innovation of the last iteration.
     gain: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: ``not_settled`` if the iteration did not converge.
 
 
 @dataclass(frozen=True)
 class Redundancy:
-    """Part of the innovations of a fit that its unknowns cannot explain (`redundant`)."""
+    """Part of a fit's innovations that its unknowns cannot explain (`redundant`)."""
 
-    freedom: int  #: Number of independent directions of it.
+    freedom: int  #: Number of independent directions in this part.
     total: float  #: Sum of the squares of the innovations in these directions, in units of sigma.
     #: This part of each decorrelated innovation in units of its own sigma, shape (m,); NaN if the unknowns explain it.
     normalised: FloatArray
@@ -49,7 +49,7 @@ class Redundancy:
         return nis_consistency(self.total, self.freedom, 1)
 
 
-#: Probabilities of a NIS below the ends of its band.
+#: Probabilities of a NIS below the lower and the upper end of its band.
 NIS_BAND = (0.0005, 0.99999)
 
 
@@ -57,8 +57,8 @@ NIS_BAND = (0.0005, 0.99999)
 class Consistency:
     """Normalised innovation squared (NIS) of a stage: mean over `count` observations or degrees of freedom, and band.
 
-    Of sound stages, 1 in 2,000 lies below the band, which is a warning, and 1 in 100,000 above it, which fails the
-    unit. Without any observation to test, all values are 0.
+    If the model is correct, 1 stage in 2,000 lies below the band, which is a warning, and 1 in 100,000 above it, which
+    fails the unit. Without any observation to test, all values are 0.
     """
 
     nis_mean: float
@@ -106,7 +106,7 @@ def gauss_newton(
     nuisance, nuisance_sigma : prior mean and sigma of the nuisance parameters, shape (k,)
     estimated : True for parameters that are relinearised; the others only enter the gain; shape (30,)
     noisy : nuisance parameters that are measurement errors, part of the noise in the test of redundancy
-    groups : of parameters on which the model depends
+    groups : parameter groups on which the model depends
     """
     mean = np.concatenate([prior.mean, nuisance])
     P = np.zeros((len(mean), len(mean)))
@@ -147,13 +147,14 @@ def gauss_newton(
 def redundant(explained: FloatArray, noise: FloatArray, innovation: FloatArray) -> Redundancy:
     """Return the part of `innovation`, shape (m,), in the directions that the unknowns do not explain.
 
-    `explained` = H P Hᵀ is the covariance due to the unknowns and their priors, `noise` that of the measurement, of
-    shape (m, m). In the other directions (`MOST_EXPLAINED`) the unknowns take up any innovation, and a wide prior would
-    count as a test that is always passed: twelve free tilts and six parameters leave nothing of 18 observations
-    to test. The directions are independent, and their squares are χ² distributed. They are the classical parity space
-    (J. E. Potter, M. C. Suman, *Thresholdless redundancy management with arrays of skewed instruments*, AGARDograph
-    224, 1977), in which an unknown with an accurate prior counts as known. `normalised` is the w-test (W. Baarda, *A
-    testing procedure for use in geodetic networks*, 1968): each component has a variance of 1, but they are correlated.
+    `explained` = H P Hᵀ is the covariance due to the unknowns and their priors, `noise` the covariance of the
+    measurement, both of shape (m, m). In the other directions (`MOST_EXPLAINED`) the unknowns absorb any innovation,
+    and a wide prior would count as a test that always passes: twelve free tilts and six parameters leave nothing of 18
+    observations to test. The directions are independent, and their squares are χ² distributed. They are the classical
+    parity space (J. E. Potter, M. C. Suman, *Thresholdless redundancy management with arrays of skewed instruments*,
+    AGARDograph 224, 1977), in which an unknown with an accurate prior counts as known. `normalised` is the w-test (W.
+    Baarda, *A testing procedure for use in geodetic networks*, 1968): each component has a variance of 1, but they are
+    correlated.
     """
     root = np.linalg.cholesky(noise)
     white = solve_triangular(root, innovation, lower=True)
@@ -186,7 +187,7 @@ def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief
     """Return the posterior of a consider (Schmidt) estimator, in which only the `estimated` parameters change.
 
     The others keep their mean and covariance; the cross-covariances are updated. For data processed in one batch the
-    estimated part equals that of the full estimator (S. F. Schmidt, *Application of State-Space Methods*, 1966).
+    estimated part equals the full estimator's (S. F. Schmidt, *Application of State-Space Methods*, 1966).
     """
     mean = np.where(estimated, posterior.mean, prior.mean)
     considered = np.ix_(~estimated, ~estimated)

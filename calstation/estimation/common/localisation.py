@@ -1,4 +1,4 @@
-"""Where the excess of a stage's innovations is: in one rest or move, in those of a kind, or everywhere."""
+"""Localisation of the excess of a stage's innovations: one rest or move, all rests or moves of a kind, or all data."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,42 +9,42 @@ import numpy as np
 from calstation.estimation.common.by_position import PositionResidual, StageResiduals
 from calstation.physics import FloatArray
 
-#: Share of the excess from which rests or moves are named.
+#: Share of the excess above which rests or moves are named.
 _MOST = 0.5
-#: Scatter is in some rests or moves if its excess per component is this many times that elsewhere.
+#: Scatter is attributed to some rests or moves if their excess per component is this many times the excess elsewhere.
 _DENSER = 2.0
-#: A larger fraction of the share that a constant error does not explain is scatter.
+#: If a constant error leaves a larger fraction of the share unexplained than this, the excess is scatter.
 _SCATTER = 0.15
-#: A single rest or move is named if its share is this many times that of any other one.
+#: A single rest or move is named if its share is this many times the share of any other.
 _CLEARER = 1.5
-#: Innovations that are not independent: rests or moves this close to the worst, in sigmas, are named with it.
+#: For innovations that are not independent: rests or moves within this many sigmas of the worst are named with it.
 _CLOSE = 1.0
 
-#: One rest or move, those with the same axis up or of rotation, all rests, all moves, or the whole stage.
+#: One rest or move, those with a common axis, all rests, all moves, or the whole stage.
 Place = Literal["rest", "move", "rests_up", "moves_about", "rests", "moves", "stage"]
 
 
-#: Places of rests or moves with a common axis, and of all of them.
+#: Place names for rests or moves with a common axis, and for all of them.
 _PLACES: dict[str, tuple[Place, Place]] = {"rest": ("rests_up", "rests"), "move": ("moves_about", "moves")}
 
 
 @dataclass(frozen=True)
 class Concentration:
-    """Rests and moves that contain most of the excess, and what is wrong there."""
+    """Rests and moves that contain most of the excess, and the kind of error."""
 
     place: Place
     rows: tuple[int, ...]  #: Indices of the rests and moves, the worst first.
     share: float  #: Share of the excess of the squares.
-    signs: FloatArray | None = None  #: Signs by row of a common error of a channel; None for scatter.
+    signs: FloatArray | None = None  #: Sign by row of a common channel error; None for scatter.
     axis: str = ""  #: Axis that the rests or moves have in common.
 
 
 def concentration(residuals: StageResiduals, *, white: bool) -> Concentration:
     """Find the fewest rests or moves of a stage that contain most of its excess.
 
-    The excess is either scatter, which stays where it is, or follows from a constant error of a channel during these
-    rests or moves, whose effect the filter spreads over all that come later. With innovations that are not `white`,
-    the rests or moves of the worst ones are named.
+    The excess is either scatter, which is confined to these rests or moves, or the result of a constant channel error
+    during them, whose effect the filter spreads over all later ones. If the innovations are not `white`, the rests or
+    moves with the largest ones are named.
     """
     rows = residuals.rows
     if not white:
@@ -66,7 +66,7 @@ def _excess(rows: Sequence[PositionResidual]) -> float:
 
 
 def _single(residuals: StageResiduals) -> Iterator[Concentration]:
-    """Yield every rest and move, with an error of all channels and the scatter that it leaves."""
+    """Yield every rest and move, once with a constant error of all channels and once with the remaining scatter."""
     total, scores = _excess(residuals.rows), residuals.scores
     for k, row in enumerate(residuals.rows):
         left = _excess([row])
@@ -98,7 +98,7 @@ def _common(residuals: StageResiduals) -> Iterator[Concentration]:
 
 
 def _scattered(rows: Sequence[PositionResidual], *, by_axis: bool = False) -> Iterator[Concentration]:
-    """Yield the rests with the same axis up and the moves about a joint, or all rests or moves, if scatter is there."""
+    """Yield the rests with the same axis up and the moves about a joint, or all rests or moves, if they scatter."""
     total, freedom = _excess(rows), sum(row.freedom for row in rows)
     sets: dict[tuple[Place, str], list[int]] = {}
     for k, row in enumerate(rows):

@@ -1,4 +1,4 @@
-"""Tests of the model against the data, and what their failure shows; agreement of a stage with those before it.
+"""Tests of the model against the data and the meaning of their failure; agreement of a stage with earlier ones.
 
 The change of an optimal estimate by new data has the covariance P_before − P_after and is independent of P_after, as
 long as the model is right (J. A. Hausman, *Specification tests in econometrics*, Econometrica 46(6), 1978).
@@ -21,10 +21,10 @@ _RESOLVED = 1e-4
 
 @dataclass(frozen=True)
 class Misfit:
-    """What a failed test of the model shows: the cause, its size, and what it does to the result."""
+    """Meaning of a failed test of the model: the cause, its size, and its effect on the result."""
 
-    cause: str  #: Code without its family ``cause`` of the message catalogue.
-    size: float = math.nan  #: Estimated size, in `unit`; NaN where there is none.
+    cause: str  #: Code of the cause in the message catalogue, without the family ``cause``.
+    size: float = math.nan  #: Estimated size, in `unit`; NaN if there is none.
     sigma: float = math.nan  #: Standard deviation of `size`.
     unit: str = "1"  #: SI
     moves: Mapping[str, float] = field(default_factory=dict)  #: Shift of each parameter, in its sigmas, by name.
@@ -45,7 +45,7 @@ class Misfit:
 
 @dataclass(frozen=True)
 class ModelTest:
-    """A test of the model against the data of a stage, and what its failure would mean."""
+    """A test of the model against the data of a stage, and the meaning of a failure."""
 
     kind: str  #: Kind of the check in the result, see `calstation.records.limits.CheckKind`.
     value: float
@@ -56,7 +56,7 @@ class ModelTest:
 
 @dataclass(frozen=True)
 class Agreement:
-    """The parameter group about which a stage agrees least with those before it."""
+    """The parameter group for which a stage agrees least with the earlier stages."""
 
     group: str
     probability: float  #: Probability of a change at least as large as this one.
@@ -64,7 +64,7 @@ class Agreement:
 
 
 def stage_agreement(before: Belief, after: Belief, names: Sequence[str]) -> Agreement | None:
-    """Return the least probable change of a parameter group; None if no group has been determined better.
+    """Return the least probable change of a parameter group; None if no group has become more accurate.
 
     `names` are the parameters that the stage and an earlier one have estimated.
     """

@@ -1,6 +1,6 @@
-"""Noise of IMU and table: spectral densities for the filters from the profiles, and what is measured at rest.
+"""Noise of IMU and table: spectral densities from the profiles for the filters, and noise measured at rest.
 
-Noise measured in the data of a stage widens that of the profiles where it is larger.
+If the noise measured in a stage exceeds the profile's, the larger value applies.
 """
 
 from dataclasses import dataclass, replace
@@ -18,11 +18,11 @@ BIAS_DRIFT_TIME = 200.0
 BIAS_DRIFT_PER_INSTABILITY = 1.375
 #: A rounding step above this many sigmas of a sample's noise leaves an error that averaging does not reduce.
 _COARSE = 2.5
-#: Time for which such an error stays constant, s: that of a rest or of a turn at constant rate.
+#: Time for which such an error stays constant, s: the duration of a rest or of a turn at constant rate.
 _COARSE_TIME = 20.0
-#: Noise beyond this ratio to the profile's fails a unit or a table; less of it widens the sigmas.
+#: Noise above this multiple of the profile's fails a unit or a table; a smaller excess widens the sigmas.
 MOST_NOISE = 3.0
-#: Averaging times, s: the first is that at which white noise dominates, the second shows slower noise.
+#: Averaging times, s: white noise dominates at the first, and the second shows slower noise.
 _TIMES = (1.0, 4.0)
 #: Averaging time, s, at which few rests suffice for the gyros if their resolution is fine.
 _SHORT_TIME = 0.2
@@ -30,11 +30,11 @@ _SHORT_TIME = 0.2
 _FINE = 0.05
 #: Median of the χ² distribution with 1 degree of freedom.
 _MEDIAN = 0.4549
-#: Share of the table's part of an Allan variance that is uncertain, because its velocity is not quite white.
+#: Uncertain fraction of the table's part of an Allan variance, because the table's velocity is not quite white.
 _NOT_WHITE = 0.3
-#: Fewest differences from which a variance is found.
+#: Smallest number of differences for an estimate of a variance.
 _FEWEST = 10
-#: An excess below this many standard deviations, or below this ratio, is the scatter of the measurement.
+#: An excess below this many standard deviations, or below this ratio, counts as measurement scatter.
 _SIGMAS, _LEAST_EXCESS = 5.0, 1.05
 
 
@@ -55,10 +55,10 @@ def filter_noise(context: SolveContext) -> FilterNoise:
     """Return the noise densities for a filter.
 
     Quantisation q has variance q²/12. A rate output rounds every sample independently, which is white noise at the
-    sample rate. An increment output carries its remainder over, so one count per observation interval remains. Bias
-    instability B has an Allan floor of 0.664 B (IEEE Std 952-2020, annex C). It is modelled as a first-order
-    Gauss-Markov process about the constant bias, so that the estimate of the constant never degrades. Rounding that is
-    coarse (see `bias_drift_sigmas`) also counts as white noise that is constant for `_COARSE_TIME`.
+    sample rate. An increment output carries its remainder over to the next sample, so the error is one count per
+    observation interval. Bias instability B has an Allan floor of 0.664 B (IEEE Std 952-2020, annex C). It is modelled
+    as a first-order Gauss-Markov process about the constant bias, so that the estimate of the constant never degrades.
+    Rounding that is coarse (see `bias_drift_sigmas`) also counts as white noise that is constant for `_COARSE_TIME`.
     """
     imu, table = context.imu, context.table
     interval = table.velocity_interval
@@ -74,10 +74,11 @@ def filter_noise(context: SolveContext) -> FilterNoise:
 
 
 def coarse_rounding(imu: ImuModel) -> tuple[float, float]:
-    """Return the sigma of a rate, rad/s, and of a force, m/s², whose rounding averaging does not reduce, otherwise 0.
+    """Return the sigma of a rate, rad/s, and of a force, m/s², due to rounding that averaging cannot reduce, else 0.
 
-    The rounding errors of a constant input are independent only if the noise of a sample exceeds a part of the step
-    (B. Widrow and I. Kollár, *Quantization Noise*, Cambridge 2008, chapter 4); an increment output carries them over.
+    The rounding errors of a constant input are independent only if the noise of a sample exceeds a part of the step (B.
+    Widrow and I. Kollár, *Quantization Noise*, Cambridge 2008, chapter 4); an increment output carries them over to the
+    next sample.
     """
     if imu.output == "increment":
         return 0.0, 0.0
@@ -90,13 +91,13 @@ def coarse_rounding(imu: ImuModel) -> tuple[float, float]:
 
 
 def bias_drift_sigmas(imu: ImuModel) -> FloatArray:
-    """Return the stationary sigma of the drift of a gyro's and an accelerometer's bias, rad/s and m/s², shape (2,)."""
+    """Return the stationary sigmas of the gyro and accelerometer bias drift, rad/s and m/s², shape (2,)."""
     instability = np.array([imu.gyro_bias_instability, imu.accel_bias_instability])
     return np.asarray(np.hypot(BIAS_DRIFT_PER_INSTABILITY * instability, coarse_rounding(imu)))
 
 
 def rest_mean_variance(context: SolveContext, duration: float) -> float:
-    """Return the variance, (m/s²)², of the specific force of a rest of `duration` s averaged with `slope_weights`.
+    """Return the variance, (m/s²)², of the mean specific force of a rest of `duration` s weighted with `slope_weights`.
 
     It is the sum of three terms: the slope through m + 1 velocities τ apart, 12 σ_v²/(τ² m (m+1) (m+2)); the white
     force noise, q/τ Σw², which approaches 6/5 q/T; and the bias drift.
@@ -113,29 +114,29 @@ def rest_mean_variance(context: SolveContext, duration: float) -> float:
 
 @dataclass(frozen=True)
 class NoiseRatio:
-    """Noise of some channels at an averaging time, in units of that of the profile."""
+    """Measured noise of some channels at an averaging time, as a ratio to the profile's noise."""
 
     time: float  #: Averaging time, s.
     value: FloatArray  #: Shape (k,).
-    limit: FloatArray  #: Value that the noise of the profile practically never reaches, shape (k,).
+    limit: FloatArray  #: Limit that the profile's noise practically never exceeds, shape (k,).
 
     @property
     def excess(self) -> FloatArray:
-        """Ratios that are significantly larger than 1, otherwise 1, shape (k,)."""
+        """Ratios that are significantly larger than 1, with 1 for the others, shape (k,)."""
         return np.where(self.value > np.maximum(_LEAST_EXCESS, self.limit), self.value, 1.0)
 
 
 @dataclass(frozen=True)
 class RestNoise:
-    """Noise at rest in units of that of the profiles."""
+    """Measured noise at rest as a ratio to the profiles' noise."""
 
     gyro: tuple[NoiseRatio, ...]  #: Angle random walk of each gyro, at every averaging time.
     accel: tuple[NoiseRatio, ...]  #: Velocity random walk of each accelerometer, at every averaging time.
     velocity: NoiseRatio  #: Velocity of the table; NaN if there is no rest.
-    table_is_quiet: bool  #: Whether the table certainly vibrates less than half as much as its profile says.
+    table_is_quiet: bool  #: Whether the table certainly vibrates less than half as much as its profile specifies.
 
     def worst(self) -> tuple[float, str, float]:
-        """Return the largest significant ratio of an inertial sensor's noise, its channel and averaging time, s."""
+        """Return the largest significant noise ratio of an inertial sensor, its channel and averaging time, s."""
         rows = [np.concatenate([g.excess, a.excess]) for g, a in zip(self.gyro, self.accel, strict=True)]
         ratios = np.array(rows)
         time, channel = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
@@ -143,11 +144,11 @@ class RestNoise:
 
 
 def rest_noise(data: StageData, context: SolveContext, bias: FloatArray, bias_sigma: float) -> RestNoise:
-    """Measure the noise at all rests; `bias` and `bias_sigma` of the gyros are for finding them, as in `find_rests`.
+    """Measure the noise at all rests; `bias` and `bias_sigma` of the gyros serve to find them, as in `find_rests`.
 
-    The velocity changes of the table between observations, its velocity being white, have a covariance of −σ_v² with
-    their neighbours; the accelerometers' own noise has none. The Allan variance at time T is that of the white noise
-    q/T, of the bias drift, and for an accelerometer of the table, 3 σ_v²/T² (IEEE Std 952-2020, annex C).
+    The table's velocity noise is white, so successive velocity changes have a covariance of −σ_v²; the accelerometers'
+    own noise contributes none. The Allan variance at time T is the sum of the white noise q/T, the bias drift and, for
+    an accelerometer, the table's 3 σ_v²/T² (IEEE Std 952-2020, annex C).
     """
     noise = filter_noise(context)
     found = (find_rests(data, segment, context.imu, bias, bias_sigma) for segment in data.segments)
@@ -170,9 +171,10 @@ def rest_noise(data: StageData, context: SolveContext, bias: FloatArray, bias_si
 
 
 def gyro_excess(data: StageData, context: SolveContext, bias: FloatArray, bias_sigma: float) -> float:
-    """Return the largest significant ratio of a gyro's noise to its profile's over short times at rest, at least 1.
+    """Return the largest significant ratio of a gyro's noise to its profile over short times at rest, at least 1.
 
-    A stage that may end early asks for it: rests of a few seconds suffice. Arguments are those of `rest_noise`.
+    Rests of a few seconds suffice, so that a stage that may end early can use it. The arguments are as for
+    `rest_noise`.
     """
     noise = filter_noise(context)
     expected = noise.rate / _SHORT_TIME
@@ -186,9 +188,9 @@ def gyro_excess(data: StageData, context: SolveContext, bias: FloatArray, bias_s
 
 
 def _vibration(rests: list[FloatArray], noise: FilterNoise, dt: float) -> tuple[FloatArray, int]:
-    """Return the variance of the velocity along each accelerometer at rest, (m/s)², shape (3,), from how many values.
+    """Return the velocity variance along each accelerometer at rest, (m/s)², shape (3,), and its number of values.
 
-    It is that of the profile if there are too few.
+    With too few values, the variance of the profile is returned.
     """
     stride = max(round(noise.interval / dt), 1)
     changes = (group_means(rest, stride) * stride * dt for rest in rests)
@@ -200,7 +202,7 @@ def _vibration(rests: list[FloatArray], noise: FilterNoise, dt: float) -> tuple[
 
 
 def _vibration_scatter(velocity: FloatArray | float, noise: FilterNoise, count: int) -> FloatArray:
-    """Return the scatter of the variance from `_vibration` for white velocities of a variance, (m/s)².
+    """Return the scatter of the variance from `_vibration` for white velocity noise of a given variance, (m/s)².
 
     The products of successive changes, of variance c₀ and covariance c₁, have a variance of c₀² + c₁² and a covariance
     of c₁² with their neighbours.
@@ -219,8 +221,9 @@ def _ratio(
 ) -> NoiseRatio:
     """Return the noise of three channels from the Allan variance of means of `width` samples.
 
-    `expected` is the variance of the profile, `table` that of the table, shape (3,), with its uncertainty. The median
-    ignores what creeps after a move; as a sigma, that of n values reaches 1 + 5 √(2/n) less than once in 10⁵.
+    `expected` is the profile's variance, `table` the table's variance, shape (3,), with its uncertainty. The median is
+    insensitive to creep after a move; expressed as a sigma, the median of n values exceeds 1 + 5 √(2/n) less than once
+    in 10⁵ cases.
     """
     steps = np.concatenate([np.empty((0, 3)), *(np.diff(group_means(rest, width), axis=0) for rest in rests)])
     if len(steps) < _FEWEST:
@@ -232,7 +235,7 @@ def _ratio(
 
 
 def widened(context: SolveContext, measured: RestNoise) -> SolveContext:
-    """Return the context with the noise of the IMU, and of the table at rest, that was measured if it is larger."""
+    """Return the context with the measured noise of the IMU, and of the table at rest, wherever it is larger."""
     noise, imu = filter_noise(context), context.imu
     gyro, accel = (float(np.max([ratio.excess for ratio in ratios])) for ratios in (measured.gyro, measured.accel))
     if gyro > 1.0:
@@ -245,7 +248,7 @@ def widened(context: SolveContext, measured: RestNoise) -> SolveContext:
 
 
 def noise_tests(profile: SolveContext, used: SolveContext, measured: RestNoise) -> tuple[ModelTest, ...]:
-    """Return the tests of the noise that was measured, and used for the solution, against that of the profiles."""
+    """Return the tests of the measured noise, and of the noise used for the solution, against the profiles."""
     table = used.table.velocity_sigma / profile.table.velocity_sigma
     if table == 1.0 and np.isfinite(measured.velocity.value[0]):
         table = min(float(measured.velocity.value[0]), 1.0)

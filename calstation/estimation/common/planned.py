@@ -24,9 +24,9 @@ LONGEST_BLOCK = 20_000
 
 
 class PlannedSamples:
-    """Simulates an ideal table and unit through steps; time, joints, counter and step number carry over.
+    """Simulates an ideal table and unit through steps; time, joints, counter and step number continue between calls.
 
-    An unknown azimuth is taken as north. `mount` is the rotation vector of the unit on the inner platform, rad;
+    An unknown azimuth is assumed to be north. `mount` is the rotation vector of the unit on the inner platform, rad;
     `joints` are the angles of the joints at the start, rad.
     """
 
@@ -118,7 +118,8 @@ class PlannedSamples:
     def _rates(self, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the mean of ω_nb over each sample, rad/s, and its rate of change, rad/s², each shape (n, 3).
 
-        Seen from the platform the outer axis turns with the inner joint; its mean over a sample is by Simpson's rule.
+        In platform axes, the outer axis rotates with the inner joint; its mean over a sample is computed by Simpson's
+        rule.
         """
         axes = self._outer_axis(joints[:, 1])
         mean_axis = (axes[:-2:2] + 4.0 * axes[1::2] + axes[2::2]) / 6.0

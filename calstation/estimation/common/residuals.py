@@ -51,7 +51,7 @@ class RestResiduals:
 
 
 def upward_axis(up: FloatArray) -> str:
-    """Return the signed body axis within 30° of `up`, such as "-z", or else those it lies between, such as "+x+y".
+    """Return the signed body axis within 30° of `up`, such as "-z", or else the axes `up` lies between, such as "+x+y".
 
     `up` is a unit vector in b, shape (3,).
     """
@@ -105,7 +105,7 @@ def rest_residuals(data: StageData, context: SolveContext, found: Belief) -> Res
 
 @dataclass(frozen=True)
 class BeforeAfter:
-    """The same n samples compensated with the parameters before calibration and with those found."""
+    """The same n samples compensated with the parameters before and after calibration."""
 
     time: FloatArray  #: s, shape (n,)
     rate_before: FloatArray  #: rad/s, shape (n, 3)

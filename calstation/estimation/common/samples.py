@@ -6,7 +6,7 @@ import numpy as np
 
 from calstation.physics import BoolArray, FloatArray, IntArray
 
-#: Grid of encoder angles, rad (2e-7″), coarse enough for angles in a file in degrees to be read back exactly.
+#: Resolution of encoder angles, rad (2e-7″), coarse enough for angles stored in degrees to be read back exactly.
 ANGLE_STEP = 2.0**-40
 
 
@@ -27,12 +27,12 @@ class SampleBlock:
     others: FloatArray = field(default_factory=lambda: np.empty((0, 0, 6)))
     #: Angles x, y, z of a gimbal's joints, rad, NaN between polls, shape (n, 3); (n, 0) without a gimbal.
     joints: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
-    #: Station time at which each sample was read, s, NaN but for the last sample read at a time, shape (n, 1); (n, 0)
+    #: Station time at which each sample was read, s, NaN except for the last sample of each read, shape (n, 1); (n, 0)
     #: if unknown.
     station: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     def __post_init__(self) -> None:
-        """Give absent optional columns the number of rows of the block."""
+        """Give missing optional columns the number of rows of the block."""
         if self.others.shape[1] == 0:
             object.__setattr__(self, "others", np.empty((len(self.seq), 0, 6)))
         if self.joints.shape[1] == 0:
@@ -53,12 +53,12 @@ COLUMNS = tuple(f.name for f in fields(SampleBlock) if f.name != "stage")
 
 
 def has_gyros(output: FloatArray) -> bool:
-    """Whether output of gyros and accelerometers, shape (n, 6), contains that of gyros, which is otherwise NaN."""
+    """Return whether the output, shape (n, 6), contains gyro values, which are NaN in a unit without gyros."""
     return not (np.isnan(output[:, :3]).all() and np.isfinite(output[:, 3:]).any())
 
 
 def joined(blocks: list[SampleBlock]) -> SampleBlock:
-    """Join consecutive blocks into one with the stage of the first; a single one is returned as it is."""
+    """Join consecutive blocks into one with the stage of the first; a single block is returned unchanged."""
     if len(blocks) == 1:
         return blocks[0]
     return SampleBlock(blocks[0].stage, *(np.concatenate([getattr(b, name) for b in blocks]) for name in COLUMNS))
@@ -76,6 +76,6 @@ def snap_angles(angles: FloatArray) -> FloatArray:
     """Round angles in rad, of any shape, to `ANGLE_STEP`; NaN is preserved.
 
     Drivers, logs and file readers all use this grid, so a solution does not depend on whether its angles were stored
-    in a file in degrees.
+    in degrees in a file.
     """
     return np.round(np.asarray(angles) / ANGLE_STEP) * ANGLE_STEP

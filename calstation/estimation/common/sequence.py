@@ -1,4 +1,4 @@
-"""Continuous sample counters: wraps, resets and gaps are distinguished (docs/contract.md, "CSV import")."""
+"""Continuous sample counters that distinguish wraps, resets and gaps (docs/contract.md, "CSV import")."""
 
 from collections.abc import Sequence
 
@@ -68,7 +68,7 @@ class SequenceUnwrapper:
         return seq + offsets, time + shifts, restarts
 
     def _step(self, place: int, last: int, now: int, last_time: float, now_time: float) -> tuple[int, float]:
-        """Return the offsets to add to counter and clock (s) from a row on at which either does not increase."""
+        """Return the offsets to add to counter and clock (s) from a row at which either does not increase."""
         elapsed = (now_time - last_time) / self._period
         if now == last:
             raise SequenceError("recording.seq_repeated", place=place, seq=now)

@@ -1,4 +1,4 @@
-"""Samples of a stage in a temporary file until the stage is solved."""
+"""Temporary file for the samples of a stage until the stage is solved."""
 
 import pickle
 import tempfile
@@ -10,7 +10,7 @@ from calstation.estimation.common.context import ImuModel
 from calstation.estimation.common.samples import SampleBlock, joined
 from calstation.estimation.common.stage import StageData, stage_data
 
-#: Number of samples that are written together: blocks of a few samples would take long to read back.
+#: Number of samples that are written together, because reading back many small blocks is slow.
 _TOGETHER = 16_384
 _NOTHING = SampleBlock(
     "",

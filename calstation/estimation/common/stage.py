@@ -18,7 +18,7 @@ BIAS_SIGMAS = 3.0
 SLOWEST = np.deg2rad(0.1)
 #: Time removed from both ends of a rest found in the data, s, because a table creeps before it settles.
 REST_MARGIN = 0.3
-#: Number of samples before and after a step of time whose medians show whether it is lasting.
+#: Number of samples before and after a jump in time whose medians show whether it is permanent.
 _JITTER_SAMPLES = 20
 #: A larger change of mean specific force from one window to the next, m/s², indicates a new position.
 FORCE_STEP = 0.5
@@ -45,7 +45,7 @@ class StageData:
 
     @property
     def has_gyros(self) -> bool:
-        """Whether the samples contain the output of gyros, which is otherwise NaN."""
+        """Whether the samples contain gyro output, which is NaN for a unit without gyros."""
         return not np.isnan(self.gyro[:1]).any()
 
     def seq_range(self, start: int, stop: int) -> dict[str, int]:
@@ -89,7 +89,7 @@ def _scaled(counts: FloatArray, size: float) -> FloatArray:
 
 
 def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
-    """Return the steps of time, shape (n − 1,), that are lasting; a jitter of the times of arrival is none."""
+    """Return the steps of time, shape (n − 1,), that are permanent; jitter of arrival times does not count."""
     jumps = np.abs(np.diff(time) - dt) > 0.5 * dt
     late = time - seq * dt
     for k in np.flatnonzero(jumps & (np.diff(seq) == 1)):
@@ -108,8 +108,8 @@ def _joined(parts: list[np.ndarray], dtype: type, columns: int = 0) -> np.ndarra
 def window_mean(values: FloatArray, offset: FloatArray, width: int) -> FloatArray:
     """Return the mean, less `offset`, of the `width` samples ending at each index from width − 1.
 
-    `values` has the shape (n, 3), `offset` (3,), and the result (n − width + 1, 3). A mean is the difference of two
-    running totals.
+    `values` has the shape (n, 3), `offset` (3,), and the result (n − width + 1, 3). A mean is computed as the
+    difference of two running totals.
     """
     mean = np.empty((max(len(values) - width + 1, 0), 3))
     for j in range(3):
@@ -126,7 +126,7 @@ def window_mean(values: FloatArray, offset: FloatArray, width: int) -> FloatArra
 
 @nb.njit(cache=True)
 def group_means(values: FloatArray, width: int) -> FloatArray:
-    """Return the means of consecutive groups of `width` rows of three channels; a remainder is not used."""
+    """Return the means of consecutive groups of `width` rows of three channels, without a remainder."""
     means = np.zeros((len(values) // width, 3))
     for k in range(len(means)):
         for i in range(k * width, (k + 1) * width):
@@ -186,16 +186,16 @@ def find_rests(
 
 @dataclass(frozen=True)
 class Quietest:
-    """Smallest rate of a recording and smallest change of it, and the largest ones at a rest of `find_rests`, rad/s."""
+    """Smallest rate and rate change of a recording, and the largest ones accepted as a rest by `find_rests`, rad/s."""
 
-    rate: float  #: Smallest rate of a window less the prior bias.
+    rate: float  #: Smallest rate of a window minus the prior bias.
     largest_rate: float
     change: float  #: Smallest change from one window to the next.
     largest_change: float
 
 
 def quietest(data: StageData, imu: ImuModel, belief: Belief) -> Quietest:
-    """Return why a recording has no rest; NaN in one shorter than two windows."""
+    """Return the quantities that show why a recording has no rest; NaN if it is shorter than two windows."""
     bias = group_indices("gyro_bias")
     width = max(round(REST_WINDOW / data.dt), 2)
     largest_rate, largest_change = _limits_of_rest(imu, width, data.dt, float(belief.sigma[bias].max()))
@@ -220,7 +220,7 @@ def _window_noise(imu: ImuModel, width: int, dt: float) -> float:
 
 @nb.njit(cache=True)
 def _small_and_constant(rate: FloatArray, width: int, most: float, most_change: float) -> FloatArray:
-    """Return the windows whose mean rate is small, and near that of the window before it, shape (3, k)."""
+    """Return the windows whose mean rate is small and close to the mean of the preceding window, shape (3, k)."""
     found, count = np.empty((3, len(rate))), 0
     for k in range(width, len(rate)):
         agrees = True
@@ -232,7 +232,7 @@ def _small_and_constant(rate: FloatArray, width: int, most: float, most_change: 
 
 
 def _median(values: FloatArray) -> float:
-    """Return what `np.median` does, whose partition about several elements takes five times as long."""
+    """Return the same as `np.median`, which takes five times as long because it partitions about several elements."""
     half = len(values) // 2
     parted = np.partition(values, half)
     return float(parted[half] if len(values) % 2 else 0.5 * (parted[:half].max() + parted[half]))
@@ -240,7 +240,7 @@ def _median(values: FloatArray) -> float:
 
 @nb.njit(cache=True)
 def _still(rate: FloatArray, at_rest: FloatArray, most: float) -> BoolArray:
-    """Whether each window has the rate at rest, shape (n,)."""
+    """Return whether each window has the rate at rest, shape (n,)."""
     still = np.ones(len(rate), dtype=np.bool_)
     for k in range(len(rate)):
         for j in range(3):
@@ -250,10 +250,10 @@ def _still(rate: FloatArray, at_rest: FloatArray, most: float) -> BoolArray:
 
 @nb.njit(cache=True)
 def _split(accel: FloatArray, width: int, still: BoolArray) -> None:
-    """Mark windows as not still whose mean force differs from that of the window before or after them."""
+    """Mark as not still the windows whose mean force differs from the preceding or following window."""
     step = FORCE_STEP * width
     for j in range(3):
-        ahead = behind = 0.0  # totals of a window and of the one before it
+        ahead = behind = 0.0  # sums over a window and over the one before it
         for k in range(width):
             ahead += accel[width + k, j]
             behind += accel[k, j]
@@ -272,7 +272,7 @@ def runs(flags: BoolArray) -> list[tuple[int, int]]:
 
 
 def slope_weights(count: int, stride: int) -> FloatArray:
-    """Return weights, shape (count,), sum 1, whose mean of specific force is the slope of a line fitted to velocity.
+    """Return weights, shape (count,), sum 1, with which the mean force is the slope of a line fitted to velocity.
 
     Velocity is sampled every `stride` samples, the interval at which its noise is independent; the remainder of a rest
     is not used. For white velocity noise this is the best linear unbiased estimate of the mean.

@@ -1,6 +1,6 @@
 """Rests of a recording and the motions between them, found from the data alone.
 
-Noise and rate at rest are those of the quietest windows. If the force jumps between two quiet intervals without a
+Noise and rate at rest are taken from the quietest windows. If the force jumps between two quiet intervals without a
 rotation, samples were cut out, and no motion connects the rests on either side.
 """
 
@@ -23,13 +23,13 @@ LOUDEST = np.deg2rad(1.0)
 CUT_WINDOW = 0.15
 #: Smallest jump of the force across a cut, m/s².
 CUT_STEP = 2.0
-#: Without gyros: noise of a rest in units of that of the quietest windows, rms over the axes; ...
+#: Without gyros: noise of a rest relative to the quietest windows' noise, rms over the axes; ...
 LOUDEST_FORCE = 2.0
 #: ... change of mean force from one window to the next, in sigmas of its noise; ...
 STEADY_FORCE = 6.0
-#: ... and change of mean force that is no motion, m/s².
+#: ... and change of mean force that does not count as a motion, m/s².
 CREEP_FORCE = 0.02
-#: Standard deviation of the rate at rest about that of the quietest windows, rad/s.
+#: Standard deviation of the rate at rest about the mean rate of the quietest windows, rad/s.
 RESTING_RATE_SIGMA = np.deg2rad(0.2)
 
 
@@ -58,7 +58,7 @@ class Stillness:
 def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness:
     """Find the rests of at least `shortest` s and the motions of all segments; the noise of `imu` is a lower bound.
 
-    Without gyros, rests are found from the accelerometers, and no motions.
+    Without gyros, only rests are found, from the accelerometers, and no motions.
     """
     windows = _windows(data)
     if not data.has_gyros:
@@ -88,9 +88,9 @@ def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness
 
 
 def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std: FloatArray) -> Stillness:
-    """Find the rests in which specific force is constant, with the noise of the quietest windows, shape (k,), in m/s².
+    """Return the rests with constant specific force, given the noise of the quietest windows, m/s², shape (k,).
 
-    A window is at rest if its noise is that of the quietest ones and its mean agrees with those before and after it.
+    A window is at rest if it is as quiet as the quietest ones and its mean agrees with the windows before and after it.
     """
     quietest = float(np.quantile(accel_std, QUIETEST)) if len(accel_std) else 0.0
     lowest = float(np.hypot(imu.accel_vrw / np.sqrt(data.dt), imu.accel_lsb * imu.rate_factor / np.sqrt(12.0)))

@@ -1,4 +1,4 @@
-"""Effects outside the 30-parameter model that are tested: the sensor error that each one adds, per unit of its size.
+"""Effects outside the 30-parameter model that are tested: the sensor error of each one per unit of its size.
 
 Sources: IEEE Std 952-2020 and 1293-2018 (error models of gyros and accelerometers); Cai, Yang, Song, Wang, *Measurement
 Science and Technology* 27 (2016) 095005 (g-sensitivity and cross-coupling on a two-axis table).
@@ -30,7 +30,7 @@ class Motion:
 
 
 class Place(NamedTuple):
-    """Where an effect adds a regressor to the output."""
+    """Channel and component of one regressor of an effect."""
 
     channel: int  #: 0 to 5: gyro x y z, accel x y z.
     component: int  #: Component whose size multiplies the regressor.
@@ -39,18 +39,18 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect with as many unknown sizes as it has components."""
+    """An effect with one unknown size per component."""
 
     cause: str  #: Code of the message catalogue's family ``cause``.
     unit: str  #: Unit of its sizes, SI.
-    #: Standard deviation with which a size is expected; None for that of the parameter before calibration. A regressor
-    #: that is little more than noise would otherwise be given an absurd size.
+    #: Expected standard deviation of a size; None for the parameter's sigma before calibration. Without it, a regressor
+    #: that is little more than noise would get an absurd size.
     plausible: float | None
     components: tuple[str, ...]  #: Names of the components: axes or pairs of axes, or "".
-    #: (motion) -> errors of channels per unit of a size, shape (n, r).
+    #: Function (motion) -> channel errors per unit of a size, shape (n, r).
     regressors: Callable[[Motion], FloatArray]
-    places: tuple[Place, ...]  #: Channels that have these errors; the others have none.
-    #: Parameter that each component changes during the stage; empty for an effect that is always there.
+    places: tuple[Place, ...]  #: Channels that have these errors.
+    #: Parameter that each component changes during the stage; empty for a constant effect.
     parameters: tuple[str, ...] = ()
     #: Change of these parameters from the start to the end of the stage per unit of each size, given its duration, s.
     change: Callable[[float], FloatArray] = lambda duration: np.zeros(0)
@@ -65,19 +65,19 @@ class Candidate:
         return errors
 
     def parameter_of(self, component: int) -> str:
-        """Return the parameter that a component changes, "" for an effect that is always there."""
+        """Return the parameter that a component changes, "" for a constant effect."""
         return self.parameters[component] if self.parameters else ""
 
 
-#: Places of an effect with a regressor for each gyro, or for each accelerometer, and a component for each of them.
+#: Channels and components of an effect with one regressor and one component for each gyro, or each accelerometer.
 OF_GYROS, OF_ACCELEROMETERS = (tuple(Place(first + i, i, i) for i in range(3)) for first in (0, 3))
 
 
 def _off_axis(m: Motion) -> FloatArray:
-    """Return the errors of two accelerometers that lie apart along the axis of the third, by half of that each.
+    """Return the errors of two accelerometers displaced along the axis of the third, each by half the distance.
 
-    The force at a displacement d is ω̇×d + ω×(ω×d), of which an accelerometer senses its own component. What the two
-    displacements have in common is a lever arm.
+    The force at a displacement d is ω̇×d + ω×(ω×d), of which an accelerometer senses the component along its axis. The
+    part common to both displacements is a lever arm.
     """
     errors = np.zeros((len(m.rate), 6))
     for axis in range(3):
@@ -105,7 +105,7 @@ def _optional(cause: EffectName, regressors: Callable[[Motion], FloatArray], pla
     return Candidate(cause, unit, plausible, components, regressors, places)
 
 
-#: Effects that are there all the time.
+#: Effects that are constant throughout the run.
 CONSTANT: tuple[Candidate, ...] = (
     _optional("g_sensitivity", lambda m: m.force, tuple(Place(k // 3, k, k % 3) for k in range(9))),
     _optional("gyro_asymmetry", lambda m: np.abs(m.rate), OF_GYROS),
@@ -139,7 +139,7 @@ def effect_errors(sizes: Mapping[str, float], rate: FloatArray, force: FloatArra
 
 
 def changing(duration: float) -> Iterator[Candidate]:
-    """Yield the drifts and jumps of every bias and scale factor within a stage of `duration` s, as they begin."""
+    """Yield the drifts and jumps of every bias and scale factor within a stage of `duration` s, in start order."""
     for sensor, what, unit, axes in _CHANGING:
         yield Candidate(
             "drift", unit, None, 6 * ("",), *_changing(sensor, what, 2, _drift, duration),
@@ -154,7 +154,7 @@ def changing(duration: float) -> Iterator[Candidate]:
 
 
 def drifted(time: FloatArray) -> FloatArray:
-    """Return the courses of a drift: a ramp, s, and a warm-up that ends at 1, shape (n, 2)."""
+    """Return the time functions of a drift: a ramp, s, and a warm-up that ends at 1, shape (n, 2)."""
     return np.stack([time, -np.expm1(-time / WARM_UP)], axis=1)
 
 
@@ -170,9 +170,9 @@ def _jump(share: float) -> Callable[[FloatArray, float], FloatArray]:
 def _changing(
     sensor: int, what: str, width: int, shape: Callable[[FloatArray, float], FloatArray], duration: float
 ) -> tuple[Callable[[Motion], FloatArray], tuple[Place, ...]]:
-    """Return the errors of channels whose biases or scale factors change over time, axis after axis.
+    """Return the errors of channels whose biases or scale factors change over time, one axis after the other.
 
-    `shape` returns the `width` courses of the change.
+    `shape` returns the `width` time functions of the change.
     """
 
     def regressors(m: Motion) -> FloatArray:

@@ -1,9 +1,9 @@
-"""Score tests along a chain of stages: what the innovations say about each effect outside the model.
+"""Score tests along a chain of stages: evidence in the innovations for each effect outside the model.
 
 The test of one added effect of size θ needs only the estimate without it: χ² = Uᵀ I⁻¹ U with the score U = Σ Jᵀ S⁻¹ ν
 and the information I = Σ Jᵀ S⁻¹ J (C. R. Rao, *Proc. Cambridge Phil. Soc.* 44, 1948; for jumps in state-space models:
-P. de Jong, J. Penzer, *Diagnosing shocks in time series*, JASA 93(442), 1998). Its size is I⁻¹ U, and it leaves the
-errors D I⁻¹ U in the parameters.
+P. de Jong, J. Penzer, *Diagnosing shocks in time series*, JASA 93(442), 1998). The estimated size is I⁻¹ U, and the
+effect leaves the errors D I⁻¹ U in the parameters.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,23 +16,23 @@ from calstation.estimation.effects.candidates import CONSTANT, Candidate, drifte
 from calstation.estimation.effects.sensitivity import Sensitivity
 from calstation.physics import AXES, COUNT, INDEX, FloatArray, IntArray
 
-#: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect moves a parameter by
-#: more than `LEAST_MOVE` of its sigmas. One that moves less is harmless, but it explains other failures.
+#: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect shifts a parameter by
+#: more than `LEAST_MOVE` of its sigmas. An effect with a smaller shift is harmless, but may explain other failures.
 MOST_EXCESS, LEAST_MOVE = 30.0, 3.0
-#: An effect whose χ² is smaller than that of the likeliest one by more than this is not the cause.
+#: An effect is not the cause if its χ² is smaller than the likeliest effect's χ² by more than this.
 _AS_LIKELY = 10.0
-#: Jumps between two stages are looked for in these groups.
+#: Groups in which jumps between two stages are searched.
 _JUMPING = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale")
 
 
 @dataclass(frozen=True)
 class EffectFound:
-    """What the data say about one effect."""
+    """Evidence in the data for one effect."""
 
     cause: str
     component: str  #: The most significant component.
     parameter: str  #: Parameter that changed; "" for a constant effect.
-    stage: str  #: Stage during or before which it changed; "" for a constant effect and a drift throughout the run.
+    stage: str  #: Stage during or before which it changed; "" for a constant effect or a drift throughout the run.
     excess: float  #: χ² minus its degrees of freedom.
     size: float  #: Estimated size of the component, in `unit`.
     sigma: float
@@ -46,10 +46,10 @@ class EffectFound:
 
 
 def effect_tests(found: Sequence[EffectFound]) -> tuple[ModelTest | None, ModelTest | None]:
-    """Return the test of the effect outside the error model that does most harm, and a significant but harmless one.
+    """Return the tests of the most harmful effect outside the error model and of a significant but harmless one.
 
-    `found` are all effects, the likeliest first. One that is nearly as likely as the first may be the harmful one.
-    There may be none of either; only the first one may pass.
+    `found` are all effects, the likeliest first. An effect nearly as likely as the first may be the harmful one. Either
+    test is None if there is no such effect; only the first one can pass.
     """
     if not found:
         return None, None
@@ -69,7 +69,7 @@ def _test(found: EffectFound) -> ModelTest:
 
 @dataclass(frozen=True)
 class EffectLimit:
-    """How much of one component of an effect a schedule hides."""
+    """Size of one component of an effect that a schedule cannot detect."""
 
     cause: str
     component: str
@@ -77,13 +77,13 @@ class EffectLimit:
     stage: str  #: As in `EffectFound`.
     size: float  #: Size that gives the expected χ², in `unit`; infinite if the innovations do not contain it.
     unit: str
-    moved: str  #: Estimated parameter that this size moves most.
+    moved: str  #: Estimated parameter that this size shifts most.
     move: float  #: Error that this size leaves in it, in its sigmas.
 
 
 @dataclass
 class _Tested:
-    """A candidate with its score, information and the error that it leaves so far."""
+    """A candidate with its score, information and accumulated parameter error."""
 
     candidate: Candidate
     stage: str
@@ -94,14 +94,15 @@ class _Tested:
 
     @classmethod
     def begun(cls, candidate: Candidate, stage: str, error: FloatArray, constants: int) -> "_Tested":
-        """Return a test of which no stage has been seen; `error` is what it adds to the prior, shape (30, k)."""
+        """Return a test before any stage; `error` is the contribution of the effect to the prior, shape (30, k)."""
         k = error.shape[1]
         return cls(candidate, stage, np.zeros(k), np.zeros((k, k)), np.zeros((k, constants)), error)
 
     def follow(self, s: Sensitivity, constant: FloatArray, direct: FloatArray | None = None) -> None:
-        """Add a stage, in which the effect also adds `direct` times the columns after the parameters and `CONSTANT`.
+        """Add a stage.
 
-        `constant` is what each component of `CONSTANT` adds to the parameters and its own column.
+        The effect also contributes `direct` times the columns after the parameters and `CONSTANT`. `constant` is the
+        contribution of each component of `CONSTANT` to the parameters and its own column.
         """
         both, own = len(constant), self.error
         if direct is not None:
@@ -117,7 +118,7 @@ class _Tested:
         self.error[[INDEX[name] for name in self.candidate.parameters], range(len(amount))] += amount
 
     def in_units_of(self, sizes: FloatArray) -> "_Tested":
-        """Return the same with its sizes in other units, shape (k,)."""
+        """Return the same test with its sizes in other units, shape (k,)."""
         information = self.information * np.outer(sizes, sizes)
         scaled = self.score * sizes, information, self.cross * sizes[:, None], self.error * sizes
         return _Tested(self.candidate, self.stage, *scaled)
@@ -134,7 +135,7 @@ class _Tested:
             yield EffectLimit(c.cause, component, c.parameter_of(k), self.stage, size, c.unit, moved, move)
 
     def found(self, known: "Estimated", before: FloatArray, sigma: FloatArray, names: Sequence[str]) -> EffectFound:
-        """Evaluate the test beside the effects in the model; `before` and `sigma` belong to the 30 parameters."""
+        """Evaluate the test together with the effects in the model; `before` and `sigma` refer to the 30 parameters."""
         shared = self.cross[:, known.columns]
         score = self.score - shared @ known.size
         information = self.information - shared @ known.covariance @ shared.T
@@ -157,13 +158,13 @@ class _Tested:
 class Estimated:
     """Estimate of the effects in the model of the unit."""
 
-    columns: IntArray  #: Their components among those of `CONSTANT`, shape (k,).
+    columns: IntArray  #: Indices of the components within `CONSTANT`, shape (k,).
     names: tuple[str, ...]  #: Contract names of the components.
     units: tuple[str, ...]
     size: FloatArray  #: Shape (k,).
     covariance: FloatArray  #: Shape (k, k).
-    error: FloatArray  #: Error that each leaves in the parameters per unit of its size, shape (30, k).
-    explained: float  #: Part of the last stage's sum of squared innovations that they explain.
+    error: FloatArray  #: Error that each effect leaves in the parameters per unit of its size, shape (30, k).
+    explained: float  #: Part of the last stage's sum of squared innovations that the effects explain.
 
     def corrected(self, belief: Belief) -> Belief:
         """Return the posterior of the parameters with the effects in the model."""
@@ -172,11 +173,11 @@ class Estimated:
 
 
 class EffectTests:
-    """The tests of all effects over the stages so far, and the estimate of those in the model of the unit.
+    """Tests of all effects over the stages so far, and the estimate of the effects in the unit's model.
 
-    The stages are solved without any effect. Given what an effect adds to the innovations and leaves in the parameters,
-    its size and the parameters beside it follow without solving again (B. Friedland, *Treatment of bias in recursive
-    filtering*, IEEE TAC 14(4), 1969).
+    The stages are solved without any effect. From the contribution of an effect to the innovations and to the
+    parameters, its size and the corrected parameters follow without solving again (B. Friedland, *Treatment of bias in
+    recursive filtering*, IEEE TAC 14(4), 1969).
     """
 
     def __init__(self, before: FloatArray, states: Sequence[str] = ()) -> None:
@@ -194,13 +195,13 @@ class EffectTests:
         self._last, self._noise_ratio = (self._score, self._information), 1.0
         self._error = np.zeros((COUNT, count))
         self._changes: list[_Tested] = []
-        #: Drifts throughout the run, in units of their courses, and the time since its beginning, s.
+        #: Drifts throughout the run, in units of their time functions, and the time since the start, s.
         self._drifts: list[_Tested] = []
         self._begin = self._elapsed = 0.0
         self._parameters: dict[str, None] = {}
 
     def add(self, stage: str, s: Sensitivity, estimated: Sequence[str]) -> None:
-        """Add a stage that estimated some parameters."""
+        """Add a stage with the parameters that it estimated."""
         count = len(self._score)
         prior, constant = slice(0, COUNT), slice(COUNT, COUNT + count)
         into = np.vstack([self._error, np.eye(count)])
@@ -219,7 +220,7 @@ class EffectTests:
         self._parameters |= dict.fromkeys(estimated)
 
     def _add_changing(self, stage: str, s: Sensitivity, into: FloatArray) -> None:
-        """Add the changes within a stage, and follow the drifts throughout the run."""
+        """Add the changes within a stage, and continue the drifts throughout the run."""
         widths = [len(c.components) for c in s.changing]
         units = np.split(np.eye(sum(widths)), np.cumsum(widths)[:-1], axis=1)
         count = len(self._score)
@@ -252,10 +253,10 @@ class EffectTests:
         return Estimated(at, self._names, self._units, size, covariance, self._error[:, at], explained)
 
     def found(self, belief: Belief) -> list[EffectFound]:
-        """Return what the data say about every other effect, the likeliest first.
+        """Return the evidence for every effect outside the model, the likeliest first.
 
-        `belief` is the latest posterior. A change in one stage has more chances than other effects: for each group of
-        parameters some times in every stage. Its likelihood is divided by their number.
+        `belief` is the latest posterior. A change in one stage has more chances to appear than other effects: several
+        times in every stage for each group of parameters. Its likelihood is divided by the number of chances.
         """
         known, names = self.estimated(), tuple(self._parameters)
         found = [t.found(known, self._before, belief.sigma, names) for t in self._tested()]
@@ -263,7 +264,7 @@ class EffectTests:
         return sorted(found, key=lambda f: (chances if f.stage else 0.0) - f.excess)
 
     def limits(self, belief: Belief, chi_square: float) -> list[EffectLimit]:
-        """Return for every other effect the size at which its test is expected to reach `chi_square`."""
+        """Return, for every effect outside the model, the size at which its test is expected to reach `chi_square`."""
         names = tuple(self._parameters)
         return [limit for t in self._tested() for limit in t.limits(chi_square, belief.sigma, names)]
 

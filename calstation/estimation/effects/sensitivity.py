@@ -1,7 +1,7 @@
 """Response of a stage's innovations and estimates to errors of the prior and to effects outside the model.
 
-Without the model knowing of an effect, it adds J θ to the innovations and leaves the error D θ in the estimate (truth
-minus estimate). Both follow from the gains of the estimator, whatever they are.
+An effect that is not modelled adds J θ to the innovations and leaves the error D θ in the estimate (truth minus
+estimate). Both follow from the gains of the estimator, optimal or not.
 """
 
 from collections.abc import Sequence
@@ -16,9 +16,10 @@ from calstation.physics import COUNT, BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Score and information of c columns, and the errors that they leave.
+    """Score and information of c columns, and the estimation errors that they cause.
 
-    The columns are an error of each parameter's prior mean (30), the components of `CONSTANT`, and those of `changing`.
+    The columns are an error of each parameter's prior mean (30), the components of `CONSTANT`, and the components of
+    `changing`.
     """
 
     score: FloatArray  #: Jᵀ S⁻¹ ν, shape (c,).
@@ -27,7 +28,7 @@ class Sensitivity:
     changing: tuple[Candidate, ...] = ()  #: Effects that change a parameter during the stage.
     begin: float = 0.0  #: Time at which the stage begins, s.
     duration: float = 0.0  #: Duration of the stage, s.
-    #: χ² of the innovations with the noise of the estimate over that with the noise of `score` and `information`.
+    #: χ² of the innovations with the noise of the estimate, divided by χ² with the noise of `score` and `information`.
     noise_ratio: float = 1.0
 
 
@@ -49,7 +50,7 @@ def mean_errors(motion: Motion, candidates: Sequence[Candidate], counts: IntArra
 
 
 def mean_regressors(motion: Motion, candidates: Sequence[Candidate], counts: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return the regressors of candidates averaged over k groups of `counts` intervals, and where they are added.
+    """Return the regressors of candidates averaged over k groups of `counts` intervals, and the channels they apply to.
 
     The means have the shape (k, r), the places (channel, component, regressor) the shape (places, 3).
     """
@@ -93,7 +94,7 @@ def batch_sensitivity(
     ----------
     jacobian, gain : of the 30 parameters, shapes (m, 30) and (30, m)
     covariance, innovation : of the innovations, shapes (m, m) and (m,)
-    added : what each component of `CONSTANT` and of `changing` adds to the observations, shape (m, components)
+    added : contribution of each component of `CONSTANT` and of `changing` to the observations, shape (m, components)
     estimated : True for the parameters that the gain corrects, shape (30,)
     begin, duration : of the stage, s
     """

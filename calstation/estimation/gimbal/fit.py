@@ -1,4 +1,4 @@
-"""Least-squares fit of a gimbal recording: the rotation of every motion from the gyros against that from the joints.
+"""Least-squares fit of a gimbal recording: the rotation of every motion from the gyros compared with the joints.
 
 Exp(−Ω T) C_before B(gyro parameters) = C_after,  C from the joints, B the body rotation from the compensated gyros
 """
@@ -42,7 +42,7 @@ def fit_gimbal(
     noise = filter_noise(context)
     sigma = np.sqrt(np.repeat([noise.rate * m.duration for m in motions], 3))
     root = square_root(prior.covariance)
-    # the noise of a motion is gyro noise; joint errors are shared with the preceding and the following motion
+    # gyro noise is independent for each motion; joint errors are shared with the preceding and the following motion
     rests = 1 + max(max(m.between) for m in motions)
     scale = np.concatenate([[RATE] * 3, np.full(3 * rests, joint_sigma)])
     point, more = prior.mean.copy(), np.zeros(len(scale))

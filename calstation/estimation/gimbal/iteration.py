@@ -8,12 +8,13 @@ D = −J(A) (m − k), where m and k are the columns of M and K for that axis wi
 
 so that the error is multiplied by I − s α J. J is not a multiple of the identity, because a tilted body axis rotates
 with the body. For the innermost and the outermost joint J(A) = [[sin A, ±(1 − cos A)], [∓(1 − cos A), sin A]] with the
-eigenvalues 2 sin(A/2) e^(±iA/2). The iteration is stable for 0 < α < cot(A/2) and converges fastest at half of that,
+eigenvalues 2 sin(A/2) e^(±iA/2). The iteration is stable for 0 < α < cot(A/2) and converges fastest at half this limit,
 where each turn reduces the error to sin(A/2) of its value. For A ≥ 180° it is unstable for every gain.
 
-Turns of one axis follow each other without a return to zero. The drift of a turn from other joint angles is the
+Turns of one axis follow each other without a return to zero. If a turn starts from other joint angles, its drift is the
 deviation from the ideal turn about the body axis, and J depends on these angles: an innermost joint at q rotates it by
-q. Every drift is therefore converted into that of the same turn from zero, so that the same gains are stable.
+q. Every drift is therefore converted to the equivalent drift of the same turn from zero, so that the same gains are
+stable.
 """
 
 from dataclasses import dataclass, field
@@ -23,7 +24,7 @@ import numpy as np
 from calstation.physics import AXES, FloatArray, axis_rotation, rotation_matrix
 
 _DERIVATIVE_STEP = 1e-5
-#: Time that the joints are locked to take the gyro bias, in addition to a rest, s.
+#: Time for which the joints are locked to measure the gyro bias, in addition to a rest, s.
 BIAS_TIME = 2.0
 #: Largest joint angle of a series of turns, rad: the outer and inner joint become parallel at 90° of the middle one.
 TRAVEL = np.deg2rad(80.0)
@@ -50,7 +51,7 @@ def gimbal_joints(order: str, C: FloatArray) -> FloatArray:
 
 
 def others(axis: int) -> list[int]:
-    """Return the other two axes."""
+    """Return the indices of the other two axes."""
     return [k for k in range(3) if k != axis]
 
 
@@ -92,7 +93,7 @@ def largest_gain(order: str, axis: int, angle: float) -> float:
 
 
 def contraction(order: str, axis: int, angle: float, gain: float) -> float:
-    """Return the factor per turn by which a turn by `angle` and a turn back reduce an error."""
+    """Return the factor by which a turn by `angle` and a turn back reduce an error, per turn."""
     both = np.eye(2)
     for way in (angle, -angle):
         both = (np.eye(2) + sign_of(way) * gain * drift_matrix(order, axis, way)) @ both
@@ -103,7 +104,7 @@ def contraction(order: str, axis: int, angle: float, gain: float) -> float:
 class TurnCommand:
     """A turn about `axis` by `angle`, rad, stabilised with the correction K, shape (3, 3).
 
-    `home` is whether the gimbal returns to zero before the turn.
+    `home` specifies whether the gimbal returns to zero before the turn.
     """
 
     axis: int
@@ -133,7 +134,7 @@ class GimbalIteration:
     alternate: bool = True  #: Whether every second turn is in the opposite direction.
     travel: float = TRAVEL  #: Largest joint angle, rad; the gimbal returns to zero before a turn beyond it.
     correction: FloatArray = field(default_factory=lambda: np.zeros((3, 3)), init=False)  #: K, shape (3, 3).
-    courses: list[AxisTurns] = field(default_factory=list, init=False)  #: Axes so far, in the order of their turns.
+    courses: list[AxisTurns] = field(default_factory=list, init=False)  #: Turns of each axis so far, in order.
     position: float = field(default=0.0, init=False)  #: Angle of the turned joint, rad.
 
     @property
@@ -160,7 +161,7 @@ class GimbalIteration:
         return TurnCommand(axis, angle, self.correction.copy(), home)
 
     def at_zero(self) -> None:
-        """Note that the gimbal has returned to zero."""
+        """Record that the gimbal has returned to zero."""
         self.position = 0.0
 
     def add_drift(self, axis: int, angle: float, drift: FloatArray) -> None:

@@ -16,8 +16,8 @@ TURNED = np.deg2rad(5.0)
 SHORTEST_REST = 1.0
 #: Duration, next to the motion, of the part of a rest from which the joint rates are determined, s.
 RATE_FIT = 3.0
-#: Duration, next to the motion, of the part of a rest whose mean gyro output is subtracted, s: that of the shortest
-#: stabilised rest, because a small return to zero after it does not end the rest.
+#: Duration, next to the motion, of the part of a rest whose mean gyro output is subtracted, s. It equals the shortest
+#: stabilised rest, because a small return to zero after a rest does not end it.
 MEAN_FIT = 2.0
 #: Duration of the part of a rest from which the joint angles are determined, s.
 ANGLE_FIT = 0.3
@@ -32,10 +32,10 @@ class Motion:
     before: FloatArray  #: Joints x, y, z at the start of the motion, rad, shape (3,).
     after: FloatArray  #: Joints x, y, z at the end of the motion, rad, shape (3,).
     drift: FloatArray  #: Joint rates at the rest before, rad/s, shape (3,).
-    rest: float  #: Duration over which these rates were fitted, s.
+    rest: float  #: Duration of the fit of these rates, s.
     duration: float  #: s
-    between: tuple[int, int]  #: Indices of the rests before and after.
-    rotation: FloatArray  #: Integral of the gyro output minus its mean at both rests near it, rad, shape (3,).
+    between: tuple[int, int]  #: Indices of the rests before and after the motion.
+    rotation: FloatArray  #: Integral of the gyro output minus its mean over the adjacent rests, rad, shape (3,).
 
     @property
     def axis(self) -> int | None:
@@ -55,7 +55,7 @@ class Motion:
         return float(moved[int(np.argmax(np.abs(moved)))])
 
     def cross_rotation(self, correction: FloatArray) -> float:
-        """Return the rotation about the other axes according to the rates corrected with K, shape (3, 3), rad.
+        """Return the rotation about the other axes, rad, from the rates corrected with K, shape (3, 3).
 
         A gimbal that stabilises on these rates keeps it at zero.
         """

@@ -54,9 +54,9 @@ class History:
         return np.asarray(np.sum(self.innovation**2, axis=1))
 
 
-#: Empty reference, with which the loop is closed.
+#: Empty reference, which selects closed-loop operation.
 _FREE = (np.empty((0, 3, 3)), np.empty((0, 3)))
-#: Number of groups that are processed between two reports of progress.
+#: Number of groups that are processed between two progress reports.
 _TOGETHER = 200
 
 
@@ -86,12 +86,12 @@ class NavigationFilter:
         self._history: list[tuple[FloatArray | IntArray, ...]] = [
             (np.empty(0, np.int64), np.empty((0, 3, 3)), np.empty((0, 3)), np.empty((0, 3)))
         ]
-        #: Every update of a pass that follows a reference.
+        #: All updates of a pass that follows a reference.
         self.updates: list[Updates] = []
         #: Number of observations in a group.
         self.group_size = max(round(GROUP_TIME / (self.stride * self.dt)), 1)
         self._groups: dict[int, VelocityGroup] = {}
-        #: The last group of observations, and how the groups of the last call of `observe` were processed.
+        #: The last group of observations, and how the last call of `observe` processed its groups.
         self.group: VelocityGroup
         self.last: Updates
         self._has_drift = bool(np.any(self.noise.bias_drift))
@@ -121,7 +121,7 @@ class NavigationFilter:
         return History(*(np.concatenate(columns) for columns in zip(*self._history, strict=True)))
 
     def take_history(self) -> History:
-        """Return the observations since the last call and forget them."""
+        """Return and discard the observations since the last call."""
         found = self.history
         del self._history[1:]
         return found
@@ -149,7 +149,7 @@ class NavigationFilter:
         self.state.arm_velocity[:] = observation(self.work, self.earth, self.constants, z, H)
         if self._has_drift:
             H[:, STATES:] = H[:, BIAS]
-        # Joseph's form, because the observation is much more accurate than the velocity before it
+        # Joseph form, because the observation is much more accurate than the velocity before it
         R = np.eye(3) * self.setting.variance
         root = np.asarray(np.linalg.cholesky(H @ P @ H.T + R))
         gain = np.asarray(np.linalg.solve(root, H @ P))
@@ -220,8 +220,8 @@ class NavigationFilter:
         """Process a whole segment in intervals of the stride; a remainder shorter than an interval is omitted.
 
         `attitude` is the C_bn of the linearisation at the start. With `smooth` the pass follows a smoothed reference
-        and does not close the loop. `watch` is called after the start and after every group, `progress` from time to
-        time with the number of groups processed since its last call.
+        and does not close the loop. `watch` is called after the start and after every group, `progress` periodically
+        with the number of groups processed since its last call.
         """
         span = (start.begin, start.end, self.stride)
         reference = None

@@ -1,7 +1,7 @@
 """Compiled Kalman algebra of a pass: prediction and update with groups of correlated observations.
 
-Only the navigation states move, and the bias drift decays, so that prediction changes nine rows of the covariance. An
-observation whose noise is correlated with the process noise (M) changes it by
+Only the navigation states change, and the bias drift decays, so that prediction changes nine rows of the covariance. An
+observation whose noise is correlated with the process noise (M) updates it by
 
     V = H P + Mᵀ,   S = V Hᵀ + H M + R = L Lᵀ,   W = L⁻¹ V,   P⁺ = P − Wᵀ W,   x⁺ = x + Wᵀ L⁻¹ (z − H x)
 
@@ -30,16 +30,16 @@ class State(NamedTuple):
 
 
 class Updates(NamedTuple):
-    """g groups of k observations as they were processed, for r = 3 k rows and n states."""
+    """Results of processing g groups of k observations, for r = 3 k rows and n states."""
 
-    #: Transition of φ, δv and δp over the group, shape (g, 9, n); empty for the observation at a start, after these
-    #: states were reset.
+    #: Transition of φ, δv and δp over the group, shape (g, 9, n); empty for the observation at a start, which follows a
+    #: reset of these states.
     transition: FloatArray
     decay: FloatArray  #: Decay of the bias drift over a group, shape (n − 39,).
     H: FloatArray  #: Jacobian of the observations, shape (g, r, n).
     root: FloatArray  #: Cholesky factor L of the covariance of the innovations, shape (g, r, r).
     gain: FloatArray  #: W, the transposed gain for the normalised innovations, shape (g, r, n).
-    innovation: FloatArray  #: Normalised: L⁻¹ (z − H x), shape (g, r); empty for the observation at a start.
+    innovation: FloatArray  #: Normalised innovation L⁻¹ (z − H x), shape (g, r); empty for the observation at a start.
     attitude: FloatArray  #: C_bn at each observation, shape (g k, 3, 3).
     rate: FloatArray  #: ω_ib at each observation, rad/s, shape (g k, 3).
 
@@ -72,7 +72,7 @@ def process(
     state: State,
     out: Updates,
 ) -> None:
-    """Process the groups of observations of `out` from sample `start`: strapdown, prediction, update and feedback.
+    """Process the groups of observations in `out` from sample `start`: strapdown, prediction, update and feedback.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def process(
     attitudes, velocities : reference C_bn and velocity, m/s, at the ends of the intervals, shapes (g k, 3, 3) and
         (g k, 3); empty for closed loop
     work, state : state of navigation and filter; updated in place
-    group : the decay and the noise of the bias drift; contains the last group afterwards
+    group : decay and noise of the bias drift on input; the last group on output
     out : output
     """
     count, rows, size = group.attitude.shape[0], group.H.shape[0], len(state.x)
@@ -114,7 +114,7 @@ def process(
 
 @nb.njit(cache=True)
 def predict(group: VelocityGroup, state: State, moved: FloatArray) -> None:
-    """Predict mean and covariance over a group; `moved` is for intermediate results, shape (9, n)."""
+    """Predict mean and covariance over a group; `moved`, shape (9, n), receives intermediate results."""
     x, P, F, Q = state.x, state.P, group.transition, group.noise
     size = len(x)
     across, mean = np.zeros((NAVIGATION, NAVIGATION)), np.zeros(NAVIGATION)
@@ -176,7 +176,7 @@ def _products(gain: FloatArray, H: FloatArray, M: FloatArray, S: FloatArray) -> 
 
 @nb.njit(cache=True)
 def _subtract_square(gain: FloatArray, P: FloatArray) -> None:
-    """Subtract WᵀW from P, for W in `gain`, in blocks of three rows of either."""
+    """Subtract WᵀW from P, for W in `gain`, in blocks of three rows and columns."""
     for i in range(0, len(P), 3):
         u, v, w = P[i], P[i + 1], P[i + 2]
         for r in range(0, len(gain), 3):
@@ -222,7 +222,7 @@ def update(group: VelocityGroup, state: State, root: FloatArray, gain: FloatArra
 
 @nb.njit(cache=True)
 def _feed_back(state: State, work: IntervalWork, group: VelocityGroup, root: FloatArray, gain: FloatArray) -> None:
-    """Close the loop on the observations, not on the mean of the prior.
+    """Close the loop on the observations only, not on the mean of the prior.
 
     x = offset + correction: the offset remains in x and decays with each observation. Only the correction is applied to
     the reference, which therefore stays near the levelled start from the first sample on.

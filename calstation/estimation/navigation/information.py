@@ -3,10 +3,11 @@
 A segment begins and ends at rest. Its observations depend on the boundary states (φ, δv and the drift of the biases) at
 both ends, the 30 parameters, and the sizes of effects outside the model; all states between are eliminated. Segments
 that follow each other are joined by eliminating the boundary states between them, so that a schedule is evaluated
-without another pass over its samples. The covariance equals that of the filter.
+without another pass over its samples. The covariance equals the filter's.
 
-With m boundary states and c columns of parameters and effects, information about the end of a motion has shape
-(m + c, m + c), and that of a segment, about m states at its begin and m at its end, (2 m + c, 2 m + c). All is in SI.
+With m boundary states and c columns of parameters and effects, the information at the end of a motion has shape (m + c,
+m + c). The information of a segment, about m states at its start and m at its end, has shape (2 m + c, 2 m + c). All
+values are in SI.
 """
 
 from collections.abc import Sequence
@@ -21,15 +22,15 @@ from calstation.estimation.navigation.response import motion_between_observation
 from calstation.estimation.navigation.velocity_group import BIAS
 from calstation.physics import COUNT, PARAMETER_START, PARAMETERS, STATES, FloatArray, IntArray
 
-#: Number of navigation states at a boundary: φ and δv; nothing depends on δp.
+#: Number of navigation states at a boundary: φ and δv; no observation depends on δp.
 _OBSERVED = 6
-#: Variance of a parameter that is known, in units of its usual prior variance.
+#: Variance of a known parameter, in units of its usual prior variance.
 _KNOWN = 1e-12
 _PARAMETERS = np.arange(PARAMETER_START, STATES)
 
 
 class Segment(NamedTuple):
-    """Information about the start of a motion, and that of the motion; the start gives none about effects."""
+    """Information at the start of a motion, and from the motion itself; the start gives none about effects."""
 
     start: FloatArray
     motion: FloatArray
@@ -48,11 +49,11 @@ def segment_information(
 
 
 class _Group(NamedTuple):
-    """What `_Gatherer` keeps of a group of observations."""
+    """Data of `_Gatherer` for a group of observations."""
 
-    jacobian: FloatArray  #: Of the equations of motion and of the observations, shape (m + rows, 2 m + 30).
-    bias: FloatArray  #: The same for the biases alone, shape (m + rows, 6).
-    noise: FloatArray  #: Covariance of these equations.
+    jacobian: FloatArray  #: Jacobian of the equations of motion and of the observations, shape (m + rows, 2 m + 30).
+    bias: FloatArray  #: Jacobian with respect to the biases alone, shape (m + rows, 6).
+    noise: FloatArray  #: Covariance of the equations of motion and the observations.
     rows: int  #: Number of observations.
 
 
@@ -68,7 +69,7 @@ class _Gatherer:
         if self._start is None:
             both = np.r_[states, _PARAMETERS]
             covariance = run.state.P[np.ix_(both, both)]
-            known = np.diag(covariance) == 0.0  # parameters that the table fixes
+            known = np.diag(covariance) == 0.0  # parameters with fixed values
             covariance[known, known] = (
                 _KNOWN * np.array([0.0] * len(states) + [p.prior_sigma**2 for p in PARAMETERS])[known]
             )
@@ -87,7 +88,7 @@ class _Gatherer:
         self.groups.append(_Group(jacobian, bias, noise, rows))
 
     def segment(self, errors: FloatArray) -> Segment:
-        """Return the information; `errors` of the channels due to effects have shape (groups, 6, effects)."""
+        """Return the information; `errors` are the channel errors due to effects, shape (groups, 6, effects)."""
         assert self._start is not None
         m = len(self._start) - COUNT
         total: FloatArray | None = None
@@ -122,7 +123,7 @@ def joined(first: FloatArray, second: FloatArray, states: int) -> FloatArray:
 
 
 def advanced(before: FloatArray, segments: FloatArray) -> FloatArray:
-    """Return the information at the ends of n segments from that at their begins, both of shape (n, ...)."""
+    """Return the information at the ends of n segments from the information at their starts, both of shape (n, ...)."""
     m = segments.shape[-1] - before.shape[-1]
     total = segments.copy()
     at = np.r_[0:m, 2 * m : segments.shape[-1]]
@@ -134,7 +135,8 @@ def advanced(before: FloatArray, segments: FloatArray) -> FloatArray:
 def sigmas(information: FloatArray, states: int) -> FloatArray:
     """Return the sigmas of the parameters and of each effect alone, shape (n, c), from information (n, m + c, m + c).
 
-    The parameters are estimated without the effects, and an effect beside all parameters, but without other effects.
+    The parameters are estimated without the effects, and each effect together with all parameters, but without other
+    effects.
     """
     known = states + COUNT
     scale = 1.0 / np.sqrt(np.diagonal(information[:, :known, :known], axis1=1, axis2=2))

@@ -1,6 +1,6 @@
-"""Score tests of errors that are present only during a part of a stage, from the updates of the last pass.
+"""Score tests of errors that exist only during a part of a stage, from the updates of the last pass.
 
-An error of a channel during a span acts like an additional bias there. Its effect on the innovations follows from the
+A channel error during a span acts like an additional bias. Its effect on the innovations follows from the
 transitions and gains of the filter (P. de Jong, J. Penzer, *Diagnosing shocks in time series*, JASA 93(442), 1998).
 """
 
@@ -20,13 +20,13 @@ _TOGETHER = 100
 def local_scores(
     data: StageData, spans: Sequence[tuple[int, int]], *, updates: Sequence[Updates], index: IntArray
 ) -> LocalScores:
-    """Return the score tests for spans (start, stop) of a stage's samples, in their order.
+    """Return the score tests for spans (start, stop) of a stage's samples, in the order given.
 
-    `updates` are those of the last pass, and `index` the number of samples before each of its observations.
+    `updates` are the updates of the last pass, and `index` is the number of samples before each of its observations.
     """
     stops = np.array([stop for _, stop in spans])
     size, width = updates[0].H.shape[2], 6 * len(spans)
-    effect = np.zeros((size, width))  # error of the states due to the errors of the channels
+    effect = np.zeros((size, width))  # error of the states due to the channel errors
     score, information = np.zeros(width), np.zeros((width, width))
     own_score, own_information = np.zeros((len(spans), 6)), np.zeros((len(spans), 6, 6))
     together: list[FloatArray] = []  # effect on the innovations of the last groups, and these innovations

@@ -36,7 +36,7 @@ STATE_NAMES = (
 SLOWEST_MOTION = np.deg2rad(0.5)
 #: Largest rotation of a piece, rad.
 LARGEST_TURN = np.deg2rad(5.0)
-#: Number of powers of F used: φ → δv → δp and the biases need four; each additional power adds earth rate times T.
+#: Number of powers of F used: φ → δv → δp and the biases need four; each further power adds a factor earth rate × T.
 POWERS = 6
 
 
@@ -182,7 +182,7 @@ def _rows(
     time: FloatArray,
     carried: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the rows H (F T)^k / k! of k pieces, and the same referred to the start, shape (k, 3 POWERS, 39) each.
+    """Return the rows H (F T)^k / k! of k pieces, and these rows referred to the start, shape (k, 3 POWERS, 39) each.
 
     `carried` is the transition from the start to the first piece, shape (39, 39); it is updated to the end of the last.
     Nothing depends on δp, and only φ, δv and δp change, so that six columns and nine rows of a power of F are used.
@@ -218,7 +218,7 @@ def _rows(
                 _add_product(term[i], F, T / k, moved[i])
             term[:] = moved
             transition += term
-        for i in range(9):  # the transition less unity
+        for i in range(9):  # the transition minus identity
             moved[i] = 0.0
             moved[i, 9:] = transition[i, 9:]
             _add_product(transition[i], carried, 1.0, moved[i])

@@ -1,4 +1,4 @@
-"""Smoothed trajectory of attitude and velocity with fixed parameters, about which a later pass is linearised.
+"""Smoothed trajectory of attitude and velocity with fixed parameters, about which the next pass is linearised.
 
 A six-state filter (φ, δv) and a Rauch-Tung-Striebel pass track the effect of gyro noise without the jumps of a filter,
 so that the passes are Gauss-Newton steps (Bell, *The iterated Kalman smoother as a Gauss-Newton method*, SIAM J.
@@ -14,7 +14,7 @@ from calstation.estimation.common import FilterNoise
 from calstation.estimation.navigation.small_matrices import backward, cholesky, forward
 from calstation.physics import Compensation, FloatArray, Increments, IntervalWork, interval_work, propagate, rotate
 
-#: Prior sigma of the start heading, rad: small, because the parameters may be too inaccurate for gyrocompassing.
+#: Prior sigma of the initial heading, rad: small, because the parameters may be too inaccurate for gyrocompassing.
 HEADING_SIGMA = 1e-4
 
 

@@ -36,12 +36,12 @@ from calstation.physics import (
 MOST_PASSES = 20
 #: Passes about a fixed point, after which the attitudes no longer change significantly.
 PASSES_AT_POINT = 2
-#: Mean normalised innovation squared, of 3 degrees of freedom, below which a first pass follows the motion well enough:
-#: what the errors of its point add is smaller than the noise.
+#: A first pass follows the motion well enough if its mean normalised innovation squared, of 3 degrees of freedom, is
+#: below this: the errors of its linearisation point then add less than the noise.
 FITS = 1.25 * 3.0
 #: Number of passes that a solution usually needs, for the progress report.
 USUAL_PASSES = 2
-#: A pass is the last if its step, or the next step predicted from the last two, is below this many sigmas.
+#: The iteration ends when the step of a pass, or the next step predicted from the last two, is below this many sigmas.
 CONVERGED = 0.01
 #: Number of equally spaced headings tried when the azimuth is ambiguous.
 AZIMUTHS_TRIED = 12
@@ -75,9 +75,9 @@ def solve_navigation(
 ) -> NavigationResult:
     """Iterate passes, relinearising all parameters, until the `estimated` ones converge.
 
-    Where none is estimated, some passes linearise about the mean of the prior and only the attitudes follow. The first
-    pass linearises about the solution `near`, if there is one. Raises InsufficientDataError if no segment contains a
-    rest for alignment.
+    If none is estimated, the passes linearise about the mean of the prior and only the attitudes are updated. If `near`
+    is given, the first pass linearises about this solution. Raises InsufficientDataError if no segment contains a rest
+    for alignment.
     """
     if near is not None:
         solver = _Relinearisation(data, context, prior, estimated, _Meter(progress, USUAL_PASSES), near.passes)
@@ -112,7 +112,7 @@ def pass_about(
 
 
 def _no_rest(data: StageData, context: SolveContext, prior: Belief) -> InsufficientDataError:
-    """Return the error for a recording without a rest, with what its quietest windows show."""
+    """Return the error for a recording without a rest, with the values of its quietest windows."""
     seen = quietest(data, context.imu, prior)
     values = {name: float(np.rad2deg(value)) for name, value in vars(seen).items()}
     return InsufficientDataError("solve.no_rest_to_align", seconds=len(data) * data.dt, **values)
@@ -142,7 +142,7 @@ class _Meter:
 
 
 def _misfit(run: NavigationFilter) -> float:
-    """Return the sum of the squared normalised innovations; infinity for a pass that went astray."""
+    """Return the sum of the squared normalised innovations; infinity for a pass that diverged."""
     return float(np.nan_to_num(np.sum(run.history.nis), nan=np.inf))
 
 
@@ -184,11 +184,11 @@ class _Relinearisation:
     def iterate(self, found: list[Start], attitudes: list[FloatArray], point: FloatArray) -> NavigationResult:
         """Run passes until one makes no significant change.
 
-        If the very first pass leaves innovations larger than their noise, it is made again in closed loop, and the one
-        with the smaller innovations counts: closing the loop follows large errors of the first point, but may go astray
+        If the very first pass leaves innovations larger than their noise, it is repeated in closed loop, and the pass
+        with the smaller innovations is used: a closed loop follows large errors of the first point, but may diverge
         while little has been observed.
         """
-        moved = 1.0  # before the first pass the rate at which steps shrink is unknown
+        moved = 1.0  # the rate at which steps shrink is unknown before the first pass
         for _ in range(MOST_PASSES):
             self.passes += 1
             run, ends = self.one_pass(point, found, attitudes, smooth=True)
@@ -199,7 +199,7 @@ class _Relinearisation:
             belief = run.belief
             sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
             before, moved = moved, float(np.max((np.abs(belief.mean - point) / sigma)[self.estimated], initial=0.0))
-            # steps shrink at least as fast as between the last two, which bounds the next one
+            # steps shrink at least as fast as the last two did, which bounds the next one
             enough = self.passes > (1 if self.estimated.any() else PASSES_AT_POINT)
             converged = enough and (moved < CONVERGED or moved * moved < CONVERGED * before)
             if converged:

@@ -45,7 +45,7 @@ def filter_sensitivity(
     """Follow errors of the prior and effects through the updates of a pass.
 
     An effect is an additional sensor error, averaged over each group of observations. Jumps are followed from the
-    updates in which they begin.
+    update in which they begin.
     """
     duration = len(data) * data.dt
     candidates = tuple(changing(duration))
@@ -80,8 +80,8 @@ def filter_sensitivity(
 def _follow(update: Updates, regressors: FloatArray, places: IntArray, error: FloatArray, white: FloatArray) -> None:
     """Write the effect of the errors on the normalised innovations of g groups, shape (g r, columns).
 
-    `regressors` and `places` of the effects are those of `mean_regressors` for these groups. `error`, that of the
-    states, shape (n, columns), is updated in place, but for δp, on which nothing depends.
+    `regressors` and `places` are the results of `mean_regressors` for these groups. `error`, the error of the states,
+    shape (n, columns), is updated in place, except for δp, on which nothing depends.
     """
     groups, rows, _ = update.H.shape
     size, columns = error.shape
@@ -106,7 +106,7 @@ def _follow(update: Updates, regressors: FloatArray, places: IntArray, error: Fl
 
 @nb.njit(cache=True)
 def _add_bias(A: FloatArray, added: FloatArray, out: FloatArray) -> None:
-    """Add the effect of the errors of the biases by way of A, shape (m, n), to the first m rows of `out`."""
+    """Add the effect of the bias errors through A, shape (m, n), to the first m rows of `out`."""
     for i in range(len(A)):
         for k in range(len(BIAS)):
             t = A[i, BIAS[k]]
@@ -120,9 +120,9 @@ def motion_between_observations(
 ) -> Motion:
     """Return the motion in every interval between observations.
 
-    The force is that of gravity and of the lever arm: the measured one contains the vibration of the base, which is the
-    noise of the observations. At rest the rate is that of the earth, and slopes are smoothed: the noise of the gyros is
-    also in the observations, by way of the lever arm.
+    The force is computed from gravity and the lever arm, because the measured force contains the vibration of the base,
+    which is the noise of the observations. At rest the rate equals earth rate, and slopes are smoothed, because gyro
+    noise also enters the observations through the lever arm.
     """
     earth, gravity = rotation_rate(context.site.latitude), context.site.local_gravity
     constants, lever = compensation(point), group_vector(point, "outer_lever")

@@ -1,4 +1,4 @@
-"""Compiled products, Cholesky factor and triangular solutions of small matrices, whose sums always have the same order.
+"""Compiled products, Cholesky factor and triangular solves of small matrices, with sums in a fixed order.
 
 BLAS takes twice as long for products of this size.
 """
@@ -54,7 +54,7 @@ def backward(L: FloatArray, B: FloatArray) -> None:
 def add_product(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
     """Add A B, shape (n, k), to `out` for A of shape (n, m) and B of shape (m, k), where n and m are multiples of 3.
 
-    In blocks of three rows of either: what is loaded is used several times.
+    It works in blocks of three rows of each matrix, so that loaded values are reused.
     """
     for i in range(0, len(A), 3):
         u, v, w = out[i], out[i + 1], out[i + 2]

@@ -109,7 +109,7 @@ class NavigationStage:
     def sigma(self) -> FloatArray:
         """Return the current standard deviations of the 30 parameters, SI, shape (30,).
 
-        Once they are all within their targets, they are those with the noise at rest in the data, if that is larger.
+        Once they are all within their targets, they are computed with the noise measured at rest, if that is larger.
         """
         sigma = self._live.sigma()
         if not self._targets or not reached(sigma, self._targets):
@@ -164,7 +164,7 @@ class NavigationStage:
         return rest_noise(data, self.context, self.prior.mean[bias], float(self.prior.sigma[bias].max()))
 
     def _noise_excess(self, data: StageData) -> float:
-        """Return by how much the noise at rest exceeds that of the profiles, at least 1."""
+        """Return the factor by which the noise at rest exceeds the profiles' noise, at least 1."""
         bias = group_indices("gyro_bias")
         mean, sigma = self.prior.mean[bias], float(self.prior.sigma[bias].max())
         measured = rest_noise(data, self.context, mean, sigma)
@@ -174,7 +174,7 @@ class NavigationStage:
     def _sensitivity(
         self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult
     ) -> Sensitivity:
-        """Return the response to effects: tested with the noise that is there, and of the estimate with its own."""
+        """Return the response to effects, with the actual noise for tests and the assumed noise for the estimate."""
 
         with_noise = judged(data, context, self.prior, mask, result)
         tested = result_sensitivity(with_noise, data, context, mask)

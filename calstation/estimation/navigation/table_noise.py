@@ -1,4 +1,4 @@
-"""Solves a stage with the vibration of the table that its innovations show, if that exceeds the table's profile."""
+"""Solution of a stage with the table vibration found from its innovations, if it exceeds the table's profile."""
 
 from dataclasses import replace
 
@@ -10,16 +10,16 @@ from calstation.estimation.navigation.filter import History
 from calstation.estimation.navigation.relinearise import NavigationResult, pass_about, solve_navigation
 from calstation.physics import BoolArray, FloatArray
 
-#: The profile's noise is used unless the median of the normalised innovation squared exceeds this many of its own.
+#: Ratio of the median normalised innovation squared to its expected median up to which the profile's noise is used.
 _AGREES = 1.25
 #: Median of the χ² distribution with 3 degrees of freedom.
 _MEDIAN = 2.366
 _MOST_ADJUSTMENTS = 4
-#: A smaller fraction of the profile's variance is not used: other noise remains, and rounding errors grow.
+#: Smallest fraction of the profile's variance that is used: other noise remains, and rounding errors grow.
 _QUIETEST = 0.01
 #: A rotation between two observations slower than this, rad/s, is rest.
 _AT_REST = np.deg2rad(0.1)
-#: Fewest observations at rest, or in motion, of which the median is used.
+#: Smallest number of observations at rest, or in motion, for which the median is used.
 _FEWEST = 50
 
 
@@ -31,11 +31,11 @@ def solve_with_table_noise(
     estimated: BoolArray,
     progress: Progress | None = None,
 ) -> tuple[NavigationResult, SolveContext]:
-    """Solve a stage, and again with the velocity noise that its innovations show if that exceeds the profile's.
+    """Solve a stage, and again with the velocity noise found from its innovations if that exceeds the profile's.
 
-    Returns the result and the context with that noise. On a quieter table the profile's noise stands, see `judged`.
-    The median does not notice an effect in a part of the stage, and the larger one of rests and motions counts. Raises
-    InsufficientDataError if no segment contains a rest.
+    Returns the result and the context with that noise. On a quieter table the profile's noise is kept, see `judged`.
+    The median is insensitive to an effect in a part of the stage; the larger of the medians of rests and motions is
+    used. Raises InsufficientDataError if no segment contains a rest.
     """
     result = solve_navigation(stage, data, context, prior, estimated, progress)
     for _ in range(_MOST_ADJUSTMENTS):
@@ -50,10 +50,10 @@ def solve_with_table_noise(
 def judged(
     data: StageData, context: SolveContext, prior: Belief, estimated: BoolArray, result: NavigationResult
 ) -> NavigationResult:
-    """Return a pass about a solution with the noise that is there, if the table is quieter than `context` says.
+    """Return a pass about a solution with the actual noise, if the table is quieter than `context` specifies.
 
-    It serves to test the model. The estimate keeps the profile's noise, which also covers what a table does only in
-    some moves.
+    It serves to test the model. The estimate keeps the profile's noise, which also covers disturbances that occur only
+    in some moves.
     """
     ratio = _ratio(result.history, data.dt)
     if ratio > 1.0 / _AGREES:
@@ -63,7 +63,7 @@ def judged(
 
 
 def _with_variance(context: SolveContext, ratio: float) -> SolveContext:
-    """Return the context with a table of `ratio` times the variance of velocity."""
+    """Return the context with the table's velocity variance multiplied by `ratio`."""
     sigma = context.table.velocity_sigma * float(np.sqrt(ratio))
     return replace(context, table=replace(context.table, velocity_sigma=sigma))
 

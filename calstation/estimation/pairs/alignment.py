@@ -1,4 +1,4 @@
-"""Aligns the streams of IMUs on one body that arrive independently, each with a clock of its own.
+"""Time alignment of independent sample streams from IMUs on one body, each with its own clock.
 
     primary's time = secondary's time + τ,    τ(t) = τ₀ + d (t − t₀)
 
@@ -7,8 +7,8 @@ In motion it is measured from the rates alone. Within a window, the secondary's 
 
     ω₂ = C ω₁ + b + C ω₁' δ
 
-with the remaining offset δ common to its axes. ω₁ and a constant are regressed out, so that neither scale factors nor
-misalignments nor biases of either unit enter, and δ follows by least squares. A Kalman filter of offset and drift
+where the remaining offset δ is common to its axes. ω₁ and a constant are regressed out, so that neither scale factors
+nor misalignments nor biases of either unit enter, and δ follows by least squares. A Kalman filter of offset and drift
 combines the windows; the drift is a random walk.
 """
 
@@ -23,11 +23,11 @@ from calstation.physics import FloatArray, IntArray
 
 #: Duration of a window in which the offset is measured, s.
 WINDOW = 2.0
-#: Rate to which a window is averaged before its derivative is taken, Hz: motion is far below, most noise above it.
+#: Rate to which a window is averaged before it is differentiated, Hz: well above the motion, below most of the noise.
 _AVERAGED_RATE = 100.0
-#: Smallest rms change of the rate within a window with which the offset is measured, rad/s.
+#: Smallest rms change of the rate within a window that is used to measure the offset, rad/s.
 _LEAST_CHANGE = np.deg2rad(5.0)
-#: Smallest correlation of the rate magnitudes with which a first measurement is accepted.
+#: Smallest correlation of the rate magnitudes for which a first measurement is accepted.
 _ALIKE = 0.9
 #: Standard deviation of an offset from arrival times, s, and of a drift before it is measured.
 ARRIVAL_SIGMA, _DRIFT_SIGMA = 0.05, 100e-6
@@ -35,7 +35,7 @@ ARRIVAL_SIGMA, _DRIFT_SIGMA = 0.05, 100e-6
 _DRIFT_WALK = 3e-9
 #: Smallest standard deviation of a measured offset, s.
 _FLOOR = 1e-6
-#: A measurement further from the prediction, in sigmas, is rejected; after so many rejections the offset is searched.
+#: A measurement further from the prediction, in sigmas, is rejected; after this many rejections, search again.
 _GATE, _REJECTIONS = 6.0, 3
 #: Largest error of an offset from arrival times that the first measurement corrects, s.
 _SEARCH = 0.25
@@ -43,13 +43,13 @@ _ITERATIONS = 5
 
 #: Number of samples on each side that an interpolation uses.
 _HALF = 5
-#: Duration of the samples kept, s.
+#: Duration of the stored samples, s.
 _KEPT = 6.0
-#: Window over which the smallest delay is taken, s.
+#: Window over which the smallest delay is determined, s.
 _DELAY_WINDOW = 10.0
-#: Increase of the delay that shows that a unit's clock has jumped, s, if it lasts; a busy computer also delays samples.
+#: Increase of the delay that indicates a jump of a unit's clock, s, if it lasts; a busy computer also delays samples.
 _JUMP, _JUMP_LASTS = 0.5, 3.0
-#: Decrease of the delay that shows that a unit's clock has jumped, s; the first samples may have waited for a while.
+#: Decrease of the delay that indicates a jump of a unit's clock, s; the first samples may have waited in a buffer.
 _JUMP_AHEAD = 2.0
 #: Delay after which a row is complete, whether or not all samples have arrived, s.
 LATE = 0.5
@@ -58,7 +58,7 @@ LATE = 0.5
 def interpolate(counts: FloatArray, at: FloatArray) -> FloatArray:
     """Return rows of `counts`, shape (n, k), at fractional indices `at`, shape (m,), shape (m, k).
 
-    Polynomial interpolation over 10 samples; NaN where one of them is missing or NaN.
+    Polynomial interpolation over 10 samples; NaN if one of them is missing or NaN.
     """
     nodes = np.arange(-_HALF + 1, _HALF + 1)
     whole = np.floor(at).astype(np.int64)
@@ -75,7 +75,7 @@ def interpolate(counts: FloatArray, at: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class OffsetFix:
-    """A measured offset and its standard deviation, s; it is the offset at `time`, s, from the first sample."""
+    """A measured offset and its standard deviation, s, valid at `time`, s, from the first sample."""
 
     offset: float
     sigma: float
@@ -85,7 +85,7 @@ class OffsetFix:
 def measure(omega: FloatArray, omega2: FloatArray, dt: float) -> OffsetFix | None:
     """Return the offset δ at which `omega2`(t) is a linear function of `omega`(t + δ), both rad/s, shape (n, 3).
 
-    None if the motion does not determine it; `dt` is the sample period, s.
+    Return None if the motion does not determine it; `dt` is the sample period, s.
     """
     rows = slice(1, -1)
     slope = (omega[2:] - omega[:-2]) / (2.0 * dt)
@@ -100,7 +100,7 @@ def measure(omega: FloatArray, omega2: FloatArray, dt: float) -> OffsetFix | Non
     offset = float(np.sum(g * r)) / square
     freedom = max(r.size - 13, 1)
     variance = float(np.sum((r - g * offset) ** 2)) / freedom / square
-    # an offset that drifts is weighted by the information of each moment
+    # `time` is the centroid of the information, because the offset drifts
     weight = np.sum(g * g, axis=1)
     time = dt * (1.0 + float(weight @ np.arange(len(g))) / square)
     return OffsetFix(offset, float(np.hypot(np.sqrt(variance), _FLOOR)), time)
@@ -117,9 +117,10 @@ class Alignment:
 
 
 class ClockFilter:
-    """Estimates offset and drift of a secondary's clock against the primary's.
+    """Estimates offset and drift of a secondary's clock relative to the primary's.
 
-    `locked` is whether it was measured and measurements agree with it, `arrival` whether it is from arrival times only.
+    `locked` is True once the offset is measured and measurements agree with it, `arrival` while it is known only from
+    arrival times.
     """
 
     def __init__(self) -> None:
@@ -143,13 +144,13 @@ class ClockFilter:
         return float(np.sqrt(P[0, 0]))
 
     def restart(self, time: float, offset: float) -> None:
-        """Start again with an offset from arrival times, s."""
+        """Restart with an offset from arrival times, s."""
         self.locked, self.arrival, self._time, self._rejected = False, True, time, 0
         self._state[0] = offset
         self._covariance = np.diag([ARRIVAL_SIGMA**2, max(float(self._covariance[1, 1]), (1e-6) ** 2)])
 
     def update(self, time: float, offset: float, sigma: float) -> bool:
-        """Combine with an offset at `time` of the primary, s, and its sigma. Return whether it was accepted."""
+        """Combine with an offset, s, at `time` of the primary, s, and its sigma, s. Return whether it was accepted."""
         state, P = self._predicted(time - self._time)
         innovation = offset - state[0]
         variance = P[0, 0] + sigma**2
@@ -174,7 +175,7 @@ class ClockFilter:
 
 
 class _Stream:
-    """Samples of one IMU by index; sample i ends at (i + 1) / rate on a clock that continues through restarts."""
+    """Samples of one IMU by index; sample i ends at (i + 1) / rate on a clock that continues across restarts."""
 
     def __init__(self, imu: ImuModel) -> None:
         self.rate = imu.sample_rate
@@ -193,11 +194,11 @@ class _Stream:
 
     @property
     def delay(self) -> float | None:
-        """Smallest delay of late, host time less the stream's time, s; None before the first sample."""
+        """Smallest recent delay, host time minus the stream's time, s; None before the first sample."""
         return min(delay for _, delay in self._delays) if self._delays else None
 
     def add(self, seq: IntArray, counts: FloatArray, arrival: FloatArray, restarted: bool) -> None:
-        """Add samples in order; if the delay shows that the unit's clock has jumped, continue it by the host's."""
+        """Add samples in order; if the delay indicates a jump of the unit's clock, continue it from host time."""
         now, usual = float(arrival[-1]), self.delay
         delay = float(np.min(arrival - (seq + 1 + self._shift) / self.rate))
         if usual is not None:
@@ -251,7 +252,7 @@ class _Stream:
 class PairAligner:
     """Combines the streams of a primary and its secondaries into blocks of simultaneous samples at the primary's times.
 
-    Rows continue while the primary is silent. `clocks` are the clocks of the secondaries.
+    Rows continue while the primary sends nothing. `clocks` are the clocks of the secondaries.
     """
 
     def __init__(self, primary: ImuModel, secondaries: Sequence[ImuModel]) -> None:
@@ -275,9 +276,9 @@ class PairAligner:
             self._streams[number].add(seq, counts, arrival, restarted)
 
     def take(self, now: float) -> tuple[SampleBlock, list[int]]:
-        """Return the rows that are complete at host time `now`, s, and the secondaries that were aligned anew.
+        """Return the rows that are complete at host time `now`, s, and the secondaries that were realigned.
 
-        A secondary, by its index, is aligned anew when its offset is measured for the first time after a start.
+        A secondary, given by its index, is realigned when its offset is measured for the first time after a start.
         """
         primary = self._streams[0]
         delay = primary.delay
@@ -316,7 +317,7 @@ class PairAligner:
         return int(np.floor(time * self._streams[0].rate - 1e-6)) - 1
 
     def _follow(self, delay: float, time: float) -> None:
-        """Start the clocks of restarted units again; until it is measured, a clock follows the arrival times."""
+        """Restart the clocks of restarted units; until its offset is measured, a clock follows the arrival times."""
         jumped = [stream.jumps != seen for stream, seen in zip(self._streams, self._seen_jumps, strict=True)]
         self._seen_jumps = [stream.jumps for stream in self._streams]
         for clock, stream, own in zip(self.clocks, self._streams[1:], jumped[1:], strict=True):
@@ -324,7 +325,7 @@ class PairAligner:
                 clock.restart(time, stream.delay - delay)
 
     def _measure(self, k: int, start: int, stop: int) -> bool:
-        """Measure the offset of a secondary in rows `start` to `stop`. Return whether it is aligned anew."""
+        """Measure the offset of a secondary in rows `start` to `stop`. Return whether it is realigned."""
         primary, stream, clock = self._streams[0], self._streams[k + 1], self.clocks[k]
         omega = (primary.rows(start, stop) * primary.scale)[:, :3]
         average = max(round(primary.rate / _AVERAGED_RATE), 1)
@@ -361,7 +362,7 @@ class PairAligner:
 
 
 def _search(omega: FloatArray, omega2: FloatArray, dt: float) -> float | None:
-    """Return the offset, s, at which the magnitudes of both rates agree best, None if they do not agree."""
+    """Return the offset, s, at which the magnitudes of both rates agree best; None if they do not agree."""
     reach = round(_SEARCH / dt)
     a, b = (np.linalg.norm(values, axis=1) for values in (omega, omega2))
     inner = b[reach : len(b) - reach]
@@ -377,7 +378,7 @@ def _search(omega: FloatArray, omega2: FloatArray, dt: float) -> float | None:
 
 
 def _averaged(values: FloatArray, count: int) -> FloatArray:
-    """Return the means of each `count` rows, shape (n // count, columns)."""
+    """Return the means of groups of `count` rows, shape (n // count, columns)."""
     whole = len(values) // count * count
     return np.asarray(values[:whole].reshape(-1, count, values.shape[1]).mean(axis=1))
 

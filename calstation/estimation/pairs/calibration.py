@@ -67,7 +67,7 @@ def pair_vector(stored: StoredPair) -> FloatArray:
 
 
 def _as_primary(pair: FloatArray, gyro2: FloatArray, accel2: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the raw rate and specific force that the primary would measure at the secondary, each shape (n, 3)."""
+    """Return the raw rate and force that the primary would measure at the secondary's location, each shape (n, 3)."""
     C, A = pair[GYRO_MATRIX].reshape(3, 3), pair[ACCEL_MATRIX].reshape(3, 3)
     omega = np.linalg.solve(C, (gyro2 - pair[GYRO_BIAS]).T)
     force = np.linalg.solve(A, (accel2 - pair[ACCEL_BIAS]).T)
@@ -79,7 +79,7 @@ def compensate_secondary(
 ) -> tuple[FloatArray, FloatArray]:
     """Return a secondary's rate, rad/s, and specific force, m/s², from raw mean rates, each of shape (n, 3).
 
-    Its stored errors `pair`, shape (28,), are removed first, then those of the primary.
+    The secondary's stored errors `pair`, shape (28,), are removed first, then the primary's errors.
     """
     return compensate(c, *_as_primary(pair, gyro2, accel2))
 
@@ -140,7 +140,7 @@ class PairCalibration:
         return tuple(s for s in self.references(check) if not check.secondary[s].within)
 
     def chosen(self, check: StaticCheck) -> PairChoice:
-        """Choose what is fitted after a check; a sensor without a reference in the primary is never fitted."""
+        """Choose the terms to fit after a check; a sensor without a reference in the primary is never fitted."""
         fitted = self.to_calibrate(check) if self.schedule.sensors == "triggering" else self.references(check)
         choice = self.schedule.choice
         return replace(
@@ -150,7 +150,7 @@ class PairCalibration:
     def calibrate(
         self, data: StageData, place: int, secondary: Secondary, choice: PairChoice, stored: StoredPair
     ) -> PairResult:
-        """Fit to all data; stored values of terms that are not chosen are kept. Raises InputError."""
+        """Fit to all data; terms that are not chosen keep their stored values. Raises InputError."""
         pair = pair_data(data, place, secondary.imu)
         require_pairs(pair, secondary.number, choice)
         try:
@@ -167,7 +167,7 @@ class PairCalibration:
         static = {s: None if check is None else check.secondary[s].value for s in fitted}
         for sensor, value in static.items():
             threshold = self.schedule.threshold("secondary", sensor)
-            # the figure of a poor calibration would loosen the next threshold, and good ones must not add up
+            # the deviation after a poor calibration would loosen the next threshold; small ones must not accumulate
             if value is not None and value <= min(threshold.limit(last[sensor]), threshold.fixed):
                 last[sensor] = value
         return PairResult(fit, replace(found, gyro_static=last["gyro"], accel_static=last["accel"]), static)

@@ -1,4 +1,4 @@
-"""Correction of a secondary's samples as they arrive: its stored errors, those of the primary, and the lever arm."""
+"""Live correction of a secondary's samples: its stored errors, the primary's errors, and the lever arm."""
 
 import numpy as np
 
@@ -19,24 +19,25 @@ class SecondaryCorrection:
         self._size, self._dt, self._own = secondary.imu.count_size, 1.0 / secondary.imu.sample_rate, own
         self._width = max(2, round(SLOPE_TIME / self._dt))
         ago = np.arange(-self._width, 1) * self._dt
-        self._slope = np.linalg.pinv(np.vander(ago, 3, increasing=True))[1]  # of the parabola at its end
+        self._slope = np.linalg.pinv(np.vander(ago, 3, increasing=True))[1]  # slope of the parabola at its end
         self._before = np.empty((0, 3))  # the last rates, at most `_width`
         self.use(secondary.stored)
 
     def use(self, stored: StoredPair) -> None:
-        """Replace the calibration for the samples that follow."""
+        """Replace the calibration for the following samples."""
         self.stored, self._pair = stored, pair_vector(stored)
 
     @property
     def clock_offset(self) -> float:
-        """Time to be added to the time of a sample for that of the motion it measures, s."""
+        """Time to add to a sample's time to obtain the time of the motion it measures, s."""
         return float(self._pair[OFFSET])
 
     def corrected(self, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the next samples as rate, rad/s, and specific force, m/s², at the primary, NaN where missing.
 
-        `counts` are raw, shape (n, 6). Without a fitted lever arm, the force is that at the secondary. The angular
-        acceleration is found from the last `SLOPE_TIME`, so that no sample is delayed; it is 0 next to missing ones.
+        `counts` are raw, shape (n, 6). Without a fitted lever arm, the force refers to the secondary's location. The
+        angular acceleration is found from the last `SLOPE_TIME`, so that no sample is delayed; it is 0 next to missing
+        samples.
         """
         raw = counts * self._size
         omega, force = compensate_secondary(self._pair, self._own, raw[:, :3], raw[:, 3:])

@@ -1,7 +1,8 @@
 """Tests of a fitted pair for effects outside the model, one added effect at a time.
 
-The size of an effect is that of the linearised fit with it, and the jackknife over blocks of time gives its covariance,
-whatever the spectrum of the residuals. It is an effect of the secondary, or of the primary with the opposite sign.
+The size of an effect comes from a linearised fit that includes it. The jackknife over blocks of time gives its
+covariance, whatever the spectrum of the residuals. The effect belongs to the secondary, or to the primary with the
+opposite sign.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,19 +13,19 @@ import numpy as np
 from calstation.estimation.effects import CONSTANT, OF_ACCELEROMETERS, Candidate, EffectFound, Motion, changing
 from calstation.physics import AXES, FloatArray
 
-#: Second-order term of the accelerometers, which is a parameter in other methods.
+#: Second-order term of the accelerometers, which is one of the 30 parameters in other methods.
 _QUADRATIC = Candidate("accel_quadratic", "s²/m", 1e-3, tuple(AXES), lambda m: m.force**2, OF_ACCELEROMETERS)
 
 
-#: Fewest blocks for a test: the jackknife has as many degrees of freedom.
+#: Smallest number of blocks for a test: the jackknife has as many degrees of freedom.
 FEWEST_BLOCKS = 40
 
 
 @dataclass(frozen=True)
 class Block:
-    """A linearised fit of k parameters in a block of time, and what effects are added to."""
+    """A linearised fit of k parameters in a block of time, and the data for testing effects."""
 
-    motion: Motion  #: Of the secondary, n rows.
+    motion: Motion  #: Motion of the secondary, n rows.
     columns: FloatArray  #: Derivatives of the six outputs in units of their noise, shape (n, 6, k).
     left: FloatArray  #: Residuals in units of their noise, shape (n, 6).
     weights: FloatArray  #: Shape (n, 6).
@@ -35,7 +36,7 @@ def jackknife(normals: FloatArray, gradient: FloatArray, prior: FloatArray | flo
 
     This is the sandwich estimator corrected for the leverage of every block (R. M. Bell and D. F. McCaffrey, Survey
     Methodology 28(2), 2002); without it, the residuals of a block with strong motion would be too small. `prior` is
-    information that belongs to no block.
+    information that does not belong to any block.
     """
     normal, total = normals.sum(axis=0) + prior, gradient.sum(axis=0)
     solution = np.linalg.solve(normal, total)
@@ -53,24 +54,25 @@ def pair_effects(
     sigma: FloatArray,
     names: Sequence[str],
 ) -> list[EffectFound]:
-    """Return what the data say about the effects that are `tested`, the likeliest first; none from a short recording.
+    """Return the evidence for the effects that are `tested`, the likeliest first; none from a short recording.
 
-    The primary's noise in the columns, which the fit itself is corrected for, is left: the columns of an effect may
-    equal those of parameters, and then it cancels.
+    The primary's noise in the columns, for which the fit is corrected, is not removed here: if the columns of an effect
+    equal the columns of parameters, it cancels.
 
     Parameters
     ----------
     blocks : the linearised fit in blocks of time, in order
-    tested : whether an effect is tested
+    tested : function that returns whether to test an effect
     scale : noise of the six outputs, rad/s and m/s², shape (6,)
-    axes : those of the secondary, in the primary's, one in a row, shape (3, 3)
-    duration : of the recording, s
+    axes : axes of the secondary in primary axes, one per row, shape (3, 3)
+    duration : duration of the recording, s
     bias_drift : variance of the change of a bias over the recording by bias instability, by group, SI
     sigma, names : of the fitted parameters, shape (k,)
     """
     if len(blocks) < FEWEST_BLOCKS:
         return []
-    drifts = (c for c in changing(duration) if c.cause == "drift")  # a jump near an end would rest on a few blocks
+    # a jump near an end would be determined by a few blocks only
+    drifts = (c for c in changing(duration) if c.cause == "drift")
     candidates = [c for c in (*CONSTANT, _QUADRATIC, *drifts) if tested(c)]
     if not candidates:
         return []

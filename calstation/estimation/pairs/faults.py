@@ -10,9 +10,9 @@ from calstation.physics import AXES, FloatArray, rotation_vector
 
 #: Shortest total time with samples of both IMUs, s.
 LEAST_PAIRS = 5.0
-#: Smallest rms rate, rad/s, about the axis of least rotation with which a matrix can be determined.
+#: Smallest rms rate, rad/s, about the axis of least rotation that determines a matrix.
 LEAST_RATE = np.deg2rad(3.0)
-#: Smallest rms change of specific force, m/s², along the axis of least change with which a matrix can be determined.
+#: Smallest rms change of specific force, m/s², along the axis of least change that determines a matrix.
 LEAST_FORCE = 0.5
 #: Largest singular value of a matrix that is plausible as a scale factor; a larger one indicates a wrong unit.
 UNIT = 1.5
@@ -61,7 +61,7 @@ def _require_spread(values: FloatArray, least: float, every_axis: bool, tilting:
 
 
 def require_sense(fit: PairFit, number: int, choice: PairChoice) -> None:
-    """Check that the matrices are plausible as sensor errors, not due to mistaken columns. Raises InputError."""
+    """Check that the matrices are plausible as sensor errors and not due to swapped columns. Raises InputError."""
     turns = []
     for sensor, model, place in (("gyro", choice.gyro, GYRO_MATRIX), ("accel", choice.accel, ACCEL_MATRIX)):
         if model not in ("scale", "full"):

@@ -14,7 +14,7 @@ class PairData:
     """Samples of two IMUs on one body."""
 
     dt: float  #: Sample period, s.
-    time: FloatArray  #: Time of the primary's clock, s, shape (n,).
+    time: FloatArray  #: Time on the primary's clock, s, shape (n,).
     gyro: FloatArray  #: Raw mean rate of the primary, rad/s, shape (n, 3).
     accel: FloatArray  #: Raw mean specific force of the primary, m/s², shape (n, 3).
     gyro2: FloatArray  #: Raw mean rate of the secondary, rad/s, shape (n, 3).
@@ -47,7 +47,7 @@ def pair_data(data: StageData, place: int, imu: ImuModel) -> PairData:
 READING = 10
 #: Number of samples on each side that the low-pass filter uses.
 HALF_WIDTH = 16
-#: Cut-off of the low-pass filter in units of the sample rate: motion is below it, most noise above it.
+#: Cut-off of the low-pass filter relative to the sample rate: above the motion, below most of the noise.
 PASS_BAND = 0.2
 
 
@@ -71,12 +71,12 @@ class Signals:
     lever: FloatArray  #: Matrix G of the lever-arm contribution G r to the primary's output, 1/s², shape (n, 3, 3).
     gyro2: FloatArray  #: Secondary at t, rad/s, shape (n, 3).
     accel2: FloatArray  #: Secondary at t, m/s², shape (n, 3).
-    white: float  #: Factor from the variance of white noise to that of a filtered value.
-    slope: float  #: Factor from the variance of white noise to that of a derivative, 1/s².
+    white: float  #: Ratio of the variance of a filtered value to the variance of white noise.
+    slope: float  #: Ratio of the variance of a derivative to the variance of white noise, 1/s².
 
 
 def signals(data: PairData, offset: float, c: Compensation) -> Signals:
-    """Filter all sufficiently long segments; the primary is taken `offset` s later, `c` compensates the lever term."""
+    """Filter all sufficiently long segments; the primary is shifted by `offset` s, `c` compensates the lever term."""
     shift = round(offset / data.dt)
     reading, slope = _kernels(offset / data.dt - shift)
     slope, matrix = slope / data.dt, np.linalg.inv(c.accel_inverse)
@@ -129,10 +129,10 @@ def _filtered(columns: FloatArray, kernel: FloatArray) -> FloatArray:
 
 
 def _kernels(part: float) -> tuple[FloatArray, FloatArray]:
-    """Return kernels that interpolate a band-limited signal and its derivative (per sample) `part` of a sample later.
+    """Return kernels that interpolate a band-limited signal and its derivative (per sample) `part` samples later.
 
     Lagrange polynomials of order 20 (T. I. Laakso et al., *Splitting the unit delay*, IEEE Signal Processing Magazine
-    13(1), 1996) are exact for slow motion and all-pass in the band, so that noise is the same at every offset.
+    13(1), 1996) are exact for slow motion and all-pass in the band, so that the noise does not depend on the offset.
     """
     k = np.arange(-READING, READING + 1)
 

@@ -4,11 +4,11 @@
     accel   secondary(t) = C_a (f + M (α × r + ω × (ω × r)))(t + τ) + b_a
 
 ω, f are the raw output of the primary. In the lever term, ω and α are compensated with the primary's own errors and M
-is its accelerometer matrix, so that the bracket is the primary's output if it were at the secondary. r points from the
-primary's reference point to the secondary's. The clock offset τ is added to the secondary's time to obtain the
-primary's. Both streams pass through the same low-pass filter, so its effect on the motion cancels.
+is its accelerometer matrix, so that the bracket is the output of the primary if it were located at the secondary. r
+points from the primary's reference point to the secondary's. The clock offset τ is added to the secondary's time to
+obtain the primary's. Both streams pass through the same low-pass filter, so its effect on the motion cancels.
 
-The primary's noise biases the normal matrix, which is corrected for it (W. A. Fuller, *Measurement Error Models*, 1987,
+The normal matrix is corrected for the bias due to the primary's noise (W. A. Fuller, *Measurement Error Models*, 1987,
 2.2). Outliers (saturation, a shock) have lower weights (P. J. Huber, *Robust Statistics*, 1981). The covariance is the
 jackknife estimate over blocks of time (K.-Y. Liang and S. L. Zeger, Biometrika 73(1), 1986), which is valid for
 residuals of any spectrum and magnitude within a block; bias drift over longer times is added from the profiles.
@@ -31,13 +31,13 @@ from calstation.physics import PAIR_PARAMETERS, BoolArray, Compensation, FloatAr
 Model = Literal["bias", "scale", "full"]
 #: Duration of a jackknife block, s; residuals further apart are independent.
 BLOCK = 0.5
-#: Most blocks for the tests of effects, which need much memory for each.
+#: Largest number of blocks for the tests of effects, which need much memory per block.
 MOST_BLOCKS = 200
 #: Largest clock offset, s.
 LARGEST_OFFSET = 1.0
 #: Residuals above this multiple of the typical size have proportionally lower weights.
 FAR = 4.0
-#: Smallest share of the information about any direction with which half a recording is solved alone.
+#: Smallest share of the information about any direction for which half a recording is solved alone.
 LEAST_SHARE = 0.05
 MOST_ITERATIONS = 20
 CONVERGED = 1e-3
@@ -53,7 +53,7 @@ class PairChoice:
     """Choice of the terms to fit."""
 
     gyro: Model | None = "full"  #: Bias only, bias and scale factors, or bias and full matrix; None for no gyro term.
-    accel: Model | None = "full"  #: The same for the accelerometers.
+    accel: Model | None = "full"  #: As `gyro`, for the accelerometers.
     lever: bool = True  #: Whether the lever arm is fitted.
     offset: bool = True  #: Whether the clock offset is fitted.
 
@@ -70,7 +70,7 @@ class PairChoice:
         return chosen
 
     def tests(self, effect: Candidate) -> bool:
-        """Whether an effect can be told from the terms that are not fitted."""
+        """Return whether an effect can be distinguished with the terms that are not fitted."""
         if effect.cause == "time_skew":
             return self.offset and self.gyro == self.accel == "full"
         gyro = effect.cause.startswith("g") or effect.parameter_of(0).startswith("gyro")
@@ -87,13 +87,13 @@ class PairFit:
     rms: tuple[float, float]  #: Residuals of gyro (rad/s) and accelerometer (m/s²) in the pass band.
     expected: tuple[float, float]  #: Residuals expected from noise alone, units as for `rms`.
     blocks: int  #: Number of jackknife blocks.
-    #: Mean squared difference between the solutions of the odd and the even blocks, in units of its variance; 1
-    #: if the covariance is consistent.
+    #: Mean squared difference between the solutions of the odd and the even blocks, in units of its variance; 1 if the
+    #: covariance is consistent.
     halves: float
     converged: bool  #: Whether the last iteration made no significant change.
     change: FloatArray  #: Second half of the recording minus the first, SI, NaN if not compared, shape (28,).
     change_sigma: FloatArray  #: Standard deviation of `change`, including the bias drift, SI, shape (28,).
-    effects: tuple[EffectFound, ...]  #: What the residuals say about effects outside the model, the likeliest first.
+    effects: tuple[EffectFound, ...]  #: Evidence in the residuals for effects outside the model, the likeliest first.
 
 
 def fit_pair(
@@ -124,13 +124,13 @@ def fit_pair(
     duration = max(float(data.time[-1] - data.time[0]), data.dt)
     drift = _bias_drift_variances(duration, primary, secondary)
     covariance[fitted, fitted] += drift[fitted]
-    # the variance of the difference between both halves' means, which are correlated
+    # variance of the difference between the means of both halves, which are correlated
     between = 4.0 * (_bias_drift_variances(0.5 * duration, primary, secondary) - drift)
     change, variance = system.change()
     sigma = np.sqrt(np.diag(covariance)[fitted])
     names = [p.name for p, chosen in zip(PAIR_PARAMETERS, fitted, strict=True) if chosen]
     left, _, right = np.linalg.svd(value[GYRO_MATRIX if choice.gyro == "full" else ACCEL_MATRIX].reshape(3, 3))
-    axes = left @ right  # of the secondary, in those of the primary, one in a row
+    axes = left @ right  # axes of the secondary in primary axes, one per row
     blocks = system.blocks(_motion(rows, value, c, data.time[rows.row], axes))
     changes = dict(zip(("gyro_bias", "accel_bias"), _changes_of_bias(duration, primary, secondary), strict=True))
     effects = pair_effects(blocks, choice.tests, system.scale, axes, duration, changes, sigma, names)
@@ -213,7 +213,7 @@ class _System:
         return of
 
     def blocks(self, motion: Motion) -> list[Block]:
-        """Return at most `MOST_BLOCKS` longer blocks; `motion` is that of all rows."""
+        """Return at most `MOST_BLOCKS` longer blocks; `motion` covers all rows."""
         count, found = -(-len(self._parts) // MOST_BLOCKS), []
         for b in range(0, len(self._parts), count):
             parts = self._parts[b : b + count]
@@ -240,14 +240,15 @@ class _System:
     def change(self) -> tuple[FloatArray, FloatArray]:
         """Return the change from the first to the second half and its variance, NaN where not compared, shape (28,).
 
-        A half that does not determine all parameters alone is compared by its biases, the rest being that of the whole.
+        For a half that does not determine all parameters by itself, only the biases are compared; the other parameters
+        keep their values from the whole recording.
         """
         middle = len(self.gradient) // 2
         halves = [(self._normals[part], self.gradient[part]) for part in (slice(0, middle), slice(middle, None))]
         everything = np.arange(len(self.normal))
         biases = np.flatnonzero(_BIASES[self._fitted])
-        told = all(_share(normals.sum(axis=0), self.normal) > LEAST_SHARE for normals, _ in halves)
-        chosen = everything if told else biases
+        determined = all(_share(normals.sum(axis=0), self.normal) > LEAST_SHARE for normals, _ in halves)
+        chosen = everything if determined else biases
         change, variance = np.full(COUNT, np.nan), np.full(COUNT, np.nan)
         at = np.flatnonzero(self._fitted)[chosen]
         if len(chosen) and middle > 1:
@@ -258,7 +259,7 @@ class _System:
 
 
 def _share(part: FloatArray, whole: FloatArray) -> float:
-    """Return the smallest share of the information of the whole recording that a part has about any direction."""
+    """Return the smallest share of the whole recording's information that a part has about any direction."""
     root = np.linalg.cholesky(whole)
     white = np.linalg.solve(root, np.linalg.solve(root, part).T)
     return float(np.linalg.eigvalsh(0.5 * (white + white.T))[0])
@@ -280,12 +281,12 @@ def _columns(rows: Signals, part: slice, base: FloatArray, C: FloatArray, A: Flo
 
 
 def _size(left: FloatArray) -> float:
-    """Return the robust size of residuals: 1.4826 times the median of their magnitudes."""
+    """Return the robust scale of residuals: 1.4826 times the median of their magnitudes."""
     return float(1.4826 * np.median(np.abs(left - np.median(left, axis=0)))) if len(left) else 1.0
 
 
 def _weights(left: FloatArray) -> FloatArray:
-    """Return Huber weights from the magnitude of the residual in units of its size, for three axes, shape (n, 3)."""
+    """Return Huber weights from the magnitude of the residual relative to its scale, for three axes, shape (n, 3)."""
     length = np.linalg.norm(left, axis=1) / np.sqrt(3.0)
     return np.repeat(np.minimum(1.0, FAR / np.maximum(length, 1e-12))[:, None], 3, axis=1)
 
@@ -298,7 +299,7 @@ def _white(imu: ImuModel) -> FloatArray:
 
 
 def _changes_of_bias(duration: float, primary: ImuModel, secondary: ImuModel) -> tuple[float, float]:
-    """Return the variance of the change of a gyro's and an accelerometer's bias over a duration, s, by instability."""
+    """Return the variance of a gyro's and an accelerometer's bias change over a duration, s, due to instability."""
     share = 2.0 * BIAS_DRIFT_PER_INSTABILITY**2 * (1.0 - np.exp(-duration / BIAS_DRIFT_TIME))
     gyro = primary.gyro_bias_instability**2 + secondary.gyro_bias_instability**2
     accel = primary.accel_bias_instability**2 + secondary.accel_bias_instability**2

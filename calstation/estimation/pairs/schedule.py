@@ -13,7 +13,7 @@ class Threshold(BaseModel):
     """Largest permitted deviation of a sensor at rest, SI."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
-    fixed: float = Field(gt=0.0)  #: From the factory tolerance; also used if no deviation is stored.
+    fixed: float = Field(gt=0.0)  #: Derived from the factory tolerance; also used if no deviation is stored.
     #: The threshold is the deviation right after the last calibration plus this ...
     offset: float | None = Field(None, gt=0.0)
     ratio: float | None = Field(None, gt=1.0)  #: ... or times this; at most one of the two may be set.
@@ -41,23 +41,23 @@ class PairSchedule(BaseModel):
     lever: bool = True  #: Whether the lever arm is fitted; only with the full model.
     clock_offset: bool = True  #: Whether the clock offset is fitted.
     sensors: Literal["all", "triggering"] = "all"  #: All sensors, or only those out of tolerance.
-    #: "command" fits the whole recording, "start_up" the data after a check at start-up, "period" also repeats this.
+    #: "command" fits the whole recording, "start_up" the data after a check at start-up, "period" repeats such checks.
     trigger: Literal["command", "start_up", "period"] = "command"
     period_s: float = Field(3600.0, gt=0.0)  #: Period of the checks in IMU time.
     static_s: float = Field(2.0, ge=1.0, le=600.0)  #: Shortest rest for a check.
     motion_s: float = Field(20.0, ge=1.0, le=3600.0)  #: Duration of motion required for a fit.
     longest_s: float = Field(600.0, ge=10.0)  #: Longest time to wait for that motion.
-    #: What calibrates a sensor of a secondary: the same sensor of the primary within tolerance, or only both of them.
+    #: Condition for calibrating a sensor of a secondary: the primary's same sensor is within tolerance, or both are.
     primary_valid: Literal["same_sensor", "both_sensors"] = "same_sensor"
-    moving_dps: float = Field(10.0, gt=0.0)  #: Smallest rate above that at rest that counts as motion.
+    moving_dps: float = Field(10.0, gt=0.0)  #: Smallest rate above the rate at rest that counts as motion.
     primary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)  #: Permitted deviation at rest, rad/s.
-    primary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)  #: The same, m/s².
-    secondary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)  #: The same, rad/s.
-    secondary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)  #: The same, m/s².
+    primary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)  #: Permitted deviation at rest, m/s².
+    secondary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)  #: Permitted deviation at rest, rad/s.
+    secondary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)  #: Permitted deviation at rest, m/s².
 
     @model_validator(mode="after")
     def _primary(self) -> "PairSchedule":
-        # no calibration of a pair changes the primary: a threshold relative to the last one would follow its drift
+        # a calibration of a pair does not change the primary: a threshold relative to the last one would follow drift
         for name in ("primary_gyro", "primary_accel"):
             threshold: Threshold = getattr(self, name)
             if threshold.offset is not None or threshold.ratio is not None:
@@ -71,7 +71,7 @@ class PairSchedule(BaseModel):
 
     @property
     def moving(self) -> float:
-        """Smallest rate above that at rest that counts as motion, rad/s."""
+        """Smallest rate above the rate at rest that counts as motion, rad/s."""
         return float(np.deg2rad(self.moving_dps))
 
     def threshold(self, unit: Literal["primary", "secondary"], sensor: str) -> Threshold:

@@ -19,13 +19,13 @@ from calstation.estimation.pairs.calibration import SENSORS, PairCalibration, Pa
 
 #: Time between evaluations while checking or calibrating, s.
 EVALUATION_INTERVAL = 1.0
-#: Duration of samples kept from before the motion, in units of the shortest rest; they determine the biases.
+#: Duration of samples kept from before the motion, as a multiple of the shortest rest; they determine the biases.
 RESTS_KEPT = 10.0
 
-#: Time without output after which an IMU is silent, s.
+#: Time without output after which an IMU counts as silent, s.
 SILENCE = 1.0
 
-#: State of a sensor of a secondary after a check: within tolerance, out of it, or calibrated because it was out of it.
+#: State of a sensor of a secondary after a check: within tolerance, calibrated, or still out of tolerance.
 Verdict = Literal["within", "calibrated", "out_of_tolerance"]
 
 
@@ -42,7 +42,7 @@ class WatchEvent:
     values: Mapping[str, Any] = field(default_factory=dict)  #: Other values, JSON types.
 
 
-#: New results by number, the failure if there is one, and whether it is final.
+#: New results by number, the error if there is one, and whether it is final.
 _Fits = tuple[dict[int, PairResult], InputError | None, bool]
 
 #: Executes a call and returns its future.
@@ -57,14 +57,14 @@ def call_now(work: Callable[[], _Fits]) -> "Future[_Fits]":
 
 
 class PairWatch:
-    """Monitors a stream of blocks; `keep` is called with number and new values of a calibrated secondary.
+    """Monitors a stream of blocks; `keep` stores the new values of a secondary, given its number.
 
-    A ConfigurationError of `keep` is reported by an event.
-    The fits are executed by `submit`, by default immediately; a live watch runs them beside its stream.
-    Rows without output of the primary are invalid and have NaN counts. `stored` holds the calibration of each secondary
-    by number, `checks` its last check, `verdicts` the state of its sensors since then, and `primary_off` the sensors of
-    the primary that the last check found out of tolerance. `silent` are the numbers of the IMUs that send no samples, 0
-    for the primary, and `unaligned` the secondaries whose clock offset is not measured: their motion is not used.
+    A ConfigurationError of `keep` is reported by an event. The fits are executed by `submit`, by default immediately; a
+    live watch runs them in parallel with its stream. Rows without output of the primary are invalid and have NaN
+    counts. `stored` holds the calibration of each secondary by number, `checks` its last check, `verdicts` the state of
+    its sensors since then, and `primary_off` the sensors of the primary that the last check found out of tolerance.
+    `silent` contains the numbers of the IMUs that send no samples, 0 for the primary, and `unaligned` the secondaries
+    whose clock offset is not measured, so that their motion is not used.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class PairWatch:
         self._due = True
 
     def realigned(self, number: int, time: float, offset: float, sigma: float) -> None:
-        """Note that a secondary's clock offset, s, was measured anew: motion in the samples so far was not aligned."""
+        """Record a new clock offset of a secondary, s: motion in the samples so far was not aligned."""
         self._notes.append(WatchEvent("aligned", time, number, {"offset": offset, "sigma": sigma}))
         self.unaligned -= {number}
         if self.state == "calibrating":
@@ -110,7 +110,7 @@ class PairWatch:
             self._fits, self._motion = None, 0.0
 
     def lost_alignment(self, number: int, time: float) -> None:
-        """Note that a secondary's clock offset is no longer known well enough for a calibration."""
+        """Record that a secondary's clock offset is no longer known well enough for a calibration."""
         self._notes.append(WatchEvent("alignment_lost", time, number))
         self.unaligned |= {number}
 
@@ -136,7 +136,7 @@ class PairWatch:
         return events
 
     def _listen(self, block: SampleBlock) -> list[WatchEvent]:
-        """Note which IMUs are silent."""
+        """Update which IMUs are silent."""
         if not len(block):
             return []
         now, events = float(block.time[-1]), list[WatchEvent]()
@@ -146,7 +146,7 @@ class PairWatch:
             if len(present) or not number:
                 start = self._last_output.get(number, float(block.time[0]))
                 self._last_output[number] = float(present[-1]) if len(present) else start
-            last = self._last_output.get(number, now)  # a secondary may begin later
+            last = self._last_output.get(number, now)  # a secondary may start later
             silent = now - last > SILENCE
             if silent != (number in self.silent):
                 self.silent ^= {number}

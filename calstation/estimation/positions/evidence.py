@@ -21,7 +21,7 @@ SHORTEST_REST = 1.0
 
 @dataclass(frozen=True)
 class RestEvidence:
-    """A rest: its duration, s, and the means over it."""
+    """A rest: its duration, s, and its mean values."""
 
     duration: float
     force: FloatArray  #: Raw force, averaged with `slope_weights`, m/s², shape (3,).
@@ -61,12 +61,12 @@ class Evidence:
     stage: str
     rests: tuple[RestEvidence, ...]
     motions: tuple[MotionEvidence, ...]
-    #: Parameters with which the calibrated output is compared, SI, shape (30,); zero: the output as it is.
+    #: Parameters with which the calibrated output is compared, SI, shape (30,); zero for the uncompensated output.
     before: FloatArray = field(default_factory=lambda: np.zeros(COUNT))
 
 
 def gather(stage: str, data: StageData, context: SolveContext, before: FloatArray, found: FloatArray) -> Evidence:
-    """Collect the evidence of a stage with the parameters to compare with and those found, SI, shape (30,) each."""
+    """Collect the evidence of a stage, given the reference and the solved parameters, SI, shape (30,) each."""
     still = find_stillness(data, context.imu, SHORTEST_REST)
     stride = max(round(context.table.velocity_interval / data.dt), 1)
     rests = tuple(
@@ -115,8 +115,8 @@ class Turn:
 def turn_between(evidence: Evidence, first: int, second: int, found: FloatArray) -> Turn | None:
     """Return the rotation from one rest to a later one, None if no unbroken chain of motions connects them.
 
-    `found` are parameters near the stage solution, SI, shape (30,). At the rests in between, the rotation is that of
-    their mean rate, which contains the earth rate.
+    `found` are parameters near the stage solution, SI, shape (30,). During the rests in between, the rotation follows
+    from their mean rate, which includes earth rate.
     """
     motions = {motion.before: motion for motion in evidence.motions}
     uncalibrated = calibrated = np.eye(3)
@@ -137,7 +137,7 @@ def turn_between(evidence: Evidence, first: int, second: int, found: FloatArray)
 def angle_errors(evidence: Evidence, turn: Turn, found: FloatArray, axes: TableGeometry | None) -> tuple[float, float]:
     """Return the errors of the angle between two rests, rad, from uncalibrated and from calibrated gyros.
 
-    The reference is the encoders of the table with these axes, or gravity without a table or encoder angles.
+    The reference is the table's encoders, given its axes, or gravity if there is no table or no encoder angles.
     """
     first, second = evidence.rests[turn.before], evidence.rests[turn.after]
     if axes is None or first.angles is None or second.angles is None:

@@ -1,8 +1,8 @@
 """Joint solution of gravity at rests and rotation between them, weighted with the scatter of the recording.
 
-The accelerometers are scaled by the magnitude of gravity alone, the gyros by the change of its direction alone.
+The magnitude of gravity alone determines the accelerometer scale, the change of its direction alone the gyro scale.
 D. Tedaldi, A. Pretto, E. Menegatti, *A robust and easy to implement method for IMU calibration without external
-equipments*, ICRA 2014, fit the same two quantities one after the other and without covariance.
+equipments*, ICRA 2014, fit the same two quantities sequentially and without covariance.
 """
 
 from dataclasses import dataclass
@@ -74,7 +74,7 @@ def fit_positions(
     prior: Belief,
     estimated: BoolArray,
 ) -> PositionFit:
-    """Compute the joint MAP estimate; repeat it with more noise until the noise explains the residuals.
+    """Compute the joint MAP estimate; repeat it with increased noise until the noise explains the residuals.
 
     Parameters that are not `estimated` are consider parameters.
     """
@@ -107,7 +107,7 @@ def fit_positions(
 
 
 def _first_point(problem: PositionRows, estimated: BoolArray) -> FloatArray:
-    """Return the prior mean, with the gyro bias of the rests where that is more accurate."""
+    """Return the prior mean, with the gyro bias from the rests where it is more accurate."""
     prior, bias = problem.prior, group_indices("gyro_bias")
     point = prior.mean.copy()
     if not problem.data.has_gyros:

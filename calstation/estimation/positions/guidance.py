@@ -15,19 +15,19 @@ from calstation.physics import FloatArray, rotation_matrix, rotation_vector
 
 #: Duration of a window, s.
 WINDOW = 0.25
-#: A window is in motion if its noise exceeds that of the quietest by this factor ...
+#: A window is in motion if its noise exceeds the quietest window's noise by this factor ...
 LOUD = 3.0
 #: ... or exceeds this gyro noise, rad/s rms ...
 LOUDEST = np.deg2rad(1.0)
-#: ... or if its mean rate differs from that at rest by more than this, rad/s.
+#: ... or if its mean rate differs from the rate at rest by more than this, rad/s.
 RATE = np.deg2rad(0.3)
 #: Number of windows before the first decision.
 LEARNING = 8
-#: Number of windows (20 minutes) that determine noise and rate at rest; bounds the computing time of a long rest.
+#: Number of windows (20 minutes) that determine noise and rate at rest; limits the computing time of a long rest.
 REMEMBERED = 4800
-#: A unit that has rotated by less than this since its last rest is still at the same position, rad.
+#: A unit that has rotated by less than this since its last rest is still in the same position, rad.
 SAME = np.deg2rad(10.0)
-#: Sufficient `spread` of the positions; directions distributed over the whole sphere reach 0.26.
+#: Sufficient `spread` of the positions; directions distributed over the whole sphere have about 0.26.
 SPREAD = 0.1
 #: Sufficient rotation about every axis, root of the sum of squares over the motions, rad.
 TURNED = 2.0
@@ -78,7 +78,7 @@ class PositionGuide:
         self._suffices = False
 
     def ask(self, rest: float) -> None:
-        """Require a rest of `rest` s at the following positions."""
+        """Require a rest of `rest` s at all following positions."""
         # the solver uses different windows and removes both ends of a rest
         self._wanted = rest + 2.0 * REST_MARGIN + REST_WINDOW
 
@@ -108,7 +108,7 @@ class PositionGuide:
         return self.now
 
     def _is_complete(self, part: SampleBlock) -> bool:
-        """Whether no sample is missing before or within a window."""
+        """Return whether no sample is missing before or within a window."""
         first = int(part.seq[0]) if self._last_seq is None else self._last_seq + 1
         self._last_seq = int(part.seq[-1])
         whole = self._last_seq - first + 1 == len(part)
@@ -137,7 +137,7 @@ class PositionGuide:
                 self._turn = self._turn @ rotation_matrix((rate - at_rest) * self._window_duration)
 
     def _is_other_position(self, force: FloatArray) -> bool:
-        """Whether this force belongs to a different position than the current rest."""
+        """Return whether this force belongs to a different position than the current rest."""
         mean = self._current.force / self._current.windows
         return bool(np.linalg.norm(force - mean) > 0.05 * np.linalg.norm(mean))
 
@@ -152,7 +152,7 @@ class PositionGuide:
             self._state = "still"
 
     def _is_last_position(self) -> bool:
-        """Whether the unit is still at the last position that was counted."""
+        """Return whether the unit is still at the last position that was counted."""
         if not self._done:
             return False
         tilt = np.arccos(np.clip(self._up @ self._done[-1], -1.0, 1.0))
@@ -181,10 +181,9 @@ class PositionGuide:
 
 
 def spread(up: FloatArray) -> float:
-    """Return how well directions of gravity in b (unit vectors, shape (k, 3)) separate nine accelerometer errors.
+    """Return a measure of how well gravity directions in b, shape (k, 3), separate nine accelerometer errors.
 
-    The value is the root mean square effect on the magnitude of gravity, in g, of the least observable combination of
-    errors with norm 1 g.
+    It is the rms effect on the magnitude of gravity, in g, of the least observable combination of errors with norm 1 g.
     """
     x, y, z = up.T
     effects = np.column_stack([x * x, x * y, y * y, x * z, y * z, z * z, x, y, z])

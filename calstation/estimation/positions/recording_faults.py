@@ -1,6 +1,6 @@
 """Checks of a recording of positions: frozen channels, no rest, no motion, wrong units, wrong axes.
 
-The magnitude of gravity reveals the accelerometers' unit; its change of direction gives the expected gyro rotation.
+The magnitude of gravity reveals the accelerometers' unit; the change of its direction gives the expected gyro rotation.
 """
 
 import itertools
@@ -15,17 +15,17 @@ from calstation.estimation.positions.rows import integrate_rotation
 from calstation.messages import Text
 from calstation.physics import AXES, CHANNELS, BoolArray, FloatArray, compensate, compensation, group_indices
 
-#: A channel that repeats one value for this time, s, and far longer than its noise makes likely, is frozen.
+#: A channel is frozen if it repeats one value for this time, s, and far longer than its noise makes likely.
 FREEZE_TIME = 1.0
 #: Fraction of repeated samples below which every channel of a recording is noisy.
 NOISY = 0.05
-#: Factor by which a repetition must exceed the longest that chance explains.
+#: Factor by which a repetition must exceed the longest one explained by chance.
 UNLIKELY = 5.0
-#: Ratios of the force at rest to gravity that bias and scale can explain; outside them the unit is wrong.
+#: Ratios of the force at rest to gravity that bias and scale can explain; other ratios indicate a wrong unit.
 PLAUSIBLE_GRAVITY = (0.75, 1.33)
-#: Rests whose directions of gravity differ by less than this are the same position, rad.
+#: Rests whose gravity directions differ by less than this are at the same position, rad.
 OTHER_POSITION = np.deg2rad(10.0)
-#: Mistaken units: assumed unit, correct unit, and the factor that corrects the values.
+#: Mistaken units: assumed unit, actual unit, and the factor that corrects the values.
 ACCEL_SLIPS = (
     ("g", "m/s²", 9.80665),
     ("mg", "m/s²", 9.80665e-3),
@@ -50,7 +50,7 @@ class _Turn:
 
     link: Link
     before: FloatArray  #: Measured direction of gravity in b before the motion, unit vector, shape (3,).
-    after: FloatArray  #: The same after the motion, shape (3,).
+    after: FloatArray  #: As `before`, after the motion, shape (3,).
     bias: FloatArray  #: Raw rate at rest, rad/s, shape (3,).
     path: float  #: Integral of the magnitude of the rate, rad.
 
@@ -130,7 +130,7 @@ def _require_gravity(data: StageData, still: Stillness, gravity: float, prior: B
 
 
 def _unit_slip(slips: tuple[tuple[str, str, float], ...], factor: float) -> Text | str:
-    """Return the mistaken unit that `factor` corrects, as part of a sentence; empty if there is none."""
+    """Return the mistaken unit that `factor` corrects, as a part of a sentence; empty if there is none."""
     for given, right, correction in slips:
         if abs(np.log(factor / correction)) < 0.2:
             return Text.of("recording.unit_slip", given=given, right=right)
@@ -212,7 +212,7 @@ def _signed_permutations() -> Iterator[FloatArray]:
 
 
 def _swaps(P: FloatArray) -> list[Text]:
-    """Return, for each axis that a signed permutation changes, the column from which it is read."""
+    """Return, for each axis that a signed permutation changes, the column with its values."""
     parts = []
     for row, axis in enumerate(AXES):
         column = int(np.argmax(np.abs(P[row])))

@@ -18,9 +18,9 @@ from calstation.physics import (
     rotation_matrix,
 )
 
-#: Degrees of freedom that drifts must leave.
+#: Smallest number of degrees of freedom that must remain after fitting drifts.
 _ENOUGH = 10
-#: Parts of a motion in each of which the error of a gyro is taken as constant.
+#: Number of parts into which a motion is divided; the error of a gyro is constant within each part.
 _PARTS = 40
 
 
@@ -30,9 +30,9 @@ def position_sensitivity(
 ) -> Sensitivity:  # fmt: skip
     """Return the sensitivity of a solution, given by `point`, `attitudes` and `north`.
 
-    `fitted` are the rows of the estimate, whose scatter may itself be the work of an effect. The tests therefore begin
-    with the rows of the noise in the `profile`, and divide χ² by the variance that all constant effects and drifts
-    together leave, or the constant ones alone if little would be left.
+    `fitted` are the rows of the estimate, whose scatter may itself be caused by an effect. The tests therefore use rows
+    with the noise of the `profile`, and divide χ² by the variance that remains after fitting all constant effects and
+    drifts, or the constant ones alone if too few degrees of freedom would remain.
     """
     duration = float(profile.data.time[-1] - profile.data.time[0])
     candidates = tuple(changing(duration))
@@ -69,7 +69,7 @@ def _rank(information: FloatArray, at: IntArray) -> int:
 def _solved(
     rows: PositionRows, point: FloatArray, attitudes: FloatArray, north: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the rows of the observations, what they leave of the residuals, and the covariance of the columns."""
+    """Return the rows of the observations, their remaining residuals, and the covariance of the columns."""
     H, residual = rows.rows(point, attitudes, north)
     covariance = inverse(H.T @ H)
     seen = slice(rows.observations)
@@ -85,7 +85,7 @@ def inverse(information: FloatArray) -> FloatArray:
 def _added(
     rows: PositionRows, point: FloatArray, attitudes: FloatArray, north: FloatArray, candidates: Sequence[Candidate]
 ) -> FloatArray:
-    """Return what each component of an effect adds to the observations, SI, shape (observations, components)."""
+    """Return the contribution of each effect component to the observations, SI, shape (observations, components)."""
     c = compensation(point)
     rate, force, time = (np.array([getattr(r, name) for r in rows.rests]) for name in ("rate", "force", "time"))
     rests = _errors(c, rate, force, time - rows.data.time[0], 1, candidates)

@@ -67,7 +67,7 @@ class Scatter:
     turn: float = 0.0  #: Scatter of the rotation angle of a motion, rad.
 
     def near(self, other: "Scatter") -> bool:
-        """Whether this scatter and `other` agree within 5 %."""
+        """Return whether this scatter and `other` agree within 5 %."""
         pairs = ((self.force, other.force), (self.rate, other.rate), (self.turn, other.turn))
         return all(abs(a - b) <= 0.05 * max(a, b) for a, b in pairs)
 
@@ -108,9 +108,9 @@ def positions(data: StageData, still: Stillness, context: SolveContext) -> list[
 
 
 def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> float:
-    """Return the additional standard deviation with which chi-square equals the degrees of freedom `redundancy`.
+    """Return the additional standard deviation for which chi-square equals the degrees of freedom `redundancy`.
 
-    It is 0 if the known variances explain the residuals or if `redundancy` is below 1. `variance` is that
+    It is 0 if the known variances explain the residuals or if `redundancy` is below 1. `variance` contains the variance
     of each element of `residual`, shape (m,).
     """
     total = float(np.sum(residual**2 / variance))
@@ -124,7 +124,7 @@ def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> flo
 
 
 class PositionRows:
-    """Rows of one recording: 6 rows per rest (3 without gyros), 3 per motion, and then those of the prior."""
+    """Rows of one recording: 6 rows per rest (3 without gyros), 3 per motion, and then the rows of the prior."""
 
     def __init__(
         self,
@@ -177,7 +177,7 @@ class PositionRows:
         parts = [self._rest(k, point, attitudes[k], earth[k]) for k in range(len(self.rests))]
         parts += [self._link(k, c, attitudes, earth) for k in range(len(self.links))]
         H, residual = np.vstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-        # parameters and earth rates are absolute unknowns, not steps from the point
+        # parameters and earth rates are absolute unknowns, not increments from the point
         residual += H[:, :COUNT] @ (point - self.prior.mean)
         residual += H[:, self.north : self.drift] @ north.ravel()
         H[:, :COUNT] = H[:, :COUNT] @ self.root
@@ -300,7 +300,7 @@ def integrate_rotation(
             continue
         if k == 0:
             last[:] = omega
-        for i in range(3):  # coning from the last and the present increment, as in `physics.strapdown`
+        for i in range(3):  # coning from the last and the current increment, as in `physics.strapdown`
             j, m = (i + 1) % 3, (i + 2) % 3
             rotvec[i] = omega[i] * dt + (last[j] * omega[m] - last[m] * omega[j]) * dt * dt / 12.0
         turn = rotation_matrix(rotvec)

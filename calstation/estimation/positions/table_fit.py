@@ -1,10 +1,10 @@
 """Geometry of a two-axis table from gravity at the rests of a run: angle between the axes, and tilt of the base.
 
 The direction of up in b at a rest with encoder angles q is u = Pᵀ R(m)ᵀ R(inner, qᵢ)ᵀ R(h, ε)ᵀ R(outer, qₒ)ᵀ t. P is
-the orientation of the unit, the mounting m a rotation vector, h the unit vector along outer × inner, ε the excess of
-the angle between the axes over the nominal one, and t is up in the axes of the base, rotated by its tilt about x and y
-at home. Gravity shows neither the azimuth nor the zero of the inner encoder, which is part of m; the tilt about the
-outer axis includes the zero of the outer encoder.
+the orientation of the unit, the mounting m a rotation vector, h the unit vector along outer × inner, ε the deviation of
+the angle between the axes from its nominal value, and t the upward direction in base axes, rotated by the tilt of the
+base about x and y at home. Gravity determines neither the azimuth nor the zero of the inner encoder, which is part of
+m; the tilt about the outer axis includes the zero of the outer encoder.
 """
 
 from collections.abc import Sequence
@@ -35,21 +35,21 @@ from calstation.physics import (
     rotation_rate,
 )
 
-#: Names of the quantities in a result, in the order of the fitted values; the rest of those is the mounting.
+#: Names of the quantities in a result, in the order of the fitted values; the remaining fitted values are the mounting.
 TABLE_QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
 
 #: Width of the window in which the unit is still, and shortest rest, s.
 _WINDOW = 0.25
 _SHORTEST = 0.3
-#: Time removed from both ends of a rest, s: half a window, in which the table may still turn.
+#: Time removed from both ends of a rest, s: half a window, during which the table may still rotate.
 _MARGIN = 0.1
-#: Largest rate of a window at rest beyond noise and the rotation of the earth, rad/s.
+#: Largest rate of a window at rest in excess of noise and earth rate, rad/s.
 _CREEP = np.deg2rad(0.03)
-#: Tilt of an axis by the wobble of its bearings, rad: 1″, as of a good rate table.
+#: Tilt of an axis due to bearing wobble, rad: 1″, typical of a good rate table.
 _WOBBLE = np.deg2rad(1.0 / 3600.0)
-#: Values that the fit estimates: three of the table, three of the mounting.
+#: Number of fitted values: three of the table, three of the mounting.
 _VALUES = 6
-#: Standard deviation of each value before the fit, rad, and largest one at which the data determine it.
+#: Standard deviation of each value before the fit, rad, and the largest one with which a value counts as determined.
 _PRIOR, _DETERMINED = 0.1, 0.01
 _ACCELEROMETERS = [
     i for group in ("accel_bias", "accel_scale", "accel_misalign", "accel_quadratic") for i in group_indices(group)
@@ -74,7 +74,7 @@ class TableQuantity:
 
 
 def table_rests(data: StageData, context: SolveContext, found: Belief) -> TableRests:
-    """Find the rests of a stage, also short ones, because the gyro biases are now known."""
+    """Find the rests of a stage, including short ones, because the gyro biases are now known."""
     bias, imu = list(group_indices("gyro_bias")), context.imu
     width = max(round(_WINDOW / data.dt), 2)
     noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.quantisation[0] * imu.rate_factor / width
@@ -100,10 +100,10 @@ def table_rests(data: StageData, context: SolveContext, found: Belief) -> TableR
 def table_axes(rests: Sequence[TableRests], context: SolveContext, found: Belief) -> dict[str, TableQuantity]:
     """Fit the table's geometry to the rests of all stages with the solved parameters `found`.
 
-    The weights are those of the encoders, of the noise of the rests, of the bearings' wobble, and of the uncertainty of
-    the accelerometer parameters, which is common to all rests. The sigmas grow with the scatter of the residuals where
-    it is larger (Birge ratio), and contain the wobble once more, because rests at equal angles share it. Returns those
-    of `TABLE_QUANTITIES` that the rests determine.
+    The weights include the noise of encoders and rests, the bearing wobble, and the uncertainty of the accelerometer
+    parameters, which is common to all rests. The sigmas are increased by the scatter of the residuals if it is larger
+    (Birge ratio), and include the wobble a second time, because rests at equal angles share it. Return the members of
+    `TABLE_QUANTITIES` that the rests determine.
     """
     from scipy.optimize import least_squares  # takes half a second to import
 
@@ -115,7 +115,7 @@ def table_axes(rests: Sequence[TableRests], context: SolveContext, found: Belief
     if 2 * count <= _VALUES:
         return {}
     up = _directions(found.mean, force)
-    frames = np.linalg.svd(up[:, None])[2][:, 1:]  # two unit vectors perpendicular to each and to each other
+    frames = np.linalg.svd(up[:, None])[2][:, 1:]  # two unit vectors perpendicular to each direction and to each other
     start = np.zeros(_VALUES)
 
     def flat(directions: FloatArray) -> FloatArray:

@@ -85,8 +85,7 @@ class ChoicePanel(QFrame):
     def lock(self, busy: str, role: str, save: str, *, new_pin: bool) -> None:
         """Disable the choice of stages and schedule for the reasons `busy` and `role`, and saving for all three.
 
-        An empty reason disables nothing. `new_pin` selects the text of the unlock button: whether a PIN must first be
-        set or is to be entered.
+        An empty reason has no effect. `new_pin` selects the text of the unlock button: set a new PIN, or enter the PIN.
         """
         self._new_pin = new_pin
         self._show_texts()

@@ -29,7 +29,7 @@ _COLOURS = {
 #: Opacity of the first stage, its decrease from stage to stage, and the lowest opacity.
 _FIRST, _DECREASE, _LOWEST = 255, 55, 60
 
-#: A phase and, if it is the motion of a stage, that stage, otherwise "".
+#: A phase and the stage if it is the motion of a stage, otherwise "".
 _Part = tuple[str, str]
 
 
@@ -59,7 +59,7 @@ class CycleBar(QWidget):
 
 
 class CycleView(QWidget):
-    """The phases of a run from its start to the result: a bar of all, one of those that are not stages, a legend."""
+    """The phases of a run from its start to the result: a bar of all, a bar without the stages, and a legend."""
 
     def __init__(self) -> None:
         super().__init__()

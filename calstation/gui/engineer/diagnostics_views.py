@@ -144,12 +144,11 @@ _BAR = {"rest": 0.4, "move": 0.16}
 
 
 class ResidualsView(StackedPlots[Diagnostics]):
-    """Innovations per rest and move, and three plots over the rests of all stages, with a description of what is
-    under the pointer."""
+    """Innovations per rest and move, and plots over the rests of all stages; describes the item under the pointer."""
 
     def __init__(self) -> None:
         super().__init__(4, _LEFT)
-        #: Stage and index within the stage of each rest period drawn.
+        #: Stage and index within the stage of each rest drawn.
         self._rests: list[tuple[StageDiagnostics, int]] = []
         #: Stage, row and horizontal position of each rest and move drawn; moves are between the rests.
         self._rows: list[tuple[StageDiagnostics, PositionResidual, float]] = []
@@ -167,7 +166,7 @@ class ResidualsView(StackedPlots[Diagnostics]):
         on_language_change(self, self._explain)
 
     def draw(self, diagnostics: Diagnostics) -> None:
-        """Draw the rest periods of all stages."""
+        """Draw the rests of all stages."""
         stages = [stage for stage in diagnostics.stages if len(stage.rests)]
         self._rests = [(stage, k) for stage in stages for k in range(len(stage.rests))]
         bands: list[Band] = []
@@ -188,7 +187,7 @@ class ResidualsView(StackedPlots[Diagnostics]):
         self._name_ticks()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Label as many rest periods as the width allows."""
+        """Label as many rests as the width permits."""
         super().resizeEvent(event)
         self._name_ticks()
 
@@ -198,7 +197,7 @@ class ResidualsView(StackedPlots[Diagnostics]):
         super().leaveEvent(event)
 
     def _draw_tests(self, plot: ThemedPlot) -> None:
-        """Draw the worst test of every rest (wide) and move (narrow); a triangle or a cross marks the notable ones."""
+        """Draw the worst test of every rest (wide) and move (narrow); a triangle or a cross marks notable ones."""
         c = theme.colours()
         for state, colour, symbol in (("good", c.accent, ""), ("caution", c.caution, "t1"), ("bad", c.bad, "x")):
             drawn = [(x, row) for _, row, x in self._rows if row.state == state and np.isfinite(row.worst)]

@@ -1,4 +1,4 @@
-"""Header of the engineer page, in the strip beside STOP: serial number, engineer's name, START and run status."""
+"""Header of the engineer page, in the strip next to STOP: serial number, engineer's name, START and run status."""
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QLabel, QLineEdit, QVBoxLayout, QWidget
@@ -38,7 +38,7 @@ class EngineerHeader(QWidget):
         on_language_change(self, self._show_start)
 
     def show_partial(self, *, partial: bool) -> None:
-        """Show on START whether the next run is partial."""
+        """Mark on START whether the next run is partial."""
         if partial != self._partial:
             self._partial = partial
             theme.set_kind(self.start_button, "partial" if partial else "primary")
@@ -46,19 +46,19 @@ class EngineerHeader(QWidget):
 
     @property
     def serial(self) -> str:
-        """The serial number entered."""
+        """The entered serial number."""
         return self.serial_edit.text().strip()
 
     @property
     def engineer(self) -> str:
-        """The engineer's name entered."""
+        """The entered name of the engineer."""
         return self.engineer_edit.text().strip()
 
     def _show_start(self) -> None:
         self.start_button.setText(self.tr("START PARTIAL") if self._partial else self.tr("START"))
 
     def show_next(self, following: bool) -> None:
-        """Show whether the serial number is that of the unit after the one whose verdict is shown."""
+        """Show whether the serial number belongs to the next unit instead of the one whose verdict is shown."""
         if following != self._next:
             self._next = following
             self._serial_caption.setText(self._serial_text())

@@ -22,7 +22,7 @@ _OBSERVED = 1.0 / OBSERVABLE
 #: Range of the colour scale in decades: strengths from 1 to 100 000.
 _DECADES = 5
 _NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 13 * theme.GRID
-#: Size of the font of states and steps, and least width of a step that is named, px.
+#: Font size of states and steps, and smallest width of a step with a name, px.
 _FONT, _STEP_WIDTH = 11, 14
 
 #: Label of a move, from the plan.
@@ -30,7 +30,7 @@ StepLabel = tuple[str | float, ...]
 
 
 class StepAxis(pg.AxisItem):  # type: ignore[misc]
-    """The axis above a map, with the names of the steps upright, and elided if they are too long."""
+    """The axis above a map, with vertical step names, elided if they are too long."""
 
     def __init__(self) -> None:
         super().__init__("top", showValues=False)
@@ -44,7 +44,7 @@ class StepAxis(pg.AxisItem):  # type: ignore[misc]
         self.update()
 
     def drawPicture(self, p: QPainter, axisSpec: Any, tickSpecs: Any, textSpecs: Any) -> None:
-        """Draw the axis, and the names of as many steps as the width allows."""
+        """Draw the axis, and the names of as many steps as the width permits."""
         super().drawPicture(p, axisSpec, [], [])
         low, high = self.range
         step = self.size().width() / (high - low)
@@ -69,7 +69,7 @@ class ObservabilityView(QWidget):
         super().__init__()
         self._stages: dict[str, Mapping[str, Any]] = {}
         self._labels: Mapping[int, StepLabel] = {}
-        #: Latest ranking of each stage of the run that is followed; empty for a result or a preview.
+        #: Latest ranking of each stage of the monitored run; empty for a result or a preview.
         self._live: dict[str, StageRanked] = {}
         self._stage_combo = StageCombo("observability_stage_combo")
         self._stage_combo.currentIndexChanged.connect(self._show)
@@ -95,13 +95,13 @@ class ObservabilityView(QWidget):
         self._show()
 
     def follow(self, ranked: StageRanked, labels: Mapping[int, StepLabel] = {}) -> None:
-        """Add the observability after a step of the running stage; the first call drops what was shown before."""
+        """Add the observability after a step of the running stage; the first call clears the previous contents."""
         self._labels = labels
         if not self._live:
             self._stages = {}
         stage, step = ranked.stage, ranked.step
         before: Mapping[str, Any] = self._stages.get(stage, {"segments": [], "states": {}})
-        kept = sum(segment["step"] < step for segment in before["segments"])  # the latest step may grow
+        kept = sum(segment["step"] < step for segment in before["segments"])  # the latest step may still grow
         states = {}
         for name, strength in ranked.strength.items():
             earlier = before["states"].get(name, {"step": None, "by_step": []})
@@ -169,7 +169,7 @@ class HeatMap(ThemedPlot):
         bar = pg.ColorBarItem(values=(0, _DECADES), colorMap=colours, interactive=False, width=2 * theme.GRID)
         self._scale = bar.axis
         bar.setImageItem(self._image, insert_in=self.getPlotItem())
-        bar.axis.setTicks([[(k, f"{10**k}") for k in range(_DECADES)]])  # the top one would be cut
+        bar.axis.setTicks([[(k, f"{10**k}") for k in range(_DECADES)]])  # the top label would be cut off
         bar.axis.setStyle(tickFont=theme.font())
         bar.axis.setWidth(11 * theme.GRID)
         self.getViewBox().invertY()

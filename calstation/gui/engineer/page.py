@@ -47,7 +47,7 @@ class EngineerPage(Page):
         super().__init__(app)
         self.setObjectName("engineer_page")
         self._options: ScheduleOptions | None = None
-        #: Serial number that the virtual bench has suggested last.
+        #: Serial number last suggested by the virtual bench.
         self._suggested = ""
         #: Error that prevents the use of station and product, or None.
         self._problem: CalstationError | None = None
@@ -156,7 +156,7 @@ class EngineerPage(Page):
         self._update()
 
     def _choice_undone(self) -> None:
-        """Reset the choice after another page has selected the product's complete calibration."""
+        """Reset the selection after another page has selected the product's complete calibration."""
         if self.app.stages is None and self.choice.parts.stages:
             self._restore_product()
 
@@ -176,9 +176,9 @@ class EngineerPage(Page):
         self._update()
 
     def _running_changed(self, running: bool) -> None:
-        """After a run, clear its serial number and restore the product's stages, so that no later run is partial.
+        """Clear the serial number after a run, and restore the product's stages, so that no later run is partial.
 
-        Show whether its certificate waits for two people or could not be made, and whether the table has changed.
+        Show whether its certificate awaits two confirmations or could not be made, and whether the table has changed.
         """
         if not running and self.app.engine_link.operation is None:
             self._header.serial_edit.clear()
@@ -191,7 +191,7 @@ class EngineerPage(Page):
         self._update()
 
     def _drop_question(self) -> None:
-        """Remove an open question, whose answers were meant for the previous station, product, role or run."""
+        """Remove an open question, which referred to the previous station, product, role or run."""
         if self.notice.asking:
             self.notice.dismiss()
 
@@ -273,7 +273,7 @@ class EngineerPage(Page):
         )
 
     def _start_anew(self) -> None:
-        """Start a run from its first stage, on hardware after confirmation."""
+        """Start a run from its first stage, after confirmation on hardware."""
         assert self._options is not None
         if self._options.virtual:
             self._run()
@@ -307,7 +307,7 @@ class EngineerPage(Page):
             self._update()
 
     def _follow(self, event: Event) -> None:
-        """Follow a run, of several units the first."""
+        """Follow a run; with several units, only the first."""
         if event.slot not in ("", self.app.run.units[0].slot):
             return
         self.analysis.follow(event)
@@ -340,7 +340,7 @@ class EngineerPage(Page):
     # ---- available actions
 
     def _update(self) -> None:
-        """Enable the actions that are possible now; the tooltips of the others show the reason."""
+        """Enable the actions that are currently possible; the tooltips of the others show the reason."""
         found, role = self._options, self._why_not_role()
         busy = ""
         if self.app.engine_link.running:

@@ -46,7 +46,7 @@ class PreviewView(QWidget):
         super().__init__()
         self._app, self._request = app, request
         self.preview: Preview | None = None
-        #: Whether the choice has changed since the job of the preview was started, and since that of the next one.
+        #: Whether the selection has changed since the preview job was started, and since the next one was.
         self._outdated = self._next_outdated = False
         self._error: CalstationError | None = None
         self.watch = JobWatch(self, self._done, self._show_error, self._refresh)
@@ -73,7 +73,7 @@ class PreviewView(QWidget):
         on_language_change(self, self._show_texts)
 
     def mark_outdated(self) -> None:
-        """Mark the preview as outdated because the choice has changed."""
+        """Mark the preview as outdated because the selection has changed."""
         self._outdated = self._next_outdated = True
         self._refresh()
 
@@ -205,7 +205,7 @@ def _problem_texts(preview: Preview) -> list[str]:
 
 
 def _end_texts(preview: Preview) -> list[str]:
-    """Return for every repeated stage what ends it."""
+    """Return the end condition of every repeated stage."""
     return [
         say(f"engineer.ends_{stage.reason}", stage=stage.stage, rounds=stage.rounds)
         for stage in preview.stages
@@ -266,7 +266,7 @@ def _names(preview: Preview) -> tuple[str, ...]:
 
 
 def _reached(preview: Preview, name: str) -> bool | None:
-    """Whether a parameter is expected to meet its sigma limit; None if unknown or if there is no limit."""
+    """Return whether a parameter is expected to meet its sigma limit; None if unknown or without a limit."""
     sigma = preview.stages[-1].sigma if preview.stages else None
     limit = preview.limits.get(name)
     return None if sigma is None or limit is None else float(sigma[INDEX[name]]) <= limit

@@ -56,7 +56,7 @@ from calstation.sequencer import Event, Fault, Message, Settled, StepStarted
 #: Placeholder for the serial number in a request while none has been entered.
 UNNAMED = "-"
 
-#: Events that report the state in which an incomplete write has left the unit.
+#: Events that report the state of the unit after an incomplete write.
 _INCOMPLETE = ("transfer_unproved", "old_unproved")
 
 
@@ -77,7 +77,7 @@ class RegistersView(QWidget):
         self._operation: RegisterOperation | None = None
         #: The last event of the current write that is in `_INCOMPLETE`, "" if none.
         self._incomplete = ""
-        #: How the current write was verified, "" if it was not; see `Settled.proof`.
+        #: Verification method of the current write, "" if it was not verified; see `Settled.proof`.
         self._proof = ""
         self._old: dict[str, Register] = {}
         self._new: dict[str, Register] = {}
@@ -143,7 +143,7 @@ class RegistersView(QWidget):
             self._people.hide()
 
     def why_not_write(self) -> str:
-        """Return why the registers cannot be written yet, "" if they can."""
+        """Return the reason why the registers cannot be written yet, "" if they can."""
         if self.target is None:
             return say("engineer.no_target")
         if self.unit is None:
@@ -170,7 +170,7 @@ class RegistersView(QWidget):
         self.changed.emit()
 
     def _confirm(self, target: TargetRegisters, *, at_rest: bool) -> None:
-        """Write, after two engineers have confirmed it if the product requires it."""
+        """Write, after confirmation by two engineers if the product requires it."""
         try:
             product, station = self._files()
         except CalstationError as error:
@@ -321,7 +321,7 @@ class RegistersView(QWidget):
         return ""
 
     def _ask(self) -> None:
-        """Show the result's verdict unless it is a PASS, and exactly what will change; ask for confirmation."""
+        """Show the result's verdict unless it is a PASS, and all changes; ask for confirmation."""
         target, unit = self.target, self.unit
         assert self._run is not None
         result = self._run.result
@@ -370,7 +370,7 @@ class RegistersView(QWidget):
         return ", ".join(f"{a}" if a == b else f"{a}–{b}" for a, b in ranges)
 
     def _show_reason(self) -> None:
-        """Show the reason beside a disabled button, because a touch screen shows no tooltips."""
+        """Show the reason next to a disabled button, because a touch screen shows no tooltips."""
         self._reason.setText(self._why_not)
         self._reason.setVisible(bool(self._why_not) and not self.watch.busy and self._progress is None)
 

@@ -59,19 +59,19 @@ from calstation.results import (
 from calstation.sequencer import Event, StageRanked, StateChanged, StepStarted
 
 _NONE = "–"
-#: Maximum height of the table of checks that do not concern a single parameter, px.
+#: Maximum height of the table of checks that do not refer to a single parameter, px.
 _MAX_CHECKS_HEIGHT = 26 * theme.GRID
 _NUMBERS = ("value", "sigma", "previous", "change", "in_sigma", "limit", "accepted", "sigma_limit")
 #: Columns that compare with the previous run, or with the result without an added state.
 _COMPARED_COLUMNS = (3, 4, 5)
-#: Column of the acceptance limits where the decision rule narrows the limits.
+#: Column of the acceptance limits if the decision rule narrows the limits.
 _ACCEPTED_COLUMN = 7
 #: Badge shape (`widgets.badge.KINDS`) of each parameter verdict.
 _SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad", "sigma": "bad", "both": "bad"}
 
 
 class ResultView(QWidget):
-    """The run's verdict, the parameter table, and the checks that do not concern a single parameter."""
+    """The run's verdict, the parameter table, and the checks that do not refer to a single parameter."""
 
     def __init__(self, adding: JobWatch, release: ReleaseBar) -> None:
         super().__init__()
@@ -217,7 +217,7 @@ def _verdict(checks: dict[str, Check]) -> str:
 def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict[str, Check]) -> dict[str, str]:
     """Return the texts of a row, with numbers in display units and rounded according to the sigma.
 
-    ``verdict`` is a key of `_SHAPES` or ``none``; ``changed`` is present only if the change is to be highlighted.
+    ``verdict`` is a key of `_SHAPES` or ``none``; ``changed`` exists only if the change is to be highlighted.
     """
     value, unit = _display(name, parameter.value)
     sigma, _ = _display(name, parameter.sigma)
@@ -259,7 +259,7 @@ def _display(name: str, value: float) -> tuple[float, str]:
 
 
 class ResultAnalysis(QObject):
-    """The views of a result and the jobs that compute the contents of some.
+    """The views of a result and the jobs that compute the contents of some of them.
 
     Emits `changed` whenever the opening of a run starts or ends, `loaded(run)` when the run is open, and
     `failed(error)` if it cannot be opened.
@@ -274,13 +274,13 @@ class ResultAnalysis(QObject):
         self._app = app
         self._run: FinishedRun | None = None
         self._path: Path | None = None
-        #: Whether the observability shown is that of the run in progress.
+        #: Whether the displayed observability belongs to the run in progress.
         self._following = False
-        #: Whether a run or a register operation has begun, and no stage has reported its observability since.
+        #: Whether a run or register operation has begun, but no stage has reported its observability yet.
         self._starting = False
         #: Labels of the moves of the run in progress, by step.
         self._step_labels: dict[int, tuple[str | float, ...]] = {}
-        #: The log whose diagnostics are shown or being computed.
+        #: Log whose diagnostics are shown or being computed.
         self._diagnosed_log: Path | None = None
         self.loading = JobWatch(self, self._loaded, self._not_loaded)
         self._diagnosing = JobWatch(self, self._diagnosed, cancelled=self._not_diagnosed)
@@ -341,7 +341,7 @@ class ResultAnalysis(QObject):
                 lazy.show_work()
 
     def source(self) -> str:
-        """Return the serial number, time and verdict of the run shown, on one line."""
+        """Return serial number, time and verdict of the displayed run, on one line."""
         if self.loading.busy and self._path is not None:
             return self.tr("Opening {0}").format(self._path.name)
         if self._run is None:
@@ -357,7 +357,7 @@ class ResultAnalysis(QObject):
         return view
 
     def _add_state(self, state: EffectName) -> None:
-        """Solve the log of the run shown again with one more state in its model."""
+        """Solve the log of the displayed run again with one more state in its model."""
         assert self._run is not None
         self.adding.watch(self._app.job_queue.submit(resolve_with_state, self._run, state))
 
@@ -384,7 +384,7 @@ class ResultAnalysis(QObject):
         self.loaded.emit(run)
 
     def _released(self, path: Path) -> None:
-        """Read the result shown again after its unit was released."""
+        """Read the displayed result again after its unit was released."""
         if path == self._path:
             self.open(path)
 
@@ -433,7 +433,7 @@ class _LazyView(QStackedWidget, Generic[View]):
 
     @property
     def view(self) -> View:
-        """The view itself, made at its first use."""
+        """The view itself, created on first use."""
         if self._view is None:
             self._view = self._make()
             self.addWidget(self._view)
@@ -448,7 +448,7 @@ class _LazyView(QStackedWidget, Generic[View]):
         self.setCurrentWidget(self._work)
 
     def show_empty(self, why: Words | None = None) -> None:
-        """Show why the view has no contents, or how to obtain them."""
+        """Show the reason why the view has no contents, or how to obtain them."""
         self._why = why
         self._show_texts()
         self.setCurrentWidget(self._empty)

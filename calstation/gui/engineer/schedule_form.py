@@ -38,7 +38,7 @@ class ScheduleForm(QWidget):
 
     @property
     def values(self) -> dict[str, Any]:
-        """Entered values by field; text that is not a number is kept as text, which the check rejects."""
+        """Entered values by field; text that is not a number is kept as text, which the validation rejects."""
         return {**self._options.schedules[self.stage], **{name: each.value for name, each in self._rows.items()}}
 
     @property
@@ -46,7 +46,8 @@ class ScheduleForm(QWidget):
         """Values that differ from the product's."""
         product = self._options.schedules[self.stage]
         found = {name: value for name, value in self.values.items() if value != product.get(name)}
-        if found.keys() & {"duration_s", "targets"}:  # without them a product without `rounds` would have another limit
+        # without them a product without `rounds` would get a different limit
+        if found.keys() & {"duration_s", "targets"}:
             found["rounds"] = self.values["rounds"]
         return found
 
@@ -131,7 +132,7 @@ class _Row(QWidget):
 
     @property
     def value(self) -> Any:
-        """The value entered or chosen, None if the field is empty."""
+        """The entered or selected value, None if the field is empty."""
         (each,) = self._inputs
         if isinstance(each, QCheckBox):
             return each.isChecked()
@@ -222,7 +223,7 @@ def _unit_label(unit: str) -> QLabel:
 
 
 def _number(text: str, whole: bool = False) -> float | int | str | None:
-    """Return the number entered, None for an empty text, or the text itself, which the check rejects."""
+    """Return the entered number, None for an empty text, or the text itself, which the validation rejects."""
     text = text.strip().replace(",", ".")
     try:
         number = float(without_minus(text))

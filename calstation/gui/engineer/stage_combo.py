@@ -10,7 +10,7 @@ from calstation.gui.widgets import theme
 
 
 class StageCombo(QComboBox):
-    """Combo box of stages that emits `currentIndexChanged` only for a choice by the user."""
+    """Combo box of stages that emits `currentIndexChanged` only for a selection by the user."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -20,11 +20,11 @@ class StageCombo(QComboBox):
 
     @property
     def stage(self) -> str:
-        """The chosen stage, "" if there is none."""
+        """The selected stage, "" if there is none."""
         return str(self.currentData() or "")
 
     def offer(self, stages: Sequence[str], chosen: str = "") -> None:
-        """Offer stages and choose one, by default the first."""
+        """Offer stages and select one, by default the first."""
         with QSignalBlocker(self):
             self.clear()
             for stage in stages:

@@ -5,7 +5,7 @@ from calstation.results import Result
 
 
 def verdict_text(result: Result, *, stages: bool = True) -> str:
-    """Return the verdict of a run, such as ``PASS``; that of a partial run names its `stages` unless they are False."""
+    """Return the verdict of a run, such as ``PASS``; for a partial run, with its `stages` unless they are False."""
     if result.released or not result.partial or not result.stages:
         return term("badge", result.badge)
     family = "passed" if result.verdict == "partial" else "partial"
@@ -15,7 +15,7 @@ def verdict_text(result: Result, *, stages: bool = True) -> str:
 
 
 def verdict_badge(result: Result) -> tuple[str, str]:
-    """Return the shape (`widgets.badge.KINDS`) and the text of the verdict of a run, or of a log solved again."""
+    """Return the shape (`widgets.badge.KINDS`) and the text of the verdict of a run, or of a re-solved log."""
     if result.outcome != "resolved":
         return KINDS.get(result.verdict, "none"), verdict_text(result)
     kind = {None: "none", True: "partial" if result.partial else "good", False: "bad"}[result.passed]

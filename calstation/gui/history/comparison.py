@@ -1,4 +1,4 @@
-"""Compares selected runs: their values side by side by parameter, and a plot of them relative to the limits."""
+"""Comparison of selected runs: their values side by side by parameter, and a plot relative to the limits."""
 
 from collections.abc import Callable, Sequence
 
@@ -28,7 +28,7 @@ from calstation.results import Result
 
 #: Symbol of each run in the plot, and the same symbol in the heading of the table.
 _SYMBOLS = (("o", "●"), ("s", "■"), ("t1", "▲"), ("d", "◆"), ("t", "▼"), ("star", "★"), ("+", "✚"), ("x", "✖"))
-#: Maximum number of runs that can be compared.
+#: Maximum number of runs in a comparison.
 MAX_COMPARED = len(_SYMBOLS)
 #: Fraction of a row of the plot that is used for the symbols.
 _ROW_SHARE = 0.7
@@ -50,7 +50,7 @@ class RunComparison(QWidget):
         self._note = label(kind="muted", wrap=True, name="comparison_note_label")
         self.table = ComparisonTable(independent=True)
         self.table.setObjectName("run_comparison_table")
-        self.table.horizontalHeader().setMinimumHeight(6 * theme.GRID)  # serial number and time in two lines
+        self.table.horizontalHeader().setMinimumHeight(6 * theme.GRID)  # serial number and time on two lines
         bind(self.table.setAccessibleName, lambda: self.tr("Parameters of the selected runs"))
         self.plot = ComparisonPlot()
         body = split((self.table, 13), (self.plot, 9), handle=2 * theme.GRID)
@@ -58,7 +58,7 @@ class RunComparison(QWidget):
         on_language_change(self, self._refresh)
 
     def show_runs(self, runs: Sequence[RunRecord], results: Sequence[Result]) -> None:
-        """Show runs and their results; differences are those to the first."""
+        """Show runs and their results; differences are relative to the first run."""
         self._runs = runs
         one = {run.serial for run in runs}
         self.table.show_sets(
@@ -68,7 +68,7 @@ class RunComparison(QWidget):
         self._refresh()
 
     def focus(self) -> None:
-        """Move the focus to the button that leads back."""
+        """Move the focus to the Back button."""
         self._back_button.setFocus()
 
     def _heading(self, k: int) -> Callable[[], str]:
@@ -108,11 +108,11 @@ class ComparisonPlot(ThemedPlot):
         return bool(self._limits)
 
     def show_results(self, names: Sequence[str], results: Sequence[Result]) -> None:
-        """Plot these parameters of results, as far as one of the results has limits for them."""
+        """Plot these parameters of results, if one of the results has limits for them."""
         self._results = results
         self._limits = {name: limits for result in reversed(results) for name, limits in limits_of(result).items()}
         self._names = [name for name in ordered(names) if name in self._limits]
-        self.setMinimumHeight(theme.BODY * len(self._names) + _AXIS)  # names of parameters do not overlap
+        self.setMinimumHeight(theme.BODY * len(self._names) + _AXIS)  # so that parameter names do not overlap
         self.getViewBox().reset()
         self.draw()
 

@@ -55,7 +55,7 @@ _MARGIN, _DATE_MARGIN = 0.1, 0.06
 
 @dataclass(frozen=True)
 class Actions:
-    """State that determines the possible actions: a run is going on, one is being closed, this run can be resumed."""
+    """State that determines the possible actions: a run is in progress, one is being closed, this one can resume."""
 
     running: bool = False
     closing: bool = False
@@ -81,7 +81,7 @@ class Trend(QWidget):
         self._plot = ThemedPlot()
         self._plot.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self._plot.getAxis("left").setWidth(8 * theme.GRID)
-        self._plot.getAxis("bottom").setHeight(6 * theme.GRID)  # date and time, one below the other
+        self._plot.getAxis("bottom").setHeight(6 * theme.GRID)  # date and time on two lines
         bind(self._plot.setAccessibleName, lambda: self.tr("The parameter over the unit's runs"))
         column(row((caption, 1), self._combo), (self._plot, 1), on=self, spacing=theme.GRID // 2)
         theme.themes.changed.connect(self.draw)
@@ -230,14 +230,14 @@ class RunDetails(QFrame):
         self._update_buttons(run)
 
     def _reason(self, run: RunRecord) -> str:
-        """Return why the run ended as it did, and whether it can be resumed."""
+        """Return the reason for the outcome of a run, and whether it can be resumed."""
         result = self._result
         if run.outcome == "fault" and run.error:
             fault = None if result is None else result.fault
             text = free_text(run.error) if fault is None else error_text(fault)
             return "\n".join(part for part in (text.reason, text.remedy) if part)
         if result is not None and result.override is not None:
-            return ""  # the note of the release says it
+            return ""  # stated in the note about the release
         if run.outcome in ("passed", "failed") and result is not None:
             if result.failed_checks:
                 return self.tr("Outside its limits:")
@@ -281,7 +281,7 @@ class RunDetails(QFrame):
                 self._facts.addRow(caption, value)
 
     def _why_no_log(self, run: RunRecord) -> str:
-        """Return why the log cannot be opened, "" if it can; that of another station is copied from an archive."""
+        """Return why the log cannot be opened, "" if it can; another station's log is copied from an archive."""
         if run.log.exists() or is_archived(run.location):
             return ""
         if not run.origin:
@@ -291,7 +291,7 @@ class RunDetails(QFrame):
         )
 
     def _cycle_text(self) -> str:
-        """Return the durations of the cycle and of everything but its stages; "" for a result without them."""
+        """Return the durations of the cycle and of its phases except the stages; "" for a result without them."""
         seconds = {} if self._result is None else self._result.cycle_seconds
         if not seconds:
             return ""

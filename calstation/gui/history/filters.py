@@ -11,14 +11,14 @@ from calstation.gui.widgets import column, label, row, theme
 from calstation.messages import local_time
 from calstation.records import RunChoices, RunFilter
 
-#: Verdicts that can be chosen, and numbers of past days; "" and None for all, 0 for the dates beside it.
+#: Verdicts and numbers of past days that can be selected; "" and None for all, 0 for the dates next to it.
 _VERDICTS = ("", "passed", "partial", "failed", "stopped", "fault", "incomplete")
 _DAYS = (None, 1, 7, 30, 365, 0)
 _DATE = "yyyy-MM-dd"
 
 
 class Filters(QWidget):
-    """Inputs that filter the runs; emits `changed` when a filter changes. `beside` is shown beside the dates."""
+    """Inputs that filter the runs; emits `changed` when a filter changes. `beside` is shown next to the dates."""
 
     changed = Signal()
 
@@ -67,7 +67,7 @@ class Filters(QWidget):
 
     @property
     def wanted(self) -> RunFilter:
-        """The conditions for the runs; days are those of this computer's time zone."""
+        """The conditions for the runs; dates are in this computer's time zone."""
         days = self._period.currentData()
         first, last = self._from.date(), self._to.date()
         if days:
@@ -91,7 +91,7 @@ class Filters(QWidget):
         self.changed.emit()
 
     def show_choices(self, choices: RunChoices) -> None:
-        """Offer these values; chosen ones stay chosen."""
+        """Offer these values; selected ones remain selected."""
         if choices != self._choices:
             self._choices = choices
             self._name_entries()
@@ -123,7 +123,7 @@ class Filters(QWidget):
         self.changed.emit()
 
     def _date_chosen(self, changed: QDateEdit, other: QDateEdit) -> None:
-        """Filter by the dates; they are never in reverse order."""
+        """Filter by the dates, keeping them in order."""
         if self._from.date() > self._to.date():
             with QSignalBlocker(other):
                 other.setDate(changed.date())
@@ -132,7 +132,7 @@ class Filters(QWidget):
         self._timer.start()
 
     def _show_dates(self) -> None:
-        """Show the dates of the chosen period."""
+        """Show the dates of the selected period."""
         days, today = self._period.currentData(), QDate.currentDate()
         if days == 0:
             return
@@ -161,7 +161,7 @@ class Filters(QWidget):
 
 
 def _offer(combo: QComboBox, everything: str, entries: list[tuple[str, str]]) -> None:
-    """Fill a list of choices, the first of which is no condition; the chosen entry stays chosen if it is offered."""
+    """Fill a list of options, the first of which means no condition; the selected entry remains selected if offered."""
     chosen = combo.currentData()
     with QSignalBlocker(combo):
         combo.clear()
@@ -172,6 +172,6 @@ def _offer(combo: QComboBox, everything: str, entries: list[tuple[str, str]]) ->
 
 
 def _midnight(day: QDate) -> str:
-    """Return the beginning of a local day, ISO 8601 in UTC without an offset."""
+    """Return the start of a local day, ISO 8601 in UTC without an offset."""
     begin = datetime(day.year(), day.month(), day.day()).astimezone(UTC)
     return begin.replace(tzinfo=None).isoformat()

@@ -1,4 +1,4 @@
-"""Plots how far parameters moved from one version to another."""
+"""Plot of the changes of parameters from one version to another."""
 
 from collections.abc import Mapping
 
@@ -10,14 +10,14 @@ from calstation.fleet import Move
 from calstation.gui.text import bind
 from calstation.gui.widgets import NOTABLE_SIGMAS, LogAxis, ThemedPlot, dashed, theme
 
-#: Smallest move that is distinguished from zero, and least upper end of the axis, sigmas.
+#: Smallest change that is distinguished from zero, and smallest upper end of the axis, sigmas.
 _LEAST, _END = 1e-3, 10.0
 #: Height of the horizontal axis with its label, px.
 _AXIS = 7 * theme.GRID
 
 
 class MovesPlot(ThemedPlot):
-    """Median, 95th percentile and largest move, one row for each parameter or group of logs."""
+    """Median, 95th percentile and maximum of the change, one row for each parameter or group of logs."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -30,14 +30,14 @@ class MovesPlot(ThemedPlot):
         theme.on_appearance_change(self, self.draw)
 
     def show_moves(self, rows: Mapping[str, Move]) -> None:
-        """Plot moves by the text of their row."""
+        """Plot changes by the text of their row."""
         self._rows = rows
         self.setMinimumHeight(theme.BODY * len(rows) + _AXIS)
         self.getViewBox().reset()
         self.draw()
 
     def draw(self) -> None:
-        """Plot the moves."""
+        """Plot the changes."""
         self.clear()
         c = theme.colours()
         y = np.arange(len(self._rows))

@@ -109,7 +109,7 @@ class HistoryPage(Page):
         self._show_texts()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """List the indexed runs immediately, and update the list when the folder has been read."""
+        """List the indexed runs immediately, and update the list after the folder has been read."""
         super().showEvent(event)
         self._list_visible()
 
@@ -179,7 +179,7 @@ class HistoryPage(Page):
             self.refresh()
 
     def _show_refreshed(self, _: object = None) -> None:
-        """List the runs of the index and the values that they have."""
+        """List the indexed runs and offer their values in the filters."""
         if self.app.runs_folder.is_dir():
             self._filters.show_choices(self._history().choices())
         self.show_runs()
@@ -215,7 +215,7 @@ class HistoryPage(Page):
     # ---- actions on the selected run
 
     def _open_result(self) -> None:
-        """Open the result of a run; that of another station's run is read from the shared database first."""
+        """Open the result of a run; another station's result is first read from the shared database."""
         run = self.table.run
         if run is None:
             return
@@ -229,7 +229,7 @@ class HistoryPage(Page):
         self.app.open_run.emit(result)
 
     def _open_log(self) -> None:
-        """Open the log of a run; that of another station's run is copied from the archive first."""
+        """Open the log of a run; another station's log is first copied from the archive."""
         run = self.table.run
         if run is None:
             return
@@ -257,7 +257,7 @@ class HistoryPage(Page):
             self.notice.ask("none", lambda: self.tr("Folder of this run"), lambda: folder, choices)
 
     def _show_batch(self) -> None:
-        """List the units that were on the table together with the one selected."""
+        """List the units that were on the table together with the selected one."""
         run = self.table.run
         if run is not None and run.batch is not None:
             self._filters.search_edit.setText(run.batch)
@@ -276,7 +276,7 @@ class HistoryPage(Page):
     # ---- actions on several runs
 
     def _compare(self) -> None:
-        """Read the results of the selected runs, and compare them in the order of time."""
+        """Read the results of the selected runs, and compare them in chronological order."""
         self._compared = self.table.chosen[::-1]
         where = (self.app.station_path, self.app.runs_folder)
         self._loader.watch(self.app.job_queue.submit(load_shared_results, *where, self._compared))
@@ -342,9 +342,9 @@ class HistoryPage(Page):
 
 
 def _result(run: RunRecord) -> Result | None:
-    """Return the result of a run, None if there is no readable one.
+    """Return the result of a run, None if it is missing or unreadable.
 
-    The result of another station's run is there once it has been opened; it can be outdated after a release.
+    The result of another station's run is available once it has been opened; it may be outdated after a release.
     """
     path = run.log.with_suffix(".json") if run.origin else run.result
     if path is None:

@@ -1,4 +1,4 @@
-"""Table of the offline solutions of a run's log, as they were recorded."""
+"""Table of the recorded offline solutions of a run's log."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ _ROW, _VISIBLE = 3 * theme.GRID + 4, 4
 
 
 class ResolvesTable(QWidget):
-    """Lists when, by whom and how a log was solved again, the latest first; hidden if it never was."""
+    """Lists when, by whom and how a log was solved again, the latest first; hidden if there are no solutions."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -41,7 +41,7 @@ class ResolvesTable(QWidget):
         on_language_change(self, self._show)
 
     def show_records(self, records: Sequence[ResolveRecord], error: CalstationError | None) -> None:
-        """Show the records of a log, the oldest first, or the error that they cannot be read."""
+        """Show the records of a log, the oldest first, or the error if they cannot be read."""
         self._records, self._error = records[::-1], error
         self._show()
 

@@ -128,10 +128,10 @@ class RunTable(QTableWidget):
             self.setItem(number, column, cell)
 
     def _share_width(self) -> None:
-        """Fit the columns to their contents, the stages to the remaining width; hide columns if it is too small.
+        """Fit the columns to their contents, the stages to the remaining width; hide columns if there is too little.
 
-        The station is shown only if the runs are those of several, batch and slot only if a unit was not alone;
-        then duration and stages are hidden before them.
+        The station is shown only for runs of several stations, batch and slot only for runs in batches; duration and
+        stages are then hidden before them.
         """
         hidden = {_STATION} if len({run.station for run in self.runs if run.station}) < 2 else set()
         batches = any(run.batch for run in self.runs)
@@ -153,7 +153,7 @@ class RunTable(QTableWidget):
         self.setColumnWidth(_STAGES, max(left, least))
 
     def _select(self, current: int, rows: Sequence[int]) -> None:
-        """Make a row the current one, and select it or these rows; the keys that are held do not matter."""
+        """Make a row the current one, and select it or these rows, regardless of pressed keys."""
         model, selected, flag = self.model(), QItemSelection(), QItemSelectionModel.SelectionFlag
         for number in rows or (current,):
             selected.select(model.index(number, 0), model.index(number, _STAGES))

@@ -1,4 +1,4 @@
-"""Compares two versions of the solutions of all logs: changed verdicts, and how far the parameters moved."""
+"""Comparison of two versions of the solutions of all logs: changed verdicts, and changes of the parameters."""
 
 from collections.abc import Callable, Sequence
 
@@ -30,14 +30,14 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import local_time
 
-#: Version of the results that the runs stored.
+#: Version of the results stored by the runs.
 _ONLINE = "online"
-#: Largest number of changed verdicts that are listed; an export has all.
+#: Largest number of changed verdicts listed; an export contains all.
 _MOST = 1000
 
 
 class VersionsView(QWidget):
-    """Chooses two versions, compares them by a job and shows the answer; `back` is called to return to the list."""
+    """Selects two versions, compares them by a job and shows the result; `back` is called to return to the list."""
 
     def __init__(self, app: AppContext, notice: NoticeBar, back: Callable[[], None]) -> None:
         super().__init__()
@@ -150,7 +150,7 @@ class VersionsView(QWidget):
     # ---- choosing and comparing
 
     def _offer(self, versions: list[str]) -> None:
-        """Offer the versions; by default the results of the runs, or the first version, and the last one."""
+        """Offer the versions; by default select the results of the runs, or the first version, and the last one."""
         if versions == self._versions:
             self._show_texts()
             return
@@ -221,7 +221,7 @@ class VersionsView(QWidget):
         self._draw()
 
     def _empty_texts(self) -> tuple[str, str]:
-        """Return title and text of the place where the answer will be."""
+        """Return title and text of the area in which the result will be shown."""
         if self._app.exchange_state is None:
             text = self.tr(
                 "Solutions of many logs are kept in a database that stations share. Name one on the page Station."

@@ -1,4 +1,4 @@
-"""The Offline page: plots one log and solves it again by its stages or a method; `results` does the computation."""
+"""The Offline page: plots one log and solves it again by its stages or a method; `results` computes."""
 
 import lazy_loader as lazy
 

@@ -1,4 +1,4 @@
-"""The Allan deviation of a range of a log at rest, and the noise read off it, which the IMU profile can take."""
+"""The Allan deviation of a range of a log at rest, and the derived noise, which can be stored in the IMU profile."""
 
 import csv
 from collections.abc import Callable
@@ -45,7 +45,7 @@ _ENTRIES = {
 
 
 class AllanPlot(MethodPlot):
-    """The Allan deviations of the three axes of a sensor with their 95 % bands, and the noise of the profile."""
+    """The Allan deviations of the three axes of a sensor with their 95 % bands, and the profile's noise."""
 
     def __init__(self, sensor: str) -> None:
         super().__init__(log=True, log_x=True)
@@ -203,7 +203,7 @@ class AllanView(QWidget):
 
     @property
     def _values(self) -> dict[str, float]:
-        """The entries of `[noise]` that all three axes have determined: the largest of them, SI."""
+        """The entries of `[noise]` determined by all three axes: the largest value of each, SI."""
         found = self.found
         if found is None:
             return {}
@@ -229,7 +229,7 @@ class AllanView(QWidget):
         enable(self._take_button, self._why_not_take(), self.tr("Stores them in the IMU profile as a new version"))
 
     def _change_text(self) -> str:
-        """Return the values before and after, and what stays."""
+        """Return the values before and after the change, and the unchanged ones."""
         assert self.found is not None
         names = {
             "gyro_arw": self.tr("angle random walk"),
@@ -277,7 +277,7 @@ class AllanView(QWidget):
 
 
 def _cells(found: AllanDeviation, channel: str, curve: AllanCurve) -> dict[str, str]:
-    """Return the texts of a channel's row: each value read off the curve, and that of the profile with the unit."""
+    """Return the texts of a channel's row: each derived value, and the profile's value with the unit."""
     cells = {}
     bound = f"≤ {curve.largest_instability / _UNITS[channel.partition('_')[0]][1]:.2g}"
     for number, (name, value, other) in enumerate(

@@ -16,7 +16,7 @@ PLOTS = (
 
 
 class ChannelButton(QPushButton):
-    """Offers the channels of a log in a menu; emits `changed(shown)` with the set of those that are ticked."""
+    """Offers the channels of a log in a menu; emits `changed(shown)` with the set of ticked channels."""
 
     changed = Signal(object)
 

@@ -1,4 +1,4 @@
-"""Compares the offline result with the result of the run, parameter by parameter, with differences in sigma."""
+"""Comparison of the offline result with the run's result, parameter by parameter, with differences in sigma."""
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
@@ -20,7 +20,7 @@ from calstation.results.plots import LogIndex
 
 
 class Comparison(QWidget):
-    """Shows the result of the run and, once the log is solved offline, the offline result beside it."""
+    """Shows the run's result and, once the log is solved offline, the offline result next to it."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -62,12 +62,12 @@ class Comparison(QWidget):
         self._fill()
 
     def show_solved(self, solved: Resolved) -> None:
-        """Show an offline result beside that of the run."""
+        """Show an offline result next to the run's result."""
         self._solved = solved
         self._fill()
 
     def set_outdated(self, outdated: bool) -> None:
-        """Mark the offline result as one of another range or other stages than those selected."""
+        """Mark the offline result as outdated because other stages or another range are selected."""
         if outdated != self._outdated:
             self._outdated = outdated
             self._refresh()

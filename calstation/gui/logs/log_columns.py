@@ -1,4 +1,4 @@
-"""Selects the columns to draw for a view of a log, and the single samples to fetch when more detail is needed."""
+"""Selection of the columns to draw for a view of a log, and of single samples when more detail is needed."""
 
 from dataclasses import dataclass
 

@@ -17,7 +17,7 @@ _SIGN = 12
 
 
 class LogHead(QWidget):
-    """Summarizes a log and zooms its plot, also to the range selected in a range bar."""
+    """Summarises a log and zooms its plot, also to the range selected in a range bar."""
 
     def __init__(self, plot: LogPlot, chosen: RangeBar) -> None:
         super().__init__()
@@ -60,7 +60,7 @@ class LogHead(QWidget):
             return
         samples = self.tr("{0} samples, {1} Hz").format(f"{log.facts.samples:,}".replace(",", " "), f"{log.rate:g}")
         parts = [log.meta.imu.serial, duration_text(log.facts.samples / log.rate), samples]
-        if log.meta.product is not None:  # last, because a line that is too long is elided at its end
+        if log.meta.product is not None:  # last, because an overlong line is elided at its end
             parts.append(product_text(log.meta.product.name))
         self._facts.setText("  ·  ".join(parts))
         for kind, count, words in (

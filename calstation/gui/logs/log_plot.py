@@ -45,7 +45,7 @@ class LogPlot(QWidget):
 
     Signals: `range_moved(first, last)` with sequence numbers during a drag; `samples_wanted(Wanted)` when the view is
     narrow enough for single samples, which the receiver passes to `show_samples`; `pointed(seq)` with the sequence
-    number under the mouse, None outside the log. The values there are written at the top of each plot.
+    number under the mouse, None outside the log. The values at this point are written at the top of each plot.
     """
 
     range_moved = Signal(object, object)
@@ -113,7 +113,7 @@ class LogPlot(QWidget):
             item.setVisible(False)
 
     def show_channels(self, shown: Collection[str]) -> None:
-        """Show these of `CHANNELS`, and the plots of at least one of them."""
+        """Show these members of `CHANNELS`, and the plots that contain at least one of them."""
         self._shown = shown
         for name, curve in self._curves.items():
             curve.setVisible(name in shown)
@@ -273,7 +273,7 @@ class LogPlot(QWidget):
         self._graph.viewport().update()
 
     def _write_notes(self) -> None:
-        """Write the names of the channels, and while the mouse points at the log, their values there."""
+        """Write the names of the channels and, while the mouse points at the log, their values."""
         c = theme.colours()
         titles = self.tr("Gyro, °/s"), self.tr("Accelerometer, m/s²"), self.tr("Table, °"), self.tr("Temperature, °C")
         letters = {"outer": self.tr("outer"), "inner": self.tr("inner"), "temperature": ""}
@@ -286,7 +286,7 @@ class LogPlot(QWidget):
             note.say(parts)
 
     def _value_text(self, name: str, decimals: int) -> str:
-        """Return the value of a channel under the mouse, or the lowest and highest of the samples merged there."""
+        """Return the value of a channel under the mouse, or the lowest and highest of the merged samples."""
         columns = self._drawn
         if self._pointed is None or columns is None or not len(columns):
             return ""
@@ -328,7 +328,7 @@ class LogPlot(QWidget):
         self.pointed.emit(seq)
 
     def leaveEvent(self, event: QEvent) -> None:
-        """Stop pointing at the log."""
+        """Clear the values when the mouse leaves the log."""
         self._point_to(None)
         super().leaveEvent(event)
 

@@ -55,7 +55,7 @@ class OfflinePage(Page):
         self.setAcceptDrops(True)
         self.log: LogIndex | None = None
         self.solved: Resolved | None = None
-        #: Range and stages selected when the last solve was started, and when that of `solved` was.
+        #: Range and stages at the start of the last solve, and at the start of the solve that yielded `solved`.
         self._started_with: tuple[object, ...] = ()
         self._solved_with: tuple[object, ...] = ()
         self._indexes = Path(tempfile.mkdtemp(prefix="calstation-"))
@@ -258,7 +258,7 @@ class OfflinePage(Page):
         self._update()
 
     def _add_state(self, state: EffectName) -> None:
-        """Solve again with one more state than the result shown."""
+        """Solve again with one more state than in the displayed result."""
         self.solve(*(self.solved.result.states_added if self.solved is not None else ()), state)
 
     def _export_log(self) -> None:
@@ -290,7 +290,7 @@ class OfflinePage(Page):
         self._update()
 
     def _fetch_samples(self, wanted: Wanted) -> None:
-        """Fetch single samples; a request during another fetch is ignored, and the plot repeats it afterwards."""
+        """Fetch single samples; a request during another fetch is ignored, and the plot repeats it later."""
         log = self.log
         if log is not None and not self._sampler.busy:
             self._wanted = wanted
@@ -350,7 +350,7 @@ class OfflinePage(Page):
         return "" if self.stages.chosen else self.tr("Tick a stage to solve")
 
     def _update(self) -> None:
-        """Enable the controls that can be used now; tooltips explain why the others are disabled."""
+        """Enable the controls that are currently usable; tooltips explain why the others are disabled."""
         busy = self._working if self.panel is None else self.panel.busy
         enable(self.source, say("window.busy_job") if busy else "")
         wait = say("window.busy_job") if self._working else ""

@@ -1,4 +1,4 @@
-"""Widgets that select what to solve of a log: a range of sequence numbers, kept valid, and stages."""
+"""Widgets that select the part of a log to solve: a valid range of sequence numbers, and stages."""
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QDoubleSpinBox, QMenu, QWidget
@@ -14,7 +14,7 @@ _LARGEST = 2**53
 
 
 class CountSpin(QDoubleSpinBox):
-    """A spin box for integers up to 2^53; emits a new value when it is entered, not at every keystroke."""
+    """A spin box for integers up to 2^53; emits a new value after it is entered, not at every keystroke."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -36,7 +36,7 @@ class RangeBar(QWidget):
     """Selects a range of sequence numbers; emits `changed(first, last)` when the user enters another range."""
 
     changed = Signal(object, object)
-    rest_wanted = Signal()  #: The longest rest of the log is to be selected.
+    rest_wanted = Signal()  #: Request to select the longest rest of the log.
 
     def __init__(self) -> None:
         super().__init__()
@@ -64,7 +64,7 @@ class RangeBar(QWidget):
         on_language_change(self, self._show_texts)
 
     def show_log(self, log_index: LogIndex) -> None:
-        """Set the limits to those of a log and select all of it."""
+        """Set the limits to the range of a log and select all of it."""
         self._log_index = log_index
         self.set_range(log_index.facts.first_seq, log_index.facts.last_seq)
         self._fill_menu()
@@ -116,7 +116,7 @@ class RangeBar(QWidget):
         self._menu.addAction(self.tr("Longest rest")).triggered.connect(lambda _: self.rest_wanted.emit())
 
     def choose(self, first: int, last: int) -> None:
-        """Select a range as the user does."""
+        """Select a range as if the user had entered it."""
         self.set_range(first, last)
         self.changed.emit(*self.range)
 
@@ -153,7 +153,7 @@ class RangeBar(QWidget):
 
 
 class StageChoice(QWidget):
-    """A check box per stage, disabled if the range contains no sample of it; emits `changed()` for a new choice."""
+    """A check box per stage, disabled if the range contains no sample of it; emits `changed()` for a new selection."""
 
     changed = Signal()
 

@@ -9,7 +9,7 @@ from calstation.gui.widgets import theme
 
 
 class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
-    """A region in seconds with draggable edges; a drag between them zooms."""
+    """A region in seconds with draggable edges; dragging between them zooms."""
 
     def __init__(self) -> None:
         super().__init__(swapMode="block")
@@ -26,8 +26,8 @@ class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
             line.hoverPen.setCosmetic(True)
 
     def mouseDragEvent(self, event: Any) -> None:
-        """Leave the drag to the plot."""
+        """Ignore the drag, so that the plot handles it."""
         event.ignore()
 
     def hoverEvent(self, event: Any) -> None:
-        """Leave the mouse to the plot."""
+        """Ignore the mouse, so that the plot handles it."""

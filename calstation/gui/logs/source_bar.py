@@ -1,4 +1,4 @@
-"""Selects a log by a typed path, the file dialog, or the list of recent logs."""
+"""Selection of a log by a typed path, the file dialog, or the list of recent logs."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +11,7 @@ from calstation.gui.text import bind, on_language_change
 from calstation.gui.widgets import button, enable, label, row
 
 _KEY = "offline/recent"
-#: File name endings of logs.
+#: File name suffixes of logs.
 ENDINGS = (".h5", ".csv", ".csv.gz")
 #: Maximum number of recent logs, and of logs of the latest runs, in the menu.
 MAX_RECENT = 8
@@ -41,7 +41,7 @@ class SourceBar(QWidget):
         self.log_edit.setObjectName("log_edit")
         self.log_edit.setAcceptDrops(False)  # the page handles dropped files
         self.log_edit.returnPressed.connect(self._open_typed)
-        #: A path that is unchanged for this interval, such as a pasted one, is opened if the file exists.
+        #: A path that is unchanged for this time, such as a pasted one, is opened if the file exists.
         self._unchanged = QTimer(self, singleShot=True, interval=400)
         self._unchanged.timeout.connect(self._open_pasted)
         self.log_edit.textChanged.connect(self._unchanged.start)

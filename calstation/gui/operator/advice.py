@@ -20,13 +20,13 @@ from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
 from calstation.records import Check
 from calstation.results import Parameter, Result, cause_text, missing_state
 
-#: Maximum number of figures that fit below the verdict on a small screen, with and without a long reason above them.
+#: Maximum number of figures that fit below the verdict on a small screen, without and with a long reason above them.
 _MAX_FIGURES, _MAX_BELOW_REASON = 9, 7
 
 
 @dataclass(frozen=True)
 class Figure:
-    """The value of a parameter, or of a check of the product, beside its limit."""
+    """The value of a parameter, or of a check of the product, with its limit."""
 
     name: str
     value: str
@@ -41,7 +41,7 @@ class Figure:
 def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str:
     """Return the reason for the outcome of a run, or for ``partial``.
 
-    `stopped` is the entry of the catalogue for a stopped run.
+    `stopped` is the catalogue entry for a stopped run.
     """
     checks = [] if result is None else result.checks
     if outcome in ("passed", "partial"):
@@ -59,7 +59,7 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
 
 
 def override_notes(result: Result | None) -> list[str]:
-    """Return who released a unit that failed, and why a run was allowed although a check standard was not in order."""
+    """Return who released a failed unit, and why a run was allowed despite a failed or overdue check standard."""
     notes = []
     if result is not None and result.standard_override is not None:
         notes.append(say("advice.standard_override", why=result.standard_override))
@@ -71,7 +71,7 @@ def override_notes(result: Result | None) -> list[str]:
 
 
 def next_action(outcome: str, result: Result | None) -> str:
-    """Return what to do with the unit next."""
+    """Return the next action for the unit."""
     return say(f"advice.{_action(outcome, result)}")
 
 
@@ -95,7 +95,7 @@ def brief_action(outcome: str, result: Result | None) -> str:
 
 
 def _action(outcome: str, result: Result | None) -> str:
-    """Return the entry of the catalogue that says what to do with the unit next."""
+    """Return the catalogue entry of the next action for the unit."""
     if outcome == "failed" and result is not None and missing_state(result) is not None:
         return "ask_engineer"
     advised = None if result is None else result.advice
@@ -113,8 +113,8 @@ def _action(outcome: str, result: Result | None) -> str:
 def figures(result: Result) -> list[Figure]:
     """Return every failing parameter and other check, the furthest beyond its limit first; then the passing ones.
 
-    A run that did not end is not judged. Of the passing parameters, each group has one, the nearest to its limit;
-    near-misses come first if there are too many.
+    A run that was not completed is not judged. Among passing parameters, only the one nearest to its limit is returned
+    per group; near misses come first if there are too many.
     """
     judged = result.judged
     failing: list[tuple[float, Figure]] = []
@@ -169,7 +169,7 @@ def failed_check_text(check: Check, result: Result) -> str:
 
 
 def _near(checks: Sequence[Check]) -> str:
-    """Return the near-miss that is nearest to its limit, and how many others there are; "" if there is none."""
+    """Return the near miss that is nearest to its limit, and the number of other ones; "" if there is none."""
     near = [check for check in checks if check.near_miss]
     if not near:
         return ""
@@ -179,7 +179,7 @@ def _near(checks: Sequence[Check]) -> str:
 
 
 def _share(check: Check | None) -> float:
-    """Return the fraction of its limit that a checked value uses, 1 at the limit."""
+    """Return the checked value as a fraction of its limit, 1 at the limit."""
     if check is None or math.isnan(check.value):
         return 0.0
     limit = check.compared_with

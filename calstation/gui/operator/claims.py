@@ -1,4 +1,4 @@
-"""The notice that another station works on the unit of this one."""
+"""Notice that another station works on the unit of this station."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from calstation.gui.widgets import NoticeBar
 
 
 class ClaimNotice(NoticeBar):
-    """Shows claims of other stations on the unit that this one has claimed; they prevent nothing."""
+    """Shows other stations' claims on the unit claimed by this station; they do not prevent a run."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__("claim_notice")
@@ -25,7 +25,7 @@ class ClaimNotice(NoticeBar):
             return
         if running:
             self._app.claim(*filter(None, request.serials or (request.serial,)))
-        elif request.serial in self._app.claimed:  # not the next unit's
+        elif request.serial in self._app.claimed:  # not for the next unit
             self._app.claim()
 
     def _refresh(self) -> None:

@@ -1,4 +1,4 @@
-"""Header of the operator page, in the strip beside STOP: operator, serial number, product, START and Pause."""
+"""Header of the operator page, in the strip next to STOP: operator, serial number, product, START and Pause."""
 
 from pathlib import Path
 
@@ -71,17 +71,17 @@ class RunHeader(QWidget):
 
     @property
     def serial(self) -> str:
-        """The serial number entered, without surrounding spaces."""
+        """The entered serial number, without surrounding spaces."""
         return self.serial_edit.text().strip()
 
     @property
     def product(self) -> Path | None:
-        """The file of the chosen product, or None."""
+        """The file of the selected product, or None."""
         name = self.product_combo.currentData()
         return None if name is None else Path(name)
 
     def set_products(self, products: list[tuple[str, Path]], chosen: Path | None) -> None:
-        """Offer products by name and file, and choose one."""
+        """Offer products by name and file, and select one."""
         self.product_combo.clear()
         for name, path in products:
             self.product_combo.addItem(name, str(path))
@@ -109,7 +109,7 @@ class RunHeader(QWidget):
         return self.operator_edit if self.badge_field.required else self.serial_edit
 
     def note_serial(self, note: str, *, accepted: bool | None = None) -> None:
-        """Show a note beside the caption of the serial number, and a tick or a cross if a scan was checked."""
+        """Show a note next to the caption of the serial number, and a tick or a cross after a scan."""
         self._serial_note = note
         theme.set_kind(self._serial_caption, "error" if accepted is False else "")
         self._symbol.set_kind("good" if accepted else "bad")
@@ -127,7 +127,7 @@ class RunHeader(QWidget):
         enable(self.start_button, why_not, self.tr("Press Space or click; Enter does not start, scanners send it."))
 
     def show_partial(self, *, partial: bool) -> None:
-        """Show on START whether the next run is partial."""
+        """Mark on START whether the next run is partial."""
         if partial != self._partial:
             self._partial = partial
             theme.set_kind(self.start_button, "partial" if partial else "primary")
@@ -187,5 +187,5 @@ def _field(widget: QLineEdit | QComboBox, name: str, caption: QLabel) -> QVBoxLa
     widget.setObjectName(name)
     widget.setProperty("kind", "tall")
     caption.setBuddy(widget)
-    caption.setFixedHeight(theme.BIG_BUTTON - theme.BUTTON)  # Chinese characters are higher
+    caption.setFixedHeight(theme.BIG_BUTTON - theme.BUTTON)  # Chinese characters are taller
     return column(caption, widget, spacing=0)

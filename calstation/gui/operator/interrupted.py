@@ -1,4 +1,4 @@
-"""Offers to resume or to close interrupted runs."""
+"""Offers to resume or close interrupted runs."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,7 +25,7 @@ class InterruptedRuns(QObject):
     ) -> None:
         super().__init__(header)
         self._app, self._header, self._notice, self._resume = app, header, notice, resume
-        #: Summary of the next run; None while station and product cannot be used.
+        #: Summary of the next run; None if station and product are unusable.
         self.run_summary: RunSummary | None = None
         self._wanted: Path | None = None
         self._serial: str | None = None
@@ -35,14 +35,14 @@ class InterruptedRuns(QObject):
         app.resume_run.connect(lambda log: self.offer(log=log))
 
     def recover(self) -> None:
-        """When the window opens, close aborted runs, hand over pending results, then offer runs that can be resumed."""
+        """Close aborted runs, hand over pending results, then offer runs to resume; called when the window opens."""
         if self._app.runs_folder.is_dir():
             recovery = self._app.job_queue.submit(recover_startup, self._app.runs_folder, self._app.station_path)
             self._recovery.watch(recovery)
         self.offer()
 
     def _not_recovered(self, error: CalstationError) -> None:
-        if self.run_summary is not None:  # otherwise the page shows what is wrong with station and product
+        if self.run_summary is not None:  # otherwise the page shows the problem with station and product
             self._notice.report(lambda: self.tr("Earlier runs were not closed or handed over"), error, self.offer)
 
     def _show_delivery(self, delivery: Delivery) -> None:
@@ -52,7 +52,7 @@ class InterruptedRuns(QObject):
             self._notice.ask("caution", lambda: event_sentence("handover_waiting", values), str)
 
     def offer(self, serial: str | None = None, log: Path | None = None) -> None:
-        """Offer runs that can be resumed, limited to those of the unit `serial` or to the run of `log` if given."""
+        """Offer runs that can be resumed, or only runs of the unit `serial` or the run of `log` if given."""
         self._serial, self._wanted = serial, log
         if self._app.runs_folder.is_dir():
             self._search.watch(self._app.job_queue.submit(find_resumable, self._app.runs_folder))
@@ -70,7 +70,7 @@ class InterruptedRuns(QObject):
         chosen = [run for run in found if run.log.name == self._wanted.name]
         if chosen:
             self._notice.dismiss()
-            self._offer(chosen)  # it was chosen on another page, so someone may be at the fixture
+            self._offer(chosen)  # it was selected on another page, so someone may be at the fixture
         else:
             ask(self._notice, "caution", Text.of("question.nothing_to_resume"), {})
 
@@ -83,7 +83,7 @@ class InterruptedRuns(QObject):
         return resumable_run(folder, serial) if folder.is_dir() else None
 
     def ask(self, run: Resumable, anew: Callable[[], None]) -> None:
-        """Ask whether to resume the run of the unit entered, or to calibrate it `anew` from the first stage."""
+        """Ask whether to resume the run of the entered unit, or to calibrate it `anew` from the first stage."""
         answers = {"resume": lambda: self._resume(run), "anew": anew, "cancel": self._header.focus_scan}
         ask(self._notice, "paused", _resume_question(run), answers, primary="resume")
 

@@ -1,4 +1,4 @@
-"""Instructions for loading a unit, in four steps beside a picture of product or table; shown before a run."""
+"""Instructions for loading a unit, in four steps next to a picture of product or table; shown before a run."""
 
 import numpy as np
 from PySide6.QtCore import Qt

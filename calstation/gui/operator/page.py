@@ -68,7 +68,7 @@ class OperatorPage(Page):
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("operator_page")
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)  # during a run the keys of a scan go to no button
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)  # during a run the keys of a scan must not reach a button
         #: Whether the field is for the next unit, although the engine of the last run may still be ending.
         self._next_awaited = True
         self._problem: Text | None = None
@@ -165,7 +165,7 @@ class OperatorPage(Page):
             self.app.run.acknowledge()
 
     def _show_product(self) -> None:
-        """Show the current product, which another page may have chosen."""
+        """Show the current product, which another page may have selected."""
         self._clear_verdict()
         self.header.show_product(self.app.product_path)
         self._plan()
@@ -195,10 +195,10 @@ class OperatorPage(Page):
         self._products = offered_products()
         self.header.set_products(self._products, self.app.product_path)
         if self._problem is not None:
-            self._plan()  # its notice names products
+            self._plan()  # its notice contains product names
 
     def _plan(self) -> None:
-        """Read station and product again; if they cannot be used, show the reason and disable START."""
+        """Read station and product again; if they are unusable, show the reason and disable START."""
         app = self.app
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
@@ -223,7 +223,7 @@ class OperatorPage(Page):
         self._refresh()
 
     def _summarise(self) -> tuple[RunSummary | None, list[Choice]]:
-        """Return the next run, or None and choices of compatible products; set `_problem` accordingly."""
+        """Return the next run, or None and a selection of compatible products; set `_problem` accordingly."""
         app = self.app
         self._problem = None
         try:
@@ -293,7 +293,7 @@ class OperatorPage(Page):
             self._ask_transfer()
 
     def _show_serial(self) -> None:
-        """During a run, show the serial number of its unit or how many units there are."""
+        """Show the serial number of the unit, or the number of units, during a run."""
         run, request = self.app.run, self.app.engine_link.request
         if run.going and request is not None and not run.register_operation:
             count = self.tr("{count} units").format(count=len(run.units))
@@ -357,7 +357,7 @@ class OperatorPage(Page):
         self._message.setText(self._message_text())
 
     def _choose_view(self) -> None:
-        """Show the loading view or the slots, the live view, or the verdicts, those of several units without stages."""
+        """Show the loading view or slots, the live view, or the verdicts; verdicts of several units hide the stages."""
         run = self.app.run
         if run.state == "idle":
             self._views.setCurrentWidget(self._slots if self._starting.slots else self._loading)
@@ -375,7 +375,7 @@ class OperatorPage(Page):
         self._live.setSizePolicy(size.Preferred, size.Ignored if shown is self._slots else size.Preferred)
 
     def _open_unit(self, *, opened: bool) -> None:
-        """Show the verdict of the chosen unit, or those of all units."""
+        """Show the verdict of the selected unit, or the verdicts of all units."""
         self._unit_opened = opened
         self._choose_view()
         if opened:
@@ -387,7 +387,7 @@ class OperatorPage(Page):
             self._verdicts.focus_shown()
 
     def _ask_transfer(self) -> None:
-        """Once the engine has ended, ask about the interrupted transfer of the unit whose verdict is open."""
+        """Ask about the interrupted transfer of the displayed unit, once the engine has ended."""
         unit, request = self.app.run.unit, self.app.engine_link.request
         open_and_ended = self._unit_opened and self.app.run.ended and not self.app.engine_link.running
         if open_and_ended and unit.transfer is not None and request is not None:
@@ -411,6 +411,6 @@ class OperatorPage(Page):
         if run.latest is None:
             return ""
         what, key, values = run.latest
-        if key == "carry" and run.stage is not None:  # the guide alone gives instructions
+        if key == "carry" and run.stage is not None:  # only the guide gives instructions
             return term("stage", run.stage.name)
         return event_sentence(key, values) if what == "message" else step_sentence(key, values)

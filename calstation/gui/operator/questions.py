@@ -20,7 +20,7 @@ def ask(
     """Ask a question in a notice bar, or show a notice if there are no answers; `kind` is a state of `badge.KINDS`.
 
     `answers` maps names of the catalogue family ``answer`` to their actions, and `primary` names the one that receives
-    the focus. `others` are choices with their own texts, which are shown first.
+    the focus. `others` are additional choices with their own texts, which are shown first.
     """
     choices = [
         Choice(f"{name}_choice", partial(show, Text(f"answer.{name}", question.values)), act, name == primary)

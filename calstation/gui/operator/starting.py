@@ -1,4 +1,4 @@
-"""Starts runs: checks the serial numbers, asks the necessary questions, starts the engine."""
+"""Start of runs: checks the serial numbers, asks the necessary questions, starts the engine."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -40,13 +40,13 @@ class RunStarter(QObject):
     def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar) -> None:
         super().__init__(header)
         self._app, self._header, self._notice = app, header, notice
-        #: Asks for the engineers who allow a run.
+        #: Panel that asks for the engineers who permit a run.
         self.people = PeoplePanel("override")
-        #: Summary of the next run; None while station and product cannot be used.
+        #: Summary of the next run; None if station and product are unusable.
         self.run_summary: RunSummary | None = None
         #: Units of the next run at a station with several slots.
         self.slots = Slots(self)
-        #: Serial number that the virtual bench has suggested last.
+        #: Serial number last suggested by the virtual bench.
         self._suggested = ""
         self.interrupted = InterruptedRuns(app, header, notice, self._resume)
         header.serial_entered.connect(self.scan)
@@ -65,10 +65,10 @@ class RunStarter(QObject):
         self.suggest()
 
     def suggest(self) -> None:
-        """On the virtual bench, fill an empty field or empty slots with serial numbers that have not passed yet.
+        """Fill an empty field or empty slots with serial numbers that have not passed yet; only on the virtual bench.
 
-        Earlier suggestions are replaced, on hardware by nothing. While a verdict is shown, the next run is
-        that of other units.
+        Earlier suggestions are replaced, or removed on hardware. While a verdict is shown, the next run has other
+        units.
         """
         header, run, slots = self._header, self._app.run, self.slots
         if self._suggested and header.serial == self._suggested:
@@ -90,13 +90,13 @@ class RunStarter(QObject):
         self._note_next()
 
     def clear_units(self) -> None:
-        """Remove the units of the last run and suggest the next."""
+        """Remove the units of the last run and suggest the next ones."""
         self._header.set_serial("")
         self.slots.remove_units()
         self.suggest()
 
     def offer_same_units(self) -> None:
-        """After a run of several units that did not reach its end, offer to calibrate those that are not finished."""
+        """Offer to calibrate the unfinished units after a run of several units that was not completed."""
         serials = {unit.slot: unit.serial for unit in self._app.run.units if unit.unfinished}
         if not serials:
             return
@@ -114,10 +114,10 @@ class RunStarter(QObject):
         ask(self._notice, "paused", question, {"same_units": fill, "cancel": self._header.focus_scan})
 
     def scan(self) -> None:
-        """Check the serial number that has been entered; if its run was interrupted, offer to resume it.
+        """Check the entered serial number; if its run was interrupted, offer to resume it.
 
-        A badge that was scanned into the field signs in the operator: one of the station's list, or any text of the
-        form of a badge that is no serial number.
+        A badge scanned into the field signs in the operator: a badge in the station's list, or any text that has the
+        form of a badge but not of a serial number.
         """
         header, badge = self._header, self._header.serial
         sign_in = header.badge_field.section
@@ -132,7 +132,7 @@ class RunStarter(QObject):
             self.interrupted.ask(interrupted, self._start_anew)
 
     def _signed_in(self) -> None:
-        """Go on with the serial number, or with runs that can be resumed."""
+        """Continue with the serial number, or with runs that can be resumed."""
         self._signal(accepted=True)
         if not self._notice.asking:
             self._notice.dismiss()
@@ -153,13 +153,13 @@ class RunStarter(QObject):
         return self.run_summary is not None and re.fullmatch(self.run_summary.serial_pattern, serial) is not None
 
     def edited(self) -> None:
-        """Remove a notice or a question about the units, which have been edited in the field or in the slots."""
+        """Remove a notice or a question about units that were edited in the field or in the slots."""
         self._note_next()
         if self.run_summary is not None and not self._app.run.going:
             self._notice.dismiss()
 
     def check(self) -> bool:
-        """Check the serial number; if it is valid, move the focus to START, which has to be pressed separately.
+        """Check the serial number; if it is valid, move the focus to START, which must be pressed separately.
 
         At a station with several slots, put the unit into its slot; the focus moves on when all slots have one, or
         when Enter has been pressed without a serial number.
@@ -205,14 +205,14 @@ class RunStarter(QObject):
         return True
 
     def _await_start(self) -> None:
-        """Move the focus to START, or to the badge that is missing."""
+        """Move the focus to START, or to a missing badge."""
         if self._header.badge_field.required:
             self._header.focus_scan()
         else:
             self._header.start_button.setFocus()
 
     def _refuse(self, note: str) -> None:
-        """Note beside the field that a scan was refused."""
+        """Show next to the field that a scan was refused."""
         self._header.note_serial(note, accepted=False)
 
     def start(self) -> None:
@@ -226,7 +226,7 @@ class RunStarter(QObject):
             self.interrupted.ask(interrupted, self._start_anew)
 
     def _start_anew(self) -> None:
-        """Start a run from its first stage, after a question if a unit has passed or failed too often."""
+        """Start a run from its first stage, after a question if a unit has passed before or failed too often."""
         if self.run_summary is None:
             return
         app, history, slots = self._app, self._history(), self.slots
@@ -245,7 +245,7 @@ class RunStarter(QObject):
             self._ask_repeat(before, request)
 
     def _ask_repeat(self, before: Mapping[str, RunRecord], request: RunRequest) -> None:
-        """Ask whether to calibrate the units again that have passed before, if any, and start the run."""
+        """Ask whether to calibrate units again that have passed before, if any, and start the run."""
         if not before:
             self.run(request)
             return
@@ -267,7 +267,7 @@ class RunStarter(QObject):
             self._ask(question, {"clear": lambda: self._launch(request)})
 
     def _launch(self, request: RunRequest) -> None:
-        """Start the engine for the present operator, unless a badge is missing or a job uses a device."""
+        """Start the engine for the current operator, unless a badge is missing or a job uses a device."""
         badge_field = self._header.badge_field
         if badge_field.required:
             ask(self._notice, "caution", Text("station.badge_missing"), {})
@@ -292,7 +292,7 @@ class RunStarter(QObject):
         self._ask(question, answers)
 
     def ask_override(self, request: RunRequest, refusal: Text) -> None:
-        """Offer an engineer to calibrate although a check standard or a certificate is not in order."""
+        """Offer an engineer to calibrate despite an overdue or failed check standard or certificate."""
         if not self.slots:
             self._header.set_serial(request.serial)
         self._ask(refusal, {"override": lambda: self._ask_engineer(request)})
@@ -341,7 +341,7 @@ class RunStarter(QObject):
         return 0 if history is None else history.attempts(serial)
 
     def _note_next(self, *, accepted: bool | None = None) -> None:
-        """State the slot that the field is for and, while a verdict is shown, that it is for the next unit."""
+        """Show the slot of the next scan and, while a verdict is shown, that the field is for the next unit."""
         judged = self._app.run.ended or self._app.run.fault is not None
         note, following = (self.tr("next unit") if judged else ""), self.slots.marked
         if self.slots and not judged and not self._app.run.going:
@@ -354,7 +354,7 @@ class RunStarter(QObject):
     def _ask_attempt(
         self, serials: list[str], failures: int, before: Mapping[str, RunRecord], request: RunRequest
     ) -> None:
-        """Ask for one more attempt after too many failures, which only an engineer can allow, then about the others."""
+        """Ask for another attempt after too many failures, which only an engineer can permit, then about the others."""
         kind = "units_" if self.slots else ""
         values = {"serial": serials[0], "serials": serials, "count": failures}
         if self._app.role.engineer:

@@ -35,7 +35,7 @@ from calstation.sequencer import Fault, Verdict
 class FiguresTable(QWidget):
     """Table with one row per parameter group and per check of the product, with the decisive number in bold.
 
-    With `wrap`, long names take several lines, for a narrow place.
+    With `wrap`, long names take several lines, for a narrow space.
     """
 
     def __init__(self, size: int = theme.BODY, *, wrap: bool = False) -> None:
@@ -80,7 +80,7 @@ class FiguresTable(QWidget):
 class VerdictPanel(QFrame):
     """Replaces the plots when a run has ended, for the unit that is shown in detail.
 
-    `acknowledged()` : the operator has acknowledged the fault; `closed()` : back to the verdicts of all units.
+    `acknowledged()` : the operator has acknowledged the fault; `closed()` : return to the verdicts of all units.
 
     `notice` shows whether a label was printed, and `then` is called afterwards.
     """
@@ -127,7 +127,8 @@ class VerdictPanel(QFrame):
         )
         people, values = self.certificate_button.panel, QWidget()
         row(column(self._figures, None), (beside, 1), on=values, spacing=3 * theme.GRID)
-        people.asking.connect(lambda asking: values.setVisible(not asking))  # both do not fit on a small screen
+        # there is no room for both on a small screen
+        people.asking.connect(lambda asking: values.setVisible(not asking))
         column(
             (self._banner, 2),
             *(self._source, self.reason_label, self.action_label, self.reset),
@@ -141,7 +142,7 @@ class VerdictPanel(QFrame):
         theme.on_appearance_change(self, self._refresh)
 
     def show_end(self) -> None:
-        """Show how the run ended."""
+        """Show the outcome of the run."""
         unit, fault = self._run.unit, self._present_fault
         if fault is not self._fault:
             self._fault = fault
@@ -196,7 +197,7 @@ class VerdictPanel(QFrame):
         self._figures.show_result(result if text is None else None)
 
     def _released(self, path: Path) -> None:
-        """Show that the unit was released, if this is its run."""
+        """Show that the unit was released, if it belongs to this run."""
         if self._verdict is not None and path.absolute() == Path(self._verdict.result_file).absolute():
             with suppress(InputError):
                 self._run.unit.result = load_result(path)
@@ -208,7 +209,7 @@ class VerdictPanel(QFrame):
         return None if request is None else LinkTestRequest(load_station(request.station)[1], request.product)
 
     def _stopped_entry(self) -> str:
-        """Return the entry of the catalogue that states what a stopped run has left behind."""
+        """Return the catalogue entry that describes the state left by a stopped run."""
         if not self._run.commanded:
             return "stopped_connecting"
         return "stopped_manual" if self._run.by_hand else "stopped"

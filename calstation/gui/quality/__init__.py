@@ -1,6 +1,6 @@
 """The Quality page: control charts, capability, yield, check standards and repeatability over many runs.
 
-Statistics belong to `calstation.quality`, single runs to the History page.
+Statistics are computed in `calstation.quality`; single runs are shown on the History page.
 """
 
 import lazy_loader as lazy

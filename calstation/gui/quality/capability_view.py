@@ -13,7 +13,7 @@ from calstation.quality import Interval, ParameterQuality
 
 #: Smallest capability index that is usually required.
 _REQUIRED = 1.33
-#: Standard deviations around the mean in which the normal distribution is drawn.
+#: Half width of the drawn normal distribution, in standard deviations.
 _DRAWN = 4.0
 
 
@@ -68,7 +68,7 @@ class CapabilityView(QWidget):
 
     @property
     def empty(self) -> bool:
-        """Whether there is nothing to show."""
+        """Return whether there is nothing to show."""
         return not self._found
 
     def _fill(self) -> None:

@@ -15,8 +15,8 @@ from calstation.quality import Charts, CusumChart, EwmaChart, ParameterQuality
 #: The chart at the bottom.
 Slow = Literal["ewma", "cusum"]
 
-#: Largest number of runs whose points are drawn one by one, and of marks at runs that signal. Of more runs, the
-#: extremes in each pixel are drawn; of more marks, every n-th.
+#: Largest number of runs whose points are drawn individually, and of marks at runs that signal. For more runs, the
+#: extremes in each pixel are drawn; for more marks, every n-th.
 _MOST_POINTS, _MOST_MARKS = 400, 2000
 #: Width of the left axes, px.
 _AXIS = 9 * theme.GRID
@@ -24,17 +24,17 @@ _AXIS = 9 * theme.GRID
 
 @dataclass(frozen=True)
 class Shown:
-    """A parameter with its charts, and the name and the unit in which they are drawn."""
+    """A parameter with its charts, and the name and the unit in which they are displayed."""
 
     parameter: ParameterQuality
     charts: Charts
     quantity: str
     unit: str
-    size: float  #: Number of these units in one of the charts.
+    size: float  #: Factor from the values of the charts to the displayed unit.
 
 
 class ControlCharts(StackedPlots[Shown]):
-    """Individuals, moving range, and below them EWMA or CUSUM against the number of the run."""
+    """Individuals, moving range, and below them EWMA or CUSUM against the run number."""
 
     def __init__(self) -> None:
         self._slow: Slow = "ewma"
@@ -50,7 +50,7 @@ class ControlCharts(StackedPlots[Shown]):
         self.refresh()
 
     def show_data(self, data: Shown) -> None:
-        """Show the charts of another parameter, in which no run is marked."""
+        """Show the charts of another parameter, without a marked run."""
         self._chosen = None
         super().show_data(data)
 
@@ -123,10 +123,11 @@ class ControlCharts(StackedPlots[Shown]):
         self.add(plot, pg.InfiniteLine(center, 0, pen=pg.mkPen(c.line, width=1)), scaled=False)
         for limit in limits:
             self.add(plot, pg.InfiniteLine(limit, 0, pen=dashed(c.bad)), scaled=False)
-            self.add(plot, pg.PlotDataItem([1.0], [limit], pen=pg.mkPen(None)))  # limits belong to the vertical range
+            # include the limits in the vertical range
+            self.add(plot, pg.PlotDataItem([1.0], [limit], pen=pg.mkPen(None)))
 
     def _values(self, plot: ThemedPlot, values: FloatArray, signals: IntArray, first: int = 0) -> None:
-        """Draw values from run number `first` + 1 on, and mark those of the `signals`."""
+        """Draw values starting at run number `first` + 1, and mark the `signals`."""
         c = theme.colours()
         run = np.arange(first + 1, first + 1 + len(values))
         line = pg.PlotDataItem(run, values, pen=pg.mkPen(c.muted, width=1))

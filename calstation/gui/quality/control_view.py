@@ -16,7 +16,7 @@ from calstation.quality import ParameterQuality
 
 #: Largest number of signalling runs that are listed, the latest first.
 _MOST_LISTED = 200
-#: Number of rows that determine the width of a column.
+#: Number of rows used to determine the width of a column.
 _MEASURED = 20
 #: Number of the latest runs whose signals make a quantity notable.
 _LATEST = 10
@@ -31,7 +31,7 @@ class ControlView(QWidget):
         super().__init__()
         self._charts: dict[str, ParameterQuality] = {}
         self._states: dict[str, str | None] = {}
-        self._signals: dict[str, IntArray] = {}  #: Of the selected quantity, see `Charts.signals`.
+        self._signals: dict[str, IntArray] = {}  #: Signals of the selected quantity, see `Charts.signals`.
         self._relative = False
         self.plots = ControlCharts()
         self._slow = QComboBox()
@@ -61,7 +61,7 @@ class ControlView(QWidget):
 
     @property
     def empty(self) -> bool:
-        """Whether there is nothing to show."""
+        """Return whether there is nothing to show."""
         return not self._charts
 
     @property

@@ -1,4 +1,4 @@
-"""The Quality page: what many runs say about units, stations and the process."""
+"""The Quality page: statistics of many runs about units, stations and the process."""
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -36,7 +36,7 @@ from calstation.records import RunFilter
 from calstation.results import History, refresh_history
 from calstation.sequencer import Event, Verdict
 
-#: Numbers of past days that can be chosen; None for all.
+#: Selectable numbers of past days; None for all.
 _DAYS = (None, 1, 7, 30, 90, 365)
 
 
@@ -92,7 +92,7 @@ class QualityPage(Page):
         return any(watch.busy for watch in (self._refresher, self._watch, self._station_watch, self.study.watch))
 
     def read(self) -> None:
-        """Read the chosen runs from the index, and show them."""
+        """Read the selected runs from the index, and show them."""
         folder, product = self.app.runs_folder, self.product.currentData()
         if not folder.is_dir() or product is None:
             self._show(None)
@@ -110,7 +110,7 @@ class QualityPage(Page):
         self._replace(self._watch, job)
 
     def _read_all(self) -> None:
-        """Read the chosen runs, then what does not depend on the choice of runs: the station, and an open study."""
+        """Read the selected runs, then the data independent of this selection: the station, and an open study."""
         self.read()
         folder, product = self.app.runs_folder, self.product.currentData()
         if folder.is_dir() and product is not None:
@@ -119,7 +119,7 @@ class QualityPage(Page):
         self.study.read()
 
     def _replace(self, watch: JobWatch, job: Job) -> None:
-        """Watch a job instead of an earlier one, which need not be begun any more."""
+        """Watch a job instead of the previous one, which need not be started any more."""
         if watch.job is not None and watch.job.state == "waiting":
             watch.job.cancel()
         watch.watch(job)
@@ -159,7 +159,7 @@ class QualityPage(Page):
     # ---- choices
 
     def _offer_products(self, wanted: Path | None) -> None:
-        """Offer the products of the library and choose one."""
+        """Offer the products of the library and select one."""
         wanted = wanted or library.find("products", DEFAULT_PRODUCT)
         with QSignalBlocker(self.product):
             self.product.clear()
@@ -176,7 +176,7 @@ class QualityPage(Page):
             self._read_all()
 
     def _offer_units(self) -> None:
-        """Offer all units together, and every check standard of the product alone."""
+        """Offer all units together, and every check standard of the product individually."""
         chosen = self.unit.currentData()
         with QSignalBlocker(self.unit):
             self.unit.clear()
@@ -186,7 +186,7 @@ class QualityPage(Page):
             self.unit.setCurrentIndex(max(0, self.unit.findData(chosen)))
 
     def _refresh_visible(self) -> None:
-        """Show the indexed runs immediately, and again if the folder has others."""
+        """Show the indexed runs immediately, and again if the folder has changed."""
         if self.isVisible():
             self._read_all()
             if self.app.runs_folder.is_dir():
@@ -200,7 +200,7 @@ class QualityPage(Page):
         if isinstance(event, Verdict):
             self._refresh_visible()
 
-    # ---- what is shown
+    # ---- display
 
     def _show(self, summary: QualitySummary | None) -> None:
         self._summary = summary
@@ -208,7 +208,7 @@ class QualityPage(Page):
         self._show_view()
 
     def _fill(self, view: QWidget, summary: QualitySummary) -> None:
-        """Show the summary in a view; those that are hidden wait until they are shown."""
+        """Show the summary in a view; hidden views are updated when they are shown."""
         if view is self.control:
             charts = summary.parameters if summary.serial is None else summary.golden
             self.control.show_charts(charts, relative=self.shown_as.currentData())
@@ -241,7 +241,7 @@ class QualityPage(Page):
         self.count_label.setText("" if overall is None else say("chart.judged_runs", count=overall.count))
 
     def _open_run(self, name: str) -> None:
-        """Open the result of a run; that of another station's run is read from the shared database first."""
+        """Open the result of a run; another station's result is first read from the shared database."""
         file = self.app.runs_folder / f"{name}.json"
         if file.is_file():
             self.app.open_run.emit(file)
@@ -279,7 +279,7 @@ class QualityPage(Page):
 
 
 def _check_standards(product: Path | None) -> list[str]:
-    """Return the serial numbers of a product's check standards; none of a product that cannot be read."""
+    """Return the serial numbers of a product's check standards; none if the product cannot be read."""
     try:
         return [] if product is None else [each.serial for each in load_product(product)[1].check_standards]
     except CalstationError:

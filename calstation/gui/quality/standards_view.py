@@ -32,7 +32,7 @@ _QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
 
 
 class StandardsView(QWidget):
-    """Shows what the check standards say about a station; emits `run_wanted(name)` for a run that the user opens."""
+    """Shows the check standards of a station; emits `run_wanted(name)` for a run that the user opens."""
 
     run_wanted = Signal(str)
 
@@ -82,7 +82,7 @@ class StandardsView(QWidget):
 
     @property
     def empty(self) -> bool:
-        """Whether there is nothing to show."""
+        """Return whether there is nothing to show."""
         found = self._found
         return found is None or not (found.standards or found.instruments or found.table)
 
@@ -246,7 +246,7 @@ class ErrorBars(ThemedPlot):
         self._label_rows()
 
     def _label_rows(self) -> None:
-        """Name as many rows as there is space for."""
+        """Label as many rows as there is space for."""
         space = self.getViewBox().height() / max(len(self._errors), 4)
         step = max(1, math.ceil(self.fontMetrics().height() / max(space, 1.0)))
         names = [(k, parameter_text(name)) for k, name in enumerate(self._errors)]

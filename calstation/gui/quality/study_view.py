@@ -1,4 +1,4 @@
-"""Repeatability study: its plan, the runs that are still missing, and the analysis of variance at the end."""
+"""Repeatability study: its plan, the missing runs, and finally the analysis of variance."""
 
 import secrets
 from collections import Counter
@@ -36,12 +36,12 @@ from calstation.quality import AnovaRow, GaugePlan, GaugeStudy, StudyState, Vari
 
 #: State of each verdict.
 _STATES = {"acceptable": "good", "marginal": "caution", "unacceptable": "bad"}
-#: Fields of names in the form of a new plan.
+#: Fields for names in the form of a new plan.
 _FIELDS = ("units", "operators", "stations")
 
 
 class StudyView(QWidget):
-    """Makes and opens plans of studies, and shows what the runs say about them; `product` is that of new plans."""
+    """Makes and opens plans of studies, and shows their evaluation; `product` is the product of new plans."""
 
     def __init__(self, app: AppContext, product: Callable[[], Path | None]) -> None:
         super().__init__()
@@ -86,7 +86,7 @@ class StudyView(QWidget):
         on_language_change(self, self._show_texts)
 
     def read(self) -> None:
-        """Evaluate the plan from the runs again."""
+        """Evaluate the plan again from the runs."""
         if self._path is not None and self._app.runs_folder.is_dir():
             work = evaluate_study, self._app.runs_folder, self._path, None
             self.watch.watch(self._app.job_queue.submit(*work))
@@ -142,7 +142,7 @@ class StudyView(QWidget):
             self.open_plan(Path(name))
 
     def open_plan(self, path: Path) -> None:
-        """Show a plan and what the runs say about it."""
+        """Show a plan and its evaluation from the runs."""
         self._path = path
         self.read()
 
@@ -155,7 +155,7 @@ class StudyView(QWidget):
         self.form.hide()
         self.open_plan(path)
 
-    # ---- what is shown
+    # ---- display
 
     def _show(self, state: StudyState) -> None:
         self._state, self._error = state, None
@@ -289,13 +289,13 @@ def _cells(found: Variation, size: float, digits: float) -> dict[str, str]:
 
 
 def _kept(state: StudyState) -> list[str]:
-    """Return the sentence that the planned order was not kept, if so."""
+    """Return the sentence that the planned order was not kept, or nothing."""
     values = {"count": state.out_of_order, "runs": len(state.plan.order) - len(state.left)}
     return [say("quality.order_not_kept", **values)] if state.out_of_order else []
 
 
 def _components(study: GaugeStudy) -> dict[str, Variation]:
-    """Return the components, and before the sums of several of them what they are the sums of."""
+    """Return the components, with the parts of each sum before the sum."""
     parts = {name: each for name, each in study.components.items() if len(study.levels) > 2 and name != "unit"}
     found = {
         "repeatability": study.repeatability,
@@ -309,7 +309,7 @@ def _components(study: GaugeStudy) -> dict[str, Variation]:
 
 
 def _source(source: str) -> str:
-    """Return the name of a source of variation; its factors are joined by ``*``."""
+    """Return the name of a source of variation, whose factors are joined by ``*``."""
     return " × ".join(say(f"gauge.{name}") for name in source.split("*"))
 
 

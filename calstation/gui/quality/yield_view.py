@@ -1,4 +1,4 @@
-"""Yield of the runs: shares that passed by day, the failed checks by frequency, and shares by station and operator."""
+"""Yield of the runs: fraction passed by day, failed checks by frequency, and fractions by station and operator."""
 
 from collections.abc import Mapping
 from datetime import date, timedelta
@@ -14,9 +14,9 @@ from calstation.records import Check
 
 #: Largest number of failed checks drawn.
 _MOST_CHECKS = 7
-#: Largest number of days that are drawn one by one.
+#: Largest number of days that are drawn individually.
 _MOST_DAYS = 60
-#: Smallest fraction shown on the axis of the yield.
+#: Smallest fraction shown on the yield axis.
 _LEAST_SHARE = 0.5
 
 
@@ -92,7 +92,7 @@ class YieldView(QWidget):
 
 
 class DailyYield(ThemedPlot):
-    """The share of each day that passed, with its confidence interval."""
+    """The fraction that passed on each day, with its confidence interval."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -105,7 +105,7 @@ class DailyYield(ThemedPlot):
         theme.on_appearance_change(self, self._draw)
 
     def show_days(self, days: Mapping[str, Share]) -> None:
-        """Show the shares by date, or by week if there are many."""
+        """Show the fractions by date, or by week if there are many."""
         self._days = days if len(days) <= _MOST_DAYS else _by_week(days)
         self._draw()
 
@@ -132,7 +132,7 @@ class DailyYield(ThemedPlot):
 
 
 class Pareto(ThemedPlot):
-    """Failed checks by frequency, and their cumulative share of all failed runs."""
+    """Failed checks by frequency, and their cumulative fraction of all failed runs."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -164,7 +164,7 @@ class Pareto(ThemedPlot):
 
 
 def _by_week(days: Mapping[str, Share]) -> dict[str, Share]:
-    """Return the shares of weeks, by the date of their Monday."""
+    """Return the fractions by week, with the date of its Monday."""
     weeks: dict[str, list[Share]] = {}
     for day, share in days.items():
         found = date.fromisoformat(day)

@@ -16,7 +16,7 @@ from calstation.schema import KeyPath, Problem
 class Draft(QObject):
     """One file of a kind (``stations``, ``tables``, ``imus``, ``products``), checked again after every change.
 
-    A file that is not valid TOML has no data: its fields stay empty until its text is corrected.
+    A file that is not valid TOML has no data: its fields remain empty until its text is corrected.
     """
 
     changed = Signal()
@@ -25,7 +25,7 @@ class Draft(QObject):
         super().__init__(parent)
         self.kind = kind
         self.path: Path | None = None
-        #: The text as stored, and as edited.
+        #: The stored and the edited text.
         self.saved = self.text = ""
         self.problems: list[Problem] = []
         self._data: Mapping[str, Any] = {}
@@ -74,7 +74,7 @@ class Draft(QObject):
         return _value_at(self._data, place)
 
     def differs(self, place: KeyPath) -> bool:
-        """Whether the value at a key path differs from the stored one."""
+        """Return whether the value at a key path differs from the stored one."""
         return self.dirty and _value_at(self._saved_data, place) != self.value(place)
 
     def set(self, changes: Mapping[KeyPath, Any]) -> None:
@@ -120,7 +120,7 @@ class Drafts(QObject):
         return draft
 
     def use(self, draft: Draft, path: Path) -> None:
-        """Open a file in a draft, with the unsaved changes of another draft of that file, which is removed."""
+        """Open a file in a draft, taking over the unsaved changes of another draft of this file, which is removed."""
         other = next((d for d in self._all if (d.kind, d.path) == (draft.kind, path) and d is not draft), None)
         if other is not None:
             self._all.remove(other)
@@ -141,11 +141,11 @@ class Drafts(QObject):
 
     @property
     def wrong(self) -> list[Draft]:
-        """Changed drafts that cannot be saved as they are."""
+        """Changed drafts that cannot be saved because they have errors."""
         return [draft for draft in self.dirty if draft.problems]
 
     def discard(self) -> None:
-        """Discard all unsaved changes, those of the station last, because its table is opened with it."""
+        """Discard all unsaved changes; the station comes last, because its table is opened with it."""
         for draft in reversed(self.dirty):
             draft.discard()
 
@@ -155,7 +155,7 @@ class Drafts(QObject):
         return str(self._settings.value("author", "")).strip() or default_author()
 
     def save(self) -> None:
-        """Store all changes as files of the site, those of the station last, each as a new version.
+        """Store all changes as files of the site, the station last, each as a new version.
 
         Raises ConfigurationError for the first draft that cannot be stored; the drafts before it have been stored.
         """

@@ -32,7 +32,7 @@ class WordEdit(QLineEdit):
         return self.text() or None
 
     def show_value(self, value: Any) -> None:
-        """Show a value; while the input has the focus, a text of the same value, such as 1.50, is not replaced."""
+        """Show a value; while the input has the focus, an equivalent text, such as 1.50, is not replaced."""
         if not self.hasFocus() or self.value() != value:
             self.setText(_shown(value))
 
@@ -95,7 +95,7 @@ class AddressEdit(WordEdit):
 
 
 class _Box(QComboBox):
-    """A combo box that ignores the mouse wheel, so that scrolling the page changes no setting."""
+    """A combo box that ignores the mouse wheel, so that scrolling the page does not change a setting."""
 
     typed = Signal()
 
@@ -217,7 +217,7 @@ Editor = WordEdit | VectorEdit | ChoiceBox | NumberBox | PortBox
 
 
 def _number(text: str) -> int | float | str | None:
-    """Return the typed number, None for an empty text, or the text itself, which the check then rejects."""
+    """Return the typed number, None for an empty text, or the text itself, which the validation rejects."""
     text = text.strip()
     for kind in (int, float):
         try:
@@ -272,7 +272,7 @@ class Field(QWidget):
         self.editor = editor or _make_editor(info, key)
         #: Key paths whose problems are shown here.
         self.places: tuple[KeyPath, ...] = (place,)
-        #: Returns a warning about a valid but unlikely value, "" if there is none.
+        #: Function that returns a warning about a valid but unlikely value, "" if there is none.
         self.advice: Words = str
         self._draft, self._place = draft, place
         about = f"setting.about_{key}"
@@ -328,7 +328,7 @@ class Field(QWidget):
         self.editor.setAccessibleDescription(text)
 
     def _is_mine(self, place: KeyPath) -> bool:
-        """Whether a problem at this key path is shown here; a list also shows the problems of its elements."""
+        """Return whether a problem at this key path is shown here; a list also shows its elements' problems."""
         return place in self.places or (place[:-1] == self._place and isinstance(place[-1], int))
 
 
@@ -345,7 +345,7 @@ class Row(QWidget):
 
 
 class Section(QWidget):
-    """A part of the page, made of fields and rows."""
+    """A part of the page that consists of fields and rows."""
 
     def lock(self, reason: str) -> None:
         """Disable the inputs of all fields and rows, with `reason` as their tooltip; "" enables them."""
@@ -356,7 +356,7 @@ class Section(QWidget):
 
 
 def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:
-    """Make a framed panel of these items that is only as high as its contents."""
+    """Create a framed panel of these items that is only as high as its contents."""
     frame = QFrame()
     frame.setProperty("kind", "panel")
     wide = 2 * theme.GRID
@@ -374,7 +374,7 @@ def problem_text(problem: Problem) -> str:
 
 
 def problem_text_with_name(problem: Problem) -> str:
-    """Return the text of a problem with the name of its field, for display away from the field."""
+    """Return the text of a problem with the name of its field, for display apart from the field."""
     if known(f"field.{problem.kind}") and problem.place:
         return f"{problem.name}: {problem_text(problem)}"
     return show(problem.as_text)
@@ -386,7 +386,7 @@ def choices_of(name: str, *values: Any) -> Callable[[], list[tuple[Any, str]]]:
 
 
 def _make_editor(info: FieldInfo | None, name: str) -> Editor:
-    """Make an input for the type of a field; a number input without a schema."""
+    """Create an input for the type of a field; a number input without a schema."""
     kind = info.annotation if info is not None else float
     if get_origin(kind) is Literal:
         return ChoiceBox(choices_of(name, *get_args(kind)))

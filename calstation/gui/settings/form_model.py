@@ -25,7 +25,7 @@ class FormModel(ParameterModel):
         super().__init__((), grouped=False)
         self.form = form
         self.draft: Draft | None = None
-        #: Why no value can be changed, "" if they can.
+        #: Reason why values cannot be changed, "" if they can.
         self.locked = ""
         self.rows: list[FormRow] = []
         self._form_columns: list[FormColumn] = []
@@ -61,7 +61,7 @@ class FormModel(ParameterModel):
         return self.index(number, self.rows[number].cells.index(cell))
 
     def describe(self, problem: Problem) -> str:
-        """Return the sentence of a problem with the names of its row and column, "" if it is not of this form."""
+        """Return the sentence of a problem with its row and column names, "" if it does not belong to this form."""
         cells = cells_with_problem(self.rows, problem)
         if not cells:
             return ""
@@ -75,19 +75,19 @@ class FormModel(ParameterModel):
         return say("form.problem", name=f"{name[0].upper()}{name[1:]}", what=what)
 
     def lines(self, rows: Iterable[int]) -> list[list[str]]:
-        """Return headings and rows as a spreadsheet reads them."""
+        """Return headings and rows in the format of a spreadsheet."""
         lines = super().lines(rows)
         lines[0][0] = self.form.names
         return lines
 
     def flags(self, index: Index) -> Qt.ItemFlag:
-        """Return whether a cell can be changed."""
+        """Return the flags of a cell, which depend on whether it can be changed."""
         flags = super().flags(index)
         can_change = not self.locked and isinstance(self.cell(index), FormCell)
         return flags | Qt.ItemFlag.ItemIsEditable if can_change else flags
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        """Return the text, the value to edit, or the appearance of a cell; values that the file leaves out are grey."""
+        """Return the text, the value to edit, or the appearance of a cell; defaults are grey."""
         cell = self.cell(index)
         assert self.draft is not None
         if role == Qt.ItemDataRole.EditRole and isinstance(cell, FormCell):

@@ -36,7 +36,7 @@ from calstation.gui.widgets import (
 )
 from calstation.schema import Problem
 
-#: Largest width of a column, and additional width of the input of a cell with choices, px.
+#: Largest width of a column, and additional width for the input of a cell with choices, px.
 _WIDEST, _ARROW = 34 * theme.GRID, 3 * theme.GRID
 
 _EDITS = (
@@ -47,10 +47,10 @@ _EDITS = (
 
 
 class _Delegate(QStyledItemDelegate):
-    """Makes the input of a cell: a line, a list of choices, or a line with proposals."""
+    """Creates the input of a cell: a line, a list of choices, or a line with suggestions."""
 
     def createEditor(self, parent: QWidget, option: QStyleOptionViewItem, index: Index) -> QWidget:
-        """Make the input of a cell."""
+        """Create the input of a cell."""
         model = _model(index)
         cell = model.cell(index)
         assert isinstance(cell, FormCell)
@@ -91,7 +91,7 @@ class _Delegate(QStyledItemDelegate):
         return size.boundedTo(QSize(_WIDEST, 1000))
 
     def initStyleOption(self, option: QStyleOptionViewItem, index: Index) -> None:
-        """Show an arrow beside a value that has choices."""
+        """Show an arrow next to a value that has choices."""
         super().initStyleOption(option, index)
         cell = _model(index).cell(index)
         if isinstance(cell, FormCell) and cell.choices and not _model(index).locked:
@@ -185,7 +185,7 @@ class FormView(QWidget):
         self.refresh()
 
     def lock(self, reason: str) -> None:
-        """Prevent changes, for the reason in the tooltips; "" allows them."""
+        """Prevent changes for the reason in the tooltips; "" permits them."""
         self.model.locked = reason
         self._enable()
 
@@ -210,7 +210,7 @@ class FormView(QWidget):
         self._enable()
 
     def go_to(self, problem: Problem) -> bool:
-        """Select the cell of a problem, and return whether the form has it."""
+        """Select the cell of a problem, and return whether it belongs to this form."""
         cells = cells_with_problem(self.model.rows, problem)
         if cells:
             self.table.setCurrentIndex(self.model.index_of(cells[0]))

@@ -1,4 +1,4 @@
-"""The links to the units: that of the IMU at a station with one unit, or the slots of the table with a link each."""
+"""The links to the units: the IMU's link at a station with one unit, or the slots of the table with their links."""
 
 from PySide6.QtWidgets import QStackedWidget, QWidget
 
@@ -16,7 +16,7 @@ _ENTRIES = ("slots", "imu", "imu2", "imu3")
 
 
 class _SlotsView(FormView):
-    """The form of the slots; the last one is not removed, but becomes the only unit of the station."""
+    """The form of the slots; the last slot is not removed, but becomes the only unit of the station."""
 
     def refresh(self) -> None:
         """Show the current values in a table as high as its rows."""
@@ -106,7 +106,7 @@ class ImuSection(Section):
         self._show_link()
 
     def _why_one_unit(self) -> str:
-        """Return why the station cannot take several units, "" if it can."""
+        """Return the reason why the station cannot take several units, "" if it can."""
         draft = self._draft
         if draft.value(("imu2",)) is not None:
             return self.tr("This station has further IMUs on the same body; it takes one unit.")
@@ -115,7 +115,7 @@ class ImuSection(Section):
         return ""
 
     def _show_link(self) -> None:
-        """Show the link of the only unit, or that of the unit in the current row."""
+        """Show the link of the only unit, or of the unit in the current row."""
         number = self.view.table.currentIndex().row() if self._has_slots else -1
         while number >= len(self._slot_links):
             made = LinkSection(self._app, "imu", self._draft, len(self._slot_links))

@@ -58,7 +58,7 @@ _SERIAL_KEYS = {"baud", "data_bits", "parity", "stop_bits"}
 
 
 class LinkSection(Section):
-    """Edits the link to the ``table`` or ``imu`` in the draft of a station, or that of the unit in a slot, from 0."""
+    """Edits the link to the ``table`` or ``imu`` in the draft of a station, or to the unit in a slot, from 0."""
 
     def __init__(self, app: AppContext, device: str, draft: Draft, slot: int | None = None) -> None:
         super().__init__()
@@ -118,7 +118,7 @@ class LinkSection(Section):
     def lock(self, reason: str) -> None:
         """Disable changes, with `reason` as the tooltip; "" enables them."""
         super().lock(reason)
-        enable(self.search_button, "")  # a search for ports changes nothing
+        enable(self.search_button, "")  # a search for ports does not change anything
 
     def search(self) -> None:
         """Search for ports in the background."""
@@ -167,7 +167,7 @@ class LinkSection(Section):
         return self.tr("Link to the IMU") if slot is None else self.tr("Link to the unit in slot {0}").format(slot)
 
     def _slot(self) -> str | None:
-        """Return the name of the slot, None for a device that has none."""
+        """Return the name of the slot, None for a device without a slot."""
         return None if self._place == (self._device,) else str(self._draft.value((*self._place, "name")) or "")
 
     def _imu_defaults(self) -> LinkDefaults | None:

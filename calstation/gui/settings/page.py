@@ -215,7 +215,7 @@ class StationPage(Page):
         return self.tr("Only an engineer may change this: press the padlock at the top right.")
 
     def _why_not_save(self) -> str:
-        """Return the reason why no file may be changed now, "" if there is none."""
+        """Return the reason why files cannot be changed now, "" if there is none."""
         if self.app.engine_link.running:
             return self.tr("A run is going on; changes can be saved when it has ended.")
         return self._role_reason()
@@ -224,7 +224,7 @@ class StationPage(Page):
         return ", ".join(draft.name for draft in self.drafts.dirty)
 
     def _name_sections(self) -> None:
-        """Name the sections, with a dot after those with unsaved changes."""
+        """Name the sections, with a dot after sections with unsaved changes."""
         names = (
             self.tr("Station"),
             self.tr("Link to the table"),
@@ -257,13 +257,13 @@ class StationPage(Page):
         self.refresh()
 
     def _follow_profile(self) -> None:
-        """Open the table profile that the station names, unless the current one has unsaved changes."""
+        """Open the table profile that the station names, unless the current profile has unsaved changes."""
         name = self.drafts.station.value(("table", "profile"))
         if isinstance(name, str) and name in library.names("tables") and not self.drafts.table.dirty:
             self.drafts.use(self.drafts.table, library.find("tables", name))
 
     def _fill(self) -> None:
-        """List all stations, and the current one, whose file may be in another folder."""
+        """List all stations, including the current one, whose file may be in another folder."""
         current = self.drafts.station.path
         paths = {str(entry.path.absolute()): entry.path for entry in editing.list_files("stations")}
         if current is not None:

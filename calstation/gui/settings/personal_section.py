@@ -15,7 +15,7 @@ from calstation.gui.widgets import button, column, enable, label, row, theme
 
 
 class PersonalSection(QWidget):
-    """Edits the settings of this computer, which take effect at once; PIN, name and folder need the engineer role."""
+    """Edits the settings of this computer, effective immediately; PIN, name and folder need the engineer role."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()

@@ -34,7 +34,7 @@ class TextView(QPlainTextEdit):
         self.setTabChangesFocus(True)
 
     def shade(self, lines: Iterable[tuple[int, str]]) -> None:
-        """Shade exactly these lines, numbered from 1, each in its colour."""
+        """Shade only these lines, numbered from 1, each in its colour."""
         selections = []
         for number, colour in lines:
             shade = QColor(colour)
@@ -103,7 +103,7 @@ class NewFileBar(QFrame):
         self._name.setFocus()
 
     def _check(self) -> None:
-        """Show the error in the typed name, if there is one."""
+        """Show the error in the typed name, if any."""
         self._title.setText(term("setting", f"new_{self._kind}"))
         name = self._name.text()
         message = ""
@@ -128,7 +128,7 @@ class NewFileBar(QFrame):
 
 
 class ProfilesSection(QWidget):
-    """Edits one file at a time, with its versions listed beside it."""
+    """Edits one file at a time, with its versions listed next to it."""
 
     def __init__(self, app: AppContext, drafts: Drafts) -> None:
         super().__init__()
@@ -190,7 +190,7 @@ class ProfilesSection(QWidget):
         self._about = label(kind="muted")
 
     def _make_versions(self) -> QWidget:
-        """Make the list of versions (number, time, author) to compare with the current text or to restore."""
+        """Create the list of versions (number, time, author) to compare with the current text or to restore."""
         title = label(lambda: self.tr("Versions"))
         title.setFont(theme.font(bold=True))
         self._no_versions = label(lambda: say("setting.no_versions"), "muted", wrap=True)
@@ -234,7 +234,7 @@ class ProfilesSection(QWidget):
         draft = self._draft
         if draft is None:
             return
-        if draft.name != self.file_box.currentText():  # the form of the table shows another file now
+        if draft.name != self.file_box.currentText():  # the form now shows another table file
             self._open()
             return
         if self.editor.toPlainText() != draft.text:
@@ -256,7 +256,7 @@ class ProfilesSection(QWidget):
         self._show_difference()
 
     def _problem_line(self, problem: Problem) -> str:
-        """Return the sentence of a problem with its place: in the form shown, or else in the text."""
+        """Return the sentence of a problem with its location: in the displayed form, or else in the text."""
         view = self.views.currentWidget()
         found = view.model.describe(problem) if isinstance(view, FormView) else ""
         return found or self.tr("Line {0}: {1}").format(problem.line, show(problem.as_text))
@@ -275,7 +275,7 @@ class ProfilesSection(QWidget):
         ]
 
     def _fill(self) -> None:
-        """List the files of the selected kind; the current file stays selected if it is among them."""
+        """List the files of the selected kind; the current file remains selected if it is among them."""
         kind = self.kind_box.value()
         present = self.file_box.currentText()
         self.file_box.clear()
@@ -300,7 +300,7 @@ class ProfilesSection(QWidget):
         self.refresh()
 
     def _offer_views(self, kind: str) -> None:
-        """Offer the forms of a kind of file beside text and comparison; another form gives way to the first of them."""
+        """Offer forms, text and comparison of a kind of file; if the current form is not offered, show the first."""
         with QSignalBlocker(self.views):
             offered = [form for form in self.forms if form.form.kind == kind]
             shown = self.views.currentWidget()

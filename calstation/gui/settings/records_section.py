@@ -1,4 +1,4 @@
-"""The database and the archive that a station shares with others."""
+"""The database and the archive shared by stations."""
 
 from pathlib import Path
 
@@ -41,7 +41,7 @@ class RecordsSection(Section):
         on_language_change(self, self._show_status)
 
     def _show_status(self) -> None:
-        """Show when the database was reached last, and the errors of the exchange and of the archive."""
+        """Show the time of the last contact with the database, and the errors of the exchange and of the archive."""
         state = self._app.exchange_state
         lines = []
         if state is not None:

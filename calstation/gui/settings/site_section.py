@@ -18,7 +18,7 @@ from calstation.schema import KeyPath
 _NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2")
 _AZIMUTH, _GRAVITY = ("site", "azimuth_deg"), ("site", "gravity_mps2")
 _CONFIRMED: KeyPath = ("site", "confirmed_on")
-#: Gravity shown until the surveyed value is typed, m/s²; it occurs nowhere on earth, so no run starts with it.
+#: Gravity shown until the surveyed value is typed, m/s²; it does not occur on earth, so no run starts with it.
 _PLACEHOLDER_GRAVITY = 9.7
 _COMPASS = 26 * theme.GRID
 
@@ -85,7 +85,7 @@ class SiteSection(Section):
             value = self._draft.value(place)
             if value is not None:
                 self._last[place] = value
-            # An input with the focus stays visible, because it is empty for a moment while its value is replaced.
+            # An input with the focus remains visible, because it is briefly empty while its value is replaced.
             given = value is not None or field.editor.hasFocus()
             box.show_value(given)
             field.setVisible(given)
@@ -103,7 +103,7 @@ class SiteSection(Section):
         return [self._draft.value(("site", name)) for name in _NAMES]
 
     def _choose(self, place: tuple[str, str]) -> None:
-        """Set an optional value to the one entered last, or remove it."""
+        """Set an optional value to the last entered one, or remove it."""
         box, field = self._optional[place]
         field.editor.clearFocus()
         self._draft.set({place: self._last[place] if box.value() else None})

@@ -57,7 +57,7 @@ class TableSection(Section):
         on_language_change(self, self.refresh)
 
     def _make_joints(self) -> QGridLayout:
-        """Make the fields for travel, rate and acceleration of both joints, side by side."""
+        """Create the fields for travel, rate and acceleration of both joints, side by side."""
         headings: tuple[Words, ...] = (lambda: self.tr("Outer axis"), lambda: self.tr("Inner axis"))
         grid = QGridLayout()
         grid.setHorizontalSpacing(2 * theme.GRID)

@@ -18,7 +18,7 @@ from calstation.jobs import JobQueue
 
 
 def _warm_up() -> None:
-    from calstation.results import warm_up  # the solvers take a second to import; only the job process needs them
+    from calstation.results import warm_up  # the solvers take a second to import, and only the job process needs them
 
     warm_up()
 
@@ -51,16 +51,16 @@ class AppContext(QObject):
         #: Station file; None selects the default, the virtual bench.
         self.station_path = station or self._last_station()
         self.product_path: Path | None = None
-        #: Name and badge of the operator who has signed in; None if nobody has.
+        #: Name and badge of the signed-in operator; None if nobody is signed in.
         self.operator: str | None = None
         self.badge: str | None = None
-        self.badge_required = False  #: Whether a run needs a badge and nobody has signed in.
-        #: Stages and schedule chosen by an engineer instead of the product's; None selects those of the product.
+        self.badge_required = False  #: Whether a run needs a badge and nobody is signed in.
+        #: Stages and schedule selected by an engineer instead of the product's; None selects the product's.
         self.stages: tuple[str, ...] | None = None
         self.schedule: Mapping[str, Mapping[str, Any]] | None = None
-        #: State of the exchange with the shared database; None for a station that shares no records.
+        #: State of the exchange with the shared database; None for a station without shared records.
         self.exchange_state: ExchangeState | None = None
-        #: Operator by serial number of the units that the exchange claims.
+        #: Operators by serial number of the units claimed by the exchange.
         self.claimed: Mapping[str, str | None] = {}
         self.runs_folder = runs_folder or Path(str(self.settings.value("runs_folder", "runs")))
 
@@ -88,7 +88,7 @@ class AppContext(QObject):
         self.runs_folder_changed.emit()
 
     def claim(self, *serials: str) -> None:
-        """Claim these units in the shared database in place of the previous ones."""
+        """Claim these units in the shared database, replacing the previous ones."""
         claimed = dict.fromkeys(serials, self.operator)
         if claimed != self.claimed:
             self.claimed = claimed
@@ -105,7 +105,7 @@ class AppContext(QObject):
         self.settings.setValue("language", language.current())
 
     def close(self) -> None:
-        """End the engine, the job process and a live watch; a run in progress stops safely."""
+        """End the engine, the job process and the live monitoring; a run in progress stops safely."""
         self.closing.emit()
         self.engine_link.close()
         self.job_queue.close()
@@ -130,5 +130,5 @@ class Page(QWidget):
         self.app = app
 
     def may_leave(self, go: Callable[[], object]) -> bool:
-        """Whether the page may be left now; a page that asks first returns False and calls `go` after confirmation."""
+        """Return whether the page may be left; a page may return False and call `go` after a confirmation."""
         return True

@@ -1,4 +1,4 @@
-"""The button that ends a repeated stage: the run solves what has been recorded and goes on with the next stage."""
+"""Button that ends a repeated stage: the run solves the recorded data and continues with the next stage."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Exchange of the runs folder with the database that stations share, while the window is open."""
+"""Exchange of the runs folder with the shared database while the window is open."""
 
 from PySide6.QtCore import QObject, QTimer
 
@@ -11,7 +11,7 @@ _READ_MS = 1000
 
 
 class RecordsExchange(QObject):
-    """Keeps the exchange process of the present station and runs folder, and reads its state for the pages."""
+    """Maintains the exchange process of the current station and runs folder, and reads its state for the pages."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
@@ -29,7 +29,7 @@ class RecordsExchange(QObject):
         self._end()
         try:
             self._process = start_exchange(self._app.station_path, self._app.runs_folder, self._app.claimed)
-        except CalstationError:  # the pages show what is wrong with the station file
+        except CalstationError:  # the pages show the error in the station file
             self._process = None
         if self._process is not None:
             self._timer.start()

@@ -1,4 +1,4 @@
-"""What waits for the shared database and for the archive of logs."""
+"""Runs and logs that are pending for the shared database and for the archive."""
 
 from datetime import datetime
 
@@ -12,7 +12,7 @@ from calstation.messages import local_time
 
 
 class ExchangeLabel(QLabel):
-    """A line that is hidden unless runs or logs wait because of an error; the tooltip gives the error."""
+    """A line that is hidden unless runs or logs are pending because of an error, which the tooltip shows."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()

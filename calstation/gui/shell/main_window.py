@@ -25,7 +25,7 @@ from calstation.gui.widgets import PANEL, PageArea, button, column, label, padlo
 _STRIP_HEIGHT = theme.BIG_BUTTON + 2 * theme.GRID
 _ICON = QSize(24, 24)
 
-#: Usual size of the window, its smallest, and the most that the frame of any system adds, logical px.
+#: Usual and smallest size of the window, and the largest frame that any system adds, logical px.
 _USUAL, _SMALLEST, _FRAME = QSize(1366, 768), QSize(900, 400), QSize(16, 48)
 
 #: Each page and its title. The package of a page is imported when the page is created.
@@ -37,7 +37,7 @@ _PAGES: dict[str, tuple[Callable[[AppContext], Page], str]] = {
     "quality_page": (lambda app: quality.QualityPage(app), str(QT_TRANSLATE_NOOP("MainWindow", "Quality"))),
     "station_page": (lambda app: settings.StationPage(app), str(QT_TRANSLATE_NOOP("MainWindow", "Station"))),
 }
-#: Pages that must exist before a run starts, another page is shown or some time has passed; the rest is created when
+#: Pages that must exist before a run starts, another page is shown or some time has passed; the others are created when
 #: first shown.
 _SOON = ("engineer_page", "offline_page")
 #: Time after which they are created, ms; the window has been painted by then.
@@ -64,7 +64,7 @@ class _Tab(QWidget):
         return page
 
     def may_leave(self, go: Callable[[], object]) -> bool:
-        """See `Page.may_leave`."""
+        """Return whether the page may be left, see `Page.may_leave`."""
         return self._page is None or self._page.may_leave(go)
 
     def setVisible(self, visible: bool) -> None:
@@ -102,7 +102,7 @@ class MainWindow(QMainWindow):
             app.run.stop,
             tip=lambda: self.tr("Stops the run safely; Esc does the same. It is no emergency stop."),
         )
-        self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Esc stops; the keys of a scan must not
+        self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Esc stops, but the keys of a scan must not
         self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
         row((self._headers, 1), self.stop_button, on=self._strip, spacing=2 * theme.GRID, margins=PANEL)
         self._tabs = {name: _Tab(app, make) for name, (make, _) in _PAGES.items()}
@@ -151,7 +151,7 @@ class MainWindow(QMainWindow):
         QTimer.singleShot(_SOON_MS, self, self.make_pages)
 
     def make_pages(self) -> None:
-        """Create the pages that follow a run from its start or are used before they are shown."""
+        """Create the pages that monitor a run from its start or are used before they are shown."""
         for name in _SOON:
             _ = self._tabs[name].page
 
@@ -172,7 +172,7 @@ class MainWindow(QMainWindow):
         self.offline_page.open(log)
 
     def _may_leave(self, go: Callable[[], object]) -> bool:
-        """Whether the current page may be left; see `Page.may_leave`."""
+        """Return whether the current page may be left; see `Page.may_leave`."""
         return list(self._tabs.values())[self._shown].may_leave(go)
 
     def _show_titles(self) -> None:
@@ -273,7 +273,7 @@ class MainWindow(QMainWindow):
             self._strip.raise_()
 
     def _move_role_panel(self) -> None:
-        """Move the role panel below the padlock and beside STOP, which must never be covered."""
+        """Move the role panel below the padlock and next to STOP, which must never be covered."""
         stop = self.stop_button.mapTo(self, QPoint(0, 0))
         self._role_panel.move(stop.x() - self._role_panel.width() - theme.GRID, stop.y() - theme.GRID // 2)
 

@@ -10,7 +10,7 @@ from calstation.config import ConfirmationRequired, Person
 from calstation.gui.text import bind, on_language_change
 from calstation.gui.widgets import Words, button, column, enable, grid, label, row, theme
 
-# Called with the reason, the person who acts, and the one who confirms, None if none is required.
+# Function called with the reason, the acting person, and the confirming person, None if none is required.
 Then = Callable[[str, Person, Person | None], None]
 
 
@@ -58,7 +58,7 @@ class PeoplePanel(QFrame):
     def ask(
         self, words: Words, required: ConfirmationRequired, then: Then, *, by: str = "", reason: bool = True
     ) -> None:
-        """Ask for what an action requires, with `words` as the title; `by` is the person who is expected to act."""
+        """Ask for the badges, PINs and reason of an action titled `words`; `by` is the expected acting person."""
         self._words, self._then, self._badges = words, then, required.badge
         shown = (reason, True, required.pin, required.second, required.second)
         for caption, edit, visible in zip(self._captions, self._edits, shown, strict=True):
@@ -72,7 +72,7 @@ class PeoplePanel(QFrame):
         next(edit for edit in self._edits if not edit.isHidden() and not edit.text()).setFocus()
 
     def retry(self) -> None:
-        """Clear the PINs after an attempt that was refused."""
+        """Clear the PINs after a refused attempt."""
         for edit in (self._edits[2], self._edits[4]):
             edit.clear()
         self._edits[2].setFocus()

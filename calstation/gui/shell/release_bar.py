@@ -1,4 +1,4 @@
-"""Button and panel that release a unit that failed; the run stays FAIL and says who released the unit, and why."""
+"""Button and panel to release a failed unit; the run remains FAIL and states who released the unit, and why."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from calstation.results import Result, override_required, override_result
 
 
 class ReleaseBar(QWidget):
-    """Visible for a run that failed and whose unit was not released; `AppContext.released` reports a release."""
+    """Visible for a failed run whose unit was not released; `AppContext.released` reports a release."""
 
     def __init__(self, app: AppContext, name: str) -> None:
         super().__init__()
@@ -37,7 +37,7 @@ class ReleaseBar(QWidget):
         self.hide()
 
     def offer(self, result: Result | None, path: Path | None) -> None:
-        """Offer the release of the unit of a result in a file, if it failed."""
+        """Offer the release of the unit of a result file, if it failed."""
         if path != self._path:
             self._opening.cancel()
             self._panel.hide()

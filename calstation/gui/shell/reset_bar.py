@@ -1,4 +1,4 @@
-"""Button that resets the fault latched by the table, with a display of the result."""
+"""Button that resets the table's latched fault, with a display of the result."""
 
 from collections.abc import Callable
 

@@ -13,7 +13,7 @@ class RoleLock(QObject):
     """The current role, initially operator."""
 
     changed = Signal(str)
-    wanted = Signal()  #: The engineer's PIN is to be requested from the user.
+    wanted = Signal()  #: Request to ask the user for the engineer's PIN.
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)

@@ -30,16 +30,16 @@ _GOING = ("starting", "preparing", "running", "pausing", "paused", "stopping")
 #: States of the sequencer after a run or a register operation.
 _ENDED = ("stopped", "fault", "passed", "failed", "done")
 
-#: Outcomes of a run without a fault, the one that decides about several units first.
+#: Outcomes of a run without a fault; for several units, the first one in this order applies.
 _OUTCOMES = ("stopped", "incomplete", "failed", "passed")
 
-#: Events that change what is shown of the run.
+#: Events that change the display of the run.
 _SHOWN = (
     *(StateChanged, StageStarted, StageProgress, StepStarted, StageEnded, StageSolved),
     *(Message, Settled, Fault, Verdict),
 )
 
-#: Message of a unit that concerns the others, too.
+#: Message of a unit that affects the other units, too.
 _LEFT = "unit_left"
 
 #: Host time after which the pace is accurate enough, s.
@@ -51,7 +51,7 @@ class RunStatus(QObject):
 
     changed = Signal()  #: Emitted shortly after a change, once for several events.
     stop_pressed = Signal()  #: Emitted in every state.
-    unit_chosen = Signal()  #: `unit` is another one.
+    unit_chosen = Signal()  #: `unit` is a different one.
 
     def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -60,17 +60,17 @@ class RunStatus(QObject):
         self.state = "idle"
         self.run_summary: RunSummary | None = None
         self.register_operation = False
-        #: Whether station and product can be used for the next run.
+        #: Whether station and product are usable for the next run.
         self.runnable = True
         #: Whether the sequencer has begun to command the table; False while devices are opened and identified.
         self.commanded = False
         #: The units on the table, one or several, in the order of their slots.
         self.units: tuple[UnitStatus, ...] = (UnitStatus(""),)
-        #: The unit that is shown in detail.
+        #: The unit shown in detail.
         self.unit = self.units[0]
         #: Latest message ("message", id, values) or step ("step", kind, label); a dwell has the label of its move.
         self.latest: tuple[str, str, Any] | None = None
-        #: Name of the stage that the operator has ended, until the next run.
+        #: Name of the stage ended by the operator, until the next run.
         self.stage_ending = ""
         #: Fault of the last run until `acknowledge` is called.
         self.fault: Fault | None = None
@@ -97,7 +97,7 @@ class RunStatus(QObject):
 
     @property
     def in_slots(self) -> bool:
-        """Whether the run is that of a station with several slots."""
+        """Whether the run is at a station with several slots."""
         return bool(self.unit.slot)
 
     @property
@@ -107,7 +107,7 @@ class RunStatus(QObject):
 
     @property
     def shown(self) -> str:
-        """State to display: `state`, or one of these.
+        """State to display: `state`, or one of the following.
 
         ``partial`` if a partial run passed, ``writing`` during a register operation, ``not_ready`` if no run can start.
         """
@@ -118,7 +118,7 @@ class RunStatus(QObject):
         return "writing" if self.register_operation and self.state == "running" else self.state
 
     def shown_of(self, unit: UnitStatus) -> str:
-        """State to display for a unit: its outcome, or that of the run while the unit takes part in it."""
+        """Return the state to display for a unit: its outcome, or the run's state while the unit takes part in it."""
         if not unit.outcome or not unit.slot:
             return self.shown
         return "partial" if unit.outcome == "passed" and self.partial else unit.outcome
@@ -136,9 +136,9 @@ class RunStatus(QObject):
 
     @property
     def stages(self) -> list[StageState]:
-        """Stages of the run: those of the first unit that still takes part, after the run those of the unit shown.
+        """Stages of the run: of the first unit that still takes part, or after the run of the unit shown.
 
-        A unit that keeps its registers has none of the stages that follow.
+        For a unit that keeps its registers, the following stages are omitted.
         """
         going = [unit for unit in self.units if not unit.outcome]
         writing = [unit for unit in going if not unit.kept]
@@ -184,7 +184,7 @@ class RunStatus(QObject):
         return stage.remaining if stage.state in ("active", "stopped", "fault") else 0.0
 
     def share(self, unit: UnitStatus) -> float | None:
-        """Return the largest ratio of a sigma of a unit to its target; None until it is known."""
+        """Return the largest ratio of a sigma of a unit to its target; None until known."""
         targets = {} if self.run_summary is None else self.run_summary.targets
         ratios = [value / targets[group] for group, value in unit.sigma.items() if group in targets]
         return max(ratios, default=None)
@@ -197,7 +197,7 @@ class RunStatus(QObject):
             self.changed.emit()
 
     def set_runnable(self, runnable: bool) -> None:
-        """Set whether station and product can be used for the next run."""
+        """Set whether station and product are usable for the next run."""
         self.runnable = runnable
         self.changed.emit()
 
@@ -210,7 +210,7 @@ class RunStatus(QObject):
             self.changed.emit()
 
     def end_stage(self) -> None:
-        """End the current stage after the current move; the run solves it and goes on."""
+        """End the current stage after the current move; the run solves it and continues."""
         if self.stage is not None:
             self.stage_ending = self.stage.name
             self._link.send(Command.END_STAGE)
@@ -218,7 +218,7 @@ class RunStatus(QObject):
 
     @property
     def why_not_end_stage(self) -> str:
-        """Why the current stage cannot be ended early: term of the family ``end_stage``; "" if it can."""
+        """Return why the current stage cannot be ended early, a term of the family ``end_stage``; "" if it can."""
         stage = self.stage
         if stage is None or self.state != "running":
             return "no_stage"
@@ -229,7 +229,7 @@ class RunStatus(QObject):
     def acknowledge(self) -> None:
         """Clear the fault so that a run can start; disconnect from the engine if it has not ended.
 
-        If units had passed, failed or left before a fault of the table, the outcomes of all units are shown then.
+        If units had passed, failed or left before a fault of the table, the outcomes of all units are then shown.
         """
         state = "idle"
         if self.fault is not None:
@@ -242,7 +242,7 @@ class RunStatus(QObject):
 
     @property
     def _outcome(self) -> str:
-        """Outcome of the whole run, when all units have one."""
+        """Return the outcome of the whole run, when all units have one."""
         outcomes = {unit.outcome.replace("fault", "failed") for unit in self.units}
         return next(outcome for outcome in _OUTCOMES if outcome in outcomes)
 

@@ -1,4 +1,4 @@
-"""A line beside STOP with state, stage, progress and time left, for pages without their own header."""
+"""A line next to STOP with state, stage, progress and remaining time, for pages without their own header."""
 
 from collections import Counter
 
@@ -27,7 +27,7 @@ class RunStrip(QWidget):
     def _refresh(self) -> None:
         run = self._run
         kind, state = run_badge(run)
-        if (run.ended or run.fault is not None) and not run.in_slots:  # it is not shown elsewhere on the page
+        if (run.ended or run.fault is not None) and not run.in_slots:  # not shown elsewhere on the page
             state = f"{run.unit.serial}  ·  {state}"
         self._badge.show_state(kind, state)
         parts = []
@@ -41,7 +41,7 @@ class RunStrip(QWidget):
 
 
 def run_badge(run: RunStatus) -> tuple[str, str]:
-    """Return the badge of a run, its shape and its text; that of a partial run in progress says that it is partial.
+    """Return the badge of a run, its shape and its text, which states if a run in progress is partial.
 
     The badge of several units counts their outcomes.
     """

@@ -1,4 +1,4 @@
-"""Status of one unit of a run, accumulated from the events of the engine that concern it."""
+"""Status of one unit of a run, accumulated from the engine's events about this unit."""
 
 import time
 from collections.abc import Mapping
@@ -57,7 +57,7 @@ class StageState:
 
     name: str
     duration: float  #: Planned duration, s of device time.
-    #: waiting, active, solving, good, bad, outside (a value of it fails), stopped, fault; kept if nothing is written.
+    #: waiting, active, solving, good, bad, outside (one of its values fails), stopped, fault; kept without a write.
     state: str = "waiting"
     fraction: float = 0.0
     remaining: float = 0.0  #: Remaining device time, s.
@@ -88,7 +88,7 @@ def largest_sigmas(event: StageSolved) -> dict[str, float]:
 
 @dataclass
 class UnitStatus:
-    """Status of a unit after the events received so far; `slot` is its place on the table, "" for a single unit."""
+    """Status of a unit after the events received so far; `slot` is its slot name, "" for a single unit."""
 
     serial: str
     slot: str = ""
@@ -99,9 +99,9 @@ class UnitStatus:
     remarks: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
     #: Values of a register transfer interrupted before this run that requires a decision, or None.
     transfer: Mapping[str, Any] | None = None
-    fault: Fault | None = None  #: Fault that ended one of several units, its own or that of the table.
+    fault: Fault | None = None  #: Fault that ended one of several units, its own or the table's.
     verdict: Verdict | None = None
-    result: Result | None = None  #: That of the verdict.
+    result: Result | None = None  #: Result with the verdict.
 
     @property
     def outcome(self) -> str:
@@ -112,7 +112,7 @@ class UnitStatus:
 
     @property
     def unfinished(self) -> bool:
-        """Whether a stop or a fault of the whole run ended it before it passed, failed, or left by its own fault."""
+        """Whether a stop or fault of the whole run ended it before it passed, failed, or left by its own fault."""
         left = self.fault is not None and bool(self.fault.slot)
         return not left and self.outcome not in ("passed", "failed")
 
@@ -127,7 +127,7 @@ class UnitStatus:
         return self._row(TRANSFER).state == "kept"
 
     def take(self, event: Event) -> None:
-        """Follow an event of this unit or of the whole run."""
+        """Process an event of this unit or of the whole run."""
         match event:
             case StateChanged():
                 if event.state in ("stopped", "fault"):
@@ -188,7 +188,7 @@ class UnitStatus:
             row.state = "kept"
 
     def _transfer_starts(self, message: str) -> bool:
-        """Whether a message marks the start of this unit's transfer; the reference of several units may be others'."""
+        """Return whether a message starts this unit's transfer; a reference capture may belong to other units."""
         return message in _TRANSFER_STARTS or (message == "reference" and not self.slot)
 
     def _mark_failed(self, result: Result) -> None:

@@ -1,4 +1,4 @@
-"""Text bindings: a bound text is shown again whenever the language changes."""
+"""Text bindings: a bound text is updated whenever the language changes."""
 
 from collections.abc import Callable
 from typing import Any

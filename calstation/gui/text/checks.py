@@ -32,7 +32,7 @@ _DISPLAY_UNITS = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma":
 class CheckText:
     """Texts of a check for a table row.
 
-    `limit` is what the value is compared with, `state` the badge shape of its verdict (`widgets.badge.KINDS`).
+    `limit` is the limit of the value, `state` the badge shape of its verdict (`widgets.badge.KINDS`).
     """
 
     sentence: str
@@ -62,17 +62,17 @@ def check_text(check: Check) -> CheckText:
 
 
 def check_name(check: Check) -> str:
-    """Return a short text that states what a check of a product's ``[checks]`` compares."""
+    """Return a short text that states the quantity compared by a check of a product's ``[checks]``."""
     return say(f"check_short.{check.kind}", parameter=parameter_text(check.subject), stage=check.subject)
 
 
 def of_product(check: Check) -> bool:
-    """Whether a check belongs to a product's ``[checks]``."""
+    """Return whether a check belongs to a product's ``[checks]``."""
     return check.kind in _PRODUCT_KINDS
 
 
 def of_parameter(check: Check) -> bool:
-    """Whether a check compares one parameter with its limit; the parameter table shows these checks."""
+    """Return whether a check compares one parameter with its limit; the parameter table shows these checks."""
     return check.kind in ("within", "sigma_below")
 
 

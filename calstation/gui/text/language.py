@@ -22,7 +22,7 @@ def current() -> Language:
 
 
 def system_language() -> Language:
-    """Return the code of the operating system's language if the window supports it, otherwise that of English."""
+    """Return the code of the operating system's language if the window supports it, otherwise the code of English."""
     return "zh_CN" if QLocale.system().language() == QLocale.Language.Chinese else "en"
 
 

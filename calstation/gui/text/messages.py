@@ -84,7 +84,7 @@ def step_sentence(kind: str, label: tuple[str | float, ...]) -> str:
 
 
 def short_step(label: tuple[str | float, ...]) -> str:
-    """Return what a move does in a few characters, from its label."""
+    """Return a few characters that describe a move, from its label."""
     return show(short_step_text(label))
 
 
@@ -104,7 +104,7 @@ def free_text(text: str) -> ErrorText:
 
 
 def without_minus(text: str) -> str:
-    """Return a typed or copied number with a hyphen instead of a minus sign, as files and `float` need it."""
+    """Return a typed or copied number with a hyphen instead of a minus sign, as files and `float` require."""
     return text.replace("−", "-")
 
 

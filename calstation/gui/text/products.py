@@ -1,4 +1,4 @@
-"""Names of products as the window shows them."""
+"""Display names of products."""
 
 import re
 from pathlib import Path
@@ -10,13 +10,13 @@ from calstation.messages import known
 
 
 def product_text(name: str) -> str:
-    """Return the display name of a product, which is translated for the shipped ones; `name` is that in its file."""
+    """Return the display name of a product, translated for shipped products; `name` is the name in its file."""
     code = f"product_name.{re.sub(r'[^a-z0-9]+', '_', name.lower())}"
     return say(code) if known(code) else name
 
 
 def offered_products() -> list[tuple[str, Path]]:
-    """Return display name and file of each product in the library; equal names are followed by that of the file."""
+    """Return display name and file of each product in the library; equal names are followed by the file name."""
     files = [library.find("products", stem) for stem in library.names("products")]
     names = [_name(file) for file in files]
     return [
@@ -26,7 +26,7 @@ def offered_products() -> list[tuple[str, Path]]:
 
 
 def _name(file: Path) -> str:
-    """Return the name in a product file, or the name of the file if it cannot be read."""
+    """Return the name in a product file, or the file name if it cannot be read."""
     try:
         return load_product(file)[1].name
     except CalstationError:

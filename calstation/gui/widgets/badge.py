@@ -11,7 +11,7 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import row
 
 #: Kinds of state: ring, ring with dot, filled triangle, tick, half-filled ring, cross, triangle with exclamation mark,
-#: two bars, square, and a tick that says nothing about the quality.
+#: two bars, square, and a tick without a statement about quality.
 KINDS = ("none", "waiting", "active", "good", "partial", "bad", "caution", "paused", "stopped", "done")
 
 #: Size of the icons of the top bar, px, and device pixels per px.

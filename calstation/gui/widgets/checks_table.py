@@ -15,7 +15,7 @@ _ORDER = {"bad": 0, "caution": 1, "good": 2}
 
 
 class ChecksTable(QWidget):
-    """Lists failed checks first, then near-misses, then the others, each group in the order of the result."""
+    """Lists failed checks first, then near misses, then the others, each group in the order of the result."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)

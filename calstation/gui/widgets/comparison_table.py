@@ -1,4 +1,4 @@
-"""Table that compares sets of parameters side by side, with their differences to the first in sigmas."""
+"""Table that compares sets of parameters side by side, with their differences from the first in sigmas."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from calstation.results import Parameter, in_sigma
 
 _NONE = "–"
 
-#: Returns the symbol of a parameter's cell, or None.
+#: Function that returns the symbol of a parameter's cell, or None.
 State = Callable[[str], str | None] | None
 
 
@@ -29,13 +29,13 @@ class Compared:
     parameters: Mapping[str, Parameter]
     value_state: State = None
     sigma_state: State = None
-    marked: bool = True  #: Whether notable differences to the first set are marked.
+    marked: bool = True  #: Whether notable differences from the first set are marked.
 
 
 class ComparisonTable(ParameterTable):
-    """Shows value and sigma of every parameter in each set, and the difference to the first set in sigmas.
+    """Shows value and sigma of every parameter in each set, and the difference from the first set in sigmas.
 
-    The sets are estimates from `independent` data, or otherwise from the same, see `in_sigma`; with `differences`, the
+    The sets are estimates from `independent` data, or else from the same data, see `in_sigma`; with `differences`, the
     differences themselves are shown too.
     """
 
@@ -44,7 +44,7 @@ class ComparisonTable(ParameterTable):
         self._independent, self._differences = independent, differences
         self._cells: dict[str, dict[str, str]] = {}
         self.names: list[str] = []
-        #: Difference to the first set in sigmas by parameter, for each further set.
+        #: Difference from the first set in sigmas by parameter, for each further set.
         self.in_sigma: list[dict[str, float]] = []
 
     def show_sets(self, sets: Sequence[Compared]) -> None:

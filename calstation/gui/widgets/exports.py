@@ -1,4 +1,4 @@
-"""Export to a file that the user chooses, as a background job."""
+"""Export to a file selected by the user, as a background job."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +15,7 @@ from calstation.results import drop_partial
 
 
 class FileExport(QObject):
-    """Asks for the target file and submits the export job; `notice` shows how it ended, then `focus` is called."""
+    """Asks for the target file and submits the export job; `notice` shows its outcome, then `focus` is called."""
 
     def __init__(self, job_queue: JobQueue, page: QWidget, notice: NoticeBar, focus: Callable[[], None]) -> None:
         super().__init__(page)

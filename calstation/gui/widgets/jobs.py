@@ -10,13 +10,13 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import STEPS, Words, button, label, progress_bar, row
 from calstation.jobs import Job
 
-#: Interval between two polls, ms: short beside the jobs of a fifth of a second that follow a choice.
+#: Interval between two polls, ms: short compared with a fifth of a second, the duration of jobs after a selection.
 _POLL_MS = 20
 
 #: Minimum progress, as a fraction, at which the remaining time is shown.
 _MIN_FRACTION = 0.05
 
-#: A function that receives the arguments of a signal; None for no function.
+#: Function that receives the arguments of a signal; None for no function.
 Slot = Callable[..., object] | None
 
 

@@ -26,7 +26,7 @@ from PySide6.QtWidgets import (
 from calstation.gui.text import bind
 from calstation.gui.widgets import theme
 
-#: Returns a text in the current language.
+#: Function that returns a text in the current language.
 Words = Callable[[], str]
 
 #: A widget or layout, alone or with its stretch and alignment; a distance in px; None for a stretch.
@@ -61,7 +61,7 @@ def row(
 def grid(
     on: QWidget | None = None, *, across: int = theme.GRID, down: int = theme.GRID, stretch: int | None = None
 ) -> QGridLayout:
-    """Make a grid layout, `on` a widget if given, with distances in px; column `stretch` fills the remaining width."""
+    """Create a grid layout, `on` a widget if given, distances in px; column `stretch` fills the remaining width."""
     made = QGridLayout()
     made.setContentsMargins(0, 0, 0, 0)
     made.setHorizontalSpacing(across)
@@ -82,7 +82,7 @@ def panel(*items: Item) -> QFrame:
 
 
 def scroll_area(content: QWidget, *, wide: bool = True) -> QScrollArea:
-    """Make a frameless scroll area for contents that may be too high and, if `wide`, too wide."""
+    """Create a frameless scroll area for contents that may be too high and, if `wide`, too wide."""
     area = QScrollArea()
     area.setWidgetResizable(True)
     area.setFrameShape(QFrame.Shape.NoFrame)
@@ -129,7 +129,7 @@ class ViewTabs(QTabBar):
 def label(
     words: Words | None = None, kind: str = "", *, name: str = "", wrap: bool = False, buddy: QWidget | None = None
 ) -> QLabel:
-    """Make a label.
+    """Create a label.
 
     `words` returns its text (None if the caller sets it), `kind` selects its style, and `buddy` is the labelled input.
     """
@@ -153,7 +153,7 @@ def button(
     kind: str = "",
     tip: Words | None = None,
 ) -> QPushButton:
-    """Make a button; `words` returns its text (None if the caller sets it), and a click calls or emits `pressed`."""
+    """Create a button; `words` returns its text (None if the caller sets it), and a click calls or emits `pressed`."""
     made = QPushButton()
     made.setObjectName(name)
     if kind:
@@ -168,7 +168,7 @@ def button(
 
 
 def progress_bar(height: int, name: str = "") -> QProgressBar:
-    """Make a thin progress bar without a text, with `STEPS` steps."""
+    """Create a thin progress bar without a text, with `STEPS` steps."""
     bar = QProgressBar()
     bar.setObjectName(name)
     bar.setRange(0, STEPS)

@@ -1,4 +1,4 @@
-"""The effect that a result lacks in its error model, and the button that adds it and solves the log again."""
+"""The effect that is missing in a result's error model, and the button that adds it and solves the log again."""
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QWidget
@@ -11,7 +11,7 @@ from calstation.results import Result, cause_text, missing_state
 
 
 class MissingState(QWidget):
-    """Shown beside a result only if a failed check of it names such an effect; `wanted(name)` asks to add it.
+    """Shown next to a result only if one of its failed checks names such an effect; `wanted(name)` asks to add it.
 
     The jobs of `watch` replace the button while they run.
     """
@@ -34,7 +34,7 @@ class MissingState(QWidget):
         on_language_change(self, self._refresh)
 
     def show_result(self, result: Result | None) -> None:
-        """Show the effect that a result lacks, if any."""
+        """Show the effect that is missing in a result's model, if any."""
         self._check = None if result is None else missing_state(result)
         self.setVisible(self._check is not None)
         self._refresh()

@@ -62,7 +62,7 @@ class NoticeBar(QFrame):
         self._icon.set_kind(kind)
         for choice in choices:
             kind = "primary" if choice.primary else ""
-            answer = button(choice.name, choice.words, lambda _, choice=choice: self._answer(choice), kind=kind)
+            answer = button(choice.name, choice.words, lambda _, choice=choice: self._choose(choice), kind=kind)
             self._buttons.addWidget(answer)
         self.refresh()
         self.show()
@@ -107,6 +107,6 @@ class NoticeBar(QFrame):
         painter = QPainter(self)
         painter.fillRect(1, 1, theme.GRID, self.height() - 2, QColor(state_colour(self._kind)))
 
-    def _answer(self, choice: Choice) -> None:
+    def _choose(self, choice: Choice) -> None:
         self.dismiss()
         choice.act()

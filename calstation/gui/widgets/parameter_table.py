@@ -1,4 +1,4 @@
-"""Tables with one parameter per row: a model defined by its columns, and a view that copies rows or saves them."""
+"""Tables with one parameter per row: a model defined by its columns, and a view that copies or saves rows."""
 
 import csv
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -47,13 +47,13 @@ class Column:
 
 
 def ordered(parameters: Iterable[str]) -> list[str]:
-    """Return parameters in the order of the contract, followed by those that it does not name."""
+    """Return parameters in the order of the contract, followed by parameters that are not in the contract."""
     found = list(parameters)
     return [*(name for name in NAMES if name in found), *(name for name in found if name not in INDEX)]
 
 
 def align_columns(cells: Mapping[str, dict[str, str]], columns: Iterable[str]) -> None:
-    """Align the decimal points of numeric columns in place; `cells` maps rows to columns and may lack some of them."""
+    """Align the decimal points of numeric columns in place; `cells` maps rows to columns and may be incomplete."""
     for column in columns:
         rows = [row for row in cells.values() if column in row]
         for row, text in zip(rows, aligned([row[column] for row in rows]), strict=True):
@@ -63,7 +63,7 @@ def align_columns(cells: Mapping[str, dict[str, str]], columns: Iterable[str]) -
 class ParameterModel(QAbstractTableModel):
     """Parameters as rows with their names as the vertical header; `grouped` shades every second group.
 
-    The tooltip of a name is the name in files; `tsv` has names and numbers as they are in files.
+    The tooltip of a name is the name in files; `tsv` contains names and numbers as in files.
     """
 
     def __init__(self, columns: Sequence[Column], *, grouped: bool = True) -> None:
@@ -92,7 +92,7 @@ class ParameterModel(QAbstractTableModel):
         self.endResetModel()
 
     def lines(self, rows: Iterable[int]) -> list[list[str]]:
-        """Return headings and rows as a spreadsheet reads them, with the parameter names in the first column."""
+        """Return headings and rows in the format of a spreadsheet, with the parameter names in the first column."""
         lines = [["parameter", *(column.heading() for column in self._columns)]]
         for name in (self._names[row] for row in rows):
             lines.append([name, *(without_minus(column.text(name)).strip() for column in self._columns)])
@@ -170,7 +170,7 @@ class ParameterTable(QTableView):
         model.headerDataChanged.connect(self.spread)
 
     def spread(self) -> None:
-        """Fit the columns to their contents, and distribute the remaining width; if there is none, texts are elided."""
+        """Fit the columns to their contents, and distribute the remaining width; if there is none, elide texts."""
         self.resizeColumnsToContents()
         shown = [i for i in range(self.parameters.columnCount()) if not self.isColumnHidden(i)]
         left = self.viewport().width() - sum(map(self.columnWidth, shown))

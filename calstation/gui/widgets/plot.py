@@ -27,7 +27,7 @@ class NumberAxis(pg.AxisItem):  # type: ignore[misc]
     """A vertical or horizontal axis with minus signs instead of hyphens, whose labels do not overlap if it is short."""
 
     def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
-        """Return the spacings of labelled and of smaller ticks; labels one above the other have their height."""
+        """Return the spacings of labelled and of smaller ticks; vertically stacked labels need their height."""
         levels: list[tuple[float, float]] = super().tickSpacing(minVal, maxVal, size)
         if self.orientation == "left" and levels and levels[0][0] * size < theme.BODY * abs(maxVal - minVal):
             return [(2.0 * levels[0][0], 0.0), levels[0]]
@@ -58,14 +58,14 @@ def _plain(exponent: float) -> str:
 
 
 class PlotMenu(QMenu):
-    """The menu of a plot, which copies it as a picture and saves it; `write_csv` writes the data drawn in it."""
+    """The menu of a plot, which copies it as a picture and saves it; `write_csv` writes the plotted data."""
 
     def __init__(self, plot: pg.GraphicsView, write_csv: Callable[[Path], object]) -> None:
         super().__init__(plot)
         self._plot, self._write_csv = plot, write_csv
 
     def open(self, event: QContextMenuEvent) -> None:
-        """Open where the user has clicked."""
+        """Open the menu at the position of the click."""
         self.clear()
         self.addAction(self.tr("Copy as picture"), self._copy)
         self.addAction(self.tr("Save…"), self._ask_file)
@@ -97,7 +97,7 @@ class PlotMenu(QMenu):
 class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
     """A plot with two axes in the colours of the current theme, which its menu copies and saves.
 
-    It can be zoomed, see `ZoomBox`, unless it is a mere picture without `zoom`.
+    It can be zoomed, see `ZoomBox`, unless `zoom` is False.
     """
 
     def __init__(self, parent: QWidget | None = None, *, zoom: bool = True) -> None:

@@ -25,8 +25,8 @@ TOP_BAR = 56
 #: Colours of x, y and z in both themes, safe for colour-blind viewers.
 AXIS_COLOURS = {"x": "#0072B2", "y": "#D55E00", "z": "#009E73"}
 
-#: Colours of the letters x, y and z in the light and the dark theme, darker or brighter than those of the axes: letters
-#: need more contrast than lines.
+#: Colours of the letters x, y and z in the light and the dark theme, darker or brighter than the axis colours, because
+#: letters need more contrast than lines.
 _AXIS_TEXT = {"x": ("#0072B2", "#4DA3D9"), "y": ("#A84A00", "#E8741A"), "z": ("#007A59", "#10B284")}
 
 #: Font families in order of preference.

@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt, Signal
 
 
 class ZoomBox(pg.ViewBox):  # type: ignore[misc]
-    """While it is zoomed, ranges set by the program are kept for the double click that ends it.
+    """A zoomable view box; while it is zoomed, ranges set by the program are stored until a double click ends the zoom.
 
     The middle button pans. `sig_whole` is emitted by the double click.
     """
@@ -41,7 +41,7 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
 
     @contextmanager
     def _user(self) -> Iterator[None]:
-        """Set ranges that come from the user."""
+        """Set ranges on behalf of the user."""
         self._keep_ranges()
         self._zooming = True
         try:
@@ -51,7 +51,7 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
             self._zooming = False
 
     def setRange(self, *args: Any, **options: Any) -> None:
-        """Set the range; while the box is zoomed, only keep it."""
+        """Set the range; while the box is zoomed, only store it."""
         if self._passing or not self.zoomed:
             super().setRange(*args, **options)
             return
@@ -60,12 +60,12 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
                 self._auto[axis], self._ranges[axis] = False, list(options[name])
 
     def enableAutoRange(self, axis: Any = None, enable: Any = True, x: Any = None, y: Any = None) -> None:
-        """Enable automatic ranges; not while the box is zoomed."""
+        """Enable automatic ranges, unless the box is zoomed."""
         if not self.zoomed:
             super().enableAutoRange(axis, enable, x, y)
 
     def linkedViewChanged(self, view: pg.ViewBox, axis: int) -> None:
-        """Follow a linked box, whether or not this one is zoomed; it is zoomed as well by the user of the other."""
+        """Follow a linked box even if zoomed; if the user zooms the linked box, this one is zoomed as well."""
         if isinstance(view, ZoomBox) and view._zooming and not self.linksBlocked:
             self._keep_ranges()
             self.zoomed = True
@@ -95,7 +95,7 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
         ev.accept()
 
     def reset(self) -> None:
-        """End the zoom: the ranges are those that the program has set."""
+        """End the zoom and apply the ranges set by the program."""
         if not self.zoomed:
             return
         self.zoomed = False
@@ -109,11 +109,11 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
 class TimeBox(ZoomBox):
     """The box of a plot over time: the wheel zooms the time, and with Ctrl or over the vertical axis the values.
 
-    The program may set the time at any time, so that only the range of the values is kept while the box is zoomed.
+    The program may set the time range at any time, so that only the value range is kept while the box is zoomed.
     """
 
     def setRange(self, *args: Any, **options: Any) -> None:
-        """Set the range; while the values are zoomed, only keep theirs."""
+        """Set the range; while the values are zoomed, only store their range."""
         if options.get("xRange") is not None:
             pg.ViewBox.setRange(self, *args, **options)
         else:

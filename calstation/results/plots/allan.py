@@ -1,4 +1,4 @@
-"""Allan deviation of the output of an IMU at rest, and the noise read off it (IEEE Std 952-2020, annex C)."""
+"""Allan deviation of the output of an IMU at rest, and the noise derived from it (IEEE Std 952-2020, annex C)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ from calstation.jobs import ProgressCallback
 from calstation.physics import CHANNELS, FloatArray
 from calstation.records import LogMeta, context_from_meta, open_log
 
-#: Number of averaging times per decade, and shortest stretch, s.
+#: Number of averaging times per decade, and shortest duration, s.
 _PER_DECADE, SHORTEST = 12, 10.0
-#: Fraction of the stretch that the longest averaging time takes: a longer one would leave hardly any differences.
+#: Longest averaging time as a fraction of the duration: beyond it there are hardly any differences.
 _LONGEST = 0.2
 #: Probability of the confidence band.
 _CONFIDENCE = 0.95
@@ -22,8 +22,8 @@ _CONFIDENCE = 0.95
 _WHITE_SLOPE, _FEWEST_WHITE = 0.1, 4
 #: Allan deviation of a bias instability B at its flat minimum, in units of B.
 FLOOR = 0.664
-#: Mean output over `_WINDOW` s that differs more than this from its median shows that the table moves, rad/s and m/s²,
-#: as do encoder angles that differ more than this, rad.
+#: The table counts as moving if the mean output over `_WINDOW` s differs by more than this from its median, rad/s and
+#: m/s², or the encoder angles by more than this, rad.
 _WINDOW, _MOVING_RATE, _MOVING_FORCE, _MOVING_ANGLE = 1.0, np.deg2rad(0.2), 0.05, np.deg2rad(0.2)
 #: Shortest rest that is found, s.
 _SHORTEST_REST = 1.0
@@ -31,7 +31,7 @@ _SHORTEST_REST = 1.0
 
 @dataclass(frozen=True)
 class AllanCurve:
-    """Overlapping Allan deviation of a channel, rad/s or m/s², and the noise read off it."""
+    """Overlapping Allan deviation of a channel, rad/s or m/s², and the noise derived from it."""
 
     tau: FloatArray  #: Averaging times, s, shape (k,).
     deviation: FloatArray  #: Shape (k,).
@@ -39,23 +39,23 @@ class AllanCurve:
     high: FloatArray  #: Upper end of the 95 % confidence interval, shape (k,).
     random_walk: float | None  #: Line of slope −1/2 at 1 s, rad/√s or m/s/√s; None if the curve has no such slope.
     instability: float | None  #: Bias instability from the flat minimum, rad/s or m/s²; None if there is none yet.
-    #: Upper end of the confidence interval of the bias instability that the lowest point allows.
+    #: Upper end of the confidence interval of the bias instability from the lowest point.
     largest_instability: float
 
 
 @dataclass(frozen=True)
 class AllanDeviation:
-    """Allan deviations of a stretch of a log."""
+    """Allan deviations of a range of a log."""
 
     serial: str
     first_seq: int
     last_seq: int
     seconds: float
-    curves: Mapping[str, AllanCurve]  #: By channel; without gyros only the accelerometers.
-    noise: Mapping[str, float]  #: `[noise]` of the IMU profile as the log has it, SI.
+    curves: Mapping[str, AllanCurve]  #: Curves by channel; without gyros only the accelerometers.
+    noise: Mapping[str, float]  #: `[noise]` of the IMU profile in the log, SI.
     #: Step to which angle (rad) and velocity (m/s) increments are rounded; 0 for rates, whose rounding is white noise.
     quantisation: tuple[float, float]
-    profile: str | None  #: Name of the IMU profile; None if the log does not say.
+    profile: str | None  #: Name of the IMU profile; None if the log does not specify it.
 
 
 def longest_rest(report: ProgressCallback, path: Path) -> tuple[int, int]:
@@ -74,7 +74,7 @@ def longest_rest(report: ProgressCallback, path: Path) -> tuple[int, int]:
 
 
 def allan_deviation(report: ProgressCallback, path: Path, first_seq: int, last_seq: int) -> AllanDeviation:
-    """Job: compute the Allan deviations of a static range of a log, of its longest part without a gap.
+    """Job: compute the Allan deviations of a static range of a log, from its longest part without a gap.
 
     Raises InputError if the log cannot be read, or InsufficientDataError if the table moves or the range is too short.
     """
@@ -111,7 +111,7 @@ def allan_deviation(report: ProgressCallback, path: Path, first_seq: int, last_s
 
 def allan_curve(values: FloatArray, rate: float) -> AllanCurve:
     """Return the Allan deviation of rates or specific forces, shape (n,), sampled `rate` times per second."""
-    import allantools  # takes a second, and only these jobs need it
+    import allantools  # importing takes a second, and only these jobs need it
 
     longest = int(_LONGEST * len(values))
     count = round(_PER_DECADE * np.log10(longest)) + 1
@@ -150,7 +150,7 @@ def _power(slope: float) -> int:
 
 
 def _random_walk(tau: FloatArray, deviation: FloatArray, slope: FloatArray, freedom: FloatArray) -> float | None:
-    """Return the deviation at 1 s of the line of slope −1/2 through the longest part of the curve with that slope."""
+    """Return the value at 1 s of a line with slope −1/2 fitted to the longest part of the curve with that slope."""
     white = np.abs(slope + 0.5) < _WHITE_SLOPE
     edges = np.flatnonzero(np.diff(np.concatenate([[False], white, [False]]).astype(np.int8)))
     start, stop = max(zip(edges[::2], edges[1::2], strict=True), key=lambda part: part[1] - part[0], default=(0, 0))
@@ -168,7 +168,7 @@ def _read(report: ProgressCallback, blocks: list[SampleBlock], meta: LogMeta) ->
 
 
 def _moves(data: StageData) -> bool:
-    """Whether the table moves, according to its angles or, where it has none, the output of the unit."""
+    """Return whether the table moves, according to its angles or, without angles, the output of the unit."""
     width = round(_WINDOW / data.dt)
     count = len(data) // width
     gyro, accel = (v[: count * width].reshape(count, width, 3).mean(axis=1) for v in (data.gyro, data.accel))

@@ -1,4 +1,4 @@
-"""Plot data of a calibration applied to samples: force and rate before and after, over time and at rest."""
+"""Plot data of a calibration applied to samples: force and rate before and after calibration, over time and at rest."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,10 +26,11 @@ class Applied:
     path: Path | None  #: Recording; None for samples of the connected unit.
     serial: str
     time: FloatArray  #: Time since the start, s, shape (k,).
-    length_before: FloatArray  #: Mean magnitude of the force minus gravity, m/s², shape (k,).
-    length_after: FloatArray  #: Mean magnitude of the force minus gravity, m/s², shape (k,).
-    rate_before: FloatArray  #: Magnitude of the mean rate, rad/s, shape (k,).
-    rate_after: FloatArray  #: Magnitude of the mean rate, rad/s, shape (k,).
+    #: Mean magnitude of the force minus gravity with the previous parameters, m/s², shape (k,).
+    length_before: FloatArray
+    length_after: FloatArray  #: Mean magnitude of the force minus gravity with the new parameters, m/s², shape (k,).
+    rate_before: FloatArray  #: Magnitude of the mean rate with the previous parameters, rad/s, shape (k,).
+    rate_after: FloatArray  #: Magnitude of the mean rate with the new parameters, rad/s, shape (k,).
     rests: FloatArray  #: Start and end of each rest, s, shape (r, 2).
     rest_length: FloatArray  #: Mean force error of each rest, before and after, m/s², shape (r, 2).
     rest_rate: FloatArray  #: Mean rate of each rest, before and after, rad/s, shape (r, 2).
@@ -37,11 +38,11 @@ class Applied:
     rate_rms: tuple[float, float]  #: Rms rate over all rests, before and after, including earth rate, rad/s.
     earth: float = RATE  #: Earth rate, rad/s.
     corrected: bool = False  #: Whether the unit's registers corrected the samples; then before and after are equal.
-    named: bool = True  #: Whether the unit itself reported its serial number.
+    named: bool = True  #: Whether the unit reported its serial number.
 
 
 def before_and_found(before: Mapping[str, float], parameters: Mapping[str, Parameter]) -> tuple[FloatArray, FloatArray]:
-    """Return all parameters before and after a solution, SI, shape (30,) each; those it lacks keep their values."""
+    """Return all parameters before and after a solution, SI, shape (30,) each; unsolved ones keep their values."""
     found = {name: row.value for name, row in parameters.items() if name in NAMES}
     vectors = (np.array([values.get(name, 0.0) for name in NAMES]) for values in (before, {**before, **found}))
     return next(vectors), next(vectors)
@@ -53,9 +54,9 @@ class ImuOutput:
 
     meta: LogMeta
     blocks: list[SampleBlock]
-    corrected: bool  #: Whether registers, other than those under which the solution was found, corrected them.
+    corrected: bool  #: Whether they were corrected by registers other than those in use during the solution.
     path: Path | None = None  #: Recording; None for samples of the connected unit.
-    named: bool = True  #: Whether the unit itself reported its serial number.
+    named: bool = True  #: Whether the unit reported its serial number.
 
     def applied(self, before: FloatArray, found: FloatArray) -> Applied:
         """Apply parameters before and after a solution, SI, shape (30,) each; corrected output is left unchanged.
@@ -68,7 +69,7 @@ class ImuOutput:
 
 
 def read_recording(path: Path, registers: Mapping[str, float]) -> ImuOutput:
-    """Read all samples of a recording; a solution was found from output corrected by `registers`, SI, {} if by none.
+    """Read all samples of a recording; the solution used output corrected by `registers`, SI, {} for none.
 
     Raises InputError if it cannot be read.
     """

@@ -12,7 +12,7 @@ from calstation.physics import FloatArray
 from calstation.records import LogMeta, context_from_meta
 from calstation.results.corrected import CorrectedStream
 
-#: Time covered, and averaging time of a point, s.
+#: Displayed duration, and averaging time of a point, s.
 SHOWN, _MEAN_OVER = 60.0, 0.25
 
 
@@ -20,9 +20,9 @@ SHOWN, _MEAN_OVER = 60.0, 0.25
 class CorrectedTrace:
     """Corrected output of every IMU by name (``primary``, ``imu2``, ...), NaN where missing."""
 
-    source: str | None  #: Name of the IMU whose output is valid, None without one.
+    source: str | None  #: Name of the IMU whose output is valid; None if there is none.
     switch_overs: int
-    time: FloatArray  #: Time before the newest sample, s, not positive, shape (k,).
+    time: FloatArray  #: Time relative to the newest sample, s, ≤ 0, shape (k,).
     force: Mapping[str, FloatArray]  #: Magnitude of the mean force minus gravity, m/s², shape (k,) each.
     rate: Mapping[str, FloatArray]  #: Magnitude of the mean rate, rad/s, shape (k,) each.
 

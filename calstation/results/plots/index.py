@@ -23,7 +23,7 @@ from calstation.results.plots.min_max_pyramid import (
 )
 from calstation.results.result import Result
 
-#: Maximum number of stored marks of a kind; any more are only counted.
+#: Maximum number of stored marks of a kind; further ones are only counted.
 MOST_MARKS = 20_000
 #: Number of rows read before the requested ones to find the last polled angles.
 _LOOK_BACK = 4096
@@ -41,7 +41,7 @@ class StageSpan:
     samples: int
 
     def within(self, first: int, last: int) -> int:
-        """Return the approximate number of its samples between two sequence numbers, both included."""
+        """Return the approximate number of samples in the section between two sequence numbers, both included."""
         width = self.last_seq - self.first_seq + 1
         inside = min(last, self.last_seq) - max(first, self.first_seq) + 1
         return max(0, round(self.samples * inside / width))
@@ -71,7 +71,7 @@ class LogIndex:
     spoilt: Marks  #: First and last sample of each invalid range.
     spoilt_samples: int  #: Number of invalid samples.
     scale: FloatArray  #: Units of `CHANNELS` per count, shape (6,).
-    channels: tuple[str, ...]  #: Those of `CHANNELS` that have values.
+    channels: tuple[str, ...]  #: The members of `CHANNELS` that have values.
     step_numbers: IntArray  #: Numbers of the steps before and after each mark of `steps`, shape (n + 1,).
     step_labels: Mapping[int, tuple[str | float, ...]]  #: Labels of the moves, by the number of the step.
 
@@ -131,7 +131,7 @@ def samples(
 
 
 def _polled(angles: FloatArray, temperature: FloatArray) -> FloatArray:
-    """Return the values that not every sample has: angles, from rad, °, and temperature, °C, shape (n, 3)."""
+    """Return the polled values, which most samples lack: angles, converted to °, and temperature, °C, shape (n, 3)."""
     return np.column_stack([np.rad2deg(angles), temperature])
 
 

@@ -1,4 +1,4 @@
-"""Solves a recording with a method that needs no table and computes its plot data from the same samples and result."""
+"""Solution of a recording with a method that needs no table, with plot data from the same samples and result."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -81,7 +81,7 @@ class Recording:
     rate: float
     duration: float  #: Duration, s.
     truth: Mapping[str, float]  #: True parameters, SI, of a recording of the virtual bench.
-    registers: Mapping[str, float]  #: Registers that corrected it, SI, {} if there are none.
+    registers: Mapping[str, float]  #: Registers that corrected it, SI; {} if there are none.
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from calstation.physics import CHANNELS as IMU_CHANNELS
 from calstation.physics import JOINTS, IntArray
 
-#: Columns of every array of values: °/s, m/s², ° and °C.
+#: Columns of every array of values, in °/s, m/s², ° and °C.
 CHANNELS = (*IMU_CHANNELS, *JOINTS, "temperature")
 FACTOR = 16
 #: Samples in a bin of each level.
@@ -38,7 +38,7 @@ class Columns:
 
 
 def joined(seq: IntArray, low: Values, high: Values, group: int, samples: int) -> Columns:
-    """Merge `group` bins of `samples` samples each into a column; `seq`, `low` and `high` are those of the bins."""
+    """Merge groups of `group` bins into columns; `samples` is the bin width, `seq`, `low`, `high` are the bins."""
     if group == 1 or len(seq) == 0:
         return Columns(seq, low, high, samples)
     whole = len(seq) // group * group

@@ -61,7 +61,7 @@ class SecondaryPlotData:
     number: int
     serial: str
     residuals: Mapping[str, PairResiduals]
-    #: As returned by `estimation.pairs.watch.check_values`; None if the body was never at rest.
+    #: Result of `estimation.pairs.watch.check_values`; None if the body was never at rest.
     check: Mapping[str, Any] | None
     #: Residuals of gyro (rad/s) and accel (m/s²) at rest with the new values, None if unknown.
     static: Mapping[str, float | None]

@@ -1,4 +1,4 @@
-"""Add versions and locations of solutions, and what a comparison and an export read of a result as columns."""
+"""Add versions and locations of solutions, and columns for the parts of a result used by comparisons and exports."""
 
 from typing import Any
 
@@ -44,7 +44,7 @@ def upgrade() -> None:
     with op.batch_alter_table("solutions", recreate="always" if sqlite else "never") as batch:
 
         def add(column: sa.Column[Any], before: str) -> None:
-            """Add a column; in SQLite, which reads a row up to the wanted column, before another one."""
+            """Add a column; in SQLite, which reads a row up to the wanted column, before the column `before`."""
             batch.add_column(column, insert_before=before if sqlite else None)
 
         add(sa.Column("attempt", sa.Integer(), nullable=False, server_default=sa.text("0")), "location")

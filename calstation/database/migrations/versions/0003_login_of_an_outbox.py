@@ -1,4 +1,4 @@
-"""Add the login of an outbox; drop the time of a copy, which nothing reads."""
+"""Add the login of an outbox; drop the unused time of a copy."""
 
 import sqlalchemy as sa
 from alembic import op

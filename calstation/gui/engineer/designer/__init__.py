@@ -1,4 +1,4 @@
-"""The schedule designer on the engineer page: what to search for, the answer in figures and plots, and saving it.
+"""The schedule designer on the engineer page: goal of the search, result with plots, and saving.
 
 The search is in `calstation.design`.
 """

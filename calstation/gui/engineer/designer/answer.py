@@ -1,4 +1,4 @@
-"""The answer of a search for a schedule: duration and limiting parameter, plots, parameters and robustness."""
+"""The result of a search for a schedule: duration and limiting parameter, plots, parameters and robustness."""
 
 from collections.abc import Callable
 
@@ -40,7 +40,7 @@ Index = QModelIndex | QPersistentModelIndex
 
 
 class RatioBar(QStyledItemDelegate):
-    """Draws the ratio of a row of a `CellTable` as a bar; the whole width is 1, or the largest ratio above it."""
+    """Draws the ratio of a row of a `CellTable` as a bar; the full width is 1, or the largest ratio if above 1."""
 
     def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: Index) -> None:
         """Draw the bar."""
@@ -54,7 +54,7 @@ class RatioBar(QStyledItemDelegate):
 
 
 class DesignAnswer(QWidget):
-    """Shows a design; `driving` polls the job of its path, and its buttons call `save`, `copy` and `export`."""
+    """Shows a design; `driving` polls the job that computes its path, and buttons call `save`, `copy`, `export`."""
 
     def __init__(
         self, driving: JobWatch, save: Callable[[], None], copy: Callable[[], None], export: Callable[[], None]
@@ -68,10 +68,10 @@ class DesignAnswer(QWidget):
         self._front, self._path, self._sphere = FrontPlot(), PathPlot(), SphereBox()
         self._parameters = self._make_parameters()
         self._variations, self._hidden = self._make_variations(), self._make_hidden()
-        self._sees = label(name="design_sees", wrap=True)
+        self._notes = label(name="design_sees", wrap=True)
         self._tabs = ViewTabs("design_views")
         robustness = QWidget()
-        column(self._variations, self._sees, None, on=robustness)
+        column(self._variations, self._notes, None, on=robustness)
         self._driving = EmptyState(JobRow(driving))
         path = self._drawn = stack(self._driving, split((self._path, 3), (self._sphere, 2)))
         self._views = stack(
@@ -84,7 +84,7 @@ class DesignAnswer(QWidget):
         copy_button = button("copy_schedule_button", lambda: self.tr("Copy schedule"), copy)
         export_button = button("export_design_button", lambda: self.tr("Export"), export)
         tables = self._parameters, self._variations, self._hidden
-        #: The widgets in the order of the Tab key.
+        #: The widgets in Tab order.
         self.tab_order = (self._tabs, copy_button, export_button, self._save_button, self._sphere.slider, *tables)
         column(
             row(self._badge, (self._headline, 1), spacing=2 * theme.GRID),
@@ -179,7 +179,7 @@ class DesignAnswer(QWidget):
         self._badge.show_state(*_verdict(design))
         self._headline.setText(_headline(design))
         self._about.setText(_about(design, options))
-        self._sees.setText("\n".join(_sees(design)))
+        self._notes.setText("\n".join(_notes(design)))
         self._parameters.show_cells(_parameter_cells(design), ("sigma", "limit", "ratio"))
         conditions = _variation_cells(design)
         self._variations.show_cells(conditions)
@@ -224,7 +224,7 @@ def _about(design: Design, options: ScheduleOptions) -> str:
 
 
 def _parameter_cells(design: Design) -> dict[str, dict[str, str]]:
-    """Return the rows of all parameters with a limit, the limiting one first."""
+    """Return the rows of all parameters with a limit, starting with the limiting one."""
     cells = {}
     for i in np.argsort(-design.ratios):
         name, ratio = NAMES[i], float(design.ratios[i])
@@ -242,7 +242,7 @@ def _parameter_cells(design: Design) -> dict[str, dict[str, str]]:
 
 
 def _variation_cells(design: Design) -> dict[str, dict[str, str]]:
-    """Return the rows of the conditions; of several with the same name, that of the worst."""
+    """Return the rows of the conditions; for several with the same name, only the worst one."""
     cells = {}
     for variation in sorted(design.variations, key=_by_severity):
         angle = variation.value if variation.name == "noise" else float(np.rad2deg(variation.value))
@@ -262,7 +262,7 @@ def _by_severity(variation: Variation) -> tuple[bool, float, float]:
 
 
 def _hidden_cells(design: Design) -> dict[str, dict[str, str]]:
-    """Return the rows of the effects, those that leave the largest error first."""
+    """Return the rows of the effects, starting with those that leave the largest error."""
     cells = {}
     for number, limit in enumerate(sorted(design.hidden, key=lambda limit: -limit.move)):
         if limit.parameter:
@@ -282,7 +282,7 @@ def _hidden_cells(design: Design) -> dict[str, dict[str, str]]:
     return cells
 
 
-def _sees(design: Design) -> list[str]:
+def _notes(design: Design) -> list[str]:
     """Return the sentences about rests, latitude and noise."""
     longest = max(design.rests)
     if design.gravity_rest is None:

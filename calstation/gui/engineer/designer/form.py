@@ -89,11 +89,11 @@ class DesignForm(QFrame):
 
     @property
     def goal(self) -> str:
-        """The goal chosen."""
+        """The selected goal."""
         return str(self._goal.currentData())
 
     def offer(self, options: ScheduleOptions) -> None:
-        """Limit the speeds to those of a table."""
+        """Limit the speeds to the table's limits."""
         self._rate.setMaximum(options.rate)
         self._acceleration.setMaximum(options.acceleration)
 
@@ -103,7 +103,7 @@ class DesignForm(QFrame):
         show_text(self._reason, why if shown else "")
 
     def request(self, station: Path | None, product: Path, stop: Path) -> "DesignRequest":
-        """Return the request for a product on a station; `stop` ends the search."""
+        """Return the request for a product on a station; a file `stop` ends the search."""
         goal = self.goal
         return design.DesignRequest(
             station=station,

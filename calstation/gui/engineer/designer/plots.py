@@ -30,16 +30,16 @@ from calstation.gui.widgets import (
 from calstation.physics import BoolArray, FloatArray, TableGeometry, axis_rotation
 from calstation.results import Preview
 
-#: Largest turn of a joint between two points of the drawn path, rad.
+#: Largest rotation of a joint between two points of the drawn path, rad.
 _STEP = np.deg2rad(4.0)
-#: Range of the ratios shown; the first moves are far above it.
+#: Upper limit of the ratios shown; the ratios after the first moves are far above it.
 _HIGHEST = 30.0
-#: Degrees that an arrow key turns the sphere.
+#: Rotation of the sphere per press of an arrow key, degrees.
 _TURN = 10
 
 
 class FrontPlot(ThemedPlot):
-    """The smallest worst ratio of a sigma to its limit found for each duration, with the schedule chosen."""
+    """Smallest worst ratio of a sigma to its limit found for each duration, with the selected schedule."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -101,7 +101,7 @@ class FrontPlot(ThemedPlot):
 
 @dataclass(frozen=True)
 class Path3D:
-    """The motion of a design as the plots need it."""
+    """The motion of a design in the form needed by the plots."""
 
     design: Design
     preview: Preview
@@ -109,7 +109,7 @@ class Path3D:
 
     @property
     def visited(self) -> tuple[FloatArray, FloatArray]:
-        """Times, s, shape (n,), and directions of gravity in the body frame, shape (n, 3), close to each other."""
+        """Times, s, shape (n,), and densely sampled directions of gravity in the body frame, shape (n, 3)."""
         p = self.preview
         turns = np.maximum(np.abs(np.diff(p.outer)), np.abs(np.diff(p.inner)))
         knots = np.arange(len(p.time), dtype=np.float64)
@@ -211,7 +211,7 @@ class Sphere(ThemedPlot):
         self.setRange(xRange=(-1.2, 1.2), yRange=(-1.2, 1.2), padding=0.0)
 
     def _draw_rests(self, path: Path3D) -> None:
-        """Draw a dot for every attitude of a planned rest, with the numbers of the rests there."""
+        """Draw a dot for every attitude of a planned rest, with the numbers of its rests."""
         c = theme.colours()
         found: dict[tuple[float, ...], list[int]] = {}
         for number, down in enumerate(path.rests[: path.design.planned], start=1):
@@ -238,7 +238,7 @@ class Sphere(ThemedPlot):
         style: Qt.PenStyle = Qt.PenStyle.SolidLine,
         faint: bool = True,
     ) -> None:
-        """Draw a line, shape (n, 3) in the body frame, faint behind the sphere if `faint`."""
+        """Draw a line, shape (n, 3) in the body frame; if `faint`, its part behind the sphere is faint."""
         if len(points) < 2:
             return
         at, front = self._on_screen(points), self._in_front(points)
@@ -254,7 +254,7 @@ class Sphere(ThemedPlot):
         return np.asarray(axis_rotation((0.0, 0.0, 1.0), self._turn))
 
     def _in_front(self, points: FloatArray) -> BoolArray:
-        """Return for each point whether it is on the side of the viewer, shape (n,)."""
+        """Return for each point whether it is on the viewer's side, shape (n,)."""
         return np.asarray(points @ self._view.T @ VIEWER >= 0.0)
 
     def _on_screen(self, points: FloatArray) -> FloatArray:

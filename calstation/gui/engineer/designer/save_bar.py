@@ -1,4 +1,4 @@
-"""The bar that asks for the name under which a design is saved as a product."""
+"""Bar that asks for the name under which a design is saved as a product."""
 
 from collections.abc import Callable
 
@@ -25,7 +25,7 @@ class SaveBar(QFrame):
         self._name.returnPressed.connect(self._save)
         self._problem, self._remark = label(kind="error", wrap=True), label(kind="caution", wrap=True)
         self._button = button("save_design_button", lambda: self.tr("Save"), self._save, kind="primary")
-        #: The last widget in the order of the Tab key.
+        #: The last widget in Tab order.
         self.last = button("cancel_save_design_button", lambda: self.tr("Cancel"), self.hide)
         inputs = row(
             label(lambda: self.tr("Name of the product"), buddy=self._name),
@@ -40,7 +40,7 @@ class SaveBar(QFrame):
         self.hide()
 
     def ask(self, source: str) -> None:
-        """Ask for the name of the product made from the product `source`, both without their ending."""
+        """Ask for the name of the product made from the product `source`, both without suffix."""
         self._source = source
         self._name.setText(f"{source}_fast")
         self._check()
@@ -54,7 +54,7 @@ class SaveBar(QFrame):
         self._check()
 
     def _check(self) -> None:
-        """Show what is wrong with the name, or that the product exists."""
+        """Show the error in the name, or that the product exists."""
         name = self._name.text()
         problem = ""
         if name and not editing.is_name(name):

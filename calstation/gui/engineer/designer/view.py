@@ -1,4 +1,4 @@
-"""The schedule designer: starts and ends a search, shows its progress and answer, and saves the answer."""
+"""The schedule designer: starts and ends a search, shows its progress and result, and saves the result."""
 
 import json
 import tempfile
@@ -48,7 +48,7 @@ class DesignView(QWidget):
         super().__init__()
         self._app, self._notice, self._author = app, notice, author
         self._options: ScheduleOptions | None = None
-        #: Product and table of the answer, and those and the station file of the current search.
+        #: Product and table of the result, and of the current search, with its station file.
         self._designed: ScheduleOptions | None = None
         self._searched: tuple[ScheduleOptions, Path | None] | None = None
         self._design: Design | None = None
@@ -87,9 +87,9 @@ class DesignView(QWidget):
 
     @property
     def answer(self) -> "DesignAnswer":
-        """The view of the answer, made at its first use."""
+        """The view of the result, created on first use."""
         if self._answer is None:
-            from calstation.gui.engineer.designer.answer import DesignAnswer  # it needs the solvers
+            from calstation.gui.engineer.designer.answer import DesignAnswer  # imports the solvers
 
             self._answer = DesignAnswer(self.driving, self._ask_name, self._copy, self._ask_file)
             self._stack.addWidget(self._answer)
@@ -98,7 +98,7 @@ class DesignView(QWidget):
         return self._answer
 
     def offer(self, options: ScheduleOptions | None) -> None:
-        """Design for this product and station from now on; None if they cannot be used."""
+        """Use this product and station for further designs; None if they are unusable."""
         self._options = options
         if options is not None:
             self.form.offer(options)
@@ -177,7 +177,7 @@ class DesignView(QWidget):
         self._error = error
         self._refresh()
 
-    # ---- the answer
+    # ---- the result
 
     def _ask_name(self) -> None:
         assert self._designed is not None
@@ -239,7 +239,7 @@ class DesignView(QWidget):
 
 
 def _schedule_text(found: "Design") -> str:
-    """Return the schedule as it is written in a product file, with a line for every move."""
+    """Return the schedule in the format of a product file, with a line for every move."""
     values = found.schedule()
     moves = values.pop("moves")
     targets = values.pop("targets", None)

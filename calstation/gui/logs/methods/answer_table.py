@@ -15,8 +15,8 @@ _NUMBERS = ("value", "sigma", "before", "before_sigma", "other", "other_sigma", 
 class AnswerTable(ParameterTable):
     """Table of the estimated parameters, with their contract names as row headers.
 
-    Beside value and sigma it shows the previous value, or the least-squares solution for a gimbal, and the true value
-    for a recording of the virtual bench.
+    In addition to value and sigma it shows the previous value, or the least-squares solution for a gimbal, and the true
+    value for a recording of the virtual bench.
     """
 
     def __init__(self) -> None:
@@ -118,7 +118,7 @@ def _cells(
 
 
 def _in_sigma(row: Parameter, other: tuple[float, float] | None, truth: float | None) -> dict[str, float]:
-    """Return the differences in sigma from the other solution (larger of the two) and from the true value (own)."""
+    """Return the differences from the other solution in the larger sigma, and from the true value in the own sigma."""
     apart = {}
     if other is not None:
         apart["other_in_sigma"] = (row.value - other[0]) / max(row.sigma, other[1], 1e-300)

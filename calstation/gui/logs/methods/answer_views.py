@@ -1,4 +1,4 @@
-"""The tabs of a method: guidance on how to carry it out, and the views of its solution."""
+"""The tabs of a method: guidance on its use, and the views of its solution."""
 
 from PySide6.QtWidgets import QPushButton, QStackedWidget, QWidget
 
@@ -29,7 +29,7 @@ from calstation.results.plots import GimbalPlotData, MethodAnswer, PairPlotData,
 
 
 class AnswerViews(QWidget):
-    """Shows the guidance, the views specific to the method, and those common to all methods: parameters and checks."""
+    """Shows the guidance, the method's own views, and the views common to all methods: parameters and checks."""
 
     def __init__(self, app: AppContext, stage: str, export_button: QPushButton) -> None:
         super().__init__()
@@ -59,7 +59,7 @@ class AnswerViews(QWidget):
         on_language_change(self, self._refresh)
 
     def clear(self) -> None:
-        """Show the guidance only."""
+        """Show only the guidance."""
         self._answered = False
         self.tabs.setCurrentIndex(0)
         self._head.hide()

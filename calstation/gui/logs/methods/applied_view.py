@@ -1,4 +1,4 @@
-"""View of a solution applied to a recording or to live data: force and rate over time, before and after it."""
+"""View of a solution applied to a recording or to live data: force and rate over time, before and after."""
 
 from pathlib import Path
 
@@ -69,20 +69,20 @@ class AppliedView(QWidget):
         theme.on_appearance_change(self, self._refresh)
 
     def show_answer(self, answer: MethodAnswer) -> None:
-        """Show a solution, applied to its own recording."""
+        """Show a solution applied to its own recording."""
         self._answer = answer
         self.applied = self._other = None
         self._refresh()
         self.apply(answer.recording.path)
 
     def apply(self, path: Path) -> None:
-        """Apply the solution to a recording, and show the data before and after it."""
+        """Apply the solution to a recording, and show the data before and after."""
         if self._answer is not None and not self._at_device:
             files = path, self._answer.recording.registers
             self._begin(self._app.job_queue.submit(apply_to_recording, *files, *self._vectors(self._answer)))
 
     def _apply_to_unit(self) -> None:
-        """Apply the solution to some seconds of live data of the unit, and show the data before and after it."""
+        """Apply the solution to some seconds of the unit's live data, and show the data before and after."""
         if self._answer is None or self._at_device or self._app.engine_link.running:
             return
         files = self._answer.recording.path, self._app.station_path, self._app.product_path
@@ -96,13 +96,13 @@ class AppliedView(QWidget):
 
     @property
     def _at_device(self) -> bool:
-        """Whether the running job reads the unit; such a job cannot be cancelled or replaced."""
+        """Return whether the running job reads the unit; such a job cannot be cancelled or replaced."""
         job = self.watch.job
         return job is not None and not job.cancellable
 
     @staticmethod
     def _vectors(answer: MethodAnswer) -> tuple[FloatArray, FloatArray]:
-        """Return all parameters before and after; those that the method does not estimate keep their values."""
+        """Return all parameters before and after; parameters that the method does not estimate keep their values."""
         return before_and_found({name: value for name, (value, _) in answer.before.items()}, answer.parameters)
 
     def _choose(self) -> None:
@@ -140,7 +140,7 @@ class AppliedView(QWidget):
         enable(self.choose_button, busy)
 
     def _caution(self) -> str:
-        """Return a warning about the unit that the samples come from, "" if there is none."""
+        """Return a warning about the unit that produced the samples, "" if there is none."""
         a, serial = self.applied, self._answer.recording.serial if self._answer is not None else ""
         if self._other is not None:
             return say("applied.other_unit", connected=self._other.serial, serial=serial)

@@ -1,4 +1,4 @@
-"""Guidance for a method: numbered steps, what it needs and estimates, and an illustration with labelled parts."""
+"""Guidance for a method: numbered steps, its requirements and estimates, and an illustration with labelled parts."""
 
 from functools import cache, partial
 from pathlib import Path
@@ -28,7 +28,7 @@ _NAMES_SHARE = 0.3
 
 
 def guidance(stage: str) -> QScrollArea:
-    """Make the view that explains how to carry out a method."""
+    """Create the view that explains how to carry out a method."""
     wide = 2 * theme.GRID
     steps, foot = (grid(across=wide, down=wide, stretch=1) for _ in range(2))
     for number in (1, 2, 3, 4):

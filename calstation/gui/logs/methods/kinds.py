@@ -1,4 +1,4 @@
-"""The methods that need no rate table, and the tab bar that selects one."""
+"""The methods that need no rate table, and the tab bar that selects one of them."""
 
 from PySide6.QtCore import Signal
 
@@ -31,7 +31,7 @@ class MethodBar(ViewTabs):
         return ("", *STAGES)[self.currentIndex()]
 
     def choose(self, method: str) -> None:
-        """Select a method, like a click on its tab."""
+        """Select a method as if its tab were clicked."""
         self.setCurrentIndex(("", *STAGES).index(method))
 
     def _show_texts(self) -> None:

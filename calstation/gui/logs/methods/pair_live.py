@@ -1,4 +1,4 @@
-"""Watches the station's IMUs on one body live: start and stop, check now, state, last checks and clocks."""
+"""Live monitoring of the station's IMUs on one body: start and stop, check now, state, last checks and clocks."""
 
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QWidget
@@ -17,7 +17,7 @@ from calstation.results.plots import CorrectedTrace
 
 
 class PairLiveView(PairBars):
-    """Starts and stops a watch of the station in a process of its own, and shows its state."""
+    """Starts and stops the monitoring of the station in a separate process, and shows its state."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
@@ -76,11 +76,11 @@ class PairLiveView(PairBars):
 
     @property
     def watching(self) -> bool:
-        """Whether a watch is running."""
+        """Return whether the station is being monitored."""
         return self._watch is not None
 
     def close_watch(self) -> None:
-        """End the watch and wait until its ports are closed."""
+        """End the monitoring and wait until its ports are closed."""
         if self._watch is not None:
             self._watch.close()
         self._watch = None
@@ -163,7 +163,7 @@ class PairLiveView(PairBars):
         return ""
 
     def _state(self) -> tuple[str, str]:
-        """Return the badge of the watch."""
+        """Return the badge of the monitoring."""
         if not self.watching:
             return "none", self.tr("not watching")
         status = self.status

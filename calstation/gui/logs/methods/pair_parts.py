@@ -102,7 +102,7 @@ _STATES = {
 
 
 class Timeline(QWidget):
-    """A timeline with a symbol and a text at every event; symbols that would overlap are merged, texts omitted."""
+    """A timeline with a symbol and a text at every event; overlapping symbols are merged, overlapping texts omitted."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -111,7 +111,7 @@ class Timeline(QWidget):
         on_language_change(self, self.update)
 
     def show_progress(self, progress: PairProgress | None) -> None:
-        """Show how far a recording has been replayed."""
+        """Show the progress of a replayed recording."""
         self.progress = progress
         self.update()
 
@@ -159,7 +159,7 @@ def _state_text(progress: PairProgress) -> str:
 
 
 def _joined(marks: list[tuple[float, str, str]]) -> list[tuple[float, str, str]]:
-    """Merge marks (position, kind, text) that would overlap; a merged mark has its most important kind."""
+    """Merge overlapping marks (position, kind, text); a merged mark has its most important kind."""
     joined: list[tuple[float, str, str]] = []
     for x, kind, text in marks:
         if joined and x - joined[-1][0] < 1.5 * _MARK:

@@ -26,7 +26,7 @@ class PairBars(QWidget):
     def _unit_bars(
         self, number: int, check: Mapping[str, Any] | None, after: Mapping[str, float | None]
     ) -> list[CheckBar]:
-        """Return the rows of a unit, 0 for the primary; `after` holds the deviations of its calibrated sensors."""
+        """Return the rows of a unit, 0 for the primary; `after` contains the deviations of its calibrated sensors."""
         name = self.tr("IMU {0}").format(number) if number else self.tr("primary")
         shown = check and check["secondary" if number else "primary"]
         return [self._bar(name, s, shown and shown[s], after.get(s)) for s in _SENSORS]
@@ -93,7 +93,7 @@ class PairCheckView(PairBars):
         on_language_change(self, self._refresh)
 
     def show_data(self, data: PairPlotData, schedule: Mapping[str, Any]) -> None:
-        """Show the check of a solved recording at rest, and the events of its triggers if there are any."""
+        """Show the check at rest of a solved recording, and the events of its triggers, if any."""
         self._data, self._schedule, self._checked = data, schedule, None
         end = PairProgress(data.duration, data.duration, "waiting", 0.0, data.events)
         self.timeline.show_progress(end if data.events else None)

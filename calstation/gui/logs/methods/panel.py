@@ -1,4 +1,4 @@
-"""Panel of one method: its recording, the jobs on it, the guidance, and the views of the solution."""
+"""Panel of one method: its recording, jobs, guidance, and the views of the solution."""
 
 from pathlib import Path
 
@@ -88,13 +88,13 @@ class MethodPanel(QWidget):
             self.solver.watch(self.app.job_queue.submit(solve_method, self.path, self.stage))
 
     def _check(self) -> None:
-        """Replay the recording: check the IMUs, calibrate those out of tolerance, and store the results."""
+        """Replay the recording: check the IMUs, calibrate if out of tolerance, and store the results."""
         if not self.busy and self.path is not None:
             self.notice.dismiss()
             self.checker.watch(self.app.job_queue.submit(check_pair, self.path))
 
     def _guide_live(self) -> None:
-        """Open the operator page with the product that is calibrated manually."""
+        """Open the operator page with the product for manual calibration."""
         product = manual_product()
         if product is not None and uses_manual_rig(self.app.station_path):
             self.app.set_product(product)
@@ -141,7 +141,7 @@ class MethodPanel(QWidget):
             self.answers.check.show_progress(None if job is None else progress_from_note(job.note))
 
     def _update(self) -> None:
-        """Enable the controls that can be used now; tooltips explain why the others are disabled."""
+        """Enable the controls that are currently usable; tooltips explain why the others are disabled."""
         wait = say("window.busy_job") if self.busy else ""
         enable(self.solve_button, "" if self.path is not None else self.tr("Open a recording first, or make one"))
         enable(self.export_button, wait or ("" if self.answer is not None else self.tr("Solve a recording first")))

@@ -15,7 +15,7 @@ from calstation.physics import FloatArray
 
 
 class MethodPlot(ThemedPlot):
-    """A plot whose vertical axis, or both of whose axes, may be logarithmic."""
+    """A plot with an optionally logarithmic vertical axis, or both axes logarithmic."""
 
     def __init__(self, *, log: bool = False, log_x: bool = False) -> None:
         super().__init__()
@@ -65,7 +65,7 @@ class MethodPlot(ThemedPlot):
         self._values.append(np.array([value]))
 
     def span(self, values: FloatArray) -> None:
-        """Extend the vertical range to these values."""
+        """Extend the vertical range to include these values."""
         self._values.append(values)
 
     def shade(self, begin: float, end: float) -> None:
@@ -89,7 +89,7 @@ class MethodPlot(ThemedPlot):
 
 
 class Figure(QWidget):
-    """A caption above a number, or two with an arrow between them, legible from a distance of two metres."""
+    """A caption above a number, or two numbers with an arrow between them, legible from two metres."""
 
     def __init__(self, size: int = 28) -> None:
         super().__init__()

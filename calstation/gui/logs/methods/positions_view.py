@@ -12,7 +12,7 @@ from calstation.results.plots import PositionPlotData
 
 
 class PositionsView(QWidget):
-    """Plots residuals before (hollow dots) and after (filled dots), with the limit of the product as a dashed line."""
+    """Plots residuals before (hollow dots) and after (filled dots), with the product's limit as a dashed line."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -53,7 +53,7 @@ class Convergence(QFrame):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("kind", "panel")
-        #: Lines of the unit shown, by group.
+        #: Lines of the displayed unit, by group.
         self.lines: dict[str, Line] = {}
         self._lines_of: dict[str, dict[str, Line]] = {}
         self._now = self._drawn = 0.0
@@ -87,7 +87,7 @@ class Convergence(QFrame):
             self._plot.removeItem(line.curve)
         self.lines = self._lines_of.get(slot, {})
         for group, line in self.lines.items():
-            line.curve.opts["name"] = f"log10 {group}"  # in its CSV
+            line.curve.opts["name"] = f"log10 {group}"  # for the CSV export
             self._plot.addItem(line.curve)
         self._refresh()
         self.draw()
@@ -109,7 +109,7 @@ class Convergence(QFrame):
         shown = [*_RATIOS, *(ratio for line in self.lines.values() for ratio in line.ratios)]
         low, high = np.log10(min(shown)) - _MARGIN, np.log10(max(shown)) + _MARGIN
         for line in self.lines.values():
-            if line.times:  # extend the last value to the current time
+            if line.times:  # extends the last value to the current time
                 times, ratios = [*line.times, self._now], [*line.ratios, line.ratios[-1]]
                 line.curve.setData(np.array(times) / 60.0, np.log10(ratios))
         decades = range(int(np.ceil(low)), int(np.floor(high)) + 1)
@@ -134,7 +134,7 @@ class Convergence(QFrame):
                 continue
             unit, size = DISPLAY[group]
             value = line.ratios[-1] * line.target / size
-            number = f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"  # avoid exponents
+            number = f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"  # avoids exponents
             text, colour, state = f"{term('group', group)} {number} {unit}", c.text, ""
             if line.reached:
                 text, colour, state = self.tr("{value} reached").format(value=text), c.good, "good"

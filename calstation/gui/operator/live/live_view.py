@@ -29,7 +29,7 @@ from calstation.sequencer import (
     Trace,
 )
 
-#: Height of a window that has room for the convergence plot, and further height for each row of tiles, px.
+#: Height of a window with enough room for the convergence plot, and additional height per row of tiles, px.
 _ROOM, _TILES = 704, 54
 
 #: Preparation steps, each identified by the message that starts it; the first step starts with START.
@@ -92,7 +92,7 @@ class LiveView(QWidget):
         self._lower = stack(Preparation(run), self._convergence, self.gimbal)
         self.position.finish_wanted.connect(self.finish_wanted)
         self.table.setMinimumWidth(37 * theme.GRID)
-        #: Beside the table: the traces; while several units are prepared, whose tiles are below, the preparation steps.
+        #: Next to the table: the traces or, while several units are prepared, with tiles below, the preparation steps.
         self._beside = stack(self._traces, Preparation(run))
         self._units = UnitTiles(run)
         row((self.table, 1), (self._beside, 3), on=self._upper)
@@ -141,13 +141,13 @@ class LiveView(QWidget):
                 self._convergence.take(self._run.done, largest_sigmas(event), event.slot)
 
     def _show_unit(self) -> None:
-        """Show the axes, the traces from now on and the convergence of another unit."""
+        """Show the axes, the further traces and the convergence of another unit."""
         self._orient()
         self._traces.clear()
         self._convergence.show_unit(self._run.unit.slot)
 
     def _orient(self) -> None:
-        """Draw the axes of the unit as it is mounted in its slot."""
+        """Draw the axes of the unit as mounted in its slot."""
         summary = self._run.run_summary
         by_slot = {} if summary is None else dict(zip(summary.slots, summary.orientations, strict=False))
         self.table.picture.set_orientation(by_slot.get(self._run.unit.slot, ALIGNED))

@@ -62,7 +62,7 @@ class PositionPanel(QFrame):
         self._refresh()
 
     def finish_stage(self) -> None:
-        """Show that all positions of the stage are done."""
+        """Show that all positions of the stage are complete."""
         self._finished = True
         self._refresh()
 
@@ -105,7 +105,7 @@ class PositionPanel(QFrame):
             self.finish_button.setEnabled(False)
 
     def _turn_text(self, now: PositionGuided) -> str:
-        """Return the instruction that states which rail to turn to which angle; of two rails, the outer is first."""
+        """Return the instruction with the rail to turn and its angle; of two rails, the outer comes first."""
         least = np.deg2rad(1.0)
         outer = abs(now.outer - now.outer_before) > least
         inner = abs(now.inner - now.inner_before) > least

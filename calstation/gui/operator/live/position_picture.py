@@ -1,4 +1,4 @@
-"""Drawing of the unit on a manual rig: attitude relative to gravity, positions done and remaining, and rest time."""
+"""Drawing of the unit on a manual rig: attitude relative to gravity, completed and remaining positions, rest."""
 
 import itertools
 
@@ -117,7 +117,7 @@ class PositionPicture(Drawing):
         self.set_opacity(1.0)
 
     def _draw_gravity(self) -> None:
-        """Draw the pointer at the top, which the next position has to reach, and an arrow pointing down."""
+        """Draw the pointer at the top, which the next position must reach, and an arrow pointing down."""
         c = theme.colours()
         top, foot, tip = screen(1.02 * _UP), screen(-1.0 * _UP), screen(-1.26 * _UP)
         self.area([top, top + QPointF(-0.09, -0.16), top + QPointF(0.09, -0.16)], c.accent)

@@ -47,12 +47,12 @@ class TablePicture(Drawing):
         self.setGraphicsEffect(self._pale)
 
     def set_axes(self, outer: Axis, inner: Axis) -> None:
-        """Set the table axes as unit vectors at the home position, in frame b of a unit with the table's axes."""
+        """Set the table axes as unit vectors at home, in frame b of a unit aligned with the table."""
         self._outer_axis, self._inner_axis = outer, inner
         self.update()
 
     def set_orientation(self, orientation: Orientation) -> None:
-        """Set the rotation from the axes of the unit, which are drawn, to those of the table."""
+        """Set the rotation from the unit's axes, which are drawn, to the table's axes."""
         self._orientation = orientation
         self.update()
 
@@ -140,7 +140,7 @@ class TablePanel(QFrame):
             angle.setFont(theme.font(theme.SECTION, bold=True))
             for at, part in enumerate((name, angle, rate)):
                 figures.addWidget(part, row, at)
-            for number in (angle, rate):  # fills its cell, so that a longer number is never cut
+            for number in (angle, rate):  # fills its cell, so that a longer number is never cut off
                 number.setAlignment(right)
         figures.setColumnMinimumWidth(2, 9 * theme.GRID)
         column(self.badge, (self.picture, 1), figures, on=self, spacing=theme.GRID // 2, margins=PANEL)

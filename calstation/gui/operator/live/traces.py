@@ -11,9 +11,9 @@ from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, button, co
 from calstation.physics import DEGREE, FloatArray
 from calstation.sequencer import Trace
 
-#: Selectable time spans, s; the second is the default.
+#: Selectable time spans, s; the second one is the default.
 _SPANS = (10.0, 60.0, 600.0)
-#: Approximate number of points drawn per line, and number of rows stored, about a quarter of an hour.
+#: Approximate number of points drawn per line, and number of stored rows, about a quarter of an hour.
 _POINTS, _MAX_ROWS = 2000, 16_384
 
 

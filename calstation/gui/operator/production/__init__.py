@@ -1,4 +1,4 @@
-"""What a production line adds to the operator page: badges, the shift counter, pictures and labels."""
+"""Additions to the operator page for a production line: badges, the shift counter, pictures and labels."""
 
 import lazy_loader as lazy
 

@@ -1,4 +1,4 @@
-"""Field for the operator: a name that may be left out or, where the station requires it, a badge to sign in with."""
+"""Field for the operator: an optional name or, if the station requires it, a badge to sign in with."""
 
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, QTimer, Signal
 from PySide6.QtWidgets import QApplication, QLineEdit, QWidget
@@ -11,12 +11,12 @@ from calstation.gui.widgets import button, column, enable, label, row, theme
 #: Events that count as activity of the operator.
 _ACTIVITY = (QEvent.Type.KeyPress, QEvent.Type.MouseButtonPress, QEvent.Type.TouchBegin)
 
-#: Width for a name beside the button to sign out, px.
+#: Width for a name next to the sign-out button, px.
 _WIDTH = 28 * theme.GRID
 
 
 class BadgeField(QWidget):
-    """Shows the operator; with a `SignInSection` only a badge signs in, until the operator or idleness signs out.
+    """Shows the operator; with a `SignInSection`, a badge is required to sign in, until sign-out or an idle timeout.
 
     `entered()` : Enter in the field of a station without sign-in; `signed_in()`, `signed_out()` : the operator has
     changed; `refused(error)` : a badge was not accepted.
@@ -41,14 +41,14 @@ class BadgeField(QWidget):
         self.sign_out_button = button("sign_out_button", lambda: self.tr("Sign out"), self.sign_out)
         self.sign_out_button.hide()
         caption = label(lambda: self.tr("Operator"), buddy=self.edit)
-        caption.setFixedHeight(theme.BIG_BUTTON - theme.BUTTON)  # Chinese characters are higher
+        caption.setFixedHeight(theme.BIG_BUTTON - theme.BUTTON)  # Chinese characters are taller
         column(caption, row((self.edit, 1), self.sign_out_button), on=self, spacing=0)
         self.edit.returnPressed.connect(self._entered)
         bind(self.edit.setPlaceholderText, self._placeholder)
 
     @property
     def section(self) -> SignInSection | None:
-        """How operators of the station sign in; None if it does not ask for badges."""
+        """How operators of the station sign in; None if badges are not required."""
         return self._section
 
     @property
@@ -58,18 +58,18 @@ class BadgeField(QWidget):
 
     @property
     def operator(self) -> str | None:
-        """The operator for a request: the badge, or the name entered, or by default the user of the computer."""
+        """The operator for a request: the badge, or the entered name, or by default the user of the computer."""
         if self._section is not None:
             return self._badge or None
         return self.edit.text().strip() or computer_user()
 
     @property
     def name(self) -> str | None:
-        """The operator for a record: the name of who has signed in, otherwise as `operator`."""
+        """The operator for a record: the name of the signed-in operator, otherwise as `operator`."""
         return self.operator if self._section is None else self.edit.text() if self._badge else None
 
     def set_section(self, section: SignInSection | None) -> None:
-        """Use the sign-in of a station; if it differs from the present one, nobody is signed in."""
+        """Use the sign-in of a station; if it differs from the current one, the operator is signed out."""
         if section != self._section:
             self._section = section
             self.setMinimumWidth(0 if section is None else _WIDTH)
@@ -78,7 +78,7 @@ class BadgeField(QWidget):
             self.edit.setPlaceholderText(self._placeholder())
 
     def sign_in(self, badge: str) -> None:
-        """Sign in the operator with a badge, in place of the previous one."""
+        """Sign in the operator with a badge, replacing the previous one."""
         assert self._section is not None
         try:
             name = self._section.operator(badge)
@@ -105,7 +105,7 @@ class BadgeField(QWidget):
         self.signed_out.emit()
 
     def lock(self, why: str) -> None:
-        """Lock the field for the given reason; "" unlocks it. Meanwhile nobody is signed out for being idle."""
+        """Lock the field for the given reason; "" unlocks it. A locked field does not sign out an idle operator."""
         for widget in (self.edit, self.sign_out_button):
             enable(widget, why)
         self._held = bool(why)

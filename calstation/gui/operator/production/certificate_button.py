@@ -1,4 +1,4 @@
-"""The button that issues the calibration certificate of a result, or opens the one that was issued."""
+"""Button that issues the calibration certificate of a result, or opens an existing one."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,9 +19,9 @@ from calstation.results import Result
 class CertificateButton(QPushButton):
     """Visible for a result with parameters; the notice bar shows the certificate or why there is none.
 
-    A certificate that was issued is opened; the notice then offers a revision. The owner lays out `panel`, which asks
-    for the reason of a revision, and for two people where the product requires them. `then` is called after the notice
-    has been closed.
+    An issued certificate is opened; the notice then offers a revision. The owner lays out `panel`, which asks for the
+    reason of a revision, and for two people if the product requires them. `then` is called after the notice has been
+    closed.
     """
 
     def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:

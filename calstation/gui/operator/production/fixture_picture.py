@@ -11,7 +11,7 @@ from calstation.gui.widgets import theme
 
 
 class FixturePicture(QWidget):
-    """Shows an SVG, PNG or JPEG file as large as possible, on a white ground in both themes."""
+    """Shows an SVG, PNG or JPEG file as large as possible, on a white background in both themes."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -19,7 +19,7 @@ class FixturePicture(QWidget):
         self._drawing, self._photo = QSvgRenderer(), QPixmap()
 
     def show_file(self, path: Path | None) -> None:
-        """Show a file, or hide."""
+        """Show a file, or hide the picture if there is none."""
         self._path = path
         if path is not None and path.suffix == ".svg":
             self._drawing.load(str(path))

@@ -1,4 +1,4 @@
-"""The button that prints the label of a unit that passed."""
+"""Button that prints the label of a passed unit."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +16,7 @@ from calstation.results import Result
 
 
 class LabelButton(QPushButton):
-    """Visible for a run that passed with a product that has a label; the notice bar shows whether it was printed.
+    """Visible for a passed run of a product with a label; the notice bar shows whether it was printed.
 
     `then` is called after a label has been printed, or after its notice has been closed.
     """
@@ -38,7 +38,7 @@ class LabelButton(QPushButton):
         self._result_file = result_file
         try:
             template = None if result is None or result_file is None else label_template(result)
-        except CalstationError:  # a product that cannot be read is shown on the operator page
+        except CalstationError:  # an unreadable product is reported on the operator page
             template = None
         self.setVisible(template is not None)
 

@@ -1,4 +1,4 @@
-"""One line with the counts of the shift: units done, passed and failed, yield, and mean time per unit."""
+"""One line with the counts of the shift: completed, passed and failed units, yield, and mean time per unit."""
 
 from datetime import datetime
 
@@ -11,12 +11,12 @@ from calstation.gui.text import duration_text, on_language_change
 from calstation.gui.widgets import JobWatch, show_text
 from calstation.results import ShiftCount, count_shift, shift_start
 
-#: Time between two checks whether another shift has begun, ms.
+#: Time between two checks for a new shift, ms.
 _CHECK_MS = 60_000
 
 
 class ShiftCounter(QLabel):
-    """Counts in a background job; hidden while the station cannot be used."""
+    """Counts in a background job; hidden while the station is unusable."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
@@ -38,7 +38,7 @@ class ShiftCounter(QLabel):
             self.count()
 
     def count(self) -> None:
-        """Count again, and from now on whenever a shift begins."""
+        """Count again, now and whenever a shift begins."""
         self._timer.start()
         summary, folder = self._summary, self._app.runs_folder
         since = None if summary is None else shift_start(summary.shift_starts)

@@ -1,4 +1,4 @@
-"""A banner with the word of a verdict, its shape and the unit, fitted to its size."""
+"""Banner with the text of a verdict, its shape and the unit, fitted to its size."""
 
 from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPaintEvent, QResizeEvent
@@ -9,7 +9,7 @@ from calstation.gui.widgets import draw_state, label, state_colour, theme
 
 #: Margin at the right end of the banner, px, and smallest gap between its texts, in units of their size.
 _BANNER_MARGIN, _GAP = 3 * theme.GRID, 0.4
-#: The unit stands below the verdict if this makes the verdict so many times larger.
+#: The unit is placed below the verdict if this enlarges the verdict by at least this factor.
 _LARGER = 1.3
 
 
@@ -21,7 +21,7 @@ def _width(text: str) -> float:
 class Banner(QWidget):
     """Banner with the verdict, its shape, and the unit, on a background in the colour of the state.
 
-    Its labels are named `name` followed by ``_label`` and ``_serial_label``. `height` is its least height, px.
+    Its labels are named `name` followed by ``_label`` and ``_serial_label``. `height` is its smallest height, px.
     """
 
     def __init__(self, name: str, height: int) -> None:
@@ -37,7 +37,7 @@ class Banner(QWidget):
         self.setMinimumHeight(height)
 
     def show_state(self, state: str, serial: str) -> None:
-        """Show the text of a state and the unit that it applies to, in the colours of the theme."""
+        """Show the text of a state and the unit to which it applies, in the colours of the theme."""
         self._kind = KINDS.get(state, "none")
         for shown, text in ((self.word, term("badge", state)), (self.serial, serial)):
             shown.setText(text)
@@ -51,7 +51,7 @@ class Banner(QWidget):
         self._fit()
 
     def _fit(self) -> None:
-        """Show both texts in one size, or the unit below the verdict if the verdict is much larger then."""
+        """Show both texts in one size, or the unit below the verdict if the verdict then becomes much larger."""
         room = self.width() - self.height() - _BANNER_MARGIN
         word, serial = (_width(shown.text()) for shown in (self.word, self.serial))
         size, alone = min(0.55 * self.height(), room / (word + serial + _GAP)), min(0.4 * self.height(), room / word)
@@ -59,7 +59,7 @@ class Banner(QWidget):
         if below:
             size = alone
         self._texts.setDirection(QBoxLayout.Direction.TopToBottom if below else QBoxLayout.Direction.LeftToRight)
-        self._texts.setStretch(1, int(below))  # each has one half of the height then
+        self._texts.setStretch(1, int(below))  # each then has half of the height
         self._texts.setContentsMargins(self.height(), 0, _BANNER_MARGIN, 0)
         self.word.setFont(theme.font(int(size), bold=True))
         self.serial.setFont(theme.font(int(min(size, room / max(serial, 1.0))), bold=True))

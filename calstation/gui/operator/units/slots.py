@@ -8,17 +8,17 @@ from PySide6.QtCore import QObject, Signal
 
 @dataclass(eq=False)
 class Slot:
-    """A place for a unit on the table."""
+    """A mounting position of a unit on the table."""
 
     name: str
-    serial: str = ""  #: Serial number of its unit; "" while there is none.
-    suggested: bool = False  #: Whether the virtual bench has suggested the serial number.
-    left_empty: bool = False  #: Whether scans pass over it.
+    serial: str = ""  #: Serial number of its unit; "" if there is none.
+    suggested: bool = False  #: Whether the virtual bench suggested the serial number.
+    left_empty: bool = False  #: Whether scans skip it.
     attempts: int = 0  #: Number of earlier runs of the unit.
 
     @property
     def open(self) -> bool:
-        """Whether a scan may go here."""
+        """Whether a scan may fill it."""
         return not self.serial and not self.left_empty
 
 
@@ -50,7 +50,7 @@ class Slots(QObject):
 
     @property
     def marked(self) -> Slot | None:
-        """The slot that has been chosen, or the first open one; None if there is neither."""
+        """The selected slot, or the first open one; None if there is neither."""
         return self._chosen or next((slot for slot in self._slots if slot.open), None)
 
     @property
@@ -64,14 +64,14 @@ class Slots(QObject):
         return not any(slot.open for slot in self._slots)
 
     def plan(self, names: tuple[str, ...]) -> None:
-        """Use the slots of a station; those of the present one keep their units."""
+        """Use the slots of a station; slots with the current names keep their units."""
         if names != tuple(slot.name for slot in self._slots):
             self._slots = [Slot(name) for name in names]
             self._chosen = None
             self.changed.emit()
 
     def slot_of(self, serial: str) -> Slot | None:
-        """Return the slot of a unit that has been scanned, or None; suggestions do not count."""
+        """Return the slot of a scanned unit, or None; suggestions do not count."""
         return next((slot for slot in self._slots if slot.serial == serial and not slot.suggested), None)
 
     def suggest(self, slot: Slot, serial: str) -> None:
@@ -89,24 +89,24 @@ class Slots(QObject):
         self.changed.emit()
 
     def choose(self, slot: Slot) -> None:
-        """Let the next scan go into a slot."""
+        """Select the slot for the next scan."""
         self._chosen = slot
         self.changed.emit()
 
     def clear(self, slot: Slot) -> None:
-        """Remove the unit of a slot; the next scan goes into the first open one."""
+        """Remove the unit from a slot; the next scan fills the first open one."""
         slot.serial, slot.suggested = "", False
         self._chosen = None
         self.changed.emit()
 
     def leave_empty(self, slot: Slot, *, left_empty: bool) -> None:
-        """Let scans pass over an empty slot, or no longer."""
+        """Set whether scans skip an empty slot."""
         slot.left_empty = left_empty
         self._chosen = None
         self.changed.emit()
 
     def remove_units(self, *, only_suggested: bool = False) -> None:
-        """Remove all units, or only those that the virtual bench has suggested; slots left empty stay so."""
+        """Remove all units, or only suggested ones; slots left empty remain so."""
         for slot in self._slots:
             if slot.suggested or not only_suggested:
                 slot.serial, slot.suggested = "", False

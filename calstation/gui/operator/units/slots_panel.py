@@ -1,4 +1,4 @@
-"""The slots of the table before a run: a tile for each, with the serial number that was scanned into it."""
+"""The slots of the table before a run: a tile for each, with the scanned serial number."""
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
@@ -21,9 +21,10 @@ class _SlotTile(Tile):
         self._serial, self._note = ElidedLabel(), ElidedLabel("muted")
         self._serial.setFont(theme.font(theme.SECTION, bold=True))
         self.action = button(f"slot_{slot.name}_button", pressed=self._act)
-        self.action.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # the keys of a scan after a click must not act again
+        # the keys of a scan after a click must not trigger it again
+        self.action.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         shown_or_not = self.action.sizePolicy()
-        shown_or_not.setRetainSizeWhenHidden(True)  # the names of all tiles are at the same height
+        shown_or_not.setRetainSizeWhenHidden(True)  # so that the names of all tiles are at the same height
         self.action.setSizePolicy(shown_or_not)
         head = row(self._icon, (self._name, 1), spacing=theme.GRID)
         unit = row((column(None, self._serial, self._note, None, spacing=0), 1), self.action, spacing=theme.GRID)

@@ -1,4 +1,4 @@
-"""A tile for a unit, and the grid of tiles, which has the same arrangement before, during and after a run."""
+"""A tile for a unit, and the grid of tiles, with the same arrangement before, during and after a run."""
 
 from collections.abc import Sequence
 
@@ -21,7 +21,7 @@ COLUMNS = 4
 
 
 class Tile(QAbstractButton):
-    """A button with widgets laid out on it, which take no clicks; as high as they need, and higher if there is room."""
+    """A button that contains widgets, which do not take clicks; it expands vertically if there is room."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -37,20 +37,20 @@ class Tile(QAbstractButton):
         QStylePainter(self).drawPrimitive(QStyle.PrimitiveElement.PE_Widget, option)
 
     def show_chosen(self, chosen: bool) -> None:
-        """Show whether this is the tile of the unit that scans or traces belong to."""
+        """Show whether this is the tile of the unit to which scans or traces belong."""
         kind = "tile_chosen" if chosen else "tile"
         if self.property("kind") != kind:
             theme.set_kind(self, kind)
 
 
 def pass_clicks(*widgets: QWidget) -> None:
-    """Let clicks on widgets reach the tile below them."""
+    """Let clicks on widgets reach the tile that contains them."""
     for widget in widgets:
         widget.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
 
 
 def arrange(layout: QGridLayout, tiles: Sequence[QWidget]) -> None:
-    """Put tiles into a grid in order, in place of the present ones."""
+    """Put tiles into a grid in order, replacing the current ones."""
     clear(layout)
     for index in range(COLUMNS):
         layout.setColumnStretch(index, index < len(tiles))

@@ -1,4 +1,4 @@
-"""The units of a run in progress: a tile for each with its state, of which one chooses the unit of the live plots."""
+"""The units of a run in progress: a tile for each with its state; a click selects the unit of the live plots."""
 
 from functools import partial
 
@@ -61,7 +61,7 @@ class UnitTiles(QWidget):
             tile.show_state(*self._state(tile.unit), chosen=tile.unit is self._run.unit)
 
     def _state(self, unit: UnitStatus) -> tuple[str, str]:
-        """Return the kind of a unit's state, and the state in a few words."""
+        """Return the kind of a unit's state, and a few words that describe it."""
         run = self._run
         if unit.fault is not None:
             return "caution", f"{term('badge', 'fault')}: {fault_text(unit.fault).reason}"

@@ -1,4 +1,4 @@
-"""The verdicts of several units: a tile for each with the word in large, the reason and what to do with the unit."""
+"""The verdicts of several units: a tile for each with the verdict in large text, the reason and the next action."""
 
 from functools import partial
 from math import ceil
@@ -13,14 +13,14 @@ from calstation.gui.shell import RunStatus, UnitStatus, run_badge
 from calstation.gui.text import fault_text, say
 from calstation.gui.widgets import PANEL, ElidedLabel, StateBadge, column, grid, label, row, theme
 
-#: Least height of the banner of a tile, its largest one in one and in several rows, and size of the line above, px.
+#: Smallest height of a tile's banner, largest heights in one and in several rows, and size of the line above, px.
 _BANNER, _HIGH, _LOW, _SUMMARY = 4 * theme.GRID, 13 * theme.GRID, 10 * theme.GRID, 28
-#: Number of rows in which tiles have room for whole sentences.
+#: Number of rows for which tiles have room for whole sentences.
 _ROOMY_ROWS = 2
 
 
 class _VerdictTile(Tile):
-    """The verdict of a unit, in a few words if there are many `rows` of tiles, which are not `roomy` then."""
+    """The verdict of a unit, abbreviated if there are many `rows` of tiles, which are then not `roomy`."""
 
     def __init__(self, unit: UnitStatus, rows: int) -> None:
         name = f"unit_{unit.slot}_verdict"
@@ -45,7 +45,7 @@ class _VerdictTile(Tile):
         pass_clicks(self._banner, self._serial, self.reason, self._action)
 
     def show_verdict(self, shown: str) -> None:
-        """Show the state of the unit at its end, why, and what to do with it."""
+        """Show the final state of the unit, the reason, and the next action."""
         unit = self.unit
         released = shown == "failed" and unit.result is not None and unit.result.released
         brief = advice.brief_reason(shown, unit.result), advice.brief_action(shown, unit.result)
@@ -63,7 +63,7 @@ class _VerdictTile(Tile):
 
 
 class VerdictGrid(QFrame):
-    """The verdicts of all units of a run below a line that counts them; `opened()` : a unit has been clicked."""
+    """The verdicts of all units of a run below a line that counts them; `opened()` : a unit was clicked."""
 
     opened = Signal()
 
@@ -79,7 +79,7 @@ class VerdictGrid(QFrame):
         theme.on_appearance_change(self, self._refresh)
 
     def show_end(self) -> None:
-        """Show how the run ended for each unit."""
+        """Show the outcome of the run for each unit."""
         units = self._run.units
         if [tile.unit for tile in self._tiles] != list(units):
             self._tiles = [_VerdictTile(unit, ceil(len(units) / COLUMNS)) for unit in units]
@@ -95,7 +95,7 @@ class VerdictGrid(QFrame):
                 tile.setFocus()
 
     def next_action(self) -> str:
-        """Return what the operator does next."""
+        """Return the operator's next action."""
         again = self._run.state in ("stopped", "incomplete")
         return say("advice.same_units" if again else "advice.next_units")
 
@@ -111,5 +111,5 @@ class VerdictGrid(QFrame):
                 tile.show_verdict(self._run.shown_of(tile.unit))
             brief = [tile.reason for tile in self._tiles if not tile.roomy]
             height = max((reason.sizeHint().height() for reason in brief), default=0)
-            for reason in brief:  # with and without a reason, all banners are equally high
+            for reason in brief:  # all banners are equally high, with or without a reason
                 reason.setMinimumHeight(height)
