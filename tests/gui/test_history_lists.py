@@ -371,7 +371,7 @@ def test_units_of_a_batch_are_listed_together(page: HistoryPage, folder: Path, q
     qtbot.waitUntil(lambda: len(rows(page)) == 4, timeout=WAIT)
     assert not table.isColumnHidden(slot)
     needed = table.fontMetrics().horizontalAdvance("B20261101T000000-00FF")
-    for width, stages_hidden in ((2400, False), (1366, True)):
+    for width, stages_hidden in ((2400, False), (1280, True)):
         page.resize(width, 640)
         qtbot.waitUntil(lambda hidden=stages_hidden: table.isColumnHidden(stages) == hidden, timeout=WAIT)
         assert not table.isColumnHidden(batch)
