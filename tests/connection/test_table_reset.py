@@ -1,4 +1,4 @@
-"""A fault that the table has latched is reset on an order only: nothing moves, and what stays is told."""
+"""A latched table fault is reset only on request, without motion; a fault that persists is reported."""
 
 import struct
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ _REMOTE = 1 << 9
 
 
 class Bench:
-    """A table that outlives those who talk to it, as a real one does."""
+    """A table that keeps its state between connections, like a real table."""
 
     def __init__(self, host: BenchHost) -> None:
         site_folder, _, port = host.endpoints["clock"].rpartition(":")
@@ -33,7 +33,7 @@ class Bench:
         self.order: LinkTestRequest = order(table={"port": f"tcp://{host.endpoints['table']}", "timeout_s": 5.0})
 
     def obey(self, kind: str, value: float = 0.0) -> None:
-        """Have something go wrong, or right again."""
+        """Inject or clear a fault."""
         self.clock.order({"order": kind, "value": value})
 
     def reset(self) -> TableReset:
@@ -41,11 +41,11 @@ class Bench:
         return reset_table(ignore_progress, self.order)
 
     def standing(self) -> TableState:
-        """How the table stands."""
+        """Return the status of the table."""
         return read_table(ignore_progress, self.order)
 
     def check_power(self) -> None:
-        """The check of a run before it switches the axes on."""
+        """Run the check that a run performs before it switches the axes on."""
         setup = link_test_configuration(self.order)
         assert self.order.station.table.port is not None
         table = open_table(setup, self.order.station.table.port)
@@ -70,7 +70,7 @@ def shared(host: BenchHost) -> Iterator[Bench]:
 
 @pytest.fixture
 def bench(shared: Bench, monkeypatch: pytest.MonkeyPatch) -> Bench:
-    """The table at rest, nothing latched."""
+    """The table at rest without a latched fault."""
     monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.2)
     shared.obey("interlock", 1)
     shared.clock.sleep(1.0)
@@ -83,7 +83,7 @@ def bench(shared: Bench, monkeypatch: pytest.MonkeyPatch) -> Bench:
     ("kind", "name"),
     [("drive_fault", "drive"), ("limit_fault", "limit"), ("stall", "stall"), ("trip_watchdog", "watchdog")],
 )
-def test_a_latched_fault_is_reset_and_a_run_may_begin_again(bench: Bench, kind: str, name: str) -> None:
+def test_latched_fault_is_reset_and_a_run_can_start_again(bench: Bench, kind: str, name: str) -> None:
     bench.obey(kind)
     with raises_code(DeviceFaultError, f"table.latched_{name}"):
         bench.check_power()
@@ -128,7 +128,7 @@ def test_a_moving_table_is_not_reset(bench: Bench) -> None:
 
 
 class Stubborn(FakeTable):
-    """A table that takes every write and keeps its fault, or refuses the controlword."""
+    """A table that accepts every write but keeps its fault, or rejects the controlword."""
 
     def __init__(self, *, fault: int, refuses: bool) -> None:
         super().__init__({})
@@ -164,7 +164,7 @@ def test_nothing_is_reset_under_local_control() -> None:
     assert (result.outcome, set(fake.functions)) == ("local_control", {3})
 
 
-def test_another_model_is_never_written_to() -> None:
+def test_table_of_another_model_is_never_written_to() -> None:
     fake = Stubborn(fault=4, refuses=False)
     fake.words[0:8] = [0x4142] * 8
     with (
@@ -175,7 +175,9 @@ def test_another_model_is_never_written_to() -> None:
     assert fake.written == []
 
 
-def test_the_command_line_confirms_and_resets(bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_line_asks_for_confirmation_and_resets(
+    bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     link: dict[str, Any] = {"profile": "bench", "port": bench.order.station.table.port, "timeout_s": 5.0}
     imu = {"port": "/dev/ttyNONE9"}
     station = tmp_path / "line.toml"

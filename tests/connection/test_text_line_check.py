@@ -1,4 +1,4 @@
-"""Of a unit that sends text, the test says which part of [frame] does not fit, with a line that came."""
+"""The link test of a text unit names the incorrect entry of [frame] and shows a received line."""
 
 import sys
 from pathlib import Path
@@ -25,13 +25,13 @@ FRAME: dict[str, Any] = {
 
 
 def line(counter: int = 7, begins: str = "$IMU,", separator: str = ",", numbers: str = "1,2,3,4,5,6") -> bytes:
-    """A line of the unit, whose check is right."""
+    """Return a line of the unit with its correct checksum."""
     body = f"{begins}{counter}{separator}{numbers.replace(',', separator)}"
     return f"{body}*{check_function('xor8')(body[1:].encode()):02X}\r\n".encode()
 
 
 def told(heard: bytes, **changes: Any) -> Finding | None:
-    """What is said of these bytes by a profile that is wrong in this."""
+    """Return the finding for these bytes with a changed profile."""
     return diagnose_text(FrameSection.model_validate({**FRAME, **changes}), heard)
 
 
@@ -39,7 +39,7 @@ def fields(*columns: int) -> dict[str, Any]:
     return {"fields": [{**f, "at": at} for f, at in zip(FRAME["fields"], columns, strict=True)]}
 
 
-def test_lines_that_are_samples_are_right() -> None:
+def test_valid_sample_lines_pass() -> None:
     assert told(3 * line()) is None
     assert told(2 * line() + b"$IMU,x") is None
 
@@ -67,7 +67,7 @@ def test_a_wrong_profile_is_reported(changes: dict[str, Any], expected: str, val
     assert mend
 
 
-def test_a_wrong_check_is_reported_with_the_right_one() -> None:
+def test_wrong_checksum_setting_is_reported_with_both_values() -> None:
     found = told(3 * line(), crc={"kind": "xor8", "start": 0})
     assert found is not None
     right = line().strip().rpartition(b"*")[2].decode()
@@ -82,13 +82,13 @@ def test_a_non_numeric_column_is_reported() -> None:
     assert found.values["text"] == "up"
 
 
-def test_noise_and_partial_lines_are_not_lines() -> None:
+def test_noise_and_partial_lines_give_no_finding() -> None:
     assert told(bytes(range(0x80, 0xFF)) * 4 + b"\r\n" + bytes(range(0x80, 0xFF)) + b"\r\n") is None
     assert told(line()[:-4]) is None
     assert told(b"") is None
 
 
-def test_a_long_line_is_shown_in_part() -> None:
+def test_long_line_is_truncated() -> None:
     found = told(3 * (b"#" + b"1,2,3," * 100 + b"\r\n"))
     assert found is not None
     assert len(str(found.values["line"])) <= 123
@@ -127,7 +127,7 @@ def product(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize(
     ("begins", "expected"), [("$IMU,", "line_short"), ("$ACC,", "line_sync"), ("$IMU;", "line_separator")]
 )
-def test_the_test_of_a_text_unit_names_the_entry(product: Path, begins: str, expected: str) -> None:
+def test_link_test_of_a_text_unit_names_the_incorrect_entry(product: Path, begins: str, expected: str) -> None:
     with terminal(silent, lambda: line(begins=begins)) as port:
         report = check_imu_link(ignore_progress, order(product, imu={"port": port}))
     assert [f.id for f in report.findings if f.state == "wrong"] == [expected]
