@@ -1,4 +1,4 @@
-"""A Modbus RTU device on a pseudo-terminal that answers in order, each answer as late as a test says."""
+"""A Modbus RTU device on a pseudo-terminal that responds in order, each response with a configured delay."""
 
 import os
 import select
@@ -15,7 +15,7 @@ def crc(data: bytes) -> bytes:
 
 
 class RtuServer(threading.Thread):
-    """Register n holds n where `words` says nothing else; answer k is `late[k]` s late, or is not given: None."""
+    """Register n contains n unless `words` overrides it; response k is delayed by `late[k]` s, or omitted if None."""
 
     def __init__(self, late: Mapping[int, float | None] | None = None, words: Mapping[int, int] | None = None) -> None:
         import tty
@@ -32,19 +32,19 @@ class RtuServer(threading.Thread):
         self.start()
 
     def close(self) -> None:
-        """Pull the plug."""
+        """Disconnect the device."""
         self._closing.set()
         self.join(5.0)
         for end in (self._slave, self._master):
             os.close(end)
 
     def obey(self, function: int, address: int, values: Iterable[int]) -> int:
-        """Store what is written; the exception it is answered with, 0 for none."""
+        """Store a write; return the Modbus exception code, or 0 on success."""
         self.words |= {address + i: value for i, value in enumerate(values)}
         return 0
 
     def tell(self, address: int) -> int | None:
-        """What a register holds, None where it is not told now: exception 6."""
+        """Return the value of a register, or None to respond with exception 6."""
         return self.words.get(address, address)
 
     def run(self) -> None:
