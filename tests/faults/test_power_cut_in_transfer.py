@@ -1,4 +1,4 @@
-"""The power of station and unit cut at every byte of a transfer: on the wire, in flash, in the journal; by protocol."""
+"""Power of station and unit is cut at every byte of a register transfer: on the wire, in flash, in the journal."""
 
 import shutil
 from collections.abc import Mapping
@@ -22,14 +22,14 @@ SIZES = {"gyro_bias": 1e-5, "accel_bias": 1e-2, "accel_quadratic": 1e-6, "inner_
 
 
 def values(kind: str, factor: float) -> dict[str, float]:
-    """A value for every register of a kind of unit, rounded as the unit stores it."""
+    """Return a value for every register of a type of unit, rounded as the unit stores it."""
     names = registers(KINDS[kind]).parameters
     values = {n: factor * (i + 1) * (-1) ** i * SIZES.get(n.rsplit("_", 1)[0], 1e-5) for i, n in enumerate(names)}
     return registers(KINDS[kind]).rounded(values)
 
 
 class Station:
-    """The computer's power, which is the unit's."""
+    """The power supply shared by computer and unit."""
 
     supply = Supply()
 
@@ -51,7 +51,7 @@ def _journal_under_power(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Factory:
-    """A unit, a folder of runs, and a supply for both that may break down at any byte."""
+    """A unit, a folder of runs, and a common supply that can fail at any byte."""
 
     def __init__(self, folder: Path, kind: str) -> None:
         self.unit = Unit(folder / "flash.bin", kind=KINDS[kind])
@@ -63,11 +63,11 @@ class Factory:
         return register_journal.begin(self.runs, SERIAL, old, new, register_journal.Purpose("wang", "run", "a.h5"))
 
     def write(self, values: Mapping[str, float], budget: int | None = None) -> int:
-        """A whole transfer with power for so many bytes; how many it took."""
+        """Run a complete transfer with power for `budget` bytes; return the number of bytes used."""
         return self._powered(lambda imu: self._transfer(imu, values), budget)
 
     def mend(self, choice: str, budget: int | None = None) -> None:
-        """What the next start does about an open entry."""
+        """Recover an interrupted transfer as at the next start."""
         entry = register_journal.interrupted(self.runs, SERIAL)
         if entry is None:
             return
@@ -82,7 +82,7 @@ class Factory:
         self._powered(go, budget)
 
     def holds(self, values: Mapping[str, float]) -> bool:
-        """Whether it wakes up with these."""
+        """Return whether the unit has these values after a power-up."""
         return not self.map.differing(values, self.unit.flash)
 
     def _transfer(self, imu: Any, values: Mapping[str, float]) -> None:
@@ -100,7 +100,7 @@ class Factory:
         return supply.spent
 
     def check(self, before: Mapping[str, float]) -> None:
-        """What must be true after a cut anywhere."""
+        """Assert the conditions that hold after a power cut at any byte."""
         entry = register_journal.interrupted(self.runs, SERIAL)
         done = [t for t in register_journal.history(self.runs, SERIAL) if t.closing == "done"]
         if entry is None:
@@ -114,7 +114,7 @@ class Factory:
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("stride", [61, pytest.param(1, marks=pytest.mark.exhaustive)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_power_cut_at_any_byte(tmp_path: Path, kind: str, stride: int) -> None:
+def test_power_cut_at_any_byte_is_recovered(tmp_path: Path, kind: str, stride: int) -> None:
     first, second = values(kind, 1.0), values(kind, -2.5)
     start = tmp_path / "start"
     start.mkdir()
@@ -148,7 +148,7 @@ def test_the_power_cut_at_any_byte(tmp_path: Path, kind: str, stride: int) -> No
     further=st.lists(st.tuples(st.sampled_from(["finish", "restore"]), st.floats(0.0, 1.0)), max_size=4),
     last=st.sampled_from(["finish", "restore"]),
 )
-def test_repeated_power_cuts_during_recovery(
+def test_repeated_power_cuts_during_recovery_are_recovered(
     tmp_path_factory: pytest.TempPathFactory,
     kind: str,
     first: float,

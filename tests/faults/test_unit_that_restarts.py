@@ -1,4 +1,4 @@
-"""A unit that restarts by itself, on each protocol: a good unit never fails and its flash is not written again."""
+"""A unit restarts unexpectedly, on each protocol: a good unit never fails and its flash is not written again."""
 
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ LOOSE = {"within": 2e-2, "sigma_below": 1e-2}
 
 
 def with_imu(fault_runs: FaultRuns, imu: str) -> FaultRuns:
-    """Runs with a unit of another protocol."""
+    """Return runs with a unit of another protocol."""
     if imu != "bench_nav":
         limits = {"gyro_scale": LOOSE, "accel_scale": LOOSE}
         fault_runs.product = {**PRODUCT, "imu": imu, "bench_grade": "mems", "limits": limits}
@@ -30,12 +30,12 @@ def with_imu(fault_runs: FaultRuns, imu: str) -> FaultRuns:
 
 
 def restart(stage: str, *times: float) -> list[dict[str, Any]]:
-    """A restart some seconds after a stage or a capture has begun."""
+    """Return the plan of restarts at times after the start of a stage or a capture, s."""
     return [{"kind": "reset_imu", "stage": stage, "time_s": time} for time in times]
 
 
 def assert_proved(fault_runs: FaultRuns, ran: Ran) -> None:
-    """A PASS like any other: proved, and written once."""
+    """Assert that the unit passed, its registers were verified and its flash written once."""
     assert ran.verdict.outcome == "passed", ran.events[-3:]
     assert "reset_imu" in ran.bench["obeyed"]
     registers = ran.verdict.result["registers"]
@@ -74,7 +74,7 @@ def test_a_restart_before_the_write_repeats_the_reference_capture(fault_runs: Fa
 
 
 @pytest.mark.parametrize("imu", sampled(3, IMUS))
-def test_repeated_restarts_are_a_fault_that_leaves_the_decision_open(fault_runs: FaultRuns, imu: str) -> None:
+def test_repeated_restarts_are_a_fault_and_leave_the_transfer_open(fault_runs: FaultRuns, imu: str) -> None:
     ran = with_imu(fault_runs, imu).run(*restart("verifying", *range(6, 60, 6)))
     ran.assert_stopped("IMU: the unit restarted while its new registers were verified", "check its supply")
     assert ran.bench["flash_cycles"] == 1
@@ -105,7 +105,7 @@ def test_a_restart_on_a_manual_rig_requests_the_position_again(fault_runs: Fault
     assert_proved(fault_runs, ran)
 
 
-def test_a_plan_does_not_count_steps_of_a_capture(tmp_path: Path) -> None:
+def test_fault_plan_with_steps_of_a_capture_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "plan.toml"
     path.write_text('[[fault]]\nkind = "reset_imu"\nstage = "verifying"\nstep = 2\n', encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"'verifying' has no steps\. Give time_s"):

@@ -118,7 +118,9 @@ def test_logs_are_solved_once_each_while_workers_are_killed(
 
 
 @pytest.mark.timeout(600)
-def test_interrupted_and_started_again_it_solves_only_the_rest(made: Callable[[int], list[Path]], url: str) -> None:
+def test_interrupted_job_solves_only_remaining_logs_after_a_restart(
+    made: Callable[[int], list[Path]], url: str
+) -> None:
     logs = made(LOGS)
     folder = logs[0].parent
     connect(url).dispose()
@@ -151,7 +153,7 @@ def test_interrupted_and_started_again_it_solves_only_the_rest(made: Callable[[i
 
 
 @pytest.mark.timeout(300)
-def test_a_cluster_solves_the_logs(made: Callable[[int], list[Path]], url: str, tmp_path: Path) -> None:
+def test_logs_are_solved_on_a_cluster(made: Callable[[int], list[Path]], url: str, tmp_path: Path) -> None:
     logs = made(LOGS)[:20]
     file = tmp_path / "scheduler.json"
     dask = [sys.executable, "-m", "dask"]
