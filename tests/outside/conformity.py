@@ -1,4 +1,4 @@
-"""Monte Carlo of decisions: units near their limits, calibrated on the bench, and how often a decision is wrong.
+"""Monte Carlo study of decisions: how often decisions about units near their limits are wrong.
 
 python -m tests.outside.conformity --units 400
 """

@@ -1,4 +1,4 @@
-"""Calibrations without a rate table of units with an error outside the model: what passes, and how wrong it is.
+"""Calibrations without a rate table of units with an unmodelled error: which pass, and with which errors.
 
 python -m tests.outside.methods --stage cross_calibration --effect accel_cubic=30,100,300 --seeds 5
 

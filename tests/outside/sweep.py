@@ -1,4 +1,4 @@
-"""Calibrations of units with an error outside the model: what still passes, and how wrong it is.
+"""Calibrations of units with an unmodelled error: which still pass, and with which errors.
 
 python -m tests.outside.sweep --effect accel_cubic_ug_g3=1,3,10 --grade nav --table quiet --seeds 4
 """
