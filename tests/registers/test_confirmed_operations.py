@@ -1,4 +1,4 @@
-"""A register write outside a run is in the audit trail; where the product requires it, a second engineer confirms."""
+"""Register writes outside a run are audited and confirmed by a second engineer if the product requires it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +26,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
 
 
-def test_a_write_by_hand_is_in_the_audit_trail(site_folder: SiteFolder) -> None:
+def test_manual_write_is_in_the_audit_trail(site_folder: SiteFolder) -> None:
     errands = Errands(replace(site_folder.request(), operator="wang"))
     errands.write(VALUES, at_rest=True)
     (event,) = read_audit(audit_path(site())).events
@@ -56,7 +56,7 @@ def another_product(site_folder: SiteFolder) -> Path:
     return lenient
 
 
-def test_another_product_does_not_spare_the_second_engineer(
+def test_choosing_another_product_does_not_bypass_the_second_engineer(
     site_folder: SiteFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
     site_folder.write({"confirmation": {"required_for": ["registers"]}})
@@ -79,7 +79,7 @@ def transfer(request: RunRequest) -> journal.Transfer:
     return journal.history(request.out, SERIAL)[-1]
 
 
-def test_a_result_of_another_product_is_not_written(site_folder: SiteFolder) -> None:
+def test_result_of_another_product_is_not_written(site_folder: SiteFolder) -> None:
     result = {
         "unit": {"serial": SERIAL},
         "product": "short",

@@ -1,4 +1,4 @@
-"""Registers by hand on the bench's own IMU: read, set beside a result, written, journaled."""
+"""Manual register operations on the simulated IMU: read, compare with a result, write, journal."""
 
 import json
 from dataclasses import replace
@@ -21,13 +21,13 @@ SERIAL = "SN-000042"
 
 @pytest.fixture
 def unit(site_folder: SiteFolder) -> SiteFolder:
-    """A place whose unit keeps its flash."""
+    """A site whose unit keeps its flash."""
     site_folder.write(flash_file=str(site_folder.folder / "flash.bin"))
     return site_folder
 
 
 def result_of(site_folder: SiteFolder, **values: float) -> Result:
-    """A result with these parameters."""
+    """Write a result with these parameters."""
     return Result.from_json(
         {
             "schema": "calstation.result/1",
@@ -41,7 +41,7 @@ def result_of(site_folder: SiteFolder, **values: float) -> Result:
 
 
 @pytest.mark.long
-def test_the_unit_holds_what_was_written(unit: SiteFolder) -> None:
+def test_unit_contains_the_written_values(unit: SiteFolder) -> None:
     runs = unit.folder / "runs"
     before = read_unit(ignore_progress, unit.request(), runs)
     assert (before.serial, before.commits, before.virtual) == (SERIAL, 0, True)
@@ -87,7 +87,7 @@ def test_the_command_line_reads_the_registers_of_a_unit(unit: SiteFolder, capsys
     assert f"Unit '{SERIAL}' is in the fixture, not 'SN-000043'" in capsys.readouterr().err
 
 
-def test_another_unit_than_meant_is_refused(unit: SiteFolder) -> None:
+def test_write_to_a_different_unit_is_refused(unit: SiteFolder) -> None:
     unit.write(serial=SERIAL)
     runs = unit.folder / "runs"
     with pytest.raises(DeviceFaultError, match=r"'SN-000042' is in the fixture.*nothing was written"):
@@ -95,14 +95,14 @@ def test_another_unit_than_meant_is_refused(unit: SiteFolder) -> None:
     assert history(runs, "SN-000043") == []
 
 
-def test_a_value_that_does_not_fit_is_refused(unit: SiteFolder) -> None:
+def test_value_outside_the_register_range_is_refused(unit: SiteFolder) -> None:
     runs = unit.folder / "runs"
     with pytest.raises(DeviceFaultError, match="does not fit register 0"):
         Errands(unit.request()).write({"gyro_bias_x": 7.0}, at_rest=True)
     assert read_unit(ignore_progress, unit.request(), runs).values["gyro_bias_x"] != 7.0
 
 
-def test_no_journal_no_write(unit: SiteFolder) -> None:
+def test_write_is_refused_without_a_journal(unit: SiteFolder) -> None:
     runs = unit.folder / "runs"
     runs.mkdir()
     (runs / FOLDER).write_text("a file where the folder should be", encoding="utf-8")
@@ -113,7 +113,7 @@ def test_no_journal_no_write(unit: SiteFolder) -> None:
 
 
 @pytest.mark.long
-def test_a_result_after_the_registers_is_composed_with_them(behind: SiteFolder) -> None:
+def test_result_from_corrected_output_is_composed_with_the_registers(behind: SiteFolder) -> None:
     result = dict(behind.run("six_position").result)
     wanted = wanted_registers(ignore_progress, behind.request(), Result.from_json(result))
     found = {name: row["value"] for name, row in result["parameters"].items()}

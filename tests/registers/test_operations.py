@@ -1,4 +1,4 @@
-"""Registers outside a run: the table is made ready before they are written, turns behind them, and is left at rest."""
+"""Register operations outside a run: the table is prepared first, moves for verification, and is left at rest."""
 
 import json
 import os
@@ -33,7 +33,7 @@ SCALE = 0.02
 
 
 class Floor:
-    """A place whose unit keeps its flash and whose bench says how it was left."""
+    """A site whose unit keeps its flash, with access to the final state of the bench."""
 
     def __init__(self, site_folder: SiteFolder) -> None:
         self.site_folder = site_folder
@@ -54,17 +54,17 @@ class Floor:
 
     @property
     def report(self) -> dict[str, Any]:
-        """How the bench was left."""
+        """Return the final state of the bench."""
         found: dict[str, Any] = json.loads((self.site_folder.folder / "bench.json").read_text(encoding="utf-8"))
         return found
 
     @property
     def entry(self) -> register_journal.Transfer:
-        """The latest transfer."""
+        """Return the latest transfer."""
         return register_journal.history(self.runs, SERIAL)[-1]
 
     def left_alone(self) -> bool:
-        """At rest, axes off."""
+        """Return whether the table is at rest with its axes off."""
         return not self.report["enabled"] and not self.report["moving"]
 
 
@@ -74,12 +74,12 @@ def floor(site_folder: SiteFolder) -> Floor:
 
 
 def verifying(errands: Errands, event: Event) -> bool:
-    """Whether it is a move of the restarted unit."""
+    """Return whether an event is a verification move of the restarted unit."""
     return isinstance(event, StepStarted) and event.label[:1] == ("verify",) and "verifying" in errands.told()
 
 
 def stop_at(moment: str) -> Any:
-    """Stop at a message, or at the first move for something, of the restarted unit where it is to verify."""
+    """Stop at a message, or at the first move with a purpose; for verification, of the restarted unit."""
 
     def watch(errands: Errands, event: Event) -> None:
         move = isinstance(event, StepStarted) and event.label[:1] == (moment,)
@@ -91,7 +91,7 @@ def stop_at(moment: str) -> Any:
     return watch
 
 
-def test_a_wrong_sign_invisible_at_rest_fails_the_turn(floor: Floor) -> None:
+def test_wrong_sign_that_is_invisible_at_rest_fails_the_rotation_test(floor: Floor) -> None:
     floor.write_station(parameters={"gyro_scale_x": SCALE})
     floor.errands.write({"gyro_scale_x": SCALE})
     assert floor.entry.steps[-1] == "turned"
@@ -107,9 +107,7 @@ def test_a_wrong_sign_invisible_at_rest_fails_the_turn(floor: Floor) -> None:
 
 
 @pytest.mark.parametrize("profile", ["bench", pytest.param("indexing_unit", marks=pytest.mark.exhaustive)])
-def test_the_table_is_prepared_before_the_write_turned_after_it_and_left_at_its_load_angle(
-    floor: Floor, profile: str
-) -> None:
+def test_table_is_prepared_moved_for_verification_and_returned_to_load_position(floor: Floor, profile: str) -> None:
     floor.write_station(profile)
     settled = floor.errands.write(VALUES)
     assert (settled.closing, settled.proof) == ("done", "turn")
@@ -139,9 +137,7 @@ def test_the_table_is_prepared_before_the_write_turned_after_it_and_left_at_its_
         ),
     ],
 )
-def test_a_table_that_cannot_turn_refuses_before_anything_is_written(
-    floor: Floor, bench: dict[str, Any], words: str
-) -> None:
+def test_table_that_cannot_move_is_reported_before_any_write(floor: Floor, bench: dict[str, Any], words: str) -> None:
     floor.write_station(**bench)
     with pytest.raises(CalstationError, match=words) as refused:
         floor.errands.write(VALUES)
@@ -161,7 +157,7 @@ def test_a_table_that_cannot_turn_refuses_before_anything_is_written(
         ["identified", "homing", "check", "reference", "registers_writing", "verifying", "verify"],
     ),
 )
-def test_a_stop_works_at_every_moment(floor: Floor, profile: str, moment: str) -> None:
+def test_stop_is_safe_at_every_step(floor: Floor, profile: str, moment: str) -> None:
     written = moment in ("registers_writing", "verifying", "verify")
     floor.write_station(profile)
     floor.errands.on_event = stop_at(moment)
@@ -178,7 +174,7 @@ def test_a_stop_works_at_every_moment(floor: Floor, profile: str, moment: str) -
 
 
 @pytest.mark.long
-def test_a_stop_without_the_table(floor: Floor) -> None:
+def test_stop_without_a_table_leaves_the_transfer_unverified(floor: Floor) -> None:
     floor.errands.on_event = stop_at("verifying")
     assert floor.errands.write(VALUES, at_rest=True).closing == "stopped"
     assert floor.errands.told()[-1] == "transfer_unproved"
@@ -188,7 +184,7 @@ def test_a_stop_without_the_table(floor: Floor) -> None:
 
 @pytest.fixture
 def clock_at_hand(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The clock of the bench in use, which takes orders."""
+    """The clock of the current bench, which accepts fault orders."""
     clocks: list[Any] = []
     connected = register_errand.connected
 
@@ -211,7 +207,7 @@ def clock_at_hand(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         ("jam", "did not reach"),
     ],
 )
-def test_a_table_that_fails_in_the_turn_leaves_the_registers_written_and_open(
+def test_table_fault_during_verification_leaves_the_transfer_open(
     floor: Floor, clock_at_hand: list[Any], order: str, words: str
 ) -> None:
     def spoil(errands: Errands, event: Event) -> None:
@@ -230,7 +226,7 @@ def test_a_table_that_fails_in_the_turn_leaves_the_registers_written_and_open(
 
 
 @pytest.mark.long
-def test_a_table_that_fails_before_the_write_leaves_the_unit_untouched(floor: Floor, clock_at_hand: list[Any]) -> None:
+def test_table_fault_before_the_write_leaves_the_registers_unchanged(floor: Floor, clock_at_hand: list[Any]) -> None:
     def spoil(errands: Errands, event: Event) -> None:
         if isinstance(event, StepStarted) and event.label[:1] == ("verify",):
             clock_at_hand[-1].order({"order": "drive_fault", "after": 0.5})
@@ -264,7 +260,7 @@ def test_restored_registers_are_verified(floor: Floor) -> None:
 
 
 @pytest.mark.long
-def test_a_unit_with_its_old_registers_is_not_moved(floor: Floor) -> None:
+def test_unit_with_its_old_registers_needs_no_verification_motion(floor: Floor) -> None:
     floor.errands.on_event = stop_at("verifying")
     floor.errands.write(VALUES)
     entry = floor.entry
@@ -278,7 +274,7 @@ def test_a_unit_with_its_old_registers_is_not_moved(floor: Floor) -> None:
 
 
 @pytest.mark.long
-def test_a_manual_rig_is_not_tested(floor: Floor) -> None:
+def test_manual_rig_needs_no_motion_test(floor: Floor) -> None:
     floor.write_station("hand_rails", parameters={})
     floor.errands.request = replace(floor.errands.request, product=library.find("products", "mems_hand"))
     settled = floor.errands.write({"gyro_bias_x": 1e-4})
@@ -287,7 +283,7 @@ def test_a_manual_rig_is_not_tested(floor: Floor) -> None:
 
 
 @pytest.mark.long
-def test_the_command_line_reports_motion_and_verification(floor: Floor, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_line_reports_motion_and_verification(floor: Floor, capsys: pytest.CaptureFixture[str]) -> None:
     floor.errands.write(VALUES, at_rest=True)
     files = ["--out", str(floor.runs), "--station", str(floor.site_folder.station)]
     files += ["--product", str(floor.site_folder.product)]
@@ -312,7 +308,7 @@ def test_the_command_line_reports_motion_and_verification(floor: Floor, capsys: 
 
 @pytest.mark.exhaustive
 @pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
-def test_ctrl_c_in_the_turn_stops_the_table(floor: Floor) -> None:
+def test_ctrl_c_during_verification_stops_the_table(floor: Floor) -> None:
     floor.errands.on_event = stop_at("verifying")
     floor.errands.write(VALUES)
     floor.write_station(speed=5.0)
