@@ -67,7 +67,7 @@ def test_two_engineers_with_their_pins_confirm() -> None:
         (Person(" ", "000000"), WANG, "no_person"),
     ],
 )
-def test_anyone_else_is_refused(first: Person, second: Person | None, code: str) -> None:
+def test_invalid_pairs_of_people_are_refused(first: Person, second: Person | None, code: str) -> None:
     with raises_code(ConfigurationError, f"confirmation.{code}"):
         confirm("registers", product("registers"), station("B0001", "B0002", "B0003"), first, second)
 
@@ -114,7 +114,7 @@ def test_error_after_several_wrong_pins_states_the_waiting_time() -> None:
             confirm("override", product(), station("B0001"), Person("B0001", "999999"))
 
 
-def test_first_badge_pin_requires_the_site_pin_and_changes_the_old_one(home: Path) -> None:
+def test_first_badge_pin_requires_the_site_pin_and_later_ones_the_old_pin(home: Path) -> None:
     with raises_code(ConfigurationError, "access.wrong_pin"):
         access.set_pin("111111", "333333", "B0003")
     access.set_pin("111111", "444444", "B0001")

@@ -182,7 +182,7 @@ FORBIDDEN = {
 
 
 @pytest.mark.parametrize("login", FORBIDDEN)
-def test_other_statements_are_denied(postgres, database: str, login: str) -> None:
+def test_statements_outside_a_role_are_denied(postgres, database: str, login: str) -> None:
     for command in FORBIDDEN[login]:
         with pytest.raises(subprocess.CalledProcessError) as caught:
             postgres.execute(command, database, login)
@@ -191,7 +191,7 @@ def test_other_statements_are_denied(postgres, database: str, login: str) -> Non
         assert any(words in said for words in refused), f"{command}: {said}"
 
 
-def test_fleet_and_reader_roles_can_read_runs_and_solutions(postgres, database: str) -> None:
+def test_fleet_and_reader_read_runs_and_solutions(postgres, database: str) -> None:
     for login in ("solver", "quality"):
         for table in ("runs", "outboxes", "log_copies", "solutions", "alembic_version"):
             assert postgres.execute(f"SELECT count(*) FROM {table}", database, login) in ("0", "1")

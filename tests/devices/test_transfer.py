@@ -129,7 +129,7 @@ def test_failed_read_back_is_not_committed_and_the_unit_is_restarted() -> None:
     assert noted.closing == "kept"
 
 
-def test_a_register_lost_from_flash_is_reported_and_left_open() -> None:
+def test_transfer_stays_open_if_a_register_is_lost_from_flash() -> None:
     unit, noted = RegisterUnit(forgets="gyro_bias_y"), Noted()
     with raises_code(DeviceFaultError, "imu.holds_neither"):
         transfer(unit, MAP, SERIAL, {"gyro_bias_y": 0.01}, noted.begin)

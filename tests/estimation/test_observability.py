@@ -49,7 +49,7 @@ def first_turn_about(labels, axis):
     return min(number for number, label in labels.items() if label[:2] == ("turn_about", axis))
 
 
-def test_rest_observes_eight_directions(passed):
+def test_eight_directions_are_observable_at_rest(passed):
     _, _, found = passed
     # velocity (3), force against tilt and bias (3), rate across gravity (2); a bias and a tilt only as their sum
     assert found["segments"][0]["rank"] == 8

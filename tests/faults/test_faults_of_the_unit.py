@@ -104,7 +104,7 @@ def test_invalid_output_is_reported_before_any_motion(
         ({"kind": "garble_imu", "value": 600.0}, ("check baud",)),
     ],
 )
-def test_a_wrong_unit_mounting_or_baud_is_reported_before_any_stage(
+def test_wrong_unit_mounting_or_baud_rate_is_reported_before_any_stage(
     fault_runs: FaultRuns, planned: dict[str, str], words: tuple[str, ...]
 ) -> None:
     fault_runs.run(planned).assert_stopped("IMU: ", *words)

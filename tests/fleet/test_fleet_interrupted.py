@@ -153,7 +153,7 @@ def test_interrupted_job_solves_only_remaining_logs_after_a_restart(
 
 
 @pytest.mark.timeout(300)
-def test_logs_are_solved_on_a_cluster(made: Callable[[int], list[Path]], url: str, tmp_path: Path) -> None:
+def test_a_cluster_solves_the_logs(made: Callable[[int], list[Path]], url: str, tmp_path: Path) -> None:
     logs = made(LOGS)[:20]
     file = tmp_path / "scheduler.json"
     dask = [sys.executable, "-m", "dask"]

@@ -392,7 +392,7 @@ def test_zooming_reaches_single_samples(page: OfflinePage, long_log: Path, qtbot
     qtbot.waitUntil(lambda: page.plot.samples_per_column > 100, timeout=WAIT)
 
 
-def test_a_running_solve_is_cancelled(page: OfflinePage, long_log: Path, qtbot: QtBot) -> None:
+def test_running_solution_is_cancelled(page: OfflinePage, long_log: Path, qtbot: QtBot) -> None:
     opened(page, long_log, qtbot)
     fractions: list[float] = []
     page.solver.progress.connect(lambda fraction, _: fractions.append(fraction))

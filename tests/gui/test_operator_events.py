@@ -263,7 +263,7 @@ def test_verdict_keeps_its_serial_number_and_the_field_is_for_the_next_unit(
     assert "next unit" not in simulated_run.says()
 
 
-def test_a_long_serial_number_fits_beside_the_verdict(simulated_run: Operator) -> None:
+def test_long_serial_number_fits_next_to_the_verdict(simulated_run: Operator) -> None:
     simulated_run.run.unit.serial = "UNIT-OF-A-VERY-LONG-NAME-0000000123456789"
     end_run(simulated_run, "incomplete")
     serial = simulated_run.widget("verdict_serial_label", QLabel)

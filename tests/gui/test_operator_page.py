@@ -28,7 +28,7 @@ def results(site_folder: SiteFolder) -> list[dict[str, Any]]:
     return [json.loads(p.read_text(encoding="utf-8")) for p in sorted(site_folder.runs.glob("SN-*.json"))]
 
 
-def test_one_click_runs_to_pass_with_language_changes(operator: Operator) -> None:
+def test_run_passes_after_one_click_despite_language_changes(operator: Operator) -> None:
     serial = operator.widget("serial_edit", QLineEdit).text()
     assert serial == "SN-000001"
     assert "virtual bench" in operator.says()
@@ -82,7 +82,7 @@ def test_unlimited_stage_is_ended_by_a_click_and_solved(operator: Operator, page
 
 
 @pytest.mark.long
-def test_pause_resume_and_escape_from_another_page(operator: Operator) -> None:
+def test_run_is_paused_resumed_and_stopped_from_another_page(operator: Operator) -> None:
     operator.site_folder.write({**ONE_STAGE, "schedule": LONG_STAGE}, speed=20.0)
     operator.scan(SERIAL)
     operator.press("start_button")

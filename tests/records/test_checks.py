@@ -276,7 +276,7 @@ def test_offline_result_must_equal_the_online_result():
     assert (told.passed, told.where) == (False, Where("b"))
 
 
-def test_no_check_without_evidence():
+def test_no_check_is_made_without_data():
     rules = {
         "gravity_at_rest": {"within": 1.0},
         "level": {"vertical_within": 1.0},

@@ -21,7 +21,7 @@ def preview_of(site_folder: SiteFolder, *stages: str, **schedule: dict[str, obje
 
 
 @pytest.mark.long
-def test_previewed_sigmas_equal_those_of_the_run(site_folder: SiteFolder) -> None:
+def test_previewed_sigmas_equal_the_sigmas_of_the_run(site_folder: SiteFolder) -> None:
     preview = compute_preview(Progress(), site_folder.request())
     result = site_folder.run().result
     assert [s.stage for s in preview.stages] == result["stages"]

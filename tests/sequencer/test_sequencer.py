@@ -53,7 +53,7 @@ def test_run_passes_and_leaves_the_axes_off(tick: float) -> None:
     assert scene.finalized == 1
 
 
-def test_samples_carry_stage_step_and_angles(tick: float) -> None:
+def test_samples_have_stage_step_and_angles(tick: float) -> None:
     scene = Scene()
     scene.passes = False  # no turns after the last stage: the fake remembers only its last move
     scene.run()
