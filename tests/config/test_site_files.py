@@ -30,7 +30,7 @@ def shipped(kind: str, name: str) -> str:
     return read_text(library.shipped_folder() / kind / f"{name}.toml")
 
 
-def spoilt(kind: str, name: str, old: str, new: str) -> list[Problem]:
+def problems_after(kind: str, name: str, old: str, new: str) -> list[Problem]:
     """Return the problems found after one change of a shipped file."""
     text = shipped(kind, name)
     assert old in text
@@ -144,7 +144,7 @@ def test_every_shipped_file_is_valid(kind: str, path: Path) -> None:
 def test_problem_of_an_entry_has_its_line_number(
     kind: str, name: str, old: str, new: str, where: str, message: str
 ) -> None:
-    problem = spoilt(kind, name, old, new)[0]
+    problem = problems_after(kind, name, old, new)[0]
     assert message in problem.text
     lines = (shipped(kind, name).split(old)[0] + old).splitlines()
     header = max((i for i, text in enumerate(lines, 1) if text.startswith("[")), default=0)

@@ -26,7 +26,7 @@ SITE = {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0}
 Answer = Callable[[bytes], bytes]
 
 
-def word_finding(finding: Finding) -> tuple[str, str]:
+def english_texts(finding: Finding) -> tuple[str, str]:
     """Return text and remedy of a finding as the window shows them in English."""
     shown = render(finding.message.code, finding.message.values, window=True)
     return shown.text, shown.remedy

@@ -28,7 +28,7 @@ from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import ConfigurationError
 from calstation.messages.finding import Finding, Report
 from tests.connection import fake_links as wires
-from tests.connection.fake_links import FakeImu, FakeTable, order, rtu, server, silent, terminal, word_finding
+from tests.connection.fake_links import FakeImu, FakeTable, english_texts, order, rtu, server, silent, terminal
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
 
@@ -39,19 +39,19 @@ def three_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(who_answers, "NUMBERS", range(1, 4))
 
 
-def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+def no_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
     """Ignore progress reports."""
     assert 0.0 <= fraction <= 1.0
 
 
 def table(**section: Any) -> Report:
     """Test a table with these link settings."""
-    return check_table_link(tell, order(table=section))
+    return check_table_link(no_progress, order(table=section))
 
 
 def imu(**section: Any) -> Report:
     """Test an IMU with these link settings."""
-    return check_imu_link(tell, order(imu=section))
+    return check_imu_link(no_progress, order(imu=section))
 
 
 def wrong(report: Report) -> Finding:
@@ -76,7 +76,7 @@ def test_state_of_a_report_is_the_state_of_its_worst_finding() -> None:
 
 
 def test_table_of_the_virtual_bench_passes() -> None:
-    report = check_table_link(tell, order(bench={"seed": 1}))
+    report = check_table_link(no_progress, order(bench={"seed": 1}))
     assert report.state == "ok"
     identified = report.find("identified")
     assert identified is not None
@@ -108,11 +108,11 @@ def test_latched_fault_is_reported_with_its_cause_if_available(code: int, told: 
     with server(fake.answer) as address:
         report = table(port=f"tcp://{address}", timeout_s=5.0)
     assert report.state == "look"
-    assert told in [word_finding(finding) for finding in report.findings]
+    assert told in [english_texts(finding) for finding in report.findings]
 
 
 def test_imu_of_the_virtual_bench_passes() -> None:
-    report = check_imu_link(tell, order(bench={"seed": 1}))
+    report = check_imu_link(no_progress, order(bench={"seed": 1}))
     assert report.state == "ok"
     rate, gravity, registers = (report.find(name) for name in ("rate", "gravity", "registers"))
     assert rate is not None
@@ -132,7 +132,7 @@ def test_serial_links_pass_and_the_table_state_is_reported() -> None:
         "interlock_closed": False,
         "low_deg": [-90.0, -1080.0],
     }
-    report = check_table_link(tell, order(bench=bench))
+    report = check_table_link(no_progress, order(bench=bench))
     assert wrong(report).id == "watchdog_off"
     assert [f.id for f in report.findings if f.state == "look"] == ["interlock_open", "travel_narrower"]
     narrower = report.find("travel_narrower")
@@ -291,7 +291,7 @@ def test_text_table_on_the_port_of_the_imu_is_reported() -> None:
     with terminal(silent, unit.sends) as port:
         report = table(profile="aerosmith_atl", port=port)
         assert wrong(report).id == "garbled_text"
-        assert "perhaps the IMU" in word_finding(wrong(report))[1]
+        assert "perhaps the IMU" in english_texts(wrong(report))[1]
 
 
 def test_unprintable_bytes_are_shown_as_numbers() -> None:
@@ -302,7 +302,7 @@ def test_unprintable_bytes_are_shown_as_numbers() -> None:
     assert "baud" not in found.values
     with server(lambda _: b"\x01login: " + b"a" * 500 + b"\r\n") as address:
         found = wrong(table(profile="acutronic_acl", port=f"tcp://{address}"))
-    text, mend = word_finding(found)
+    text, mend = english_texts(found)
     assert "\\x01login: aaa" in text + mend
     assert len(text + mend) < 300
 
@@ -313,9 +313,9 @@ def test_remedy_refers_to_the_settings_of_a_serial_server() -> None:
     with server(lambda _: bytes(range(0x80, 0xA0))) as address:
         garbled = wrong(table(port=f"socket://{address}"))
     assert garbled.id == "garbled"
-    assert word_finding(garbled)[1].startswith("Set the baud and parity in the serial server (the profile says 115200")
+    assert english_texts(garbled)[1].startswith("Set the baud and parity in the serial server (the profile says 115200")
     with server(silent) as address:
-        assert "set in the serial server" in word_finding(wrong(table(port=f"socket://{address}")))[1]
+        assert "set in the serial server" in english_texts(wrong(table(port=f"socket://{address}")))[1]
 
 
 def test_unresponsive_text_table_over_tcp_is_reported() -> None:
@@ -391,7 +391,7 @@ def test_site_confirmed_on_another_computer_is_reported() -> None:
         for computers in ([], ["other-plant"], ["other-plant", confirmation_key(asked.station.site)]):
             site = asked.station.site.model_copy(update={"confirmed_on": computers})
             station = asked.station.model_copy(update={"site": site})
-            told.append(check_imu_link(tell, LinkTestRequest(station)).find("place_not_confirmed"))
+            told.append(check_imu_link(no_progress, LinkTestRequest(station)).find("place_not_confirmed"))
     assert [finding is not None for finding in told] == [False, True, False]
 
 
@@ -401,7 +401,7 @@ def test_serial_number_that_does_not_match_the_product_is_reported(tmp_path: Pat
     product.write_text('name = "p"\nimu = "bench_nav"\nserial_pattern = "X.*"\n', encoding="utf-8")
     unit = FakeImu()
     with terminal(unit.answer, unit.sends) as port:
-        report = check_imu_link(tell, order(product, imu={"port": port}))
+        report = check_imu_link(no_progress, order(product, imu={"port": port}))
     unlike = report.find("serial_unlike")
     assert unlike is not None
     assert unlike.state == "look"
@@ -427,7 +427,7 @@ def streaming(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_stream_only_imu_passes(streaming: Path) -> None:
     unit = FakeImu(mute=True)
     with terminal(unit.answer, unit.sends) as port:
-        report = check_imu_link(tell, order(streaming, imu={"port": port}))
+        report = check_imu_link(no_progress, order(streaming, imu={"port": port}))
     assert report.state == "ok"
     assert [f.id for f in report.findings][:3] == ["opened", "cannot_tell", "registers"]
     assert report.find("rate") is not None
@@ -441,7 +441,7 @@ def test_silent_or_wrong_baud_rate_of_a_stream_only_imu_is_reported(
     monkeypatch.setattr(who_answers, "LISTEN", 0.01)
     for sends, expected in ((bytes, "silent"), (lambda: b"\x99" * 64, "no_frames")):
         with terminal(silent, sends) as port:
-            assert wrong(check_imu_link(tell, order(streaming, imu={"port": port}))).id == expected
+            assert wrong(check_imu_link(no_progress, order(streaming, imu={"port": port}))).id == expected
 
 
 def test_a_site_is_compared_with_the_shipped_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -472,4 +472,4 @@ def test_a_missing_profile_is_reported_in_one_sentence() -> None:
 
 def test_ports_are_discovered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(list_ports, "comports", lambda: [])
-    assert discover_ports(tell) == ()
+    assert discover_ports(no_progress) == ()

@@ -32,7 +32,7 @@ class Bench:
         self.clock = BenchClock((site_folder, int(port)), 0.0)
         self.order: LinkTestRequest = order(table={"port": f"tcp://{host.endpoints['table']}", "timeout_s": 5.0})
 
-    def obey(self, kind: str, value: float = 0.0) -> None:
+    def inject(self, kind: str, value: float = 0.0) -> None:
         """Inject or clear a fault."""
         self.clock.order({"order": kind, "value": value})
 
@@ -72,7 +72,7 @@ def shared(host: BenchHost) -> Iterator[Bench]:
 def bench(shared: Bench, monkeypatch: pytest.MonkeyPatch) -> Bench:
     """The table at rest without a latched fault."""
     monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.2)
-    shared.obey("interlock", 1)
+    shared.inject("interlock", 1)
     shared.clock.sleep(1.0)
     shared.reset()
     assert shared.standing().fault is None
@@ -84,7 +84,7 @@ def bench(shared: Bench, monkeypatch: pytest.MonkeyPatch) -> Bench:
     [("drive_fault", "drive"), ("limit_fault", "limit"), ("stall", "stall"), ("trip_watchdog", "watchdog")],
 )
 def test_latched_fault_is_reset_and_a_run_can_start_again(bench: Bench, kind: str, name: str) -> None:
-    bench.obey(kind)
+    bench.inject(kind)
     with raises_code(DeviceFaultError, f"table.latched_{name}"):
         bench.check_power()
     before = bench.standing()
@@ -110,18 +110,18 @@ def test_nothing_is_sent_if_nothing_is_latched(bench: Bench) -> None:
 
 
 def test_nothing_is_reset_while_the_interlock_is_open(bench: Bench) -> None:
-    bench.obey("interlock", 0)
+    bench.inject("interlock", 0)
     assert bench.reset() == TableReset("interlock_open", "interlock", "interlock")
     assert bench.standing().fault == "interlock"
-    bench.obey("interlock", 1)
+    bench.inject("interlock", 1)
     bench.clock.sleep(1.0)
     assert bench.standing().fault == "interlock", "closing the cover alone resets nothing"
     assert bench.reset() == TableReset("cleared", "interlock", None)
 
 
 def test_a_moving_table_is_not_reset(bench: Bench) -> None:
-    bench.obey("never_settle", 5.0)
-    bench.obey("drive_fault")
+    bench.inject("never_settle", 5.0)
+    bench.inject("drive_fault")
     assert bench.reset() == TableReset("moving", "drive", "drive")
     bench.clock.sleep(6.0)
     assert bench.reset().outcome == "cleared"
@@ -183,20 +183,20 @@ def test_command_line_asks_for_confirmation_and_resets(
     station = tmp_path / "line.toml"
     station.write_text(tomli_w.dumps({"name": "line", "site": SITE, "table": link, "imu": imu}), encoding="utf-8")
 
-    def said(command: str) -> tuple[int, str]:
+    def table_command(command: str) -> tuple[int, str]:
         code = run_app(["table", command, "--station", str(station)])
         return code, capsys.readouterr().out
 
-    bench.obey("drive_fault")
-    code, text = said("status")
+    bench.inject("drive_fault")
+    code, text = table_command("status")
     assert code == 3
     assert "fault      drive" in text
-    assert said("reset") == (0, "Table of 'line': The fault 'drive' was reset; nothing is latched now.\n")
-    code, text = said("status")
+    assert table_command("reset") == (0, "Table of 'line': The fault 'drive' was reset; nothing is latched now.\n")
+    code, text = table_command("status")
     assert code == 0
     assert "station    line" in text
-    assert said("reset")[0] == 0
-    bench.obey("interlock", 0)
-    code, text = said("reset")
+    assert table_command("reset")[0] == 0
+    bench.inject("interlock", 0)
+    code, text = table_command("reset")
     assert code == 3
     assert "interlock is open. Close the cover" in text

@@ -12,7 +12,7 @@ from calstation.connection.link_test import check_imu_link
 from calstation.devices.codecs.frame_checks import check_function
 from calstation.devices.profiles.frame import FrameSection
 from calstation.messages.finding import Finding
-from tests.connection.fake_links import order, silent, terminal, word_finding
+from tests.connection.fake_links import english_texts, order, silent, terminal
 from tests.helpers import ignore_progress
 
 NAMES = ["counter", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
@@ -30,7 +30,7 @@ def line(counter: int = 7, begins: str = "$IMU,", separator: str = ",", numbers:
     return f"{body}*{check_function('xor8')(body[1:].encode()):02X}\r\n".encode()
 
 
-def told(heard: bytes, **changes: Any) -> Finding | None:
+def finding_for(heard: bytes, **changes: Any) -> Finding | None:
     """Return the finding for these bytes with a changed profile."""
     return diagnose_text(FrameSection.model_validate({**FRAME, **changes}), heard)
 
@@ -40,8 +40,8 @@ def fields(*columns: int) -> dict[str, Any]:
 
 
 def test_valid_sample_lines_pass() -> None:
-    assert told(3 * line()) is None
-    assert told(2 * line() + b"$IMU,x") is None
+    assert finding_for(3 * line()) is None
+    assert finding_for(2 * line() + b"$IMU,x") is None
 
 
 @pytest.mark.parametrize(
@@ -57,18 +57,18 @@ def test_valid_sample_lines_pass() -> None:
     ],
 )
 def test_a_wrong_profile_is_reported(changes: dict[str, Any], expected: str, values: dict[str, Any]) -> None:
-    found = told(3 * line(), **changes)
+    found = finding_for(3 * line(), **changes)
     assert found is not None
     assert found.id == expected
     assert values.items() <= found.values.items()
     assert str(found.values["line"]).startswith("$IMU,7,1,2")
-    text, mend = word_finding(found)
+    text, mend = english_texts(found)
     assert "$IMU,7,1,2" in text
     assert mend
 
 
 def test_wrong_checksum_setting_is_reported_with_both_values() -> None:
-    found = told(3 * line(), crc={"kind": "xor8", "start": 0})
+    found = finding_for(3 * line(), crc={"kind": "xor8", "start": 0})
     assert found is not None
     right = line().strip().rpartition(b"*")[2].decode()
     assert found.values["told"] == right
@@ -76,20 +76,20 @@ def test_wrong_checksum_setting_is_reported_with_both_values() -> None:
 
 
 def test_a_non_numeric_column_is_reported() -> None:
-    found = told(3 * line(numbers="1,2,3,4,up,6"))
+    found = finding_for(3 * line(numbers="1,2,3,4,up,6"))
     assert found is not None
     assert (found.id, found.values["column"], found.values["field"]) == ("line_column", 5, "accel_y")
     assert found.values["text"] == "up"
 
 
 def test_noise_and_partial_lines_give_no_finding() -> None:
-    assert told(bytes(range(0x80, 0xFF)) * 4 + b"\r\n" + bytes(range(0x80, 0xFF)) + b"\r\n") is None
-    assert told(line()[:-4]) is None
-    assert told(b"") is None
+    assert finding_for(bytes(range(0x80, 0xFF)) * 4 + b"\r\n" + bytes(range(0x80, 0xFF)) + b"\r\n") is None
+    assert finding_for(line()[:-4]) is None
+    assert finding_for(b"") is None
 
 
 def test_long_line_is_truncated() -> None:
-    found = told(3 * (b"#" + b"1,2,3," * 100 + b"\r\n"))
+    found = finding_for(3 * (b"#" + b"1,2,3," * 100 + b"\r\n"))
     assert found is not None
     assert len(str(found.values["line"])) <= 123
 

@@ -51,7 +51,7 @@ KINDS = {
 }
 
 
-class Dark(BaseException):
+class PowerLost(BaseException):
     """Raised if the station itself loses power; never caught by the code under test."""
 
 
@@ -69,7 +69,7 @@ class Supply:
         return given
 
     @property
-    def dark(self) -> bool:
+    def exhausted(self) -> bool:
         """Whether the power has failed."""
         return self.budget is not None and self.spent >= self.budget
 
@@ -117,7 +117,7 @@ class Wire:
         """Do nothing."""
 
     def _check(self) -> None:
-        if self._supply.dark:
+        if self._supply.exhausted:
             raise PortLostError("link.lost", device="imu", port="memory", reason="no power")
 
 

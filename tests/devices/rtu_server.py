@@ -38,12 +38,12 @@ class RtuServer(threading.Thread):
         for end in (self._slave, self._master):
             os.close(end)
 
-    def obey(self, function: int, address: int, values: Iterable[int]) -> int:
+    def store(self, function: int, address: int, values: Iterable[int]) -> int:
         """Store a write; return the Modbus exception code, or 0 on success."""
         self.words |= {address + i: value for i, value in enumerate(values)}
         return 0
 
-    def tell(self, address: int) -> int | None:
+    def value_of(self, address: int) -> int | None:
         """Return the value of a register, or None to respond with exception 6."""
         return self.words.get(address, address)
 
@@ -69,13 +69,13 @@ class RtuServer(threading.Thread):
         refused = 0
         body = frame[:6]
         if function == 3:
-            told = [self.tell(address + i) for i in range(second)]
+            told = [self.value_of(address + i) for i in range(second)]
             words = [word for word in told if word is not None]
             refused = 6 if len(words) < second else 0
             body = frame[:2] + struct.pack(f">B{len(words)}H", 2 * len(words), *words)
         else:
             values = [second] if function == 6 else struct.unpack(f">{second}H", frame[7:-2])
-            refused = self.obey(function, address, values)
+            refused = self.store(function, address, values)
         if refused:
             body = bytes([unit, function | 0x80, refused])
         late = self.late.get(len(self.requests) - 1, 0.0)

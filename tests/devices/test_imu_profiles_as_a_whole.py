@@ -15,7 +15,7 @@ DATA = Path(__file__).parents[2] / "data" / "imus"
 DSP, NAV, MIP, VN = "dsp_modbus", "bench_nav", "microstrain_mip", "vectornav_vn100"
 
 
-def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
+def refusal(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
     path = tmp_path / "profile.toml"
     path.write_text(tomli_w.dumps(edited(DATA / f"{name}.toml", changes)), encoding="utf-8")
     with pytest.raises(ConfigurationError) as caught:
@@ -61,7 +61,7 @@ def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
     ],
 )
 def test_contradictory_modbus_registers_are_refused(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
-    assert told(tmp_path, DSP, changes) == words
+    assert refusal(tmp_path, DSP, changes) == words
 
 
 def test_one_register_may_accept_several_commands(tmp_path: Path) -> None:
@@ -106,12 +106,12 @@ def test_one_register_may_accept_several_commands(tmp_path: Path) -> None:
 def test_contradictory_stream_and_commands_are_refused(
     tmp_path: Path, name: str, changes: dict[str, Any], words: str
 ) -> None:
-    assert told(tmp_path, name, changes) == words
+    assert refusal(tmp_path, name, changes) == words
 
 
 def test_counter_with_too_short_a_wrap_period_is_refused(tmp_path: Path) -> None:
     short = {"frame/fields/0/type": "u8", "link/baud": None}
-    words = told(tmp_path, NAV, {**short, "stream/sample_rate_hz": 4000.0})
+    words = refusal(tmp_path, NAV, {**short, "stream/sample_rate_hz": 4000.0})
     assert words == 'frame.fields["counter"].type profile.counter_too_short'
     path = tmp_path / "profile.toml"
     path.write_text(
@@ -136,4 +136,4 @@ def test_checksum_of_a_text_frame_may_include_its_header(tmp_path: Path) -> None
         "frame/crc": {"kind": "xor8", "start": 40},
         "frame/byte_order": None,
     }
-    assert told(tmp_path, NAV, lines) == "frame.crc.start profile.check_after_sync"
+    assert refusal(tmp_path, NAV, lines) == "frame.crc.start profile.check_after_sync"

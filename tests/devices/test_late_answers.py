@@ -96,7 +96,7 @@ def test_new_target_is_not_confirmed_by_a_late_echo() -> None:
 
 def test_exception_of_an_older_request_is_discarded() -> None:
     class Forbidding(RtuServer):
-        def tell(self, address: int) -> int | None:
+        def value_of(self, address: int) -> int | None:
             return None if address == 99 else address
 
     device = Forbidding({0: LATE})

@@ -38,7 +38,7 @@ TO = (np.deg2rad(-95.5), np.deg2rad(370.25))
 RATE = (np.deg2rad(20.0), np.deg2rad(40.0))
 
 
-class Far:
+class FakeDevice:
     """The simulated table at a fixed time, with one of its protocols.
 
     Attributes
@@ -82,7 +82,7 @@ class Far:
         return both
 
 
-def text(far: Far, language: str) -> Callable[[bytes], bytes]:
+def text(far: FakeDevice, language: str) -> Callable[[bytes], bytes]:
     controller = LANGUAGES[language](Axes(far.machine, far.clocks), "T-1")
     far.machine.power = Power.ENABLED
 
@@ -93,7 +93,7 @@ def text(far: Far, language: str) -> Callable[[bytes], bytes]:
     return answer
 
 
-def modbus(far: Far, apart: bool) -> Callable[[bytes], bytes]:
+def modbus(far: FakeDevice, apart: bool) -> Callable[[bytes], bytes]:
     units = far.drives() if apart else {1: far.registers()}
 
     def answer(heard: bytes) -> bytes:
@@ -111,7 +111,7 @@ class Line:
 
     port = "LINE"
 
-    def __init__(self, far: Far) -> None:
+    def __init__(self, far: FakeDevice) -> None:
         self._far = far
         unit = ImuUnit(BenchConfig(serial="SN-1"))
         unit.axes = far.registers()
@@ -133,7 +133,7 @@ class Line:
 
 
 @contextmanager
-def driver(name: str, far: Far) -> Iterator[RegisterTable | TextTable]:
+def driver(name: str, far: FakeDevice) -> Iterator[RegisterTable | TextTable]:
     """Run the driver of the profile on a link to `far`."""
     profile = load_table_profile(DATA / "tables" / f"{name}.toml")
     if profile.protocol == "imu_link":
@@ -149,13 +149,13 @@ def driver(name: str, far: Far) -> Iterator[RegisterTable | TextTable]:
     answer = modbus(far, profile.map.inner_apart) if profile.protocol == "modbus" else text(far, profile.protocol)
     with server(answer) as place:
         port = f"tcp://{place}"
-        quick = hurried(profile)
+        quick = with_short_timeout(profile)
         table = ModbusTable(port, quick) if profile.protocol == "modbus" else TextTable(port, quick)
         yield table
         table.close()
 
 
-def hurried(profile: TableProfile) -> TableProfile:
+def with_short_timeout(profile: TableProfile) -> TableProfile:
     """Return the profile with a short reply timeout."""
     section = profile.modbus or profile.text
     assert section is not None
@@ -166,7 +166,7 @@ def hurried(profile: TableProfile) -> TableProfile:
 @cache
 def moved(name: str, start: tuple[float, float], loses: bool = False) -> tuple[list[bytes], list[float]]:
     """Return the requests for a move from `start`, and the resulting targets."""
-    far = Far(start, loses)
+    far = FakeDevice(start, loses)
     with driver(name, far) as table:
         table.move(*TO, *RATE)
     return far.said, far.targets()

@@ -43,7 +43,7 @@ class FlashUnit(RtuServer):
                 self.flash |= {address + i: int.from_bytes(padded[2 * i : 2 * i + 2], "big") for i in range(4, 8)}
         super().__init__(words=self.flash)
 
-    def obey(self, function: int, address: int, values: Iterable[int]) -> int:
+    def store(self, function: int, address: int, values: Iterable[int]) -> int:
         self._live()
         if address == COMMIT:
             self._burnt = None if self.burns is None else time.monotonic() + self.burns
@@ -52,14 +52,14 @@ class FlashUnit(RtuServer):
                 self.hurt, self._burnt = True, None
             self._due = None if self.delay is None else time.monotonic() + self.delay
         elif address != STREAM:
-            return super().obey(function, address, values)
+            return super().store(function, address, values)
         return 0
 
-    def tell(self, address: int) -> int | None:
+    def value_of(self, address: int) -> int | None:
         self._live()
         if address == COMMIT:
             return None if self._burnt is not None else 0
-        return super().tell(address)
+        return super().value_of(address)
 
     def _live(self) -> None:
         now = time.monotonic()
@@ -135,7 +135,7 @@ def test_a_unit_whose_commit_exceeds_its_timeout_is_not_restarted() -> None:
 @pytest.mark.long
 def test_a_unit_busy_with_another_commit_is_not_restarted() -> None:
     unit, noted = FlashUnit(burns=0.5), Noted(serial=UNIT)
-    unit.obey(6, COMMIT, [0x5A5A])
+    unit.store(6, COMMIT, [0x5A5A])
     with driver(unit) as imu:
         moved(imu, noted)
     assert not unit.hurt

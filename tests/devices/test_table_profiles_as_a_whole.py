@@ -21,7 +21,7 @@ def load(tmp_path: Path, name: str, changes: dict[str, Any]) -> TableProfile:
     return load_table_profile(path)
 
 
-def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
+def refusal(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
     with pytest.raises(ConfigurationError) as caught:
         load(tmp_path, name, changes)
     assert str(caught.value).startswith(f"{tmp_path / 'profile.toml'}: ")
@@ -103,7 +103,7 @@ def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
     ],
 )
 def test_invalid_registers_bits_and_commands_are_refused(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
-    assert told(tmp_path, BENCH, changes) == words
+    assert refusal(tmp_path, BENCH, changes) == words
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_invalid_registers_bits_and_commands_are_refused(tmp_path: Path, changes
     ],
 )
 def test_invalid_text_commands_are_refused(tmp_path: Path, name: str, changes: dict[str, Any], words: str) -> None:
-    assert told(tmp_path, name, changes) == words
+    assert refusal(tmp_path, name, changes) == words
 
 
 def test_axes_with_inverted_sign_are_accepted(tmp_path: Path) -> None:

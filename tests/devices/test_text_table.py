@@ -295,7 +295,7 @@ ACL_STATE: Pairs = [
 ]
 
 
-def heard(line: bytes) -> Pairs:
+def confirmed(line: bytes) -> Pairs:
     """Return a command followed by the query that confirms its reception."""
     return [(line, b""), (b":Mode? 1\n", b"Position\n")]
 
@@ -305,27 +305,27 @@ def test_acl_requests_match_the_protocol(place: Any) -> None:
     pairs: Pairs = [
         (b"*IDN?\n", b"ACUTRONIC SCHWEIZ,ACU 2000,A-5,2.1\n"),
         *ACL_STATE,
-        *heard(b":Int:Close 1\n"),
-        *heard(b":Int:Close 2\n"),
-        *heard(b":Mode:Pos 1\n"),
-        *heard(b":Mode:Pos 2\n"),
-        *heard(b":Lim:Acc pos,1,40.00000\n"),
-        *heard(b":Lim:Acc pos,2,40.00000\n"),
-        *heard(b":Lim:Rate pos,1,20.00000\n"),
-        *heard(b":Lim:Rate pos,2,20.00000\n"),
-        *heard(b":Mode:Pos 1\n"),
-        *heard(b":Mode:Pos 2\n"),
-        *heard(b":Dem:Pos 1,-90.00000\n"),
-        *heard(b":Dem:Pos 2,0.00000\n"),
-        *heard(b":Mode:Rate 1\n"),
-        *heard(b":Mode:Rate 2\n"),
-        *heard(b":Dem:Rate 1,0\n"),
-        *heard(b":Dem:Rate 2,0\n"),
-        *heard(b":Mode:Off 1\n"),
-        *heard(b":Mode:Off 2\n"),
-        *heard(b":Int:Open 1\n"),
-        *heard(b":Int:Open 2\n"),
-        *heard(b":Interlock:Reset\n"),
+        *confirmed(b":Int:Close 1\n"),
+        *confirmed(b":Int:Close 2\n"),
+        *confirmed(b":Mode:Pos 1\n"),
+        *confirmed(b":Mode:Pos 2\n"),
+        *confirmed(b":Lim:Acc pos,1,40.00000\n"),
+        *confirmed(b":Lim:Acc pos,2,40.00000\n"),
+        *confirmed(b":Lim:Rate pos,1,20.00000\n"),
+        *confirmed(b":Lim:Rate pos,2,20.00000\n"),
+        *confirmed(b":Mode:Pos 1\n"),
+        *confirmed(b":Mode:Pos 2\n"),
+        *confirmed(b":Dem:Pos 1,-90.00000\n"),
+        *confirmed(b":Dem:Pos 2,0.00000\n"),
+        *confirmed(b":Mode:Rate 1\n"),
+        *confirmed(b":Mode:Rate 2\n"),
+        *confirmed(b":Dem:Rate 1,0\n"),
+        *confirmed(b":Dem:Rate 2,0\n"),
+        *confirmed(b":Mode:Off 1\n"),
+        *confirmed(b":Mode:Off 2\n"),
+        *confirmed(b":Int:Open 1\n"),
+        *confirmed(b":Int:Open 2\n"),
+        *confirmed(b":Interlock:Reset\n"),
         *ACL_STATE,
     ]
     with table(pairs, profile("acutronic_acl"), place) as (driver, _):

@@ -24,7 +24,7 @@ MAP = RegisterMap(tuple(PROFILE.registers))
 PLAIN = "1,0,0,0,1,0,0,0,1,0,0,0"
 
 
-def said(words: str) -> bytes:
+def checked_line(words: str) -> bytes:
     """Return a line with its independently computed checksum."""
     check = 0
     for byte in words.encode():
@@ -33,7 +33,7 @@ def said(words: str) -> bytes:
 
 
 def pair(words: str, reply: str | None = None) -> tuple[bytes, bytes]:
-    return said(words), said(words if reply is None else reply)
+    return checked_line(words), checked_line(words if reply is None else reply)
 
 
 def sample(nanoseconds: int, *values: float) -> bytes:
@@ -78,7 +78,9 @@ def test_stream_starts_and_identity_and_samples_are_read() -> None:
         identity = imu.identify()
         assert (identity.model, identity.serial, identity.firmware) == ("VN-100T-CR", "0100012345", "2.1.0.0")
         link.send(b"$VNYMR,1,2*00\r\n" + sample(5_000_000, 1, 2, 3, 4, 5, 6, 25.5)[:30])
-        link.send(sample(5_000_000, 1, 2, 3, 4, 5, 6, 25.5)[30:] + said("VNYPR,1,2,3") + sample(15_000_000, *range(7)))
+        link.send(
+            sample(5_000_000, 1, 2, 3, 4, 5, 6, 25.5)[30:] + checked_line("VNYPR,1,2,3") + sample(15_000_000, *range(7))
+        )
         deadline = time.monotonic() + 5.0
         while imu.stats.frames < 2 and time.monotonic() < deadline:
             time.sleep(0.001)
@@ -147,7 +149,7 @@ def test_commit_is_never_repeated() -> None:
     with driver([], quick) as (imu, link):
         with raises_code(DeviceFaultError, "imu.silent"):
             imu.commit()
-        assert link.unexpected == [said("VNWNV")]
+        assert link.unexpected == [checked_line("VNWNV")]
 
 
 @pytest.mark.parametrize(
@@ -180,7 +182,7 @@ def test_invalid_reply_is_reported(reply: str) -> None:
 
 def test_unrelated_lines_and_wrong_checksums_are_skipped() -> None:
     request, reply = pair("VNRRG,1", "VNRRG,01,VN-100")
-    noise = said("VNRRG,2,other") + b"$VNRRG,01,VN-300*00\r\n" + b"$VN" + said("VNYPR,1,2,3")
+    noise = checked_line("VNRRG,2,other") + b"$VNRRG,01,VN-300*00\r\n" + b"$VN" + checked_line("VNYPR,1,2,3")
     with driver([(request, noise + reply), *IDENTITY[1:]]) as (imu, _):
         assert imu.identify().model == "VN-100"
         assert imu.stats.crc_errors >= 1

@@ -85,11 +85,11 @@ def test_killed_engine_leaves_an_incomplete_run_and_a_stopped_table(fault_runs: 
     result = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     assert (result["outcome"], result["passed"]) == ("incomplete", False)
     assert sum(len(block) for block in open_log(path).blocks()) > 200
-    left = how_the_bench_was_left(fault_runs)
+    left = final_bench_report(fault_runs)
     assert (left["enabled"], left["moving"], left["fault"]) == (False, False, "WATCHDOG"), "the table stops itself"
 
 
-def how_the_bench_was_left(fault_runs: FaultRuns) -> dict[str, Any]:
+def final_bench_report(fault_runs: FaultRuns) -> dict[str, Any]:
     """Wait for the final report of a bench that outlives its engine, after its watchdog has tripped."""
     file = fault_runs.folder / "bench.json"
     deadline = time.monotonic() + 60.0

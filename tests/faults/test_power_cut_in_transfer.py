@@ -13,7 +13,7 @@ from calstation.devices.imu.register_transfer import Closing, Holds, finish, rec
 from calstation.errors import CalstationError
 from calstation.records import checked_lines
 from calstation.registers import journal as register_journal
-from tests.devices.dsp import KINDS, SERIAL, Dark, Supply, Unit, registers
+from tests.devices.dsp import KINDS, SERIAL, PowerLost, Supply, Unit, registers
 from tests.helpers import sampled
 
 pytestmark = pytest.mark.long
@@ -41,8 +41,8 @@ def _journal_under_power(monkeypatch: pytest.MonkeyPatch) -> None:
     def write_while_powered(handle: int, data: bytes) -> None:
         given = Station.supply.take(len(data))
         write(handle, data[:given])
-        if given < len(data) or Station.supply.dark:
-            raise Dark
+        if given < len(data) or Station.supply.exhausted:
+            raise PowerLost
 
     monkeypatch.setattr(checked_lines, "_write", write_while_powered)
     # The cut is at a byte of these files, not of a real disk: nothing need wait for one, nor for a busy flash.
@@ -66,7 +66,7 @@ class Factory:
         """Run a complete transfer with power for `budget` bytes; return the number of bytes used."""
         return self._powered(lambda imu: self._transfer(imu, values), budget)
 
-    def mend(self, choice: str, budget: int | None = None) -> None:
+    def recover(self, choice: str, budget: int | None = None) -> None:
         """Recover an interrupted transfer as at the next start."""
         entry = register_journal.interrupted(self.runs, SERIAL)
         if entry is None:
@@ -81,7 +81,7 @@ class Factory:
 
         self._powered(go, budget)
 
-    def holds(self, values: Mapping[str, float]) -> bool:
+    def has_registers(self, values: Mapping[str, float]) -> bool:
         """Return whether the unit has these values after a power-up."""
         return not self.map.differing(values, self.unit.flash)
 
@@ -93,7 +93,7 @@ class Factory:
         try:
             with self.unit.directly(supply) as imu:
                 work(imu)
-        except (Dark, CalstationError):
+        except (PowerLost, CalstationError):
             if budget is None:
                 raise
         Station.supply = Supply()
@@ -104,7 +104,7 @@ class Factory:
         entry = register_journal.interrupted(self.runs, SERIAL)
         done = [t for t in register_journal.history(self.runs, SERIAL) if t.closing == "done"]
         if entry is None:
-            assert self.holds(done[-1].new if done else before)
+            assert self.has_registers(done[-1].new if done else before)
         else:
             with self.unit.directly(Supply()) as imu:
                 assert recognise(imu, entry, self.map) in (Holds.OLD, Holds.NEW)
@@ -121,8 +121,8 @@ def test_power_cut_at_any_byte_is_recovered(tmp_path: Path, kind: str, stride: i
     Factory(start, kind).write(first)
     whole = Factory(_copy(start, "whole"), kind)
     length = whole.write(second)
-    assert whole.holds(second)
-    assert not whole.holds(first)
+    assert whole.has_registers(second)
+    assert not whole.has_registers(first)
     assert whole.unit.cycles == register_journal.cycles(whole.runs, SERIAL) == 2
     seen = set()
     for cut in range(0, length, stride):
@@ -132,10 +132,10 @@ def test_power_cut_at_any_byte_is_recovered(tmp_path: Path, kind: str, stride: i
         entry = register_journal.interrupted(factory.runs, SERIAL)
         choice = "finish" if cut % 2 else "restore"
         seen.add((choice, entry is not None))
-        factory.mend(choice)
+        factory.recover(choice)
         assert register_journal.interrupted(factory.runs, SERIAL) is None
         if entry is not None:
-            assert factory.holds(second if choice == "finish" else first)
+            assert factory.has_registers(second if choice == "finish" else first)
         shutil.rmtree(factory.runs)
     assert seen == {("finish", True), ("finish", False), ("restore", True), ("restore", False)}
 
@@ -161,11 +161,11 @@ def test_repeated_power_cuts_during_recovery_are_recovered(
     factory.write(new, round(first * length))
     for choice, share in further:
         factory.check(before)
-        factory.mend(choice, round(0.8 * share * length))
+        factory.recover(choice, round(0.8 * share * length))
     factory.check(before)
-    factory.mend(last)
+    factory.recover(last)
     assert register_journal.interrupted(factory.runs, SERIAL) is None
-    assert factory.holds(before) or factory.holds(new)
+    assert factory.has_registers(before) or factory.has_registers(new)
     factory.check(before)
 
 

@@ -12,14 +12,14 @@ from calstation.sequencer.events import Event, Fault, Message, Settled, StepStar
 
 
 @dataclass
-class Errands:
+class RegisterOperations:
     """Register operations of one site in sequence; `events` and `control` belong to the last one.
 
     on_event : called with every event
     """
 
     request: RunRequest
-    on_event: Callable[["Errands", Event], None] = lambda errands, event: None
+    on_event: Callable[["RegisterOperations", Event], None] = lambda operations, event: None
     events: list[Event] = field(default_factory=list)
     control: Control = field(default_factory=Control)
 
@@ -42,7 +42,7 @@ class Errands:
         """Write values manually."""
         return self.do("write", values, source="x.h5", at_rest=at_rest)
 
-    def told(self) -> list[str]:
+    def message_ids(self) -> list[str]:
         """Return the ids of the messages."""
         return [event.id for event in self.events if isinstance(event, Message)]
 

@@ -23,7 +23,7 @@ from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Message, Verdict
 from tests.helpers import ignore_progress, raises_code
-from tests.registers.operations import Errands
+from tests.registers.operations import RegisterOperations
 from tests.site_folder import STATION, SiteFolder
 
 SERIAL = "SN-000042"
@@ -57,7 +57,7 @@ def hardware(site_folder: SiteFolder) -> Iterator[RunRequest]:
 def test_different_runs_folders_share_the_journal(
     hardware: RunRequest, site_folder: SiteFolder, home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Errands(hardware).write(VALUES, at_rest=True)
+    RegisterOperations(hardware).write(VALUES, at_rest=True)
     tuesday = site_folder.folder / "tuesday"
     assert read_unit(ignore_progress, hardware, tuesday).commits == 1
     assert not (hardware.out / register_journal.FOLDER).exists()
@@ -81,7 +81,7 @@ def test_different_runs_folders_share_the_journal(
     assert run_app(["registers", "list", SERIAL, "--out", str(tuesday)]) == 0
     assert f"unit {SERIAL} on hardware, 1 flash cycles" in capsys.readouterr().out
     with raises_code(InputError, "transfer.none_known") as unknown:
-        Errands(replace(hardware, serial="SN-000077")).do("restore")
+        RegisterOperations(replace(hardware, serial="SN-000077")).do("restore")
     assert unknown.value.values == {"folder": str(home), "serial": "SN-000077"}
 
 
@@ -130,8 +130,8 @@ def test_a_nearly_worn_flash_is_reported(worn: Worn) -> None:
 
 def test_a_worn_flash_is_not_written(worn: Worn) -> None:
     worn.wear(10)
-    errands = Errands(worn.request)
-    uses: list[Any] = [worn.run, lambda: errands.write(VALUES), lambda: errands.do("restore")]
+    operations = RegisterOperations(worn.request)
+    uses: list[Any] = [worn.run, lambda: operations.write(VALUES), lambda: operations.do("restore")]
     for use in uses:
         with raises_code(ConfigurationError, "transfer.flash_worn"):
             use()
@@ -142,7 +142,7 @@ def test_a_worn_flash_is_not_written(worn: Worn) -> None:
 def test_interrupted_transfer_is_restored_despite_worn_flash(worn: Worn) -> None:
     worn.wear(10)
     register_journal.begin(worn.runs, SERIAL, {}, {}, register_journal.Purpose(None, "run", ""))
-    assert Errands(worn.request).do("restore").closing in ("kept", "restored")
+    assert RegisterOperations(worn.request).do("restore").closing in ("kept", "restored")
 
 
 def test_damaged_journal_ends_a_run_before_any_device_is_opened(worn: Worn) -> None:

@@ -24,7 +24,7 @@ from calstation.results.result import Result
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from tests.helpers import ignore_progress, raises_code
-from tests.registers.operations import Errands
+from tests.registers.operations import RegisterOperations
 from tests.site_folder import SiteFolder
 
 SERIAL = "SN-000042"
@@ -74,7 +74,7 @@ def known(site_folder: SiteFolder) -> Known:
 
 
 def test_register_set_records_its_type_of_unit(known: Known) -> None:
-    settled = Errands(known.site_folder.request()).write({"gyro_bias_x": 2e-6}, at_rest=True)
+    settled = RegisterOperations(known.site_folder.request()).write({"gyro_bias_x": 2e-6}, at_rest=True)
     (entry,) = register_journal.history(known.runs, SERIAL)
     assert entry.unit_type == UnitType(settled.unit["model"], NAV, "short", known.own.map)
     assert known.restores()
@@ -104,7 +104,7 @@ def test_register_set_of_another_map_is_refused_before_any_device_is_opened(
         known.restores()
     for what in ("finish", "restore"):
         with raises_code(InputError, code if open_ or what == "restore" else "transfer.nothing_to_finish"):
-            Errands(known.site_folder.request()).do(what)
+            RegisterOperations(known.site_folder.request()).do(what)
     if open_:
         with raises_code(InputError, code):
             execute(known.site_folder.request("rate"), lambda event: None, Control())
@@ -115,7 +115,7 @@ def test_register_set_of_another_map_is_refused_before_any_device_is_opened(
 def test_register_set_of_another_model_is_not_written(known: Known, open_: bool) -> None:
     known.transfer(UnitType("other-imu", NAV, "short", known.own.map), open_=open_)
     with raises_code(DeviceFaultError, "transfer.other_model"):
-        Errands(known.site_folder.request()).do("restore", at_rest=True)
+        RegisterOperations(known.site_folder.request()).do("restore", at_rest=True)
     assert len(register_journal.history(known.runs, SERIAL)) == 1
 
 

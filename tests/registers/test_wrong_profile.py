@@ -10,7 +10,7 @@ from calstation.errors import DeviceFaultError
 from calstation.registers import journal as register_journal
 from calstation.sequencer.events import Message
 from tests.helpers import raises_code, sampled
-from tests.registers.operations import Errands
+from tests.registers.operations import RegisterOperations
 from tests.site_folder import SiteFolder
 
 pytestmark = pytest.mark.long
@@ -78,7 +78,7 @@ def test_manually_written_registers_are_verified_at_rest(
         'scale = -1.0\nparameters = ["accel_bias_x", ',
     )
     with raises_code(DeviceFaultError, "verification.differs"):
-        Errands(site_folder.request()).write({"accel_bias_x": 5e-3}, at_rest=True)
+        RegisterOperations(site_folder.request()).write({"accel_bias_x": 5e-3}, at_rest=True)
 
 
 def test_registers_of_a_unit_without_corrected_output_are_only_read_back(

@@ -18,7 +18,7 @@ COUNT = 360_000
 WALK = 3e-5
 
 
-def told(*_: object, **__: object) -> None:
+def no_progress(*_: object, **__: object) -> None:
     """Ignore progress reports."""
 
 
@@ -97,12 +97,12 @@ def turned_unseen(output: np.ndarray, angles: np.ndarray) -> None:
 def test_range_with_table_motion_is_refused(motion: Callable[[np.ndarray, np.ndarray], None], tmp_path: Path) -> None:
     log = written(tmp_path / "log.h5", motion)
     with pytest.raises(InsufficientDataError) as refused:
-        allan_deviation(told, log, 0, 5999)
+        allan_deviation(no_progress, log, 0, 5999)
     assert refused.value.code == "solution.allan_moves"
-    first, last = longest_rest(told, log)
+    first, last = longest_rest(no_progress, log)
     assert first >= 2100
     assert last == 5999
-    found = allan_deviation(told, log, first, last)
+    found = allan_deviation(no_progress, log, first, last)
     assert set(found.curves) == {f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"}
     for curve in found.curves.values():
         assert curve.random_walk == pytest.approx(WALK, rel=0.1)
@@ -115,7 +115,7 @@ def test_range_without_gyros_gives_only_accelerometers_and_a_short_range_none(tm
         output[:, :3] = np.nan
 
     log = written(tmp_path / "log.h5", without)
-    assert set(allan_deviation(told, log, 0, 5999).curves) == {"accel_x", "accel_y", "accel_z"}
+    assert set(allan_deviation(no_progress, log, 0, 5999).curves) == {"accel_x", "accel_y", "accel_z"}
     with pytest.raises(InsufficientDataError) as refused:
-        allan_deviation(told, log, 0, 900)
+        allan_deviation(no_progress, log, 0, 900)
     assert refused.value.code == "solution.allan_short"

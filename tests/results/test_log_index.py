@@ -31,7 +31,7 @@ META = {
 START = 2**33 + 12_345
 
 
-def told(_: float, *rest: Any, **more: Any) -> None:
+def no_progress(_: float, *rest: Any, **more: Any) -> None:
     """Ignore progress reports."""
 
 
@@ -95,7 +95,7 @@ def seen(request: pytest.FixtureRequest, log: Path, tmp_path_factory: pytest.Tem
     if request.param != "raw":
         path = folder / f"log.{request.param}"
         export_csv(log, path)
-    return log_index(told, path, folder / "picture")
+    return log_index(no_progress, path, folder / "picture")
 
 
 def truth() -> tuple[np.ndarray, np.ndarray]:
@@ -120,7 +120,7 @@ def test_stages_steps_gaps_and_invalid_samples_are_found(seen: LogIndex) -> None
 
 
 def test_index_includes_the_result_of_the_run(log: Path, tmp_path: Path) -> None:
-    seen = log_index(told, log, tmp_path / "picture")
+    seen = log_index(no_progress, log, tmp_path / "picture")
     assert seen.outcome == "passed"
     assert seen.stored is not None
     assert seen.stored.outcome == "passed"
@@ -154,7 +154,7 @@ def test_number_of_plot_columns_does_not_grow_with_the_range(seen: LogIndex) -> 
 def test_single_samples_are_returned_unchanged(seen: LogIndex) -> None:
     seq, gyro = truth()
     start, stop = MinMaxPyramid(seen.folder).rows(START + 40_100, START + 40_200)
-    fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
+    fine = samples(no_progress, seen.path, seen.folder, seen.scale, start, stop, 1000)
     assert fine.samples == 1
     assert fine.seq[0] <= START + 40_100
     assert fine.seq[-1] >= START + 40_200
@@ -164,15 +164,15 @@ def test_single_samples_are_returned_unchanged(seen: LogIndex) -> None:
 
 def test_angles_are_held_between_polls(seen: LogIndex) -> None:
     start, stop = MinMaxPyramid(seen.folder).rows(START + 40_105, START + 40_110)
-    fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
+    fine = samples(no_progress, seen.path, seen.folder, seen.scale, start, stop, 1000)
     np.testing.assert_allclose(fine.low[:, 6], 10.0, rtol=1e-6)
     np.testing.assert_allclose(MinMaxPyramid(seen.folder).columns(START, START + 90_000, 100).high[:, 7], -20.0)
 
 
 def test_angles_are_not_held_across_a_gap(log: Path, tmp_path: Path) -> None:
-    seen = log_index(told, log, tmp_path / "picture")
+    seen = log_index(no_progress, log, tmp_path / "picture")
     start, stop = MinMaxPyramid(seen.folder).rows(START + 8_990, START + 9_045)
-    fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
+    fine = samples(no_progress, seen.path, seen.folder, seen.scale, start, stop, 1000)
     known = ~np.isnan(fine.low[:, 6])
     assert known[fine.seq <= START + 8_999].all()
     assert known[fine.seq >= START + 9_040].all()  # polled at once here
@@ -194,4 +194,4 @@ def test_file_that_is_not_a_log_is_reported(tmp_path: Path) -> None:
     wrong = tmp_path / "notes.h5"
     wrong.write_text("not a log", encoding="utf-8")
     with pytest.raises(InputError, match="not a raw log"):
-        log_index(told, wrong, tmp_path / "picture")
+        log_index(no_progress, wrong, tmp_path / "picture")

@@ -38,7 +38,7 @@ class Damaged:
             rows = file["samples"][:]
         self.seq, self.steps, self.stages = rows["seq"], rows["step"], names[rows["stage"]]
 
-    def hurt(self, start: int, count: int = HURT) -> None:
+    def damage(self, start: int, count: int = HURT) -> None:
         """Damage rows as a disk error does."""
         with h5py.File(self.path, "r+", libver="latest") as file:
             rows = file["samples"][start : start + count]
@@ -60,7 +60,7 @@ def log(run_log: Path, tmp_path: Path) -> Damaged:
 @pytest.mark.long
 def test_damaged_rows_are_treated_as_a_gap_and_reported(log: Damaged, run_log: Path) -> None:
     row = log.rest("six_position")
-    log.hurt(row)
+    log.damage(row)
     whole, solved = resolve(run_log).result.to_json(), resolve(log.path)
     missing = f"{log.seq[row]}…{log.seq[row + HURT - 1]}"
     assert solved.result.to_json()["log"]["damaged"] == [{"rows": HURT, "seq": missing}]
@@ -79,7 +79,7 @@ def test_damaged_rows_are_treated_as_a_gap_and_reported(log: Damaged, run_log: P
 def test_only_stages_with_missing_samples_are_refused(log: Damaged) -> None:
     rate = np.flatnonzero(log.stages == "rate")
     for row in rate[:: len(rate) // 25]:
-        log.hurt(int(row), 2)
+        log.damage(int(row), 2)
     with raises_code(InsufficientDataError, "solution.in_log") as refused:
         resolve(log.path, ("rate",))
     in_stage = refused.value.values["what"]
@@ -99,7 +99,7 @@ def test_only_stages_with_missing_samples_are_refused(log: Damaged) -> None:
 @pytest.mark.long
 def test_stage_without_readable_samples_is_not_skipped(log: Damaged) -> None:
     rows = np.flatnonzero(log.stages == "six_position")
-    log.hurt(int(rows[0]), len(rows))
+    log.damage(int(rows[0]), len(rows))
     with raises_code(InsufficientDataError, "solution.in_log") as refused:
         resolve(log.path)
     assert refused.value.values["what"] == Text.of("solution.stage_damaged", stage="six_position")
@@ -108,7 +108,7 @@ def test_stage_without_readable_samples_is_not_skipped(log: Damaged) -> None:
 
 @pytest.mark.long
 def test_command_line_reports_missing_samples(log: Damaged, capsys: pytest.CaptureFixture[str]) -> None:
-    log.hurt(log.rest("six_position"))
+    log.damage(log.rest("six_position"))
     assert run_app(["resolve", str(log.path), "--json", "-"]) == 0
     out, err = capsys.readouterr()
     assert json.loads(out)["log"]["damaged"][0]["rows"] == HURT
@@ -120,7 +120,7 @@ def test_command_line_reports_missing_samples(log: Damaged, capsys: pytest.Captu
 
 @pytest.mark.long
 def test_export_contains_all_readable_samples(log: Damaged) -> None:
-    log.hurt(log.rest("six_position"))
+    log.damage(log.rest("six_position"))
     target = log.path.with_suffix(".csv")
     assert export_csv(log.path, target).damaged == HURT
     assert resolve(target).result.to_json()["parameters"] == resolve(log.path).result.to_json()["parameters"]
@@ -129,7 +129,7 @@ def test_export_contains_all_readable_samples(log: Damaged) -> None:
 @pytest.mark.long
 def test_samples_after_damaged_rows_are_plotted_at_their_time(log: Damaged, tmp_path: Path) -> None:
     row = log.rest("rate")
-    log.hurt(row)
+    log.damage(row)
 
     seen = log_index(ignore_progress, log.path, tmp_path / "picture")
     assert seen.facts.damaged == HURT

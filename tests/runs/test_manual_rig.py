@@ -58,7 +58,7 @@ def rig(tmp_path: Path) -> Rig:
     return Rig(tmp_path)
 
 
-def no_tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+def no_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
     """Ignore progress reports."""
 
 
@@ -95,7 +95,7 @@ def test_stages_that_require_a_table_are_refused_before_opening_a_device(rig: Ri
         run_summary(rig.request("multi_position", "six_position"))
     rig.write({"schedule": {"multi_position": {**SHORT, "manual": False}}})
     with pytest.raises(ConfigurationError, match=r"schedule\.multi_position\.manual .* must be true"):
-        compute_preview(no_tell, rig.request())
+        compute_preview(no_progress, rig.request())
 
 
 def test_manual_stages_require_a_manual_rig(rig: Rig) -> None:
@@ -111,7 +111,7 @@ def test_preview_gives_time_and_positions_but_no_sigmas(rig: Rig) -> None:
     assert len(planned.positions) == 20
     assert np.allclose(np.linalg.norm(planned.positions, axis=1), 1.0)
     assert planned.positions[0] == (0.0, 0.0, 1.0)
-    foretold = compute_preview(no_tell, rig.request())
+    foretold = compute_preview(no_progress, rig.request())
     assert foretold.stages[0].end == pytest.approx(planned.stages[0].duration)
     assert foretold.stages[0].error == Text("preview.manual_motion")
     assert np.abs(foretold.inner).max() == pytest.approx(2.0 * np.pi)
@@ -124,7 +124,7 @@ def test_manual_rig_needs_no_port_and_has_no_link_test(tmp_path: Path) -> None:
     path.write_text(tomli_w.dumps(file), encoding="utf-8")
     _, station = load_station(path)
     product = library.find("products", "mems_hand")
-    report = check_table_link(no_tell, LinkTestRequest(station, product))
+    report = check_table_link(no_progress, LinkTestRequest(station, product))
     assert [(f.id, f.state) for f in report.findings] == [("by_hand", "ok")]
     path.write_text(tomli_w.dumps({**file, "imu": {}}), encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"imu\.port: The port is missing"):
