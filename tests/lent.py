@@ -81,11 +81,11 @@ class LentBench:
                 os.kill(self.pid, number)
 
     def kill(self) -> None:
-        """End the process at once."""
+        """Kill the process."""
         self.send_signal(signal.SIGKILL)
 
     def communicate(self) -> tuple[bytes, bytes]:
-        """Close the input and collect what is left of both outputs."""
+        """Close the input and return the rest of both outputs."""
         self.stdin.close()
         left = self.stdout.read(), self.stderr.read() if self.stderr is not None else b""
         self.stdout.close()

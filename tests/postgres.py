@@ -141,7 +141,7 @@ def shared_database(postgres: PostgresServer) -> str:
 
 @pytest.fixture(params=DATABASES)
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """URL of a new database of each kind with the tables of this version."""
+    """URL of a new database of each type with the tables of this version."""
     if request.param == "postgresql":
         return str(request.getfixturevalue("shared_database"))
     from calstation.database import upgrade

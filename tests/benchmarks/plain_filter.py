@@ -1,8 +1,8 @@
 """A plain NumPy version of the navigation filter with one prediction of all 39 states per sample.
 
 States φ, δv, δp and the 30 parameters; first-order transition per sample; the velocity of the centre of rotation is
-observed every `interval` s and attitude and velocity are fed back. Written from the equations in docs/contract.md and
-Groves (2nd ed., ch. 14), apart from the compiled kernel, to compare with it.
+observed every `interval` s and attitude and velocity are fed back. Implemented independently of the compiled kernel
+from the equations in docs/contract.md and Groves (2nd ed., ch. 14), for comparison.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""The final line of a run states only what was done."""
+"""The final line of a run states only the completed actions."""
 
 from pathlib import Path
 from typing import Any

@@ -110,7 +110,7 @@ class FakeTable:
 
     Attributes
     ----------
-    words : all registers; functions : Modbus functions asked for, in order
+    words : all registers; functions : received Modbus function codes in order
     """
 
     def __init__(self, raw: dict[int, float]) -> None:
@@ -135,8 +135,8 @@ class FakeImu:
 
     Attributes
     ----------
-    counts : of each sample; rate : samples sent in a second; skip : samples left out after the hundredth
-    check : kind of the frames' check; mute : no replies; model : told when asked
+    counts : counts of every sample; rate : samples per second; skip : samples omitted after the hundredth
+    check : checksum type of the frames; mute : send no replies; model : reported model
     """
 
     def __init__(self, **changes: Any) -> None:

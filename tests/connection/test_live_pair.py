@@ -15,7 +15,7 @@ from tests.helpers import raises_code
 
 
 class FakeImu:
-    """An IMU that identifies itself with `serial`, or raises `failure` when it is woken, and sends nothing."""
+    """An IMU that reports `serial`, or raises `failure` in `wake`, and sends no samples."""
 
     lost = False
 

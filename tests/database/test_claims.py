@@ -28,7 +28,7 @@ def station_file(folder: Path, url: str) -> Path:
 
 
 def scan(start: float, url: str, folder: Path, serial: str) -> list[Claim]:
-    """Claim a unit at a given time, in a process of its own, and return the claims of others on it."""
+    """Claim a unit at a given time in a separate process, and return the claims of other stations on it."""
     time.sleep(max(0.0, start - time.time()))
     engine, outbox = connect(url), Outbox(folder).id
     claim_units(engine, outbox, folder.name, {serial: "li"})

@@ -43,7 +43,7 @@ class FakeDevice:
 
     Attributes
     ----------
-    said : all requests in order, without their transaction numbers
+    said : all received requests in order, without transaction numbers
     loses : whether the reply to every motion command is lost
     """
 

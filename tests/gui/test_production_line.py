@@ -302,7 +302,7 @@ def test_product_picture_is_shown_before_a_run(operator: Operator) -> None:
 
 @pytest.fixture
 def printer() -> Iterator[tuple[str, list[bytes]]]:
-    """A label printer on this computer: its address, and what it received."""
+    """A label printer on this computer: its address and the received data."""
     received: list[bytes] = []
     with socket.create_server(("127.0.0.1", 0)) as server:
 

@@ -2,7 +2,7 @@
 
 python -m tests.outside.methods --stage cross_calibration --effect accel_cubic=30,100,300 --seeds 5
 
-The error is added to what the unit measures in a recording of the virtual bench.
+The error is added to the output of the unit in a recording of the virtual bench.
 """
 
 import argparse

@@ -66,8 +66,8 @@ def imu_tk_published() -> dict[str, np.ndarray]:
     """Return the authors' solution in the model of the contract: M and b of accelerometers and gyros.
 
     They give a = T K (raw − b) with an upper triangular T for the accelerometers; the contract's body frame is the one
-    in which it is lower triangular, which the authors' numbers give too. The rotation between the two turns the gyro's
-    answer.
+    in which it is lower triangular, which the authors' numbers give too. The gyro's result is rotated by
+    the difference of the two frames.
     """
     upper = np.array([[1.0, -0.0033593, -0.00890639], [0.0, 1.0, -0.0213341], [0.0, 0.0, 1.0]])
     upper = upper @ np.diag([2.41278e-3, 2.42712e-3, 2.41168e-3])

@@ -183,7 +183,7 @@ def test_stop_without_a_table_leaves_the_transfer_unverified(floor: Floor) -> No
 
 
 @pytest.fixture
-def clock_at_hand(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+def current_clock(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """The clock of the current bench, which accepts fault orders."""
     clocks: list[Any] = []
     connected = register_errand.connected
@@ -208,11 +208,11 @@ def clock_at_hand(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     ],
 )
 def test_table_fault_during_verification_leaves_the_transfer_open(
-    floor: Floor, clock_at_hand: list[Any], order: str, words: str
+    floor: Floor, current_clock: list[Any], order: str, words: str
 ) -> None:
     def spoil(operations: RegisterOperations, event: Event) -> None:
         if verifying(operations, event):
-            clock_at_hand[-1].order({"order": order, "value": 0.0, "after": 0.5})
+            current_clock[-1].order({"order": order, "value": 0.0, "after": 0.5})
 
     floor.operations.on_event = spoil
     with pytest.raises(DeviceFaultError, match=words) as fault:
@@ -226,10 +226,10 @@ def test_table_fault_during_verification_leaves_the_transfer_open(
 
 
 @pytest.mark.long
-def test_table_fault_before_the_write_leaves_the_registers_unchanged(floor: Floor, clock_at_hand: list[Any]) -> None:
+def test_table_fault_before_the_write_leaves_the_registers_unchanged(floor: Floor, current_clock: list[Any]) -> None:
     def spoil(operations: RegisterOperations, event: Event) -> None:
         if isinstance(event, StepStarted) and event.label[:1] == ("verify",):
-            clock_at_hand[-1].order({"order": "drive_fault", "after": 0.5})
+            current_clock[-1].order({"order": "drive_fault", "after": 0.5})
 
     floor.operations.on_event = spoil
     with pytest.raises(DeviceFaultError, match=r"fault 'drive'.*--at-rest"):

@@ -1,7 +1,7 @@
 """Certificates of every type of run: content, PDF/A conformance and text, in English and Chinese.
 
-PDF/A-3b is made by typst, whose exporter refuses what the standard forbids. veraPDF, which would judge the file as a
-whole, is in none of the package registries in use (PyPI, npm, Debian). The tests check what a reader of the
+Typst writes PDF/A-3b and refuses content forbidden by the standard. veraPDF, which would validate the file as a
+whole, is not available in PyPI, npm or Debian. The tests check what a reader of the
 file can see: identification in the XMP metadata, output intent, attachments, embedded fonts.
 """
 
