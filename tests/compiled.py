@@ -1,4 +1,4 @@
-"""For `make test`: compiles every kernel once, before two workers would both begin to."""
+"""Compile every kernel once for `make test`, so that test workers do not compile concurrently."""
 
 import subprocess
 import sys

@@ -45,7 +45,7 @@ REAL_TIME = (
 
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Allow the real-time tests to be run again, and leave those with a PostgreSQL server to the rehearsals."""
+    """Allow reruns of real-time tests, and leave tests with a PostgreSQL server to `make rehearse`."""
     for item in items:
         if "postgres" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.long)
@@ -54,14 +54,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Install the servers where tests run: not in the process that only hands tests to workers."""
+    """Install the servers in processes that run tests, not in the process that distributes tests to workers."""
     if "PYTEST_XDIST_WORKER" in os.environ or not config.getoption("numprocesses", default=None):
         lent.install()
 
 
 @pytest.fixture(scope="session", autouse=True)
 def _home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A site's folder for tests without their own: its audit trail is not that of the user. PINs cost little time."""
+    """A temporary site folder for tests without their own, separate from the user's; PIN hashing is fast."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CALSTATION_HOME", str(tmp_path_factory.mktemp("home")))
         patch.setattr("calstation.config.access._N", 2**10)
@@ -78,7 +78,7 @@ def site_folder(tmp_path: Path) -> SiteFolder:
 
 @pytest.fixture
 def behind(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> SiteFolder:
-    """A unit whose registers are applied to its samples."""
+    """A site folder with a unit whose registers are applied to its samples."""
     from calstation.config import library
     from tests.site_folder import behind_registers
 
@@ -92,7 +92,7 @@ def behind(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> SiteFold
 
 @pytest.fixture(scope="session")
 def shared_runs(tmp_path_factory: pytest.TempPathFactory) -> SharedRuns:
-    """Runs made once for all tests that only read what they left."""
+    """Runs made once for all tests that only read their files."""
     from tests.shared_runs import SharedRuns
 
     root = tmp_path_factory.getbasetemp()

@@ -1,4 +1,4 @@
-"""A folder with the virtual gimbal's station and a product with short turns."""
+"""A folder with the station of the virtual gimbal and a product with short rotations."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Helpers that tests of every package share."""
+"""Helpers shared by the tests of all packages."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -17,14 +17,14 @@ from calstation.schema import EntryError
 def raises_code(
     kind: type[CalstationError] | type[EntryError], code: str
 ) -> Iterator["pytest.ExceptionInfo[CalstationError | EntryError]"]:
-    """Expect an error of a class with a code of the message catalogue; gives pytest's exception info."""
+    """Expect an error of a class with a code of the message catalogue; yield pytest's exception info."""
     with pytest.raises(kind) as caught:
         yield caught
     assert caught.value.code == code, f"{caught.value.code or 'no code'}: {caught.value}"
 
 
 def complaint(error: CalstationError) -> str:
-    """Entry and code of the first thing that a profile's loader complains about, e.g. ``link.baud entry.missing``."""
+    """Return entry and code of the first problem reported by a loader, e.g. ``link.baud entry.missing``."""
     what = error.values["what"]
     if what.code == "entry.at":
         return f"{what.values['field']} {what.values['what'].code}"
@@ -32,7 +32,7 @@ def complaint(error: CalstationError) -> str:
 
 
 def sampled(every: int, *choices: Iterable[Any]) -> list[Any]:
-    """All combinations of the choices as parameters; all but every `every`-th are left to ``make exhaustive``."""
+    """Return all combinations of the choices as parameters; only every `every`-th runs outside ``make exhaustive``."""
     return [
         pytest.param(*chosen, marks=[pytest.mark.exhaustive] if number % every else [])
         for number, chosen in enumerate(product(*choices))
@@ -40,7 +40,7 @@ def sampled(every: int, *choices: Iterable[Any]) -> list[Any]:
 
 
 class Progress:
-    """A `ProgressCallback` that records."""
+    """A `ProgressCallback` that records its calls."""
 
     def __init__(self) -> None:
         self.fractions: list[float] = []
@@ -56,6 +56,6 @@ def ignore_progress(fraction: float, remaining_s: float | None = None, note: str
 
 
 def joint_axis(geometry: TableGeometry, joint: int, inner: float) -> FloatArray:
-    """Axis of a joint in b at an inner angle (rad), from the attitudes before and after a turn of 0.5 rad."""
+    """Return the axis of a joint in b at an inner angle (rad), from attitudes before and after a 0.5 rad rotation."""
     before, after = geometry.body_to_home(0.0, inner), geometry.body_to_home(0.5 * (joint == 0), inner + 0.5 * joint)
     return np.asarray(rotation_vector(before.T @ after) / 0.5)

@@ -1,7 +1,7 @@
-"""Processes for tests without their start-up time: forked from servers that have imported everything already.
+"""Processes for tests without their start-up time, forked from servers that have imported all modules.
 
-Every test still has a virtual bench and an engine of its own, started and ended as always; only importing and loading
-compiled code, which takes seconds, is done once. Where `os.fork` is missing, real ones are started.
+Every test still has its own virtual bench and engine, started and ended as usual; only importing and loading
+compiled code, which takes seconds, is done once. Without `os.fork`, real processes are started.
 
     python tests/lent.py SOCKET OWNER      the server of bench processes, until the process OWNER has ended
 """
@@ -56,7 +56,7 @@ class LentBench:
         self.pid = int(_read(self._line, 8))
 
     def poll(self) -> int | None:
-        """The exit code, None while the process lives."""
+        """Return the exit code, None while the process is running."""
         if self.returncode is None:
             self._line.setblocking(False)
             with suppress(BlockingIOError):
@@ -75,17 +75,17 @@ class LentBench:
         return self.returncode
 
     def send_signal(self, number: int) -> None:
-        """Send a signal to the process, where it still lives."""
+        """Send a signal to the process if it is running."""
         if self.poll() is None:
             with suppress(ProcessLookupError):  # the server has reaped it, its exit code is on its way
                 os.kill(self.pid, number)
 
     def kill(self) -> None:
-        """End the process at once."""
+        """Kill the process."""
         self.send_signal(signal.SIGKILL)
 
     def communicate(self) -> tuple[bytes, bytes]:
-        """Close the input and collect what is left of both outputs."""
+        """Close the input and return the rest of both outputs."""
         self.stdin.close()
         left = self.stdout.read(), self.stderr.read() if self.stderr is not None else b""
         self.stdout.close()
@@ -101,7 +101,7 @@ class LentBench:
 
 
 class _EngineProcess(ForkServerProcess):
-    """A forked process with the environment that its parent has when it starts it, as a spawned one would have."""
+    """A forked process with the environment of its parent at its start, like a spawned process."""
 
     def start(self) -> None:
         self._environment = dict(os.environ)
@@ -118,7 +118,7 @@ class _EngineContext(ForkServerContext):
 
 
 def install() -> None:
-    """Have this process, and the engines that it starts, borrow their processes from now on.
+    """Make this process, and the engines that it starts, use forked processes.
 
     All workers of a test session share the server of benches, which lives as long as the process that started them.
     """
@@ -143,7 +143,7 @@ def install() -> None:
 
 
 def lend_benches(path: Path | None = None) -> None:
-    """Have benches started by this process come from the server at `path`, or from the one that it was told."""
+    """Fork benches started by this process from the server at `path`, or from the inherited server."""
     if path is not None:
         os.environ[_SOCKET] = str(path)
     from calstation.connection import bench_process
@@ -155,19 +155,19 @@ def lend_benches(path: Path | None = None) -> None:
 
 
 def popen(args: list[str], **options: Any) -> Any:
-    """`subprocess.Popen`, with benches lent."""
+    """Replace `subprocess.Popen`, with forked benches."""
     if args[1 : 1 + len(_BENCH)] == _BENCH and _SOCKET in os.environ and not _needs_own_process():
         return LentBench(args, stderr=options.get("stderr") == subprocess.PIPE)
     return subprocess.Popen(args, **options)
 
 
 def _needs_own_process() -> bool:
-    """Whether processes load a library at their start, which a fork does not."""
+    """Return whether processes load a library at their start, which a fork does not."""
     return "LD_PRELOAD" in os.environ
 
 
 def _connect(path: Path) -> socket.socket:
-    """A connection to the server, which is started where there is none."""
+    """Return a connection to the server, which is started if necessary."""
     with path.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         line = _try(path)
@@ -195,7 +195,7 @@ def _try(path: Path) -> socket.socket | None:
 
 
 def _read(line: socket.socket, count: int) -> bytes:
-    """Exactly so many bytes; a closed connection is the exit code of a process that was killed with its keeper."""
+    """Read exactly `count` bytes; a closed connection is the exit code of a process killed with its supervisor."""
     data = b""
     while len(data) < count:
         more = line.recv(count - len(data))
@@ -232,7 +232,7 @@ def _serve(path: Path, owner: int) -> None:
 
 
 def _keep(line: socket.socket, main: Any) -> None:
-    """In a process between server and bench: start the bench, tell its number, and at its end the exit code."""
+    """Run between server and bench: start the bench, send its process id, and its exit code at the end."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     size, descriptors, _, _ = socket.recv_fds(line, 4, 3)
     if not size:  # only asked whether the server is there

@@ -1,4 +1,4 @@
-"""Preloaded by the server of engine processes (`lent`): what every engine and job worker imports."""
+"""Modules of every engine and job worker, preloaded by the server of engine processes (`lent`)."""
 
 import importlib
 

@@ -1,4 +1,4 @@
-"""A PostgreSQL server of the system's package, started for tests."""
+"""A PostgreSQL server of the system package, started for tests."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _WAIT = 60.0
 
 
 class PostgresServer:
-    """A server in a temporary folder; it can be stopped, started and cut off from its clients."""
+    """A server in a temporary folder that can be stopped, started and disconnected from its clients."""
 
     def __init__(self, programs: Path) -> None:
         self._programs = programs
@@ -55,7 +55,7 @@ class PostgresServer:
         self._run("pg_ctl", "start", "-w", "-D", self._data, "-l", self._folder / "log", "-o", options)
 
     def stop(self, mode: str = "immediate") -> None:
-        """Stop the server: ``immediate`` as by a crash, ``fast`` after cutting off its clients."""
+        """Stop the server: ``immediate`` like a crash, ``fast`` after disconnecting its clients."""
         self._run("pg_ctl", "stop", "-w", "-m", mode, "-D", self._data)
 
     def cut(self, database: str) -> int:
@@ -105,7 +105,7 @@ class PostgresServer:
 
 
 def _user() -> str | None:
-    """The user whom the server runs as; None for the present one."""
+    """Return the user that runs the server, None for the current user."""
     if os.name == "nt" or os.geteuid() != 0:
         return None
     import pwd
@@ -114,7 +114,7 @@ def _user() -> str | None:
 
 
 def installed() -> Path | None:
-    """Folder of the server's programs, None if it is not installed."""
+    """Return the folder of the server programs, None if not installed."""
     found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"), key=lambda path: int(path.parts[-3]))
     if found:
         return found[-1].parent
@@ -141,7 +141,7 @@ def shared_database(postgres: PostgresServer) -> str:
 
 @pytest.fixture(params=DATABASES)
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """URL of a new database of each kind with the tables of this version."""
+    """URL of a new database of each type with the tables of this version."""
     if request.param == "postgresql":
         return str(request.getfixturevalue("shared_database"))
     from calstation.database import upgrade

@@ -1,4 +1,4 @@
-"""Runs on the virtual bench that are made once in a test session, by whichever worker needs them first."""
+"""Runs on the virtual bench that are made once per test session, by the first worker that needs them."""
 
 import pickle
 import shutil
@@ -12,14 +12,14 @@ from tests.site_folder import SiteFolder
 
 
 class SharedRuns:
-    """Runs in folders of their own beneath `root`."""
+    """Runs in separate folders below `root`."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
         root.mkdir(exist_ok=True)
 
     def copy(self, name: str, folder: Path, make: Callable[[SiteFolder], Verdict]) -> Verdict:
-        """Copy a run to `folder`; its result still names the log where it was made."""
+        """Copy a run to `folder`; its result still refers to the original log."""
         verdict = self._made(name, make)
         shutil.copytree(self._root / name, folder, ignore=shutil.ignore_patterns("reports.jsonl"), dirs_exist_ok=True)
         log, result_file = (
@@ -28,7 +28,7 @@ class SharedRuns:
         return replace(verdict, log=log, result_file=result_file)
 
     def passed(self, folder: Path, *stages: str) -> Verdict:
-        """Copy a run of these stages that passed to `folder`."""
+        """Copy a passed run of these stages to `folder`."""
         verdict = self.copy("-".join(stages) or "full", folder, lambda site: site.run(*stages))
         assert verdict.outcome == "passed"
         return verdict

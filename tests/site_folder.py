@@ -1,4 +1,4 @@
-"""A folder with a short product and a virtual-bench station, for runs through the real protocols."""
+"""A folder with a short product and a virtual station, for runs through the real protocols."""
 
 import tomllib
 from collections.abc import Callable
@@ -42,13 +42,13 @@ BENCH: dict[str, Any] = {"seed": 5, "start_deg": [1.0, -1.0]}
 
 
 def behind_registers(profile: str) -> str:
-    """A shipped profile's text for a unit whose one stream has its registers applied."""
+    """Return a shipped profile changed to a unit whose only stream is corrected by its registers."""
     before, _, corrected = profile.partition("[corrected]\n")
     return before.replace('order = "before_registers"', 'order = "after_registers"') + corrected.split("\n", 1)[1]
 
 
 class SiteFolder:
-    """A folder with a station file, a product file and the runs made there."""
+    """A folder with a station file, a product file and their runs."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -72,11 +72,11 @@ class SiteFolder:
         self.station.write_text(tomli_w.dumps({**station, "slots": slots}), encoding="utf-8")
 
     def request(self, *stages: str, serial: str = "SN-000042") -> RunRequest:
-        """A run of these stages here."""
+        """Request a run of these stages."""
         return RunRequest(serial, self.station, self.product, stages or None, self.folder / "runs", "tester")
 
     def run(self, *stages: str, on_event: Callable[[Event], None] | None = None) -> Verdict:
-        """Run in this process; the verdict."""
+        """Run in this process and return the verdict."""
 
         def emit(event: Event) -> None:
             self.events.append(event)
@@ -90,16 +90,16 @@ class SiteFolder:
         return verdict
 
     def events_of(self, kind: type) -> list[Any]:
-        """Events of a kind."""
+        """Return the events of a type."""
         return [event for event in self.events if isinstance(event, kind)]
 
     def fault(self) -> Fault:
-        """The one fault."""
+        """Return the only fault."""
         (fault,) = self.events_of(Fault)
         return fault
 
     def once(self, kind: type, command: Command, *, after: int = 0) -> Callable[[Event], None]:
-        """Send a command at the event of a kind that has `after` before it."""
+        """Send a command at the event of a type that follows `after` others."""
         seen = 0
 
         def watch(event: Event) -> None:

@@ -8,7 +8,7 @@ from calstation.physics import FloatArray
 
 
 def table_attitude(table: TableTruth, angles: FloatArray) -> FloatArray:
-    """C_b^n at true joint angles (rad, shape (n, 2)), shape (n, 3, 3)."""
+    """Return C_b^n at true joint angles (rad, shape (n, 2)), shape (n, 3, 3)."""
     chain = table.chain()
     basis = np.eye(3)
     columns = [
@@ -19,7 +19,7 @@ def table_attitude(table: TableTruth, angles: FloatArray) -> FloatArray:
 
 
 def rotation_states(table: TableTruth, outer: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """ω_ib (rad/s) and its derivative (rad/s²) in b, each shape (n, 3).
+    """Return ω_ib (rad/s) and its derivative (rad/s²) in b, each shape (n, 3).
 
     `outer` and `inner` hold angle, rate and acceleration of the joints, shape (n, 3).
     """

@@ -1,4 +1,4 @@
-"""The application log: a file per process, a run's id in every line, and nothing where it cannot be written."""
+"""The application log: one file per process, the run id in every line, and no failure if it cannot be written."""
 
 import logging
 import os
@@ -26,7 +26,7 @@ def text(folder: Path) -> str:
     return "".join(path.read_text("utf-8") for path in sorted(folder.glob("*.log")))
 
 
-def test_a_line_names_time_level_run_and_module(tmp_path: Path) -> None:
+def test_log_line_contains_time_level_run_and_module(tmp_path: Path) -> None:
     applog.configure("engine", tmp_path)
     logger.info("before")
     with applog.run("SN-1_20261122"):
@@ -38,12 +38,12 @@ def test_a_line_names_time_level_run_and_module(tmp_path: Path) -> None:
     assert str(os.getpid()) in path.name
 
 
-def test_a_process_without_a_line_leaves_no_file(tmp_path: Path) -> None:
+def test_process_without_log_lines_creates_no_file(tmp_path: Path) -> None:
     applog.configure("cli", tmp_path)
     assert not list(tmp_path.iterdir())
 
 
-def test_the_level_decides_and_is_inherited(tmp_path: Path) -> None:
+def test_log_level_is_applied_and_inherited(tmp_path: Path) -> None:
     applog.configure("cli", tmp_path, applog.Level.WARNING)
     applog.configure("engine")  # as a child process does, whose environment names both
     logger.info("too fine")
@@ -52,20 +52,20 @@ def test_the_level_decides_and_is_inherited(tmp_path: Path) -> None:
     assert "too fine" not in text(tmp_path)
 
 
-def test_an_empty_folder_in_the_environment_switches_it_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_empty_folder_in_the_environment_disables_the_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(applog.FOLDER, "")
     applog.configure("cli", tmp_path)
     logger.error("nowhere")
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_that_cannot_be_made_stops_nothing(tmp_path: Path) -> None:
+def test_folder_that_cannot_be_created_is_ignored(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     applog.configure("cli", tmp_path / "file" / "logs")
     logger.error("nowhere")
 
 
-def test_the_oldest_files_are_deleted(tmp_path: Path) -> None:
+def test_oldest_files_are_deleted(tmp_path: Path) -> None:
     for number in range(40):
         (tmp_path / f"cli_20200101T0000{number:02d}_1.log").write_text("", encoding="utf-8")
     other = tmp_path / "engine_20190101T000000_1.log"
@@ -77,7 +77,7 @@ def test_the_oldest_files_are_deleted(tmp_path: Path) -> None:
     assert other.exists()
 
 
-def test_tracebacks_are_kept(tmp_path: Path) -> None:
+def test_tracebacks_are_logged(tmp_path: Path) -> None:
     applog.configure("engine", tmp_path)
     try:
         raise ZeroDivisionError("one by zero")

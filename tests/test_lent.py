@@ -1,4 +1,4 @@
-"""Lent processes have imported everything when they start."""
+"""Forked processes have imported all modules at their start."""
 
 import multiprocessing
 import sys
@@ -12,7 +12,7 @@ def report_modules(there: "Connection[list[str], None]") -> None:
     there.send(list(sys.modules))
 
 
-def test_a_lent_engine_process_has_imported_the_run_at_its_start() -> None:
+def test_forked_engine_process_has_imported_the_run_modules() -> None:
     context = multiprocessing.get_context("spawn")
     if not isinstance(context, ForkServerContext):
         pytest.skip("processes are not lent here")

@@ -1,4 +1,4 @@
-"""For `make test`: where Qt finds no system libraries, prints the options that leave the window's tests out."""
+"""Print the options that exclude the tests of the window for `make test` if Qt finds no system libraries."""
 
 import sys
 

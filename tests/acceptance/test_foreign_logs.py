@@ -23,11 +23,11 @@ def refusal(done: Done) -> str:
     return done.err
 
 
-def test_units_are_spelt_as_the_contract_spells_them() -> None:
+def test_units_are_spelled_as_in_the_contract() -> None:
     assert {p.unit for p in PARAMETERS} == {"rad/s", "1", "rad", "m/s²", "s²/m", "m"}
 
 
-def test_columns_in_any_order_and_strange_ones_beside_them(tmp_path: Path) -> None:
+def test_columns_may_be_in_any_order_and_unknown_columns_are_ignored(tmp_path: Path) -> None:
     rows = six_position_rows()
     names = [*HEADER.split(","), "operator"]
     order = np.random.default_rng(1).permutation(len(names))
@@ -40,13 +40,13 @@ def test_columns_in_any_order_and_strange_ones_beside_them(tmp_path: Path) -> No
     assert first["log"]["sha256"] == second["log"]["sha256"]
 
 
-def test_an_unknown_stage_in_the_column_names_file_and_column(calstation: Run, tmp_path: Path) -> None:
+def test_error_for_an_unknown_stage_names_the_file_and_column(calstation: Run, tmp_path: Path) -> None:
     rows = [row.replace("six_position", "six_pos") for row in six_position_rows()]
     text = refusal(calstation("resolve", write_log(tmp_path, rows)))
     assert all(word in text for word in ("log.csv", "no stage 'six_pos", "Choose from"))
 
 
-def test_an_empty_file_is_called_empty(calstation: Run, tmp_path: Path) -> None:
+def test_empty_file_is_reported_as_empty(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     log.write_text("", encoding="utf-8")
     assert "log.csv: The file is empty." in refusal(calstation("resolve", log))
@@ -59,19 +59,19 @@ def test_parallel_axes_are_refused(calstation: Run, tmp_path: Path) -> None:
     assert "outer_axis and inner_axis" in text
 
 
-def test_reports_a_range_after_the_end_of_the_log(calstation: Run, tmp_path: Path) -> None:
+def test_range_beyond_the_end_of_the_log_is_reported(calstation: Run, tmp_path: Path) -> None:
     text = refusal(calstation("resolve", write_log(tmp_path, six_position_rows()), "--from", 99999))
     assert "no sample from 99999 to the end, only from 0 to 2399" in text
 
 
-def test_a_gap_in_a_turn_is_named_as_the_reason(calstation: Run, tmp_path: Path) -> None:
+def test_gap_during_a_rotation_is_reported_as_the_cause(calstation: Run, tmp_path: Path) -> None:
     rows = [row.replace("six_position", "rate") for row in six_position_rows()]
     text = refusal(calstation("resolve", write_log(tmp_path, rows[:500] + rows[520:])))
     assert "No whole turn about +x" in text
     assert "1 gaps or invalid stretches" in text
 
 
-def test_encoder_angles_come_back_as_they_were_written(calstation: Run, tmp_path: Path) -> None:
+def test_encoder_angles_survive_a_write_and_read(calstation: Run, tmp_path: Path) -> None:
     angles = np.random.default_rng(2).uniform(-800.0, 800.0, 2400)
     rows = six_position_rows()
     for k, angle in enumerate(angles):
@@ -85,7 +85,7 @@ def test_encoder_angles_come_back_as_they_were_written(calstation: Run, tmp_path
     assert [float(row.split(",")[8]) for row in back] == [float(row.split(",")[8]) for row in rows]
 
 
-def test_reports_a_diverged_solution(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_diverged_solution_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def diverge(self: BatchStage, *_: object) -> None:
         raise np.linalg.LinAlgError("Matrix is singular to machine precision.")
 

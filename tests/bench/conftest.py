@@ -1,4 +1,4 @@
-"""A bench process as the station starts it, and the clients that talk to it."""
+"""A bench process, started as the station starts it, and its clients."""
 
 import json
 import socket
@@ -41,7 +41,7 @@ class Bench:
 
 
 class ImuClient:
-    """Reads everything the unit sends in a thread of its own; finds frames and replies in it."""
+    """Client that reads the unit's output in its own thread and extracts frames and replies."""
 
     def __init__(self, endpoint):
         self.port = serial.serial_for_url(endpoint, timeout=0.02)

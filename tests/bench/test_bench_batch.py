@@ -1,4 +1,4 @@
-"""Several units on one table of the bench: one motion, and for each unit its own errors, noise, mounting and clock."""
+"""Several units on one simulated table share its motion; each has its own errors, noise, mounting and clock."""
 
 import itertools
 
@@ -34,7 +34,7 @@ IDEAL = {
 
 
 def batch(*settings, **common):
-    """Units on one table, homed."""
+    """Create units on one homed table."""
     configs = [
         BenchConfig(**{"start_deg": (0.0, 0.0), "unit": n, **common, **own}) for n, own in enumerate(settings, 1)
     ]
@@ -48,7 +48,7 @@ def batch(*settings, **common):
 
 
 def advance(units, seconds):
-    """The frames that each unit sends in the next seconds."""
+    """Return the frames that each unit sends in the next `seconds`."""
     until = units[0].now + seconds
     own = b""
     while units[0].now < until - 1e-9:
@@ -60,23 +60,23 @@ def advance(units, seconds):
 
 
 def increments(unit, frames):
-    """Increments of the six channels, rad and m/s."""
+    """Return the increments of the six channels, rad and m/s."""
     imu = unit.truth.imu
     return frames["channels"] * np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
 
 
 def forces(units, seconds=2.0):
-    """Mean specific force of each unit over the next seconds, m/s²."""
+    """Return each unit's mean specific force over the next `seconds`, m/s²."""
     return [200.0 * increments(u, f)[:, 3:].mean(axis=0) for u, f in zip(units, advance(units, seconds), strict=True)]
 
 
 def move(units, outer, inner):
-    """Move the table, and the frames of each unit during the move."""
+    """Move the table and return the frames of each unit during the move."""
     units[0].machine.move(units[0].device_time, (outer, inner), (1.0, 1.0), (2.0, 2.0))
     return advance(units, 6.0)
 
 
-def test_an_orientation_names_the_axes_along_x_and_z_of_the_platform():
+def test_orientation_gives_the_unit_axes_along_x_and_z_of_the_platform():
     assert len({unit_axes(name).tobytes() for name in ORIENTATIONS}) == 24
     for name in ORIENTATIONS:
         axes = unit_axes(name)
@@ -86,12 +86,12 @@ def test_an_orientation_names_the_axes_along_x_and_z_of_the_platform():
 
 
 @pytest.mark.parametrize("name", ["+x-x", "xz", "+x+w", "+x+z+y", ""])
-def test_no_orientation_is_refused(name):
+def test_invalid_orientation_is_rejected(name):
     with pytest.raises(ValueError, match="orientation"):
         BenchConfig(orientation=name)
 
 
-def test_units_at_rest_sense_gravity_along_the_axis_that_is_up():
+def test_units_at_rest_measure_gravity_along_the_upward_axis():
     names = ("+x+z", "-y+z", "+z-x")
     units = batch(*({"orientation": name} for name in names), **IDEAL)
     for name, force in zip(names, forces(units), strict=True):
@@ -105,7 +105,7 @@ def test_units_at_rest_sense_gravity_along_the_axis_that_is_up():
         assert force == pytest.approx(9.8 * unit_axes(name)[0], abs=1e-4)
 
 
-def test_a_turn_of_the_table_turns_every_unit_about_its_own_axis():
+def test_table_rotation_is_measured_about_the_vertical_axis_of_each_unit():
     units = batch({}, {"orientation": "+z+y"}, {"orientation": "-x-z"}, **IDEAL)
     for unit, frames in zip(units, move(units, 0.0, 2.0), strict=True):
         turned = increments(unit, frames)[:, :3].sum(axis=0)
@@ -113,14 +113,14 @@ def test_a_turn_of_the_table_turns_every_unit_about_its_own_axis():
         assert turned @ up == pytest.approx(2.0, abs=6.0 * EARTH_RATE)
 
 
-def test_the_nominal_lever_arm_is_added_to_the_drawn_one():
+def test_nominal_lever_arm_is_added_to_the_random_lever_arm():
     drawn, placed = BenchConfig(seed=4).truth(), BenchConfig(seed=4, lever_m=(0.1, 0.2, -0.3)).truth()
     added = dict(zip(NAMES, placed.parameters - drawn.parameters, strict=True))
     levers = {"outer_lever_x": 0.1, "outer_lever_y": 0.2, "outer_lever_z": -0.3}
     assert added == pytest.approx({name: levers.get(name, 0.0) for name in NAMES})
 
 
-def test_the_first_unit_sends_what_it_sends_alone():
+def test_output_of_the_first_unit_does_not_depend_on_other_units():
     alone = batch({"seed": 9})
     together = batch({"seed": 9}, {"seed": 4, "orientation": "-y+z", "clock_drift_ppm": -7.0}, {"seed": 5})
     for units in (alone, together):
@@ -129,7 +129,7 @@ def test_the_first_unit_sends_what_it_sends_alone():
         assert np.array_equal(advance(alone, seconds)[0], advance(together, seconds)[0])
 
 
-def test_a_unit_is_the_same_in_any_slot_but_stands_on_the_table_of_the_first():
+def test_unit_keeps_its_errors_in_any_slot_and_shares_the_table_errors():
     settings = {"seed": 4, "orientation": "-y+z"}
     units = batch({"seed": 9}, settings)
     own, first = BenchConfig(**settings).truth(), units[0].truth
@@ -139,7 +139,7 @@ def test_a_unit_is_the_same_in_any_slot_but_stands_on_the_table_of_the_first():
     assert units[1].truth.encoder == first.encoder
 
 
-def test_the_noise_of_two_units_is_independent():
+def test_noise_of_two_units_is_independent():
     units = batch(*({"seed": seed} for seed in (1, 2)))
     first, second = (increments(u, f) for u, f in zip(units, advance(units, 50.0), strict=True))
     count = len(first)
@@ -149,7 +149,7 @@ def test_the_noise_of_two_units_is_independent():
 
 
 @pytest.mark.parametrize(("drift", "power_on"), [(2e4, 0.0), (-2e4, 0.317)])
-def test_a_unit_with_another_clock_sees_the_same_motion_in_its_own_time(drift, power_on):
+def test_unit_with_a_different_clock_samples_the_same_motion_in_its_own_time(drift, power_on):
     units = batch({}, {"clock_drift_ppm": drift, "power_on_s": power_on}, **IDEAL)
     assert units[1].device_time == pytest.approx((units[0].now - power_on) * (1.0 + 1e-6 * drift))
     begin, rate = units[1].sampled, 200.0 * (1.0 + 1e-6 * drift)
@@ -167,7 +167,7 @@ def test_a_unit_with_another_clock_sees_the_same_motion_in_its_own_time(drift, p
     assert 200.0 * second[-200:, 5].mean() == pytest.approx(9.8, abs=1e-4), "per second of its own clock"
 
 
-def test_a_fault_in_the_middle_of_a_step_reaches_all_units_alike():
+def test_table_fault_within_a_time_step_affects_all_units_equally():
     order = Order(order="stall", at=2.0)
     units = batch({"orders": [order]}, {}, **IDEAL)
     first, second = (increments(u, f) for u, f in zip(units, move(units, 0.0, 2.0), strict=True))
@@ -176,12 +176,12 @@ def test_a_fault_in_the_middle_of_a_step_reaches_all_units_alike():
     assert second == pytest.approx(first, abs=1e-12)
 
 
-def test_orders_concern_one_unit():
+def test_fault_order_for_an_unknown_unit_is_rejected():
     with raises_code(ConfigurationError, "entry.in_file"):
         validate(BenchConfig, {"orders": [{"order": "reset_imu", "unit": 3}], "secondaries": [{"unit": 2}]}, "bench")
 
 
-def test_an_order_by_the_clock_silences_only_its_unit(start_bench, imu_client):
+def test_timed_fault_order_silences_only_its_unit(start_bench, imu_client):
     further = [{"unit": unit, "serial": f"SN-{unit}", "seed": unit} for unit in (2, 4)]
     orders = [{"order": "silence_imu", "value": 0.5, "at": 1.0, "unit": 4}]
     with start_bench(secondaries=further, orders=orders, clock_drift_ppm=0.0) as bench:
@@ -203,7 +203,7 @@ def test_an_order_by_the_clock_silences_only_its_unit(start_bench, imu_client):
 
 
 @pytest.mark.long
-def test_every_line_counts_its_bytes_and_none_after_its_client_has_left(start_bench, imu_client):
+def test_each_serial_line_counts_its_bytes_until_its_client_disconnects(start_bench, imu_client):
     further = [{"unit": unit, "serial": f"SN-{unit}", "seed": unit} for unit in range(2, 17)]
     with start_bench(secondaries=further) as bench:
         clients = [imu_client(bench.endpoints[f"imu{n}" if n > 1 else "imu"]) for n in range(1, 17)]

@@ -1,4 +1,4 @@
-"""A bench unit's corrected stream is the true motion once its registers hold the unit's true errors."""
+"""The corrected stream of a simulated unit equals the true motion if its registers hold its true errors."""
 
 import struct
 from pathlib import Path
@@ -29,7 +29,7 @@ ERRORS = {p.name: float(_RNG.normal() * next((v for k, v in SIZES.items() if k i
 
 
 def measured(errors, rate, force):
-    """The sensors' output by the error model of the contract, written out here."""
+    """Return the sensor output by the error model of the contract, implemented independently."""
 
     def of(name):
         return np.array([errors.get(f"{name}_{axis}", 0.0) for axis in "xyz"])
@@ -49,7 +49,7 @@ def measured(errors, rate, force):
 
 
 @pytest.mark.parametrize("protocol", PROFILES)
-def test_the_true_errors_in_the_registers_make_the_output_true(protocol):
+def test_output_is_the_true_motion_if_registers_hold_the_true_errors(protocol):
     profile = load_imu_profile(IMUS / f"{PROFILES[protocol]}.toml")
     entries = RegisterMap(tuple(profile.registers))
     registers = {n: v for n, v in ERRORS.items() if n in entries.parameters}
@@ -66,7 +66,7 @@ def test_the_true_errors_in_the_registers_make_the_output_true(protocol):
 
 
 def fill(unit, profile, entries, registers):
-    """Put registers in by the unit's own commands."""
+    """Write the registers by the unit's own commands."""
     check_cancelled = unit.conversation()
     numbers = entries.encode({**dict.fromkeys(entries.parameters, 0.0), **registers})
     for entry in entries.entries:
@@ -89,7 +89,7 @@ def fill(unit, profile, entries, registers):
             assert not reply[1] & 0x80
 
 
-def test_increments_lose_nothing_to_rounding():
+def test_increments_accumulate_no_rounding_error():
     unit = UNITS["framed"](BenchConfig(serial="SN-7"))
     unit.scale = np.repeat([1e-6 * 200, 1e-5 * 200], 3)
     unit.answer(WRITE, struct.pack("<HBf", 0, 1, 0.3e-6 * 200), 1.0)
@@ -102,7 +102,7 @@ def test_increments_lose_nothing_to_rounding():
     assert channels[:, 1].sum() == 1000
 
 
-def test_the_carried_rounding_error_does_not_depend_on_the_size_of_the_counts():
+def test_carried_rounding_error_does_not_depend_on_the_resolution():
     requantiser, scale = Requantiser(), np.ones(6)
     values = np.full((40_000, 6), 1e9 + 0.3)
     counts = requantiser.counts(values, scale, carry=True) - 1e9
@@ -112,7 +112,7 @@ def test_the_carried_rounding_error_does_not_depend_on_the_size_of_the_counts():
 
 
 @pytest.mark.parametrize("protocol", PROFILES)
-def test_the_driver_changes_the_kind_of_stream_without_reading_the_other_kind(start_bench, protocol):
+def test_driver_switches_the_stream_type_without_reading_old_samples(start_bench, protocol):
     profile = load_imu_profile(IMUS / f"{PROFILES[protocol]}.toml").with_timeout(2.0)
     settings = {"grade": "mems", "imu_protocol": protocol, "output": profile.stream.output}
     with start_bench(serial="SN-000042", clock_drift_ppm=0.0, **settings) as bench:
@@ -146,7 +146,7 @@ def test_the_driver_changes_the_kind_of_stream_without_reading_the_other_kind(st
             imu.close()
 
 
-def test_an_unknown_kind_of_stream_is_refused(start_bench):
+def test_unknown_stream_type_is_rejected(start_bench):
     profile = load_imu_profile(IMUS / "bench_mems.toml")
     other = profile.model_copy(update={"corrected": profile.corrected.model_copy(update={"stream": 7})})
     with start_bench(grade="mems") as bench:

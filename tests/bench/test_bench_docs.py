@@ -1,4 +1,4 @@
-"""docs/reference/bench.md and docs/reference/faults.md describe every setting, effect, order and kind of fault."""
+"""docs/reference/bench.md and docs/reference/faults.md describe every setting, effect, fault order and fault type."""
 
 import re
 import subprocess
@@ -15,18 +15,18 @@ BENCH, FAULTS = ((DOCS / name).read_text(encoding="utf-8") for name in ("bench.m
 
 
 def rows(text: str) -> str:
-    """The lines of its tables."""
+    """Return the rows of the tables of a document."""
     return "\n".join(line for line in text.splitlines() if line.startswith("|"))
 
 
-def test_every_setting_effect_and_order_is_documented() -> None:
+def test_every_setting_effect_and_fault_order_is_documented() -> None:
     documented = set(re.findall(r"`(\w+)`", rows(BENCH)))
     assert set(BenchConfig.model_fields) <= documented
     assert set(Effects.model_fields) <= documented
     assert set(get_args(OrderName)) <= documented
 
 
-def test_every_kind_of_fault_is_documented_and_marked() -> None:
+def test_every_fault_type_is_documented_and_marked() -> None:
     table = rows(FAULTS.split("## One by one")[1])
     marks = dict(re.findall(r"`(\w+)`([¹²]?)", table))
     assert set(KINDS) <= set(marks)
@@ -34,7 +34,7 @@ def test_every_kind_of_fault_is_documented_and_marked() -> None:
         assert marks[kind] == ("¹" if kind in SET_UP else "²" if kind in HOST else ""), kind
 
 
-def test_a_misspelt_setting_is_reported_with_the_nearest_name() -> None:
+def test_misspelled_setting_is_reported_with_the_closest_name() -> None:
     command = [sys.executable, "-m", "calstation.bench", "--config", '{"bench_grade": "mems"}']
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
     assert done.returncode == 2

@@ -1,4 +1,4 @@
-"""Two CiA 402 drives, described by a profile alone: low word first, floats, a negative scale, no watchdog."""
+"""Two CiA 402 drives described only by a profile: low word first, floats, a negative scale, no watchdog."""
 
 import struct
 import sys
@@ -20,7 +20,7 @@ PROFILE = load_table_profile(Path(__file__).parents[2] / "data" / "tables" / "ci
 
 
 class Pair:
-    """Both drives over a machine without errors; as a register link, of one of them, without a wire."""
+    """Both drives of an error-free simulated table."""
 
     def __init__(self, start=(0.0, 0.0)):
         limits = TableLimits(low=(-20.0, -20.0), high=(20.0, 20.0))
@@ -35,7 +35,7 @@ class Pair:
 
 
 class Unit:
-    """One drive as `register_table.RegisterLink`; `unplugged` if its cable is cut."""
+    """In-memory `register_table.RegisterLink` of one drive; `unplugged` simulates a disconnected cable."""
 
     received = b""
 
@@ -73,7 +73,7 @@ def ready(pair):
     return pair.table
 
 
-def test_bytes_of_the_drives(pair):
+def test_registers_written_for_a_move_and_a_rate_match_the_profile(pair):
     table = ready(pair)
     for unit in pair.units:
         unit.writes.clear()
@@ -92,7 +92,7 @@ def test_bytes_of_the_drives(pair):
     np.testing.assert_allclose(table.status().angles, np.deg2rad([-90.0, 100.0]), atol=1e-6)
 
 
-def test_status_is_taken_from_both_drives(pair):
+def test_status_combines_both_drives(pair):
     table = pair.table
     identity = table.identify()
     assert identity.model == "bench-drive"
@@ -110,7 +110,7 @@ def test_status_is_taken_from_both_drives(pair):
     assert not table.status().enabled, "one axis is off"
 
 
-def test_homing_is_commanded_once_and_shows_no_motion_bit(pair):
+def test_homing_is_commanded_once_and_motion_is_detected_without_a_motion_bit(pair):
     table = ready(pair)
     assert [repeat for address, _, repeat in pair.units[0].writes if address == 23] == [False]
     assert table.status().homed
@@ -122,7 +122,7 @@ def test_homing_is_commanded_once_and_shows_no_motion_bit(pair):
     assert status.rates[0] > 0.0
 
 
-def test_a_stop_reaches_the_axis_whose_drive_answers(pair):
+def test_stop_is_sent_to_the_drive_that_still_responds(pair):
     table = ready(pair)
     table.move(*np.deg2rad([300.0, 300.0, 20.0, 40.0]))
     pair.pass_time(2.0)
@@ -135,7 +135,7 @@ def test_a_stop_reaches_the_axis_whose_drive_answers(pair):
     assert not table.status().moving
 
 
-def test_after_a_stop_nothing_moves_until_commanded(pair):
+def test_table_stays_stopped_until_the_next_command(pair):
     table = ready(pair)
     table.move(*np.deg2rad([300.0, 0.0, 20.0, 40.0]))
     pair.pass_time(2.0)
@@ -147,7 +147,7 @@ def test_after_a_stop_nothing_moves_until_commanded(pair):
     np.testing.assert_array_equal(table.status().angles, stood)
 
 
-def test_no_endless_rate_unless_the_profile_states_how_the_drives_stop(pair):
+def test_continuous_rotation_requires_a_stop_time_on_link_loss_in_the_profile(pair):
     table = ready(pair)
     with raises_code(ConfigurationError, "table.would_not_stop"):
         table.rate(0.1, 0.0, 0.5)
@@ -159,7 +159,7 @@ def test_no_endless_rate_unless_the_profile_states_how_the_drives_stop(pair):
     table.heartbeat()  # there is no watchdog, so nothing is sent
 
 
-def test_a_fault_is_reported_and_cleared_on_both_drives(pair):
+def test_fault_is_reported_and_cleared_on_both_drives(pair):
     table = ready(pair)
     pair.machine.trip(Fault.DRIVE, pair.time)
     assert table.status().fault == "drive"
@@ -170,7 +170,7 @@ def test_a_fault_is_reported_and_cleared_on_both_drives(pair):
     assert not status.enabled
 
 
-def test_a_non_numeric_float_is_a_fault(pair):
+def test_nan_in_a_register_is_a_fault(pair):
     def refresh():
         pair.drives[0].words[32:34] = [0, 0x7FC0]
 
@@ -180,7 +180,7 @@ def test_a_non_numeric_float_is_a_fault(pair):
     assert caught.value.values == {"name": "outer_rate", "addresses": "32-33"}
 
 
-def test_a_refused_command_changes_nothing():
+def test_rejected_command_changes_nothing():
     pair = Pair()
     outer, inner = pair.drives
     for drive in (outer, inner):
@@ -202,7 +202,7 @@ def test_a_refused_command_changes_nothing():
         pytest.param("rtu", marks=pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")),
     ],
 )
-def test_each_drive_is_a_modbus_unit_of_the_server(start_bench, transport):
+def test_each_drive_has_its_own_modbus_unit_number(start_bench, transport):
     settings = {"table_protocol": "drives", "table_transport": transport, "start_deg": [2.0, -1.0], "speed": 0.0}
     with start_bench(**settings) as bench:
         port = bench.endpoints["table"] if transport == "rtu" else f"tcp://{bench.endpoints['table']}"

@@ -1,4 +1,4 @@
-"""Every error outside the model of 30 parameters, against a closed form: rests, steady rotations, times."""
+"""Every simulated error outside the 30-parameter model agrees with a closed form at rest and in steady rotation."""
 
 from typing import Any
 
@@ -37,7 +37,7 @@ FINE = 1e-9
 
 
 def stream(**effects: Any) -> SensorStream:
-    """A unit without noise and without errors but these effects."""
+    """Create a noise-free unit whose only errors are the given effects."""
     truth = BenchConfig(**PLAIN, effects=effects).truth()
     imu = truth.imu
     values = {**vars(imu), "gyro_arw": 0.0, "accel_vrw": 0.0}
@@ -46,18 +46,18 @@ def stream(**effects: Any) -> SensorStream:
 
 
 def means(source: SensorStream, count: int, outer: JointProfile, inner: JointProfile) -> np.ndarray:
-    """Output of the next samples, rad/s and m/s², shape (n, 6)."""
+    """Return the output of the next samples, rad/s and m/s², shape (n, 6)."""
     imu = source._imu
     return source.produce(count, outer, inner).counts * np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
 
 
 def at_rest(angles: tuple[float, float] = OBLIQUE, count: int = 1, **effects: Any) -> np.ndarray:
-    """Output at rest."""
+    """Return the output at rest."""
     return means(stream(**effects), count, *(JointProfile.rest(angle) for angle in angles))
 
 
 def rotating(outer: float, sign: float, **effects: Any) -> np.ndarray:
-    """Output of a sample during a steady rotation about z_b at an outer angle."""
+    """Return the output of a sample during a steady rotation about z_b at an outer angle."""
     turn = JointProfile.rest(0.0).move(0.0, sign * 100.0, RATE, 1.0)
     source = stream(**effects)
     means(source, 1000, JointProfile.rest(outer), turn)
@@ -65,12 +65,12 @@ def rotating(outer: float, sign: float, **effects: Any) -> np.ndarray:
 
 
 def forces() -> np.ndarray:
-    """Force in the oblique attitude, in g."""
+    """Return the specific force in the oblique attitude, g."""
     outer, inner = OBLIQUE
     return np.array([np.sin(outer) * np.sin(inner), np.sin(outer) * np.cos(inner), np.cos(outer)])
 
 
-def test_second_and_third_order_terms_and_asymmetries_of_the_accelerometers() -> None:
+def test_accelerometer_nonlinearity_and_asymmetry_match_the_closed_form() -> None:
     f, plain = forces(), at_rest()
     assert plain[0, 3:] == pytest.approx(G * f, abs=1e-9)
     added = {
@@ -90,13 +90,13 @@ def test_second_and_third_order_terms_and_asymmetries_of_the_accelerometers() ->
     assert got == pytest.approx(np.array(matrix) @ products, abs=1e-6)
 
 
-def test_gyros_feel_the_force() -> None:
+def test_gyro_g_sensitivity_matches_the_closed_form() -> None:
     matrix = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]
     got = (at_rest(g_sensitivity_dph_g=matrix) - at_rest())[0, :3] / DPH
     assert got == pytest.approx(np.array(matrix) @ forces(), abs=1e-7)
 
 
-def test_a_number_is_the_magnitude_of_all_coefficients_with_drawn_signs() -> None:
+def test_scalar_effect_sets_the_magnitude_of_all_coefficients_with_random_signs() -> None:
     found = [
         Effects(g_sensitivity_dph_g=0.1).drawn(np.random.default_rng(seed)).terms[5:8] / DPH * G for seed in (1, 2)
     ]
@@ -108,7 +108,7 @@ def test_a_number_is_the_magnitude_of_all_coefficients_with_drawn_signs() -> Non
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_nonlinearity_and_asymmetry_of_the_gyros(sign: float) -> None:
+def test_gyro_nonlinearity_and_asymmetry_match_the_closed_form(sign: float) -> None:
     true = rotating(0.0, sign)[2]
     assert true == pytest.approx(sign * RATE, abs=1e-4)
     share = true / np.deg2rad(100.0)
@@ -120,7 +120,7 @@ def test_nonlinearity_and_asymmetry_of_the_gyros(sign: float) -> None:
         assert (rotating(0.0, sign, **{name: 50.0})[2] - true) / PPM == pytest.approx(50.0 * expected, abs=1e-6), name
 
 
-def test_the_gyros_clip_without_a_flag_and_the_range_is_still_reported() -> None:
+def test_clipped_gyros_raise_no_flag_but_range_overflow_is_flagged() -> None:
     source = stream(gyro_clip_dps=60.0)
     imu = source._imu
     turn = JointProfile.rest(0.0).move(0.0, 100.0, RATE, 1.0)
@@ -134,14 +134,14 @@ def test_the_gyros_clip_without_a_flag_and_the_range_is_still_reported() -> None
     assert far.saturated.any() == (imu.gyro_range < np.deg2rad(420.0))
 
 
-def test_accelerometers_off_their_axes_feel_the_rotation() -> None:
+def test_size_effect_of_the_accelerometers_matches_the_closed_form() -> None:
     matrix = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]
     got = rotating(0.0, 1.0, accel_off_axis_mm=matrix)[3:] - rotating(0.0, 1.0)[3:]
     # Off the vertical axis by r, an accelerometer senses −ω² r; the earth's rotation adds 1e-4 of ω.
     assert got == pytest.approx(-(RATE**2) * 1e-3 * np.array([1.0, 5.0, 0.0]), abs=5e-6)
 
 
-def test_late_accelerometers_sense_the_motion_of_before() -> None:
+def test_delayed_accelerometers_measure_earlier_motion() -> None:
     outer = JointProfile.rest(0.0).move(0.05, 2.0, RATE, 1.0)
     late = means(stream(accel_delay_ms=20.0), 200, outer, JointProfile.rest(0.0))
     now = means(stream(), 200, outer, JointProfile.rest(0.0))
@@ -149,7 +149,7 @@ def test_late_accelerometers_sense_the_motion_of_before() -> None:
     assert late[2:, 3:] == pytest.approx(now[:-2, 3:], abs=1e-9)
 
 
-def test_the_clock_changes_the_true_duration_of_a_sample_and_not_its_time() -> None:
+def test_sample_clock_error_changes_the_true_sample_duration_but_not_the_timestamps() -> None:
     plan = [Dwell(5.0), Move(0.0, 6.0, RATE, 1.0), Dwell(5.0)]
     settings = {**PLAIN, "output": "increment", "encoder_sigma_deg": 0.0}
     plain, fast = (
@@ -166,7 +166,7 @@ def test_the_clock_changes_the_true_duration_of_a_sample_and_not_its_time() -> N
     assert means(rate, 1, *(JointProfile.rest(0.0),) * 2)[0, 5] == pytest.approx(G)
 
 
-def test_changes_over_time() -> None:
+def test_warm_up_drift_and_jumps_match_the_closed_form() -> None:
     plain = at_rest(count=2000)[0]
     grown = -np.expm1(-(np.arange(2000) + 0.5) * 0.01 / 8.0)[:, None]
     effects = {"warm_up_accel_scale_ppm": 40.0, "warm_up_gyro_bias_dph": [1.0, 2.0, 3.0], "warm_up_s": 8.0}
@@ -179,7 +179,7 @@ def test_changes_over_time() -> None:
     assert got[:, 3:] == pytest.approx(plain[3:] + late * 30.0 * PPM * G * [0.0, 1.0, 0.0], abs=1e-9)
 
 
-def test_random_walks_grow_with_the_root_of_time() -> None:
+def test_random_walk_grows_with_the_square_root_of_time() -> None:
     effects = Effects(gyro_random_walk_dph_sqrt_h=6.0).drawn(np.random.default_rng(0))
     ends = []
     for seed in range(300):
@@ -189,7 +189,7 @@ def test_random_walks_grow_with_the_root_of_time() -> None:
     assert np.std(ends) == pytest.approx(6.0 / 10.0, rel=0.1)
 
 
-def test_the_parameters_at_the_end_are_what_the_output_shows() -> None:
+def test_reported_final_parameters_match_the_output() -> None:
     effects = {
         "warm_up_gyro_scale_ppm": 70.0,
         "warm_up_accel_bias_ug": 20.0,
@@ -211,7 +211,7 @@ def test_the_parameters_at_the_end_are_what_the_output_shows() -> None:
 
 
 @pytest.mark.long
-def test_changes_do_not_depend_on_the_sizes_of_the_requests() -> None:
+def test_time_varying_errors_do_not_depend_on_the_request_size() -> None:
     effects = {"gyro_random_walk_dph_sqrt_h": 6.0, "warm_up_accel_scale_ppm": 9.0, "accel_delay_ms": 3.0}
     truth = BenchConfig(effects=effects).truth()
     still = [JointProfile.rest(0.0)] * 2
@@ -220,7 +220,7 @@ def test_changes_do_not_depend_on_the_sizes_of_the_requests() -> None:
     assert np.array_equal(whole.produce(100, *still).counts, np.vstack(pieces))
 
 
-def test_noise_is_a_multiple_of_that_of_the_grade() -> None:
+def test_noise_effect_scales_the_noise_of_the_grade() -> None:
     plain, noisy = (BenchConfig(effects=e).truth().imu for e in ({}, {"gyro_noise": 3.0, "accel_noise": 0.5}))
     assert noisy.gyro_arw == 3.0 * plain.gyro_arw
     assert noisy.accel_vrw == 0.5 * plain.accel_vrw
@@ -228,7 +228,7 @@ def test_noise_is_a_multiple_of_that_of_the_grade() -> None:
     assert len(plain.parameters) == COUNT
 
 
-def test_effects_need_a_driven_table() -> None:
+def test_effects_require_a_motorised_table() -> None:
     config = {"table_protocol": "hand", "effects": {"accel_delay_ms": 1.0}}
     with raises_code(ConfigurationError, "entry.in_file") as caught:
         validate(BenchConfig, config, "bench configuration")

@@ -1,4 +1,4 @@
-"""Free motion: rates and accelerations are exact derivatives; at rest it agrees with the table."""
+"""Free motion of the bench: rates and accelerations are exact derivatives; at rest it agrees with the table."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ ZERO = np.zeros(3)
 
 
 def attitude_of(motion: FreeMotion, time: float) -> np.ndarray:
-    """C_b^n at one time, shape (3, 3)."""
+    """Return C_b^n at one time, shape (3, 3)."""
     C = np.eye(3)
     for link in motion.links:
         angle = link.course.states(np.array([time]))[0, 0]
@@ -45,7 +45,7 @@ def motion() -> FreeMotion:
     return FreeMotion(links, rotation(np.array([0.1, 0.2, -0.3])), shake)
 
 
-def test_derivatives_of_a_pulse(motion):
+def test_pulse_derivatives_match_finite_differences(motion):
     pulse = motion.links[0].course.pulses[0]
     times, h = np.linspace(0.31, 1.79, 200), 1e-6
     states = pulse.states(times)
@@ -56,7 +56,7 @@ def test_derivatives_of_a_pulse(motion):
     assert np.all(pulse.states(np.array([0.0, 9.0]))[1:] == 0.0)
 
 
-def test_rate_is_the_attitudes_derivative_and_acceleration_the_rates(motion):
+def test_rate_and_acceleration_match_numerical_derivatives_of_the_attitude(motion):
     times, h = np.linspace(0.1, 3.0, 40), 1e-6
     _, rate, acceleration = motion.states(times, ZERO, ZERO)
     for time, omega in zip(times, rate, strict=True):
@@ -66,7 +66,7 @@ def test_rate_is_the_attitudes_derivative_and_acceleration_the_rates(motion):
     assert acceleration == pytest.approx((later - earlier) / (2.0 * h), abs=1e-4)
 
 
-def test_force_is_gravity_and_shake_seen_from_the_body(motion):
+def test_specific_force_is_gravity_and_shaking_in_the_body_frame(motion):
     up, h = np.array([0.0, 0.0, 9.8]), 1e-5
     times = np.linspace(0.6, 2.4, 20)
     force, rate, _ = motion.states(times, up, np.array([0.0, 5e-5, 4e-5]))
@@ -107,7 +107,7 @@ def test_at_rest_free_motion_agrees_with_the_table():
     assert increments == pytest.approx(np.tile(increments[0], (10, 1)))
 
 
-def test_an_operator_stops_near_the_position_and_rests():
+def test_simulated_operator_stops_near_the_position_and_holds_still():
     rig = ManualRig(rest=4.0)
     poses = around(np.deg2rad(45.0))
     motion, duration = push(rig, poses, np.random.default_rng(2))
@@ -123,7 +123,7 @@ def test_an_operator_stops_near_the_position_and_rests():
 
 
 @pytest.mark.long
-def test_equal_seeds_give_equal_recordings_and_others_differ():
+def test_equal_seeds_give_equal_recordings_and_other_seeds_differ():
     imu = draw_imu("mems", np.random.default_rng(1), sample_rate=50.0)
     rig = ManualRig(initial_rest=3.0, rest=2.0)
     poses = around(np.deg2rad(120.0))
@@ -132,7 +132,7 @@ def test_equal_seeds_give_equal_recordings_and_others_differ():
     assert not np.array_equal(first[:100], other[:100])
 
 
-def test_samples_do_not_depend_on_the_sizes_of_requests():
+def test_samples_do_not_depend_on_the_request_size():
     imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
     rig = ManualRig()
     streams = [HandStream(imu, rig, np.random.SeedSequence(5)) for _ in range(2)]
@@ -143,7 +143,7 @@ def test_samples_do_not_depend_on_the_sizes_of_requests():
     assert np.array_equal(whole, np.vstack(parts))
 
 
-def test_an_operator_brings_the_unit_near_the_position_and_releases_it():
+def test_simulated_operator_moves_the_unit_near_the_position_and_releases_it():
     imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
     rig = ManualRig()
     stream = HandStream(imu, rig, np.random.SeedSequence(5))

@@ -1,4 +1,4 @@
-"""The bench's gimbal: its joints turn the body as rotations do, and its loop holds still what it believes to turn."""
+"""Joint kinematics and stabilisation loop of the simulated three-axis gimbal."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def rates_of(imu, samples):
 
 
 @pytest.mark.long
-def test_joint_rates_turn_the_body_at_the_requested_rate():
+def test_joint_rates_give_the_requested_body_rate():
     joints, omega, h = np.array([0.4, -0.3, 1.2]), np.array([0.2, -0.5, 0.9]), 1e-6
     rates = joint_rates(ORDER, joints, omega)
     spin = (
@@ -32,7 +32,7 @@ def test_joint_rates_turn_the_body_at_the_requested_rate():
 
 
 @pytest.mark.long
-def test_an_error_shows_in_the_joints_and_not_in_stabilised_rates():
+def test_gyro_misalignment_appears_in_the_joint_angles_and_not_in_the_stabilised_rates():
     imu = misaligned(1)
     bench = GimbalBench(imu, 1, encoder_sigma=0.0)
     bench.zero_bias(bench.lock(5.0))
@@ -46,7 +46,7 @@ def test_an_error_shows_in_the_joints_and_not_in_stabilised_rates():
     assert bench.joints[2] == pytest.approx(A, abs=1e-3)
 
 
-def test_with_the_true_correction_the_joints_stay():
+def test_other_joints_stay_still_with_the_true_correction():
     imu = misaligned(2)
     bench = GimbalBench(imu, 2, encoder_sigma=0.0)
     bench.zero_bias(bench.lock(5.0))
@@ -56,7 +56,7 @@ def test_with_the_true_correction_the_joints_stay():
     assert np.abs(bench.joints[1:]).max() < 3e-5
 
 
-def test_locked_joints_follow_their_profile_and_the_gyros_measure_it():
+def test_gyros_measure_the_commanded_motion_of_locked_joints():
     imu = misaligned(3)
     bench = GimbalBench(imu, 3)
     rest = rates_of(imu, bench.lock(5.0)).mean(axis=0)

@@ -1,4 +1,4 @@
-"""The unit's output against closed forms: rest, centripetal and Euler terms, the integrated attitude."""
+"""The output of the simulated unit agrees with closed forms: rest, centripetal and Euler terms, integrated attitude."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ def test_at_rest_a_perfect_unit_measures_gravity_and_earth_rate():
     assert rates[:, 3:] == pytest.approx(np.tile(to_body @ [0.0, 0.0, GRAVITY], (3, 1)), abs=1e-13)
 
 
-def test_the_thirty_parameters_enter_as_the_contract_says():
+def test_thirty_parameters_act_as_the_contract_defines():
     random = np.random.default_rng(3)
     imu = ImuTruth(random.normal(0.0, 1e-3, COUNT), 100.0, "increment", 1e-9, 1e-9, 0.0, 0.0)
     p = {name: imu.parameters[i] for name, i in INDEX.items()}
@@ -79,7 +79,7 @@ def test_the_thirty_parameters_enter_as_the_contract_says():
         assert got[3 + i] == pytest.approx(accel[i] + quadratic + p[f"accel_bias_{axis}"], abs=1e-12)
 
 
-def test_steady_rotation_about_the_vertical_gives_the_centripetal_forces_of_the_levers():
+def test_steady_rotation_gives_the_centripetal_forces_of_the_lever_arms():
     rate = 1.0
     imu = unit(outer_lever_x=0.3, outer_lever_y=-0.2, inner_lever_x=0.05, inner_lever_y=0.02, inner_lever_z=0.4)
     turning = JointProfile.rest(0.0).move(0.0, 20.0 * np.pi, rate, 10.0)
@@ -92,7 +92,7 @@ def test_steady_rotation_about_the_vertical_gives_the_centripetal_forces_of_the_
     assert forces[:, 2] == pytest.approx(GRAVITY, abs=slack)
 
 
-def test_accelerating_rotation_gives_the_euler_force():
+def test_accelerating_rotation_gives_the_euler_force_of_the_lever_arms():
     imu = unit(outer_lever_x=0.3, outer_lever_y=-0.2)
     acceleration = 0.5
     turning = JointProfile.rest(0.0).move(0.0, 100.0, 5.0, acceleration)
@@ -113,7 +113,7 @@ def test_accelerating_rotation_gives_the_euler_force():
     assert forces[2] == pytest.approx(expected_z + rate * (north_body @ [0.3, -0.2]), abs=1e-6)
 
 
-def test_integrated_body_rate_arrives_at_the_closed_form_attitude():
+def test_integrated_body_rate_gives_the_closed_form_attitude():
     table = BenchConfig(seed=4, azimuth_error_deg=0.6, mount_deg=(0.6, 1.2), wobble_arcsec=200.0).truth().table
     outer = JointProfile.rest(0.1).move(0.05, 1.9, 0.6, 1.0)
     inner = JointProfile.rest(-0.4).move(0.05, -3.0, 0.9, 1.5)
@@ -134,7 +134,7 @@ def test_integrated_body_rate_arrives_at_the_closed_form_attitude():
     assert error < 1e-9
 
 
-def test_specific_force_integrates_to_the_velocity_of_the_lever_point():
+def test_integrated_specific_force_gives_the_velocity_at_the_lever_arm():
     imu = unit(1000.0, outer_lever_x=0.25, outer_lever_y=0.1, outer_lever_z=-0.2)
     table = replace(PLAIN, azimuth=0.4, wobble=(1e-3, 1e-3), mount=(0.01, 0.0, 0.01))
     outer = JointProfile.rest(0.0).move(0.1, 1.0, 0.5, 1.0)
@@ -185,7 +185,7 @@ def quantise(values, as_rate, limit=1e9):
     )
 
 
-def test_increments_are_rounded_with_the_remainder_carried_on():
+def test_increments_are_rounded_and_carry_the_remainder():
     values = np.random.default_rng(2).normal(0.0, 2.0, (1000, 6))
     counts, saturated = quantise(values, as_rate=False)
     assert not saturated.any()
@@ -194,13 +194,13 @@ def test_increments_are_rounded_with_the_remainder_carried_on():
     assert np.max(np.abs(np.cumsum(counts * 0.5, axis=0) - np.cumsum(values, axis=0))) <= 0.25 + 1e-9
 
 
-def test_rates_are_means_over_the_sample_each_rounded_alone():
+def test_rates_are_sample_means_rounded_independently():
     values = np.random.default_rng(2).normal(0.0, 2.0, (1000, 6))
     counts, _ = quantise(values, as_rate=True)
     assert counts == pytest.approx(np.floor(values / 0.1 / 0.5 + 0.5), abs=0.0)
 
 
-def test_saturation_limits_the_count_and_is_flagged():
+def test_saturated_counts_are_limited_and_flagged():
     values = np.zeros((3, 6))
     values[1, 4] = -100.0
     counts, saturated = quantise(values, as_rate=False, limit=50.0)

@@ -1,4 +1,4 @@
-"""Frames and register protocol of the bench IMU, byte by byte."""
+"""Frames and register protocol of the simulated IMU, byte by byte."""
 
 import struct
 
@@ -29,7 +29,7 @@ def output(count, saturated=False):
     return StreamOutput(counts, np.full(count, saturated))
 
 
-def test_the_check_is_crc_16_ccitt_false():
+def test_checksum_is_crc_16_ccitt_false():
     assert crc16(b"123456789") == 0x29B1
 
 
@@ -41,11 +41,11 @@ def test_a_stream_frame_has_the_documented_34_bytes():
     assert len(frame) == STREAM.itemsize == 34
 
 
-def test_identify():
+def test_identify_returns_model_serial_number_and_version():
     assert unit().answer(IDENTIFY, b"", 0.0) == reply(IDENTIFY, b"bench-imu;SN-7;1.0.0")
 
 
-def test_write_and_read_back_float32_registers():
+def test_float32_registers_are_written_and_read_back():
     imu = unit()
     values = struct.pack("<2f", 1.5e-5, -0.25)
     assert imu.answer(WRITE, struct.pack("<HB", 3, 2) + values, 0.0) == reply(WRITE, struct.pack("<HB", 3, 2))
@@ -63,11 +63,11 @@ def test_write_and_read_back_float32_registers():
         (WRITE, struct.pack("<HB", 0, 2) + bytes(4), 2),
     ],
 )
-def test_a_wrong_command_gets_an_error_reply(op, payload, code):
+def test_invalid_command_gets_an_error_reply(op, payload, code):
     assert unit().answer(op, payload, 0.0) == reply(ERROR, bytes([code]))
 
 
-def test_registers_survive_a_reset_only_after_a_commit():
+def test_registers_survive_a_reset_only_after_a_commit_to_flash():
     imu = unit()
     imu.answer(WRITE, struct.pack("<HBf", 0, 1, 2.5), 0.0)
     assert imu.answer(RESET, b"", 1.0) == reply(RESET, b"\x00")
@@ -78,7 +78,7 @@ def test_registers_survive_a_reset_only_after_a_commit():
     assert imu.registers[0] == 2.5
 
 
-def test_the_flash_is_busy_for_a_while_after_a_commit():
+def test_flash_is_busy_for_some_time_after_a_commit():
     imu = unit()
     imu.answer(COMMIT, b"", 1.0)
     busy = reply(ERROR, b"\x03")
@@ -87,7 +87,7 @@ def test_the_flash_is_busy_for_a_while_after_a_commit():
     assert imu.answer(COMMIT, b"", 1.0 + FLASH_TIME) == reply(COMMIT, struct.pack("<BI", 0, 2))
 
 
-def test_a_flash_file_keeps_registers_and_cycles_over_power(tmp_path):
+def test_flash_file_keeps_registers_and_write_cycles_over_a_power_cycle(tmp_path):
     file = tmp_path / "flash.bin"
     first = unit(flash_file=file)
     first.answer(WRITE, struct.pack("<HBf", 29, 1, -1.25), 0.0)
@@ -97,7 +97,7 @@ def test_a_flash_file_keeps_registers_and_cycles_over_power(tmp_path):
     assert second.flash.cycles == 1
 
 
-def test_power_up_reset_and_saturation_show_in_the_frames():
+def test_frames_flag_power_up_reset_and_saturation():
     imu = unit(ready_time_s=1.0)
     ends = np.arange(1, 11) * BOOT_TIME / 5
     frames = np.frombuffer(imu.frames(output(10), ends), dtype=STREAM)
@@ -114,7 +114,7 @@ def test_power_up_reset_and_saturation_show_in_the_frames():
     assert (again["counter"][0], again["status"][0]) == (0, 0)
 
 
-def test_the_stream_can_be_switched_off_and_counts_on():
+def test_counter_continues_while_the_stream_is_off():
     imu = unit()
     assert imu.answer(STREAM_OP, b"\x00", 1.0) == reply(STREAM_OP, b"\x00")
     assert imu.frames(output(3), np.array([1.1, 1.2, 1.3])) == b""
@@ -133,7 +133,7 @@ def test_temperature_rises_exponentially():
     noise=st.binary(max_size=9).filter(lambda data: b"\x55" not in data),
     cuts=st.lists(st.integers(0, 300), max_size=6),
 )
-def test_commands_are_found_however_the_bytes_are_cut(commands, noise, cuts):
+def test_commands_are_recognised_however_the_bytes_are_split(commands, noise, cuts):
     data = noise.join([b"", *(pack(COMMAND_SYNC, op, payload) for op, payload in commands), b""])
     parser, found, last = CommandParser(), [], 0
     for cut in [*sorted(cuts), len(data)]:
@@ -142,7 +142,7 @@ def test_commands_are_found_however_the_bytes_are_cut(commands, noise, cuts):
     assert found == commands
 
 
-def test_a_damaged_command_is_not_carried_out():
+def test_command_with_a_wrong_checksum_is_ignored():
     good = pack(COMMAND_SYNC, IDENTIFY)
     spoilt = bytearray(pack(COMMAND_SYNC, COMMIT))
     spoilt[-1] ^= 1

@@ -1,4 +1,4 @@
-"""The bench shares no equation with the estimators: it may import only these names of `calstation.physics`.
+"""The bench shares no equations with the estimators: it may import only the listed names of `calstation.physics`.
 
 An import contract cannot state this, because the package's public names are all imported from the package itself.
 """
@@ -19,7 +19,7 @@ MODULES = sorted(Path(calstation.bench.__file__).parent.rglob("*.py"))
 
 
 def of_physics(tree: ast.Module) -> Iterator[str]:
-    """What a module imports from physics: a name, or the full name of a module that it imports."""
+    """Return the names that a module imports from physics, or the full name of an imported module."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name.startswith("calstation.physics"))
@@ -37,7 +37,7 @@ def test_the_bench_imports_only_parameter_names_steps_and_array_types_from_physi
     assert not {name: more for name, names in found.items() if (more := names - SHARED)}
 
 
-def test_an_equation_or_a_module_of_physics_would_be_found() -> None:
+def test_import_of_an_equation_or_a_physics_module_is_detected() -> None:
     for line in (
         "from calstation.physics import rotation_matrix",
         "from calstation.physics.rotation import rotation_matrix",

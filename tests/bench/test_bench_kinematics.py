@@ -11,7 +11,7 @@ from calstation.bench.truth.kinematics import DRIVE_FREQUENCY, SETTLED, JointPro
 RATE, ACCELERATION = np.deg2rad(20.0), np.deg2rad(50.0)
 
 
-def test_a_trapezoid_ends_at_its_target_after_the_textbook_time():
+def test_trapezoidal_profile_reaches_its_target_in_the_textbook_time():
     profile = JointProfile.rest(0.3).move(2.0, 0.3 + np.pi, RATE, ACCELERATION)
     assert profile.target == 0.3 + np.pi
     assert profile.end == pytest.approx(2.0 + np.pi / RATE + RATE / ACCELERATION, abs=1e-12)
@@ -21,7 +21,7 @@ def test_a_trapezoid_ends_at_its_target_after_the_textbook_time():
     assert np.all(states[:, 1:] == 0.0)
 
 
-def test_a_short_move_is_a_triangle_below_the_rate():
+def test_short_move_has_a_triangular_profile_below_the_maximum_rate():
     profile = JointProfile.rest(0.0).move(0.0, -0.01, RATE, ACCELERATION)
     assert profile.end == pytest.approx(2.0 * np.sqrt(0.01 / ACCELERATION), rel=1e-12)
     rates = profile.states(np.linspace(0.0, profile.end, 500))[:, 1]
@@ -40,7 +40,7 @@ def test_rate_and_acceleration_are_the_derivatives_of_the_angle(target, rate, ac
     assert near[1, :, 2] == pytest.approx((near[2, :, 1] - near[0, :, 1]) / (2 * step), abs=bound * step + 1e-8)
 
 
-def test_a_move_rings_after_its_end_and_then_settles():
+def test_joint_oscillates_after_a_move_and_then_settles():
     profile = JointProfile.rest(0.0).move(0.0, 1.0, RATE, ACCELERATION)
     ringing = profile.states(np.linspace(profile.end, profile.end + 0.2, 200))[:, 0] - 1.0
     assert ringing.max() > 1e-5
@@ -59,13 +59,13 @@ def test_a_stop_is_continuous_and_decelerates_as_commanded():
     assert stopped.states(np.array([3.99])) == pytest.approx(moving.states(np.array([3.99])), abs=1e-12)
 
 
-def test_a_moving_joint_takes_no_second_move():
+def test_moving_joint_rejects_a_second_move():
     moving = JointProfile.rest(0.0).move(0.0, 1.0, RATE, ACCELERATION)
     with pytest.raises(ValueError, match="moving"):
         moving.move(1.0, 0.0, RATE, ACCELERATION)
 
 
-def test_both_joints_start_together_each_with_its_own_profile():
+def test_joints_start_together_and_follow_their_own_profiles():
     drive = TableDrive(EncoderTruth())
     drive.move(1.0, (0.5, -2.0), (0.1, 0.4), (1.0, 0.8))
     assert drive.profiles[0].end == pytest.approx(1.0 + 0.5 / 0.1 + 0.1)
@@ -73,7 +73,7 @@ def test_both_joints_start_together_each_with_its_own_profile():
     assert drive.end == max(profile.end for profile in drive.profiles)
 
 
-def test_encoders_err_by_their_repeatability_anew_at_every_stop():
+def test_encoder_repeatability_error_is_redrawn_at_every_stop():
     sigma, periodic, white = 1e-3, 1e-4, 1e-6
     drive = TableDrive(EncoderTruth(sigma, periodic, (0.0, 0.0), white), seed=5)
     errors, time = [], 0.0
@@ -88,7 +88,7 @@ def test_encoders_err_by_their_repeatability_anew_at_every_stop():
     assert np.corrcoef(np.array(errors)[:-1, 0], np.array(errors)[1:, 0])[0, 1] == pytest.approx(0.0, abs=0.2)
 
 
-def test_the_periodic_encoder_error_has_its_amplitude():
+def test_periodic_encoder_error_has_the_configured_amplitude():
     drive = TableDrive(EncoderTruth(0.0, 1e-3, (0.7, 0.0), 0.0))
     drive.move(0.0, (2.0 * np.pi, 0.0), (0.5, 0.5), (1.0, 1.0))
     times = np.linspace(0.0, drive.settled, 50)

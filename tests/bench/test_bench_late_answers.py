@@ -1,4 +1,4 @@
-"""The bench's devices answer late on order over RTU, and the drivers take no answer for another's."""
+"""Drivers never take a late Modbus RTU response for the response to another request."""
 
 import sys
 from pathlib import Path
@@ -22,7 +22,7 @@ LATE, NEXT = TIMEOUT + 0.05, 0.1
 
 
 @pytest.mark.long
-def test_limits_and_angles_of_a_slow_table_on_rtu_are_its_own(start_bench):
+def test_late_table_response_is_not_taken_for_limits_or_angles(start_bench):
     profile = load_table_profile(DATA / "tables" / "bench.toml").at_place(TIMEOUT, None)
     profile = profile.model_copy(update={"modbus": profile.modbus.model_copy(update={"gap": 0})})
     settings = {"low_deg": [-400.0, -500.0], "high_deg": [600.0, 700.0], "start_deg": [3.0, -4.0]}
@@ -44,7 +44,7 @@ def test_limits_and_angles_of_a_slow_table_on_rtu_are_its_own(start_bench):
 
 @pytest.mark.long
 @pytest.mark.parametrize("transport", ["socket", "pty"])
-def test_registers_of_a_slow_unit_are_its_own(start_bench, transport):
+def test_late_imu_response_is_not_taken_for_other_registers(start_bench, transport):
     profile = load_imu_profile(DATA / "imus" / "dsp_modbus.toml").with_timeout(TIMEOUT)
     entries = RegisterMap(tuple(profile.registers))
     wanted = entries.rounded({n: 1e-4 * (1 + i / 7) for i, n in enumerate(entries.parameters)})

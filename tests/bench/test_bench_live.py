@@ -1,4 +1,4 @@
-"""The live bench gives the samples of the simulator, and its faults come when they were ordered."""
+"""The live bench produces the same samples as the simulator and injects faults at the configured times."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def decode(data):
     return frames
 
 
-def test_live_samples_are_those_of_the_simulator():
+def test_live_samples_equal_the_simulator_samples():
     live = ready(seed=9)
     data = b"".join(live.advance(t) for t in np.arange(1, 21) * 0.05)
     live.machine.move(live.device_time, (0.5, -1.0), (0.7, 0.7), (1.0, 1.0))
@@ -44,14 +44,14 @@ def test_live_samples_are_those_of_the_simulator():
     assert np.array_equal(counts, expected[silent:1400])
 
 
-def test_device_time_gains_by_the_clock_drift():
+def test_device_time_runs_fast_by_the_clock_drift():
     live = bench(clock_drift_ppm=1e4)
     live.advance(10.0)
     assert live.device_time == pytest.approx(10.1)
     assert live.sampled == 2020
 
 
-def test_a_polled_angle_is_some_milliseconds_old():
+def test_polled_angle_is_delayed_by_latency_and_jitter():
     live = ready(latency_s=0.01, jitter_s=0.004, encoder_noise_deg=0.0)
     live.advance(5.0)
     live.machine.move(5.0, (10.0, 0.0), (1.0, 1.0), (2.0, 2.0))
@@ -66,7 +66,7 @@ def test_a_polled_angle_is_some_milliseconds_old():
     assert max(ages) == pytest.approx(0.014, abs=4e-4)
 
 
-def test_orders_come_at_their_time():
+def test_faults_are_injected_at_their_times():
     live = ready(orders=[Order(order="stall", at=3.0), Order(order="reset_imu", at=2.0)])
     frames = decode(live.advance(2.9))
     assert live.machine.fault is Fault.NONE
@@ -75,7 +75,7 @@ def test_orders_come_at_their_time():
     assert live.machine.fault is Fault.STALL
 
 
-def test_frames_are_dropped_corrupted_and_silenced_as_ordered():
+def test_frames_are_dropped_corrupted_and_silenced_on_request():
     live = bench()
     start = len(decode(live.advance(1.0)))
     live.obey(Order(order="drop_frames", value=3))
@@ -90,7 +90,7 @@ def test_frames_are_dropped_corrupted_and_silenced_as_ordered():
 
 
 @pytest.mark.parametrize("stride", [0.013, 0.05, 0.1, 3.0])
-def test_a_fault_lasts_as_long_as_ordered_however_time_passes(stride):
+def test_duration_of_a_fault_does_not_depend_on_the_time_steps(stride):
     orders = [
         Order(order="saturate_imu", at=0.5, value=0.1),
         Order(order="invalid_imu", at=1.0, value=0.1),
@@ -106,6 +106,6 @@ def test_a_fault_lasts_as_long_as_ordered_however_time_passes(stride):
     assert np.diff(frames["counter"].astype(int)).max() == 61
 
 
-def test_a_unit_outside_its_limits_is_drawn_as_configured():
+def test_out_of_limits_setting_gives_a_unit_outside_its_limits():
     parameters = bench(out_of_limits=True).truth.parameters
     assert abs(parameters[0]) > 15.0 * np.deg2rad(1.0) / 3600.0

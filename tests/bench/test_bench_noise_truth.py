@@ -1,4 +1,4 @@
-"""The noise of the stream: white levels, flicker floor, vibration white at 0.1 s, in chi-squared bounds."""
+"""The noise of the simulated stream lies within chi-squared bounds of the configured levels."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from calstation.physics.parameters import COUNT
 
 
 def instability_covariance(instability, lag):
-    """Autocovariance of the bias at `lag` s."""
+    """Return the autocovariance of the bias at `lag`, s."""
     decay = np.exp(-np.abs(np.asarray(lag))[..., None] / np.array(INSTABILITY_TIMES))
     return instability_variance(instability) * decay.sum(axis=-1)
 
@@ -33,7 +33,7 @@ def stream(seed=1, sample_rate=100.0, velocity_sigma=0.0, **noise):
 
 
 def assert_variance(samples, expected, probability=1e-5):
-    """Sample variances of white columns lie in the two-sided chi-squared band."""
+    """Assert that sample variances of white columns lie within the two-sided chi-squared bounds."""
     degrees = len(samples) - 1
     ratio = np.var(samples, axis=0, ddof=1) * degrees / expected
     low, high = stats.chi2.ppf([probability / 2, 1 - probability / 2], degrees)
@@ -46,7 +46,7 @@ def test_white_noise_has_the_configured_density():
     assert_variance(increments[:, 3:], VRW**2 * 0.01)
 
 
-def test_the_allan_deviation_falls_with_the_root_of_time():
+def test_allan_deviation_falls_with_the_square_root_of_time():
     angles = np.cumsum(stream(seed=2).produce(200_000, *REST).counts[:, 0] * 1e-9)
     for length in (10, 100, 1000):
         means = np.diff(angles[length - 1 :: length]) / (length * 0.01)
@@ -57,7 +57,7 @@ def test_the_allan_deviation_falls_with_the_root_of_time():
         assert band[0] < np.mean(pairs**2) / 2 / expected < band[1]
 
 
-def test_the_bank_of_processes_has_the_flicker_floor():
+def test_sum_of_gauss_markov_processes_has_the_flicker_floor():
     times = np.array(INSTABILITY_TIMES)
     variance = instability_variance(1.0)
     for tau in (10.0, 30.0, 100.0, 300.0):
@@ -68,7 +68,7 @@ def test_the_bank_of_processes_has_the_flicker_floor():
     assert instability_covariance(1.0, np.zeros(1))[0] == pytest.approx(len(times) * variance)
 
 
-def test_bias_instability_runs_with_the_bank_s_autocovariance():
+def test_bias_instability_has_the_autocovariance_of_the_gauss_markov_processes():
     # Slow samples show many correlation times; pooled over six channels and runs.
     instability, rate, length = 1e-3, 0.5, 4096
     lags = np.array([0, 1, 2, 4])
@@ -84,7 +84,7 @@ def test_bias_instability_runs_with_the_bank_s_autocovariance():
     assert np.all(np.abs(mean - instability_covariance(instability, lags / rate)) < 4.5 * error)
 
 
-def test_base_velocity_has_its_size_and_is_white_at_a_tenth_of_a_second():
+def test_base_vibration_velocity_has_its_configured_size_and_is_white():
     sigma, sample_rate = 1e-3, 200.0
     shaken = stream(3, sample_rate, velocity_sigma=sigma, gyro_arw=0.0, accel_vrw=0.0)
     quiet = stream(3, sample_rate, gyro_arw=0.0, accel_vrw=0.0)
@@ -100,7 +100,7 @@ def test_base_velocity_has_its_size_and_is_white_at_a_tenth_of_a_second():
     assert vibration_frequency() / (2 * np.pi) == pytest.approx(22.6, abs=0.1)
 
 
-def test_the_sizes_of_requests_do_not_change_the_samples():
+def test_samples_do_not_depend_on_the_request_size():
     noise = {"velocity_sigma": 1e-3, "gyro_bias_instability": 1e-5, "accel_bias_instability": 1e-4}
     joints = (JointProfile.rest(0.0).move(0.333, 1.0, 0.5, 1.0), JointProfile.rest(0.0))
     whole = stream(**noise).produce(500, *joints).counts

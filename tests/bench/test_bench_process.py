@@ -1,4 +1,4 @@
-"""The bench as a process: real Modbus clients, a real serial line, its clock, and its end with its parent."""
+"""The bench process: Modbus clients, the serial line, its clock, and its exit with its parent."""
 
 import json
 import socket
@@ -39,7 +39,7 @@ def read(client, address, count=1):
 
 
 def write(client, address, *values):
-    """Exception code of a write, 0 where it was taken."""
+    """Write registers; return the Modbus exception code, or 0 on success."""
     if len(values) == 1:
         response = client.write_register(address, values[0], device_id=1)
     else:
@@ -56,7 +56,7 @@ def enable_and_home(bench, client):
 
 
 @pytest.mark.parametrize("transport", ["tcp", pytest.param("rtu", marks=posix)])
-def test_the_register_map_over_a_real_client(start_bench, transport):
+def test_modbus_client_reads_and_writes_the_register_map(start_bench, transport):
     with start_bench(table_transport=transport, table_serial="T-42", encoder_sigma_deg=0.0) as bench:
         client = connect(bench)
         try:
@@ -87,7 +87,7 @@ def test_the_register_map_over_a_real_client(start_bench, transport):
             client.close()
 
 
-def test_watchdog_and_interlock_trip_and_latch(start_bench):
+def test_watchdog_and_interlock_trip_and_latch_faults(start_bench):
     with start_bench(watchdog_ms=800) as bench:
         client = connect(bench)
         try:
@@ -113,7 +113,7 @@ def test_watchdog_and_interlock_trip_and_latch(start_bench):
 
 
 @pytest.mark.parametrize("transport", ["socket", pytest.param("pty", marks=posix)])
-def test_the_serial_line_loses_nothing_and_answers_in_between(start_bench, imu_client, transport):
+def test_serial_line_loses_no_bytes_and_replies_while_streaming(start_bench, imu_client, transport):
     with start_bench(imu_transport=transport, serial="SN-77", clock_drift_ppm=0.0) as bench:
         imu = imu_client(bench.endpoints["imu"])
         assert imu.command(1) == (1, b"bench-imu;SN-77;1.0.0")  # now the bench has seen that the line is open
@@ -135,7 +135,7 @@ def test_the_serial_line_loses_nothing_and_answers_in_between(start_bench, imu_c
         assert np.array_equal(np.concatenate([before, after]), np.arange(8000 - 20))
 
 
-def test_a_slow_reader_stops_the_clock_and_nothing_is_lost(start_bench, imu_client):
+def test_slow_reader_pauses_the_clock_and_no_data_is_lost(start_bench, imu_client):
     with start_bench(sample_rate_hz=1000.0, clock_drift_ppm=0.0) as bench:
         host, port = bench.endpoints["imu"].removeprefix("socket://").split(":")
         with socket.create_connection((host, int(port))) as reader:
@@ -151,7 +151,7 @@ def test_a_slow_reader_stops_the_clock_and_nothing_is_lost(start_bench, imu_clie
             bench.clock.recv(200)
 
 
-def test_time_follows_the_host_at_a_configured_speed(start_bench):
+def test_simulated_time_follows_host_time_at_the_configured_speed(start_bench):
     with start_bench(speed=20.0, clock_drift_ppm=0.0) as bench:
         begun, first = time.monotonic(), bench.ask(now=None)["now"]
         last = bench.advance(10.0)
@@ -161,7 +161,7 @@ def test_time_follows_the_host_at_a_configured_speed(start_bench):
         assert last["samples"] == pytest.approx(last["now"] * 200.0, abs=1.01)
 
 
-def test_a_bench_too_fast_for_its_computer_still_answers(start_bench):
+def test_bench_configured_too_fast_for_the_computer_still_responds(start_bench):
     with start_bench(speed=1e5) as bench:
         client = connect(bench)
         for word in (0x06, 0x07, 0x0F):
@@ -172,20 +172,20 @@ def test_a_bench_too_fast_for_its_computer_still_answers(start_bench):
         client.close()
 
 
-def test_an_unintelligible_request_is_answered_with_an_error(start_bench):
+def test_invalid_request_gets_an_error_response(start_bench):
     with start_bench() as bench:
         assert "error" in bench.ask(order="sing")
         assert "error" in bench.ask(retreat=1.0)
         assert bench.advance(0.5)["samples"] == 100
 
 
-def test_the_bench_ends_when_its_standard_input_closes(start_bench):
+def test_bench_exits_when_its_standard_input_closes(start_bench):
     with start_bench() as bench:
         bench.process.stdin.close()
         assert bench.process.wait(5.0) == 0
 
 
-def test_the_bench_ends_when_its_clock_connection_ends(start_bench):
+def test_bench_exits_when_its_clock_connection_closes(start_bench):
     with start_bench() as bench:
         bench._lines.close()
         bench.clock.close()
@@ -193,7 +193,7 @@ def test_the_bench_ends_when_its_clock_connection_ends(start_bench):
 
 
 @posix
-def test_the_bench_does_not_outlive_a_killed_parent():
+def test_bench_exits_when_its_parent_is_killed():
     script = (
         "import subprocess, sys, time\n"
         "p = subprocess.Popen([sys.executable, '-m', 'calstation.bench'], stdin=subprocess.PIPE,"
@@ -228,7 +228,7 @@ def alive(pid):
         pytest.param("{", "bench", marks=pytest.mark.exhaustive),
     ],
 )
-def test_a_wrong_configuration_is_reported_in_one_line(config, message):
+def test_invalid_configuration_is_reported_in_one_line(config, message):
     run = subprocess.run(
         [sys.executable, "-m", "calstation.bench", "--config", config],
         capture_output=True,
@@ -241,8 +241,8 @@ def test_a_wrong_configuration_is_reported_in_one_line(config, message):
     assert len(run.stderr.strip().splitlines()) == 1
 
 
-def test_a_bench_without_clients_stops_by_its_watchdog_and_reports_it(start_bench, tmp_path):
-    """Time stands still then, so the bench itself lets the deceleration pass."""
+def test_watchdog_stops_a_bench_without_clients_and_is_reported(start_bench, tmp_path):
+    """Time does not advance then, so the bench itself simulates the deceleration."""
     report = tmp_path / "report.json"
     with start_bench(report_file=str(report), watchdog_ms=300, start_deg=[0.0, 0.0]) as bench:
         client = connect(bench)
@@ -259,7 +259,7 @@ def test_a_bench_without_clients_stops_by_its_watchdog_and_reports_it(start_benc
 
 
 @posix
-def test_a_replugged_adapter_has_another_name(start_bench, imu_client):
+def test_reconnected_adapter_has_a_new_port_name(start_bench, imu_client):
     with start_bench(imu_transport="pty", serial="SN-77") as bench:
         before = imu_client(bench.endpoints["imu"])
         assert before.command(1) == (1, b"bench-imu;SN-77;1.0.0")

@@ -1,4 +1,4 @@
-"""The shipped profiles of the bench's devices agree with the bench."""
+"""The shipped profiles of the simulated devices agree with the bench."""
 
 import tomllib
 from pathlib import Path
@@ -19,7 +19,7 @@ def load(kind, name):
 
 
 @pytest.mark.parametrize("grade", list(GRADES))
-def test_an_imu_profile_has_its_grade_s_scale_and_noise(grade):
+def test_imu_profile_has_the_scale_and_noise_of_its_grade(grade):
     profile, config = load("imus", f"bench_{grade}"), BenchConfig(grade=grade)
     truth = config.truth().imu
     assert profile["model"] == MODEL
@@ -33,7 +33,7 @@ def test_an_imu_profile_has_its_grade_s_scale_and_noise(grade):
         assert profile["stability"][group]["power_up"] == pytest.approx(sigma, rel=0.05)
 
 
-def test_the_table_profile_has_the_bench_s_limits_and_errors():
+def test_table_profile_has_the_limits_and_errors_of_the_bench():
     profile, config = load("tables", "bench"), BenchConfig()
     assert profile["model"] == TABLE_MODEL
     for joint, name in enumerate(("outer", "inner")):

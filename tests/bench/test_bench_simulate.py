@@ -1,4 +1,4 @@
-"""The simulator without protocol: stamps, continuity between stages, grades."""
+"""The simulator without protocols: timestamps, continuity between stages, grades."""
 
 from dataclasses import fields
 from itertools import count
@@ -24,7 +24,7 @@ def endless():
         yield RoundEnd(number)
 
 
-def test_time_counter_step_and_joints_carry_on_from_stage_to_stage():
+def test_time_counter_step_and_joint_angles_continue_across_stages():
     simulator = Simulator(BenchConfig(grade="nav", seed=1).truth(), 1)
     first = simulator.run([Prepare(), Dwell(2.0), Move(np.pi / 2, 0.0, RATE, ACCELERATION), Dwell(3.0)], "rate")
     second = simulator.run([Dwell(1.0), Move(0.0, 0.0, RATE, ACCELERATION), Finish()], "six_position")
@@ -36,18 +36,18 @@ def test_time_counter_step_and_joints_carry_on_from_stage_to_stage():
     assert second.angles[9] == pytest.approx([np.pi / 2, 0.0], abs=np.deg2rad(0.25))
 
 
-def test_angles_come_at_the_polls_and_are_nan_between():
+def test_angles_are_nan_between_polls():
     result = Simulator(BenchConfig().truth(), 1).run([Dwell(1.0)], "rate")
     polled = np.flatnonzero(np.isfinite(result.angles[:, 0]))
     assert np.array_equal(polled, np.arange(9, 200, 10))
 
 
-def test_an_endless_plan_ends_after_the_requested_rounds():
+def test_unlimited_plan_ends_after_the_requested_rounds():
     result = Simulator(BenchConfig(grade="mems", seed=1).truth(), 1).run(endless(), "azimuth_flip", rounds=3)
     assert result.step[-1] == 6
 
 
-def test_equal_seeds_give_equal_samples_and_others_do_not():
+def test_equal_seeds_give_equal_samples_and_other_seeds_differ():
     results = [Simulator(BenchConfig(grade="nav", seed=2).truth(), s).run([Dwell(1.0)], "rate") for s in (1, 1, 2)]
     for field in fields(results[0]):
         a, b = (getattr(r, field.name) for r in results[:2])
@@ -56,14 +56,14 @@ def test_equal_seeds_give_equal_samples_and_others_do_not():
 
 
 @pytest.mark.parametrize("grade", list(GRADES))
-def test_units_of_a_grade_scatter_with_its_sigmas(grade):
+def test_units_of_a_grade_have_its_standard_deviations(grade):
     drawn = np.array([BenchConfig(grade=grade, seed=seed).truth().parameters for seed in range(200)])
     assert drawn.shape == (200, COUNT)
     sigma = np.array([GRADES[grade].sigma[p.group] for p in PARAMETERS])
     assert drawn.std(axis=0) / sigma == pytest.approx(1.0, abs=0.25)
 
 
-def test_a_fixed_lever_is_zero_and_a_unit_out_of_limits_is_far_out():
+def test_fixed_lever_arm_is_zero_and_out_of_limits_bias_is_20_sigma():
     fixed = BenchConfig(grade="nav", seed=3, outer_lever="fixed").truth().parameters
     assert np.all(fixed[-3:] == 0.0)
     assert np.all(fixed[:27] == BenchConfig(grade="nav", seed=3).truth().parameters[:27])
@@ -71,7 +71,7 @@ def test_a_fixed_lever_is_zero_and_a_unit_out_of_limits_is_far_out():
     assert bad[0] == pytest.approx(20.0 * GRADES["nav"].sigma["gyro_bias"])
 
 
-def test_the_mount_angle_lies_within_its_range():
+def test_mounting_angle_lies_within_its_range():
     mounts = [BenchConfig(seed=seed, mount_deg=(0.1, 0.3)).truth().table.mount for seed in range(50)]
     angles = np.rad2deg([np.linalg.norm(mount) for mount in mounts])
     assert min(angles) >= 0.1

@@ -1,4 +1,4 @@
-"""The table's controller: CiA 402 states, homing, moves, and everything it refuses or trips on."""
+"""The simulated table controller: CiA 402 states, homing, moves, rejected commands and faults."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def homed(**changes):
     return table
 
 
-def test_enable_goes_through_ready_and_on():
+def test_enabling_passes_through_ready_and_switched_on():
     table = machine()
     assert table.statusword(0.0) & 0x446F == 0x460
     table.control(0x0F, 0.0, 0.0)
@@ -48,14 +48,14 @@ def test_enable_goes_through_ready_and_on():
         assert table.statusword(0.0) & 0x6F == shown
 
 
-def test_moves_need_enable_and_home():
+def test_moves_require_an_enabled_and_homed_table():
     with pytest.raises(NotPermitted):
         machine().home(0.0)
     with pytest.raises(NotPermitted):
         enabled().move(0.0, (0.1, 0.1), RATES, ACCELERATIONS)
 
 
-def test_homing_finds_the_zero_from_where_the_joints_were():
+def test_homing_finds_zero_from_any_start_angle():
     table = enabled(start=(0.2, -0.1))
     assert table.positions(0.0) == pytest.approx([0.0, 0.0], abs=1e-12)
     table.home(0.0)
@@ -68,7 +68,7 @@ def test_homing_finds_the_zero_from_where_the_joints_were():
     assert np.abs(table.drive.states(1.0)[:, 1]).max() < 1.2 * table.limits.homing_rate
 
 
-def test_a_move_shows_moving_and_then_reached():
+def test_statusword_shows_moving_and_then_target_reached():
     table = homed()
     table.move(100.0, (1.0, -1.0), RATES, ACCELERATIONS)
     assert table.statusword(101.0) & 0x4400 == 0x4000
@@ -88,21 +88,21 @@ def test_a_move_shows_moving_and_then_reached():
         ((1.0, 1.0), RATES, (99.0, 1.0)),
     ],
 )
-def test_commands_outside_the_limits_are_refused(targets, rates, accelerations):
+def test_commands_outside_the_limits_are_rejected(targets, rates, accelerations):
     table = homed()
     with pytest.raises(OutOfRange):
         table.move(100.0, targets, rates, accelerations)
     assert table.settled(100.0)
 
 
-def test_no_second_move_while_moving():
+def test_second_move_is_rejected_while_moving():
     table = homed()
     table.move(100.0, (1.0, 1.0), RATES, ACCELERATIONS)
     with pytest.raises(NotPermitted):
         table.move(100.5, (0.0, 0.0), RATES, ACCELERATIONS)
 
 
-def test_a_repeated_move_has_no_effect():
+def test_repeated_move_has_no_effect():
     table = homed()
     table.move(100.0, (1.0, 1.0), RATES, ACCELERATIONS)
     end = table.drive.end
@@ -110,7 +110,7 @@ def test_a_repeated_move_has_no_effect():
     assert table.drive.end == end
 
 
-def test_halt_and_stop_decelerate_and_stay_enabled_quick_stop_switches_off():
+def test_halt_and_stop_keep_the_drives_enabled_and_quick_stop_disables_them():
     for act, power in (
         (lambda t: t.stop(101.0), Power.ENABLED),
         (lambda t: t.control(0x10F, 101.0, 0.0), Power.ENABLED),
@@ -124,14 +124,14 @@ def test_halt_and_stop_decelerate_and_stay_enabled_quick_stop_switches_off():
         assert table.power is power
 
 
-def test_a_halted_table_refuses_to_move():
+def test_halted_table_rejects_moves():
     table = homed()
     table.control(0x10F, 100.0, 0.0)
     with pytest.raises(NotPermitted):
         table.move(100.0, (1.0, 1.0), RATES, ACCELERATIONS)
 
 
-def test_the_watchdog_trips_on_host_time_only_while_enabled():
+def test_watchdog_trips_on_host_time_and_only_while_enabled():
     table = homed(watchdog=1.0)
     table.move(100.0, (1.5, 3.0), RATES, ACCELERATIONS)
     table.feed(10.0)
@@ -147,7 +147,7 @@ def test_the_watchdog_trips_on_host_time_only_while_enabled():
 
 
 @pytest.mark.parametrize(("rates", "reason"), [((0.5, 99.0), OutOfRange), ((0.5, -0.5), NotPermitted)])
-def test_a_refused_turn_starts_no_joint(rates, reason):
+def test_rejected_rate_command_starts_neither_joint(rates, reason):
     table = homed()
     if reason is NotPermitted:
         table.move_joint(100.0, 1, 3.0, 0.5, 1.0)
@@ -159,13 +159,13 @@ def test_a_refused_turn_starts_no_joint(rates, reason):
     assert table.drive.profiles[0].target == table.limits.high[0]
 
 
-def test_a_watchdog_of_zero_is_off():
+def test_watchdog_of_zero_is_disabled():
     table = homed(watchdog=0.0)
     table.watch(1e9, 100.0)
     assert table.fault is Fault.NONE
 
 
-def test_the_interlock_stops_latches_and_resets_without_restarting():
+def test_open_interlock_stops_and_latches_and_reset_does_not_restart_motion():
     table = homed()
     table.move(100.0, (1.5, 3.0), RATES, ACCELERATIONS)
     table.set_interlock(False, 101.0)
@@ -183,7 +183,7 @@ def test_the_interlock_stops_latches_and_resets_without_restarting():
     assert table.drive.end < 102.0
 
 
-def test_the_first_fault_stays():
+def test_first_fault_stays_latched():
     table = homed()
     table.trip(Fault.STALL, 100.0)
     table.trip(Fault.DRIVE, 100.0)

@@ -1,4 +1,4 @@
-"""True attitude and rotation: contract signs, directions of the table's errors, exact rates."""
+"""True attitude and rotation of the table: signs of the contract, directions of table errors, exact rates."""
 
 import numpy as np
 import pytest
@@ -23,14 +23,14 @@ def real_table(**changes):
     return TableTruth(LATITUDE, 400.0, **{**values, **changes})
 
 
-def test_gravity_agrees_with_published_values():
+def test_normal_gravity_agrees_with_published_values():
     # NIMA TR8350.2: equator 9.7803253359, pole 9.8321849378; at 45° 9.80619777 (Somigliana).
     assert normal_gravity(0.0, 0.0) == pytest.approx(9.7803253359, abs=1e-10)
     assert normal_gravity(np.pi / 2, 0.0) == pytest.approx(9.8321849378, abs=1e-9)
     assert normal_gravity(np.pi / 4, 1000.0) == pytest.approx(9.806197769 - 3.0857e-3, abs=1e-5)
 
 
-def test_the_perfect_table_is_the_contract_s_product_of_rotations():
+def test_error_free_table_is_the_product_of_rotations_in_the_contract():
     angles = np.array([[0.0, 0.0], [0.7, 0.0], [0.0, -1.1], [2.5, 4.0]])
     for (outer, inner), attitude in zip(angles, table_attitude(PERFECT, angles), strict=True):
         expected = Rotation.from_euler("ZXZ", [-PERFECT.azimuth, outer, inner]).as_matrix()
@@ -50,7 +50,7 @@ def test_non_orthogonality_tilts_the_inner_axis_towards_the_outer():
     assert inner_axis_n == pytest.approx([-np.sin(delta), 0.0, np.cos(delta)], abs=1e-12)
 
 
-def test_wobble_tilts_the_axis_by_its_size_in_a_direction_that_turns_with_the_joint():
+def test_wobble_tilts_the_axis_in_a_direction_that_rotates_with_the_joint():
     tilt = 2e-3
     table = TableTruth(LATITUDE, 0.0, wobble=(0.0, tilt))
     angles = np.linspace(0.0, 2.0 * np.pi, 13)
@@ -60,7 +60,7 @@ def test_wobble_tilts_the_axis_by_its_size_in_a_direction_that_turns_with_the_jo
     assert directions - directions[0] == pytest.approx(2.0 * angles, abs=1e-6)
 
 
-def test_mount_and_base_tilt_enter_on_their_own_sides():
+def test_mounting_error_acts_in_body_axes_and_base_tilt_in_base_axes():
     angles = np.array([[1.1, -0.4]])
     mount, tilt = np.array([0.01, 0.02, -0.015]), np.array([2e-3, -1e-3, 0.0])
     table = TableTruth(LATITUDE, 0.0, azimuth=0.3, base_tilt=tuple(tilt), mount=tuple(mount))
@@ -69,7 +69,7 @@ def test_mount_and_base_tilt_enter_on_their_own_sides():
     assert table_attitude(table, angles)[0] == pytest.approx(expected, abs=1e-14)
 
 
-def test_at_rest_the_body_senses_only_the_rotation_of_the_earth():
+def test_unit_at_rest_measures_only_earth_rate():
     table = real_table()
     outer, inner = np.array([[0.8, 0.0, 0.0]]), np.array([[-2.1, 0.0, 0.0]])
     rate, change = rotation_states(table, outer, inner)
@@ -79,7 +79,7 @@ def test_at_rest_the_body_senses_only_the_rotation_of_the_earth():
     assert np.all(change == 0.0)
 
 
-def test_rates_are_the_exact_derivatives_of_the_attitude_wobble_included():
+def test_rates_are_exact_derivatives_of_the_attitude_including_wobble():
     table = real_table()
     # Smooth courses of the joints with known derivatives.
     outer = lambda t: np.array([0.9 * np.sin(t), 0.9 * np.cos(t), -0.9 * np.sin(t)])  # noqa: E731

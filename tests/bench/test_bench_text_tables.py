@@ -1,4 +1,4 @@
-"""The text languages of the bench's table: known answers, and their drivers move it over TCP and a serial line."""
+"""The text protocols of the simulated table: documented replies, and moves by their drivers over TCP and serial."""
 
 import sys
 from pathlib import Path
@@ -22,7 +22,7 @@ tables = pytest.mark.parametrize("language", PROFILES)
 
 
 class Controller:
-    """A controller of a language over a machine without errors, at a time that stands still."""
+    """A controller of one text protocol over an error-free table; time advances only on request."""
 
     def __init__(self, language, start=(0.0, 0.0)):
         limits = TableLimits(low=(-2.0, -4.0), high=(2.0, 4.0))
@@ -42,7 +42,7 @@ def mn(words):
     return f"$MN{words}*{sum(words.encode()) & 0xFF:02X}"
 
 
-def test_atl_known_answers():
+def test_atl_replies_match_the_protocol():
     table = Controller("atl")
     assert table("IDN") == "AERO 4000,T-9\r\n>"
     assert table("1STA") == "104 0\r\n>"
@@ -61,7 +61,7 @@ def test_atl_known_answers():
     assert table("1STA") == "86 1\r\n>"
 
 
-def test_atl_answers_a_jog_with_the_next_line():
+def test_atl_jog_reply_comes_with_the_next_line():
     table = Controller("atl")
     table("1SRV1", "2SRV1", "1HOM")
     table.time = 1.0
@@ -73,7 +73,7 @@ def test_atl_answers_a_jog_with_the_next_line():
     assert table("1STO") == ">"
 
 
-def test_acl_known_answers():
+def test_acl_replies_match_the_protocol():
     table = Controller("acl")
     assert table("*IDN?", end="\n") == "ACUTRONIC SCHWEIZ,ACU 2000,T-9,1.0\n"
     assert table(":Interlock? 1", ":Mode? 2", ":Read:Pos? 1", end="\n") == "Open\nOff\n0.00000\n"
@@ -85,7 +85,7 @@ def test_acl_known_answers():
     assert table(":Interlock:Reset", ":Interlock? 1", end="\n") == "Open\n"
 
 
-def test_mn_known_answers():
+def test_mn_replies_match_the_protocol():
     table = Controller("mn")
     assert table(mn("CHK")) == "$ASCHK,OK,MN-2A,T-9*E9\r\n"
     assert table("$MNCHK*00", "CHK", "$MN*", mn("STS,0").lower()) == "", "what has no right sum is not answered"
@@ -95,7 +95,7 @@ def test_mn_known_answers():
 
 
 @tables
-def test_a_controller_survives_any_bytes(language):
+def test_controller_survives_arbitrary_bytes(language):
     table = Controller(language)
     random = np.random.default_rng(3)
     for _ in range(200):
@@ -106,7 +106,7 @@ def test_a_controller_survives_any_bytes(language):
 
 @tables
 @pytest.mark.parametrize("transport", ["tcp", pytest.param("rtu", marks=posix)])
-def test_the_driver_moves_the_bench(start_bench, language, transport):
+def test_driver_moves_the_simulated_table(start_bench, language, transport):
     profile = load_table_profile(TABLES / f"{PROFILES[language]}.toml").at_place(2.0, None)
     settings = {"table_protocol": language, "table_transport": transport, "start_deg": [2.0, -1.0], "speed": 0.0}
     with start_bench(table_serial="T-42", encoder_sigma_deg=0.0, encoder_periodic_deg=0.0, **settings) as bench:
@@ -154,7 +154,7 @@ def test_the_driver_moves_the_bench(start_bench, language, transport):
 
 @pytest.mark.long
 @tables
-def test_requests_with_lost_answers_are_repeated(start_bench, language):
+def test_requests_with_lost_replies_are_repeated(start_bench, language):
     profile = load_table_profile(TABLES / f"{PROFILES[language]}.toml").at_place(0.3, None)
     with start_bench(table_protocol=language) as bench:
         table = TextTable(f"tcp://{bench.endpoints['table']}", profile)
@@ -165,7 +165,7 @@ def test_requests_with_lost_answers_are_repeated(start_bench, language):
             table.close()
 
 
-def test_a_refusal_of_the_bench_is_reported(start_bench):
+def test_rejected_command_is_reported(start_bench):
     with start_bench(table_protocol="mn") as bench:
         table = TextTable(f"tcp://{bench.endpoints['table']}", load_table_profile(TABLES / "mn_ascii.toml"))
         try:
@@ -176,7 +176,7 @@ def test_a_refusal_of_the_bench_is_reported(start_bench):
 
 
 @pytest.mark.parametrize("language", ["atl", "mn", "acl"])
-def test_endless_motion_is_allowed_if_the_profile_states_a_stop(start_bench, language):
+def test_continuous_rotation_is_allowed_if_the_profile_states_a_stop_time(start_bench, language):
     profile = load_table_profile(TABLES / f"{PROFILES[language]}.toml").model_copy(update={"link_loss_stop_s": 1.0})
     with start_bench(table_protocol=language, start_deg=[0.0, 0.0]) as bench:
         table = TextTable(f"tcp://{bench.endpoints['table']}", profile)

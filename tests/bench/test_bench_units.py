@@ -1,4 +1,4 @@
-"""Units of other makers on the bench: known answers of their own, and the drivers that speak to them."""
+"""Simulated units with the protocols of other manufacturers: documented replies, and their drivers."""
 
 import struct
 from pathlib import Path
@@ -22,7 +22,7 @@ PLAIN = "1,0,0,0,1,0,0,0,1,0,0,0"
 
 
 class Unit:
-    """A unit and one connection to it, at a time of its own."""
+    """A unit with one connection and its own time."""
 
     def __init__(self, kind, **changes):
         self.unit = kind(BenchConfig(serial="SN-7", warm_up_c=0.0, **changes))
@@ -40,14 +40,14 @@ class Unit:
         return self(bytes(body) + crc16_modbus(bytes(body)))
 
 
-def test_checksums_of_the_manufacturers_examples():
+def test_checksums_match_the_manufacturers_examples():
     assert check_line("VNERR,03") == 0x72
     assert check_line("VNRRG,30,0,0,0,0,1,0,1") == 0x6C
     assert crc16.xmodem(b"123456789") == 0x31C3
     assert crc16_modbus(b"123456789") == b"\x37\x4b"
 
 
-def test_vectornav_known_answers():
+def test_vectornav_replies_match_the_protocol():
     unit = Unit(VectorNavUnit)
     assert unit.lines("VNRRG,1", "VNRRG,03") == ["VNRRG,01,VN-100T", "VNRRG,03,SN-7"]
     ones = ",".join(f"{float(v):+.6E}" for v in PLAIN.split(","))
@@ -60,7 +60,7 @@ def test_vectornav_known_answers():
     assert unit(b"$VNRRG,1*00\r\n$VNRRG,1*XX\r\nnoise\r\n").count(b"VNERR,03") == 1
 
 
-def test_vectornav_registers_stay_only_after_a_commit():
+def test_vectornav_registers_survive_a_reset_only_after_a_commit():
     unit = Unit(VectorNavUnit)
     write = "VNWRG,84,1.00012345,0.5,0,0,1,0,0,0,1,1E-3,-2E-3,3E-3"
     assert unit.lines(write) == [write]
@@ -71,7 +71,7 @@ def test_vectornav_registers_stay_only_after_a_commit():
     assert unit.unit.flash.cycles == 1
 
 
-def test_vectornav_samples():
+def test_vectornav_sample_frame_matches_the_protocol():
     unit = Unit(VectorNavUnit)
     unit.unit.scale = np.array([1e-3] * 3 + [1e-2] * 3)
     output = StreamOutput(np.array([[1.0, 2, 3, 4, 5, 981]]), np.array([False]))
@@ -86,7 +86,7 @@ def test_vectornav_samples():
     assert crc16.xmodem(frame[1:]) == 0, "a check high byte first leaves nothing"
 
 
-def test_dsp_known_answers():
+def test_dsp_replies_match_the_protocol():
     unit = Unit(DspUnit)
     assert unit.rtu(1, 3, 0, 0, 0, 8)[3:19] == b"bench-dsp".ljust(16, b"\0")
     assert unit.rtu(1, 3, 0, 100, 0, 1)[:3] == b"\x01\x83\x02", "page 0 has no registers there"
@@ -99,7 +99,7 @@ def test_dsp_known_answers():
     assert unit.rtu(2, 3, 0, 0, 0, 8) == b"", "another unit's"
 
 
-def test_dsp_registers_stay_only_after_a_commit(tmp_path):
+def test_dsp_registers_survive_a_reset_only_after_a_commit(tmp_path):
     file = tmp_path / "flash.bin"
     unit = Unit(DspUnit, flash_file=file)
     for body in ((1, 6, 0, 23, 0, 1), (1, 6, 0, 100, 7, 7)):
@@ -116,7 +116,7 @@ def test_dsp_registers_stay_only_after_a_commit(tmp_path):
 
 
 @pytest.mark.parametrize("kind", [VectorNavUnit, DspUnit])
-def test_a_unit_survives_any_bytes(kind):
+def test_unit_survives_arbitrary_bytes(kind):
     unit = Unit(kind)
     random = np.random.default_rng(5)
     for _ in range(300):
@@ -129,7 +129,7 @@ PROTOCOLS = {"vectornav": ("vectornav_vn100", "rate"), "modbus": ("dsp_modbus", 
 @pytest.mark.long
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("transport", ["socket", "pty"])
-def test_the_driver_reads_writes_and_streams(start_bench, protocol, transport):
+def test_driver_reads_and_writes_registers_and_streams(start_bench, protocol, transport):
     name, output = PROTOCOLS[protocol]
     profile = load_imu_profile(IMUS / f"{name}.toml").with_timeout(2.0)
     entries = RegisterMap(tuple(profile.registers))
@@ -165,7 +165,7 @@ def test_the_driver_reads_writes_and_streams(start_bench, protocol, transport):
             imu.close()
 
 
-def test_an_error_of_the_vectornav_unit_is_reported(start_bench):
+def test_error_reply_of_the_vectornav_unit_is_reported(start_bench):
     profile = load_imu_profile(IMUS / "vectornav_vn100.toml")
     section = profile.vectornav.model_copy(update={"start": ["VNWRG,75,1,5,05,0001,001C"]})
     profile = profile.model_copy(update={"vectornav": section})

@@ -1,4 +1,4 @@
-"""Benchmarks run only when asked for: pytest tests/benchmarks --benchmark-enable."""
+"""Benchmarks run only on request: pytest tests/benchmarks --benchmark-enable."""
 
 import sys
 from pathlib import Path
@@ -20,7 +20,7 @@ def pytest_runtest_setup(item):
 
 @pytest.fixture
 def figures(benchmark, record_property):
-    """Records the figures of a benchmark and prints them at the end."""
+    """Record the results of a benchmark and print them at the end."""
 
     def take(**found):
         benchmark.extra_info.update(found)
@@ -31,7 +31,7 @@ def figures(benchmark, record_property):
 
 
 def pytest_terminal_summary(terminalreporter):
-    """Print the figures of the benchmarks, one line each."""
+    """Print the results of the benchmarks, one line each."""
     for report in terminalreporter.stats.get("passed", []):
         if report.when == "call" and "benchmarks" in report.nodeid and report.user_properties:
             found = ", ".join(f"{name} {value}" for name, value in report.user_properties)
@@ -40,7 +40,7 @@ def pytest_terminal_summary(terminalreporter):
 
 @pytest.fixture(scope="session")
 def stage():
-    """An excitation of a navigation-grade unit at 200 Hz with what a filter needs to pass over it."""
+    """Excitation samples of a navigation-grade unit at 200 Hz, with the inputs of the filter."""
     from simulated_stages import block_of, context_of, prior_of, simulate
 
     from calstation.estimation.common.alignment import starts

@@ -1,8 +1,8 @@
 """A plain NumPy version of the navigation filter with one prediction of all 39 states per sample.
 
 States φ, δv, δp and the 30 parameters; first-order transition per sample; the velocity of the centre of rotation is
-observed every `interval` s and attitude and velocity are fed back. Written from the equations in docs/contract.md and
-Groves (2nd ed., ch. 14), apart from the compiled kernel, to compare with it.
+observed every `interval` s and attitude and velocity are fed back. Implemented independently of the compiled kernel
+from the equations in docs/contract.md and Groves (2nd ed., ch. 14), for comparison.
 """
 
 import numpy as np
@@ -16,14 +16,14 @@ def cross_matrix(v):
 
 
 def turn(vector):
-    """Rotation matrix of a rotation vector, to the fifth order; enough for one sample's turn."""
+    """Return the rotation matrix of a rotation vector to fifth order, enough for the rotation in one sample."""
     K = cross_matrix(vector)
     K2 = K @ K
     return np.eye(3) + K + K2 / 2.0 + K @ K2 / 6.0 + K2 @ K2 / 24.0
 
 
 def model_matrices(p):
-    """(I + M_g)⁻¹ and (I + M_a)⁻¹ from named parameters."""
+    """Return (I + M_g)⁻¹ and (I + M_a)⁻¹ from named parameters."""
     gyro, accel = np.eye(3), np.eye(3)
     for i, a in enumerate("xyz"):
         gyro[i, i] += p[INDEX[f"gyro_scale_{a}"]]
@@ -41,7 +41,7 @@ ACCEL_PAIRS = ((1, 0), (2, 0), (2, 1))
 
 
 def parameter_columns(gyro_inverse, accel_inverse, omega, force):
-    """What an error of each of the 30 parameters adds to angular rate and specific force, shape (3, 30) each."""
+    """Return the partials of angular rate and specific force by the 30 parameters, shape (3, 30) each."""
     rate, accel = np.zeros((3, 30)), np.zeros((3, 30))
     rate[:, 0:3] = -gyro_inverse
     rate[:, 3:6] = -gyro_inverse * omega
@@ -57,7 +57,7 @@ def parameter_columns(gyro_inverse, accel_inverse, omega, force):
 
 
 def plain_pass(context, prior, data, attitude, sigma, noise, first, last):
-    """Posterior mean and covariance of the 30 parameters over samples first to last, linearised about the prior's mean.
+    """Return posterior mean and covariance of the 30 parameters, linearised about the prior mean.
 
     attitude : start C_bn, with the sigmas `sigma` of its error; noise : the filter's `FilterNoise`
     """

@@ -1,4 +1,4 @@
-"""Speed of a navigation pass, absolute and relative to the same filter in plain Python."""
+"""Speed of a filter pass, absolute and relative to the same filter in plain Python."""
 
 from dataclasses import replace
 from time import perf_counter
@@ -18,7 +18,7 @@ STRETCH = 6000
 
 
 def compiled_pass(stage, last):
-    """The project's filter over the first `last` samples, closed loop."""
+    """Run the project's filter over the first `last` samples, closed loop."""
     run = NavigationFilter(stage.context, stage.prior, stage.prior.mean)
     start = replace(stage.start, end=last, prior=stage.start.attitude)
     run.run(stage.data, start, start.attitude, smooth=False)
@@ -26,7 +26,7 @@ def compiled_pass(stage, last):
 
 
 def reference_pass(stage, last):
-    """The plain filter over the same samples."""
+    """Run the plain filter over the same samples."""
     return plain_pass(
         stage.context,
         stage.prior,
@@ -53,7 +53,7 @@ def test_plain_filter_gives_the_same_solution(stage, monkeypatch):
 
 
 @pytest.mark.parametrize("smooth", [False, True], ids=["closed loop", "about a smoothed reference"])
-def test_samples_per_second_of_a_pass(stage, benchmark, figures, smooth):
+def test_speed_of_a_filter_pass_is_measured(stage, benchmark, figures, smooth):
     def one_pass():
         run = NavigationFilter(stage.context, stage.prior, stage.prior.mean)
         run.run(stage.data, stage.start, stage.start.attitude, smooth=smooth)
@@ -69,7 +69,7 @@ def test_samples_per_second_of_a_pass(stage, benchmark, figures, smooth):
     [(0.1, 60.0), (1.0, 100.0)],
     ids=["20 samples an observation, 200 Hz", "200 samples an observation, as at 2 kHz"],
 )
-def test_ratio_to_a_plain_loop(stage, benchmark, figures, interval, least):
+def test_compiled_filter_is_faster_than_a_plain_loop(stage, benchmark, figures, interval, least):
     table = replace(stage.context.table, velocity_interval=interval)
     stage = SimpleNamespace(**{**vars(stage), "context": replace(stage.context, table=table)})
     with one_blas_thread():

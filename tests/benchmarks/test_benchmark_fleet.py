@@ -1,4 +1,4 @@
-"""Time to compare a million solutions with another million, and to solve logs by two workers instead of one."""
+"""Time to compare two versions of a million solutions, and to solve logs with two workers instead of one."""
 
 from pathlib import Path
 from time import perf_counter
@@ -53,7 +53,7 @@ def test_two_workers_solve_logs_almost_twice_as_fast_as_one(tmp_path, benchmark,
     record_logs(ignore_progress, tmp_path / "logs", LOGS, "nav", seed=2)
 
     def rate(workers: int) -> float:
-        """Logs per second from the first to the last answer, so without the start of the workers."""
+        """Return logs per second between the first and the last result, without worker startup."""
         times: list[float] = []
         url = f"sqlite:///{tmp_path / f'{workers}.sqlite'}"
         request = FleetRequest((str(tmp_path / "logs"),), url, f"local:{workers}")

@@ -1,4 +1,4 @@
-"""Time to find, chart and count the runs of a history of 100,000, relative to reading the runs that are listed."""
+"""Time to filter, chart and count a history of 100,000 runs, relative to reading one page of it."""
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -18,7 +18,7 @@ BEGIN = datetime(2020, 1, 1, tzinfo=UTC)
 
 
 def run(k: int) -> IndexedRun:
-    """Run number k, 20 minutes after the one before it."""
+    """Return run number k, which starts 20 minutes after the previous run."""
     serial = f"SN-{k % 5000:06d}"
     name = f"{serial}_{k}"
     record = RunRecord(
@@ -39,7 +39,7 @@ def run(k: int) -> IndexedRun:
 
 @pytest.fixture(scope="module")
 def indexes(tmp_path_factory):
-    """Indexes of as many runs as are listed, and of 100,000."""
+    """Create an index of one page of runs, and one of 100,000 runs."""
     made = []
     for count in (LISTED, COUNT):
         index = RunIndex(tmp_path_factory.mktemp("runs"))
@@ -50,7 +50,7 @@ def indexes(tmp_path_factory):
 
 
 def shortest(action) -> float:
-    """Shortest of several durations, s."""
+    """Return the shortest of several durations, s."""
     durations = []
     for _ in range(5):
         begin = perf_counter()
@@ -59,7 +59,7 @@ def shortest(action) -> float:
     return min(durations)
 
 
-def test_a_filter_of_100000_runs_costs_little_more_than_its_list(indexes, benchmark, figures):
+def test_filtering_100000_runs_takes_little_longer_than_listing_one_page(indexes, benchmark, figures):
     few, many = indexes
     listed = shortest(lambda: few.find(RunFilter(), LISTED))
     filters = {
@@ -78,7 +78,7 @@ def test_a_filter_of_100000_runs_costs_little_more_than_its_list(indexes, benchm
     assert max(ratios.values()) < 15.0
 
 
-def test_columns_of_100000_runs_cost_a_fraction_of_reading_them_one_by_one(indexes, benchmark, figures):
+def test_reading_columns_of_100000_runs_is_much_faster_than_reading_each_run(indexes, benchmark, figures):
     few, many = indexes
     each = shortest(lambda: few.find(RunFilter(), LISTED)) / LISTED
     columns = shortest(lambda: many.columns(RunFilter())) / COUNT
@@ -87,7 +87,7 @@ def test_columns_of_100000_runs_cost_a_fraction_of_reading_them_one_by_one(index
     assert columns < 0.4 * each
 
 
-def test_charts_of_100000_runs_cost_less_than_reading_their_columns(indexes, benchmark, figures):
+def test_charts_of_100000_runs_take_less_time_than_reading_their_columns(indexes, benchmark, figures):
     _, many = indexes
     found = many.columns(RunFilter())
     values = np.random.default_rng(1).normal(found.values["gyro_bias_x"], 1e-7)
@@ -101,10 +101,10 @@ def test_charts_of_100000_runs_cost_less_than_reading_their_columns(indexes, ben
     assert ratio < 1.0
 
 
-def test_all_charts_and_yields_of_50000_runs_cost_little_more_than_their_columns(
+def test_charts_and_yields_of_50000_runs_take_little_longer_than_their_columns(
     indexes, benchmark, figures, tmp_path, monkeypatch
 ):
-    """A second on 2 cores, one of them used: what the Quality page reads after a choice."""
+    """The Quality page needs this after each selection; about 1 s on one core."""
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
     product, random = library.find("products", "nav_a"), np.random.default_rng(1)
     index, name = RunIndex(tmp_path), load_product(product)[1].name

@@ -1,4 +1,4 @@
-"""Blocking time and memory of the window while an hour at 2 kHz is opened, zoomed and dragged."""
+"""Blocking time and memory of the window while a one-hour log at 2 kHz is opened, zoomed and dragged."""
 
 import os
 
@@ -32,7 +32,7 @@ META = {
 
 @pytest.fixture(scope="module")
 def hour(tmp_path_factory):
-    """A raw log of an hour at 2 kHz in two stages: noise over slow turns, a move every ten seconds, some gaps."""
+    """A one-hour raw log at 2 kHz in two stages: noise, slow rotations, a move every 10 s and some gaps."""
     path = tmp_path_factory.mktemp("hour") / "hour.h5"
     writer = RawLogWriter(path, LogMeta.model_validate(META))
     random = np.random.default_rng(1)
@@ -60,12 +60,12 @@ def hour(tmp_path_factory):
 
 
 def resident() -> float:
-    """Memory of this process that is in RAM, MB."""
+    """Return the resident memory of this process, MB."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def test_zooming_an_hour_at_2_khz_does_not_block_the_window(hour, benchmark, figures, monkeypatch, tmp_path):
+def test_zooming_a_one_hour_log_at_2_khz_does_not_block_the_window(hour, benchmark, figures, monkeypatch, tmp_path):
     from PySide6.QtWidgets import QApplication
 
     from calstation.gui.logs.page import OfflinePage

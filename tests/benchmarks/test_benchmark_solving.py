@@ -1,4 +1,4 @@
-"""Time to follow a live 2 kHz stream, to simulate and read a log, and to solve one of an hour."""
+"""Time to process a live 2 kHz stream, to simulate and read a log, and to solve a one-hour log."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -34,7 +34,7 @@ HOUR = {
 }
 
 
-def test_a_2_khz_stream_is_followed_in_a_fraction_of_its_time(benchmark, figures):
+def test_live_2_khz_stream_is_processed_faster_than_real_time(benchmark, figures):
     truth = BenchConfig(grade="nav", seed=51, sample_rate_hz=2000.0).truth()
     block = block_of(simulate(Simulator(truth, 51), truth, "excitation", dwell_s=4.0, place_dwell_s=2.0))
     seconds = len(block) / 2000.0
@@ -60,7 +60,7 @@ def test_a_2_khz_stream_is_followed_in_a_fraction_of_its_time(benchmark, figures
     assert share < 0.5
 
 
-def test_half_an_hour_is_simulated_in_a_fraction_of_its_time(benchmark, figures):
+def test_half_an_hour_is_simulated_faster_than_real_time(benchmark, figures):
     truth = BenchConfig(grade="nav", seed=1, sample_rate_hz=100.0).truth()
     simulate(Simulator(truth, 1), truth, "azimuth_flip", rounds=1)
     begin = process_time()
@@ -71,7 +71,7 @@ def test_half_an_hour_is_simulated_in_a_fraction_of_its_time(benchmark, figures)
 
 
 @pytest.mark.skipif(not PRACTICE.is_dir(), reason="the practice logs are not beside the project")
-def test_a_text_log_is_read_in_a_fraction_of_its_time(benchmark, figures):
+def test_text_log_is_read_faster_than_real_time(benchmark, figures):
     log = open_log(PRACTICE / "nav_full.csv.gz")
     begin = process_time()
     count = benchmark.pedantic(lambda: sum(len(block) for block in log.blocks()), rounds=1)
@@ -82,7 +82,7 @@ def test_a_text_log_is_read_in_a_fraction_of_its_time(benchmark, figures):
 
 @pytest.fixture(scope="module")
 def hour(tmp_path_factory):
-    """A raw log of an hour at 200 Hz with all four stages, and the unit's truth."""
+    """A one-hour raw log at 200 Hz with all four stages, and the true parameters of its unit."""
     truth = BenchConfig(grade="nav", seed=52).truth()
     context, simulator = context_of(truth), Simulator(truth, 52)
     prior = prior_of(truth).sigma
@@ -124,14 +124,14 @@ def hour(tmp_path_factory):
 
 @nb.njit
 def strapdown(c, earth, gravity, dt, gyro, accel, work):
-    """Integrate attitude and velocity, and the transition of their errors over every tenth of a second."""
+    """Integrate attitude and velocity, and the transition of their errors every 0.1 s."""
     motion = increments(c, dt, gyro, accel)
     for k in range(0, len(gyro) - 20, 20):
         propagate(c, earth, gravity, dt, motion, k, k + 20, work)
 
 
 def plain_pass(path):
-    """Processor time, s, of one plain pass over the samples of a log at the IMU's rate; the best of five."""
+    """Return the CPU time, s, of one plain pass over a log at the IMU's rate; the best of five."""
     log = open_log(path)
     context = context_from_meta(log.meta)
     data = stage_data(list(log.blocks()), context.imu)
@@ -144,7 +144,7 @@ def plain_pass(path):
     return min(took[1:])
 
 
-def test_an_hours_log_resolves_in_seconds(hour, benchmark, figures):
+def test_one_hour_log_is_solved_in_seconds(hour, benchmark, figures):
     path, truth = hour
     resolve(path, stages=("azimuth_flip",))
     plain, took, alone = plain_pass(path), [], []

@@ -1,4 +1,4 @@
-"""Longest busy time of the window's thread during a run, and its memory over hours."""
+"""Longest blocking time of the GUI thread during a run, and memory use over hours."""
 
 import os
 import time
@@ -36,7 +36,7 @@ HOURS = 4.0
 
 
 class Probe(QObject):
-    """A 5 ms timer on the window's thread: how late it comes, and how much of that the thread itself worked."""
+    """A 5 ms timer on the GUI thread that measures its delay, and the CPU time of the thread in that delay."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -56,7 +56,7 @@ class Probe(QObject):
 
 @pytest.fixture
 def window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[MainWindow]:
-    """A window at a bench whose unit sends 2000 samples a second."""
+    """A window connected to a bench whose unit sends 2000 samples per second."""
     site_folder = SiteFolder(tmp_path)
     monkeypatch.setenv("CALSTATION_HOME", str(site_folder.home))
     monkeypatch.chdir(tmp_path)
@@ -83,7 +83,7 @@ def until(condition: Callable[[], object], seconds: float) -> None:
 
 
 def resident() -> int:
-    """Bytes of memory that this process holds."""
+    """Return the memory of this process, bytes."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
@@ -115,7 +115,7 @@ def test_window_stays_responsive_over_a_whole_run(window: MainWindow, benchmark,
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read from /proc")
 @pytest.mark.timeout(900)
-def test_memory_does_not_grow_over_hours_of_a_run(window: MainWindow, benchmark, figures) -> None:
+def test_memory_does_not_grow_during_a_run_of_hours(window: MainWindow, benchmark, figures) -> None:
     until(lambda: window.isVisible(), 10.0)
     window.app.run._running_changed(True) if window.app.engine_link.request else None
     sizes: list[int] = []

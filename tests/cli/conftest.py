@@ -1,4 +1,4 @@
-"""Commands run in this process, and small logs to run them on."""
+"""Fixtures that run commands in this process on small logs."""
 
 import json
 from collections.abc import Callable
@@ -33,7 +33,7 @@ FACES = ((0, 0), (180, 0), (90, 0), (270, 0), (90, 90), (90, 270))
 
 @dataclass
 class Done:
-    """What a command left: exit code, standard output and error."""
+    """Exit code, standard output and standard error of a command."""
 
     code: int
     out: str
@@ -59,7 +59,7 @@ def calstation(capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:
 
 
 def six_position_rows(seconds: float = 8.0) -> list[str]:
-    """Rows of a recording on six faces, 50 Hz, with the table's moves left out."""
+    """Return rows of a six-position recording at 50 Hz without the moves between positions."""
     random = np.random.default_rng(3)
     rows = []
     for face, (outer, inner) in enumerate(FACES):
@@ -75,7 +75,7 @@ def six_position_rows(seconds: float = 8.0) -> list[str]:
 
 
 def write_log(folder: Path, rows: list[str], header: str = HEADER, meta: str = META) -> Path:
-    """A CSV beside its TOML."""
+    """Write a CSV log with its TOML file."""
     path = folder / "log.csv"
     path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
     path.with_suffix(".toml").write_text(meta, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A log is solved again with states that its model does not have."""
+"""`calstation resolve` solves a log with states added to the model of its stages."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +12,7 @@ from tests.estimation.simulated_stages import log_with
 SIZE = 300.0  # µg/g³
 
 
-def test_a_state_is_added_for_a_trial(calstation: Callable[..., Done], tmp_path: Path) -> None:
+def test_state_is_added_for_one_solution(calstation: Callable[..., Done], tmp_path: Path) -> None:
     log = tmp_path / "log.h5"
     truth = log_with(log, "six_position", accel_cubic_ug_g3=SIZE)
     held = log.read_bytes()
@@ -29,7 +29,7 @@ def test_a_state_is_added_for_a_trial(calstation: Callable[..., Done], tmp_path:
     assert log.read_bytes() == held, "nothing is stored"
 
 
-def test_an_unknown_state_is_refused_with_the_known_ones(calstation: Callable[..., Done], tmp_path: Path) -> None:
+def test_error_for_an_unknown_state_lists_the_known_states(calstation: Callable[..., Done], tmp_path: Path) -> None:
     done = calstation("resolve", tmp_path / "log.h5", "--state", "accel_cubi")
     assert done.code == 2
     assert "'accel_cubi' is unknown. Choose from g_sensitivity" in done.err

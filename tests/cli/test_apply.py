@@ -1,4 +1,4 @@
-"""A result applied to a recording and to the connected unit: every rest before and after, and the corrected samples."""
+"""A result is applied to a recording and to the connected unit: errors at rest before and after, corrected samples."""
 
 import csv
 import json
@@ -19,7 +19,7 @@ READS = 1.001 * 9.7969
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    """Six faces of a unit whose accelerometers read too much."""
+    """A six-position log of a unit with accelerometer scale factor errors."""
     return write_log(tmp_path, six_position_rows(), meta=META.replace("accel_lsb = 1e-6", "accel_lsb = 1.001e-6"))
 
 
@@ -31,7 +31,7 @@ def result(calstation: Run, log: Path, tmp_path: Path) -> Path:
     return path
 
 
-def test_shows_every_rest_before_and_after(calstation: Run, log: Path, result: Path) -> None:
+def test_every_rest_is_shown_before_and_after_correction(calstation: Run, log: Path, result: Path) -> None:
     done = calstation("apply", result, log)
     assert done.code == 0, done.err
     assert "unit SN-7, at rest" in done.out
@@ -45,7 +45,7 @@ def test_shows_every_rest_before_and_after(calstation: Run, log: Path, result: P
     assert shown["rms"]["rate_after"] == pytest.approx(RATE, rel=0.2)
 
 
-def test_writes_the_corrected_samples_in_si(calstation: Run, log: Path, result: Path, tmp_path: Path) -> None:
+def test_corrected_samples_are_written_in_si_units(calstation: Run, log: Path, result: Path, tmp_path: Path) -> None:
     corrected = tmp_path / "corrected.csv"
     assert calstation("apply", result, log, "-o", corrected).code == 0
     with log.open() as raw, corrected.open() as new:
@@ -60,21 +60,21 @@ def test_writes_the_corrected_samples_in_si(calstation: Run, log: Path, result: 
     assert "accel_lsb = 1.0" in meta
 
 
-def test_another_unit_is_cautioned_about(calstation: Run, log: Path, result: Path) -> None:
+def test_result_of_another_unit_gives_a_warning(calstation: Run, log: Path, result: Path) -> None:
     log.with_suffix(".toml").write_text(META.replace("SN-7", "SN-8"), encoding="utf-8")
     done = calstation("apply", result, log)
     assert done.code == 0
     assert "This recording is of SN-8; the result is for SN-7." in done.err
 
 
-def test_one_source_of_data(calstation: Run, log: Path, result: Path) -> None:
+def test_recording_and_station_together_are_refused(calstation: Run, log: Path, result: Path) -> None:
     done = calstation("apply", result, log, "--station", "virtual_bench")
     assert done.code == 2
     assert "A recording and --station are both given. Give one of them." in done.err
 
 
 @pytest.mark.parametrize("name", ["log.csv", "log.csv.gz"])
-def test_the_recording_is_not_replaced(calstation: Run, log: Path, result: Path, name: str) -> None:
+def test_recording_is_not_overwritten(calstation: Run, log: Path, result: Path, name: str) -> None:
     before = log.read_bytes(), log.with_suffix(".toml").read_bytes()
     done = calstation("apply", result, log, "-o", log.with_name(name))
     assert done.code == 2
@@ -82,7 +82,7 @@ def test_the_recording_is_not_replaced(calstation: Run, log: Path, result: Path,
     assert (log.read_bytes(), log.with_suffix(".toml").read_bytes()) == before
 
 
-def test_output_behind_other_registers_is_not_corrected_twice(calstation: Run, log: Path, result: Path) -> None:
+def test_samples_corrected_by_other_registers_are_not_corrected_again(calstation: Run, log: Path, result: Path) -> None:
     behind = log.rename(log.with_name("behind.csv"))
     behind.with_suffix(".toml").write_text(META + "[registers]\naccel_scale_x = 1e-3\n", encoding="utf-8")
     log.with_suffix(".toml").unlink()
@@ -93,7 +93,7 @@ def test_output_behind_other_registers_is_not_corrected_twice(calstation: Run, l
     assert shown["rms"]["force_after"] == shown["rms"]["force_before"]
 
 
-def test_output_behind_the_same_registers_is_corrected(calstation: Run, log: Path, tmp_path: Path) -> None:
+def test_samples_with_the_registers_of_the_solved_log_are_corrected(calstation: Run, log: Path, tmp_path: Path) -> None:
     toml = log.with_suffix(".toml")
     toml.write_text(toml.read_text() + "[registers]\naccel_scale_x = 1e-3\n", encoding="utf-8")
     result = tmp_path / "result.json"
@@ -103,7 +103,7 @@ def test_output_behind_the_same_registers_is_corrected(calstation: Run, log: Pat
     assert shown["rms"]["force_after"] < 0.01 * shown["rms"]["force_before"]
 
 
-def test_corrected_samples_have_the_priors_of_no_calibration(calstation: Run, log: Path, tmp_path: Path) -> None:
+def test_corrected_log_contains_no_calibration_priors(calstation: Run, log: Path, tmp_path: Path) -> None:
     toml, result = log.with_suffix(".toml"), tmp_path / "result.json"
     prior = "[prior.accel_bias_x]\nsigma = 1e-3\n[prior_correlation.accel_bias_y]\naccel_bias_x = 0.5\n"
     toml.write_text(toml.read_text() + prior, encoding="utf-8")
@@ -113,7 +113,9 @@ def test_corrected_samples_have_the_priors_of_no_calibration(calstation: Run, lo
 
 
 @pytest.mark.long
-def test_shows_the_connected_unit(calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_result_is_applied_to_the_connected_unit(
+    calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
     log, result, corrected = tmp_path / "hand.h5", tmp_path / "hand.json", tmp_path / "now.csv"
     assert calstation("record", "hand", "-o", log, "--grade", "tactical").code == 0

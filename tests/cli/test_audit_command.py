@@ -1,4 +1,4 @@
-"""`calstation audit` lists what was done at a site; `calstation check` finds a changed line."""
+"""`calstation audit` lists events at a site; `calstation check` detects a modified audit trail."""
 
 import re
 from pathlib import Path
@@ -17,7 +17,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_saved_files_and_pins_are_events(calstation, home: Path) -> None:
+def test_saved_files_and_changed_pins_are_listed(calstation, home: Path) -> None:
     versions.save("products", "nav_a", SHIPPED.replace("turns = 2", "turns = 3"), "wang")
     (home / "products" / "nav_a.toml").write_text(SHIPPED.replace("turns = 2", "turns = 4"), encoding="utf-8")
     versions.restore("products", "nav_a", 1, "li")
@@ -31,7 +31,7 @@ def test_saved_files_and_pins_are_events(calstation, home: Path) -> None:
     assert "246813" not in audit_path(home).read_text("utf-8")
 
 
-def test_events_are_filtered(calstation, home: Path) -> None:
+def test_events_are_filtered_by_engineer_type_and_date(calstation, home: Path) -> None:
     append_audit(home, "override", "wang", "scratch", confirmed_by="li", serial="SN-1")
     append_audit(home, "certificate", "zhao", number="C-1")
     assert "SN-1" in calstation("audit", "--by", "li").out
@@ -41,7 +41,7 @@ def test_events_are_filtered(calstation, home: Path) -> None:
     assert calstation("audit", "--since", "soon").code == 2
 
 
-def test_an_unknown_event_is_refused_with_the_known_ones(calstation, home: Path) -> None:
+def test_error_for_an_unknown_event_lists_the_known_events(calstation, home: Path) -> None:
     done = calstation("audit", "--event", "foo")
     assert (done.code, done.out) == (2, "")
     assert f"--event 'foo' is unknown. Choose from {', '.join(AUDIT_EVENTS)}." in done.err
@@ -50,13 +50,13 @@ def test_an_unknown_event_is_refused_with_the_known_ones(calstation, home: Path)
     assert len(calstation("audit", "--event", "foo", "--json", "-").json["events"]) == 1, "one of a later version"
 
 
-def test_the_guide_lists_all_events() -> None:
+def test_documentation_lists_all_events() -> None:
     guide = (Path(__file__).parents[2] / "docs" / "how-to" / "audit-trail.md").read_text("utf-8")
     rows = re.findall(r"^\| (`.*?`) \|", guide, re.MULTILINE)
     assert tuple(re.findall(r"`(\w+)`", " ".join(rows))) == AUDIT_EVENTS
 
 
-def test_a_missing_trail_is_not_intact(calstation, home: Path) -> None:
+def test_missing_audit_trail_is_not_intact(calstation, home: Path) -> None:
     for command in ("check", "audit"):
         done = calstation(command)
         assert (done.code, done.out) == (0, f"There is no audit trail yet: {audit_path(home)} does not exist.\n")
@@ -67,7 +67,7 @@ def test_a_missing_trail_is_not_intact(calstation, home: Path) -> None:
         assert done.err == f"calstation: Data: {missing}: No such file. Give the path of an existing audit trail.\n"
 
 
-def test_check_reports_the_first_changed_line(calstation, home: Path) -> None:
+def test_check_reports_the_first_modified_line(calstation, home: Path) -> None:
     append_audit(home, "pin_set", "wang")
     append_audit(home, "pin_changed", "wang")
     done = calstation("check")

@@ -1,4 +1,4 @@
-"""Recordings and runs whose samples themselves are wrong fail with the cause, for every user of the command line."""
+"""Recordings and runs with invalid samples fail, and the output names the cause."""
 
 import pytest
 
@@ -17,7 +17,7 @@ def failed(done, kind):
 
 
 @pytest.mark.long
-def test_clipped_rows_and_a_wrong_sample_rate_of_a_recording_fail_with_their_cause(calstation, tmp_path):
+def test_recording_with_clipped_rows_and_a_wrong_sample_rate_fails_with_causes(calstation, tmp_path):
     rows = [row.split(",") for row in six_position_rows()]
     sound = write_log(tmp_path, [",".join(row) for row in rows], meta=META + LIMITS)
     done = calstation("resolve", sound, "--json", "-")
@@ -38,7 +38,7 @@ def test_clipped_rows_and_a_wrong_sample_rate_of_a_recording_fail_with_their_cau
 
 
 @pytest.mark.long
-def test_a_bench_whose_clock_is_off_by_800_ppm_fails_by_the_stations_clock(calstation, tmp_path):
+def test_unit_clock_error_of_800_ppm_against_the_station_clock_fails(calstation, tmp_path):
     station = tmp_path / "drift.toml"
     text = (shipped_folder() / "stations" / "virtual_bench.toml").read_text(encoding="utf-8")
     station.write_text(text + "\nclock_drift_ppm = 800.0\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Commands in remedies can be typed as they are printed."""
+"""Remedies contain complete commands that can be entered as printed."""
 
 import shlex
 import sys
@@ -20,7 +20,7 @@ STATION = "--station 'line 3.toml' --product unit.toml"
 
 
 def printed(error: CalstationError, request: RunRequest, capsys: pytest.CaptureFixture[str]) -> str:
-    """The error line for a fault of the engine."""
+    """Return the error line printed for a fault."""
     assert complain_fault(Fault.of(error), request, debug=False) == error.exit_code
     return capsys.readouterr().err
 
@@ -28,19 +28,19 @@ def printed(error: CalstationError, request: RunRequest, capsys: pytest.CaptureF
 LATCHED = DeviceFaultError("table.latched_watchdog", fault="watchdog")
 
 
-def test_the_reset_of_a_latched_fault_names_its_station(capsys: pytest.CaptureFixture[str]) -> None:
+def test_remedy_for_a_latched_fault_names_its_station(capsys: pytest.CaptureFixture[str]) -> None:
     assert f"calstation table reset {STATION}, or" in printed(LATCHED, HERE, capsys)
     assert "calstation table reset, or" in printed(LATCHED, RunRequest("SN-1"), capsys)
 
 
-def test_a_nested_cause_names_its_station_as_well(capsys: pytest.CaptureFixture[str]) -> None:
+def test_remedy_of_a_nested_cause_names_its_station(capsys: pytest.CaptureFixture[str]) -> None:
     outer = DeviceFaultError("transfer.at_rest_possible_after_reset", cause=LATCHED.as_text)
     shown = printed(outer, HERE, capsys)
     assert f"calstation table reset {STATION}, or" in shown
     assert shown.endswith("Or leave the table alone: --at-rest.\n")
 
 
-def test_an_interrupted_transfer_names_station_and_folder(capsys: pytest.CaptureFixture[str]) -> None:
+def test_remedy_for_an_interrupted_transfer_names_station_and_folder(capsys: pytest.CaptureFixture[str]) -> None:
     open_ = DeviceFaultError("transfer.interrupted", serial="SN-1", utc="", holds="new")
     shown = printed(open_, HERE, capsys)
     command = shown.partition(": calstation ")[2].partition(", or ")[0]
@@ -50,7 +50,7 @@ def test_an_interrupted_transfer_names_station_and_folder(capsys: pytest.Capture
     assert "calstation registers finish SN-1, or restore" in printed(open_, RunRequest("SN-1"), capsys)
 
 
-def test_an_interrupted_transfer_names_the_slot(capsys: pytest.CaptureFixture[str]) -> None:
+def test_remedy_for_an_interrupted_transfer_names_the_slot(capsys: pytest.CaptureFixture[str]) -> None:
     open_ = DeviceFaultError("transfer.interrupted", serial="SN-1", utc="", holds="new")
     command = f"calstation registers finish SN-1 {STATION} --out today --slot A2"
     assert f"{command}, or restore SN-1." in printed(open_, replace(HERE, slot="A2"), capsys)
@@ -64,12 +64,12 @@ def test_an_interrupted_transfer_names_the_slot(capsys: pytest.CaptureFixture[st
     assert f"{command}, or restore SN-1." in err
 
 
-def test_an_error_of_the_command_itself_names_its_station() -> None:
+def test_remedy_for_an_error_of_the_command_names_its_station() -> None:
     options = command_options(HERE.station, HERE.product, HERE.out)
     with pytest.raises(DeviceFaultError) as raised, complete_commands(options):
         raise DeviceFaultError("transfer.at_rest_possible", cause=Text("table.latched_stall", {"fault": "stall"}))
     assert f"calstation table reset {STATION}, or" in str(raised.value)
 
 
-def test_without_a_command_line_no_options_are_named() -> None:
+def test_remedy_outside_the_command_line_contains_no_options() -> None:
     assert "calstation table reset, or" in str(LATCHED)

@@ -14,7 +14,7 @@ __all__ = ["failed", "home"]
 
 @pytest.fixture
 def answers(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
-    """Answers to the questions on the terminal, by the beginning of the question."""
+    """Set the replies to terminal prompts, by the start of each prompt."""
     replies: dict[str, str] = {f"PIN of {person.badge}": person.pin for person in (LI, WANG)}
 
     def prompt(question: str, **options: object) -> str:
@@ -26,7 +26,7 @@ def answers(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     return replies
 
 
-def test_a_unit_is_released_by_two(calstation, answers: dict[str, str], failed: Path) -> None:
+def test_unit_is_released_by_two_engineers(calstation, answers: dict[str, str], failed: Path) -> None:
     alone = calstation("override", failed, "--reason", "scratch", "--by", "B0001")
     assert (alone.code, "a second engineer confirms this" in alone.err) == (2, True)
     done = calstation("override", failed, "--reason", "scratch", "--by", "B0001", "--confirmed-by", "B0002")

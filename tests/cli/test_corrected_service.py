@@ -1,4 +1,4 @@
-"""Another program reads the corrected data of a watch over a socket."""
+"""Another program reads the corrected data of `calstation watch` over a socket."""
 
 import json
 import os

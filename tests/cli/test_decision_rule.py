@@ -1,4 +1,4 @@
-"""The decision rule of a product judges a run, a partial run and their logs solved again in the same way."""
+"""The decision rule of a product applies to runs, partial runs and re-solved logs alike."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ gyro_bias = 0.002
 
 
 @pytest.mark.long
-def test_a_guard_band_acts_in_a_run_and_in_its_log_solved_again(calstation, tmp_path: Path) -> None:
+def test_guard_band_applies_to_a_run_and_its_re_solved_log(calstation, tmp_path: Path) -> None:
     product = tmp_path / "guarded.toml"
     text = (shipped_folder() / "products" / "mems_c_fast.toml").read_text(encoding="utf-8")
     product.write_text(text.replace("within = 1.8e-05", "within = 9e-06") + RULE, encoding="utf-8")
@@ -39,7 +39,7 @@ def test_a_guard_band_acts_in_a_run_and_in_its_log_solved_again(calstation, tmp_
 
 
 @pytest.mark.long
-def test_a_guard_band_acts_in_a_partial_run(calstation, tmp_path: Path) -> None:
+def test_guard_band_applies_to_a_partial_run(calstation, tmp_path: Path) -> None:
     product = tmp_path / "guarded.toml"
     text = (shipped_folder() / "products" / "nav_a.toml").read_text(encoding="utf-8")
     product.write_text(text + '\n[conformity]\nrule = "guard_band"\n', encoding="utf-8")

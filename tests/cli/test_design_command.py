@@ -1,4 +1,4 @@
-"""`calstation design`: the product that it writes, its JSON, and what it refuses."""
+"""`calstation design` writes a product and JSON, and rejects wrong usage."""
 
 import json
 import tomllib
@@ -10,7 +10,7 @@ from calstation.config import check
 
 
 @pytest.mark.long
-def test_a_product_with_the_shortest_schedule_is_written_and_told(calstation, tmp_path: Path) -> None:
+def test_product_with_the_shortest_schedule_is_written_and_shown(calstation, tmp_path: Path) -> None:
     out, answer = tmp_path / "fast.toml", tmp_path / "answer.json"
     done = calstation("design", "--product", "mems_c", "--time-limit", "1", "-o", out, "--json", answer)
     assert done.code == 0, done.err

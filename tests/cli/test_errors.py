@@ -1,4 +1,4 @@
-"""Every error a user can cause: the contract's exit code and one clear message, never a traceback."""
+"""Every user error gives the documented exit code and one clear message, never a traceback."""
 
 import io
 import re
@@ -22,7 +22,7 @@ OWN_SERIAL = "[imu.serial]\n"
 
 
 def check(done: Done, code: int, *words: str) -> None:
-    """One or two lines that say these words, and the exit code."""
+    """Assert the exit code and one or two lines of error output that contain these words."""
     assert done.code == code, done.err
     output = [line for line in done.err.splitlines() if line.startswith("calstation: ")]
     assert len(output) == 1, done.err
@@ -35,57 +35,57 @@ def check(done: Done, code: int, *words: str) -> None:
 # ---- logs
 
 
-def test_no_such_log(calstation: Run, tmp_path: Path) -> None:
+def test_missing_log_is_reported(calstation: Run, tmp_path: Path) -> None:
     check(calstation("resolve", tmp_path / "none.csv"), 2, "none.csv", "No such file")
 
 
-def test_no_toml_beside_the_csv(calstation: Run, tmp_path: Path) -> None:
+def test_csv_log_without_its_toml_is_reported(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     log.with_suffix(".toml").unlink()
     check(calstation("resolve", log), 2, "log.toml")
 
 
-def test_missing_column(calstation: Run, tmp_path: Path) -> None:
+def test_missing_column_is_reported(calstation: Run, tmp_path: Path) -> None:
     rows = [re.sub(r",[^,]*$", "", row) for row in six_position_rows()]
     header = HEADER.removesuffix(",step")
     check(calstation("resolve", write_log(tmp_path, rows, header)), 2, "log.csv", "column 'step'")
 
 
-def test_nan_in_a_cell(calstation: Run, tmp_path: Path) -> None:
+def test_nan_in_a_cell_is_reported(calstation: Run, tmp_path: Path) -> None:
     rows = six_position_rows()
     rows[10] = rows[10].replace(rows[10].split(",")[4], "nan", 1)
     check(calstation("resolve", write_log(tmp_path, rows)), 2, "line 12", "NaN")
 
 
-def test_short_log(calstation: Run, tmp_path: Path) -> None:
+def test_too_short_log_is_reported(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows()[:150])
     check(calstation("resolve", log), 2, "log.csv", "Stage Six positions:")
 
 
-def test_repeated_rows(calstation: Run, tmp_path: Path) -> None:
+def test_repeated_rows_are_reported(calstation: Run, tmp_path: Path) -> None:
     rows = six_position_rows()
     check(calstation("resolve", write_log(tmp_path, [*rows[:50], *rows[40:]])), 2, "line 52")
 
 
-def test_reordered_rows(calstation: Run, tmp_path: Path) -> None:
+def test_reordered_rows_are_reported(calstation: Run, tmp_path: Path) -> None:
     rows = six_position_rows()
     rows[20], rows[21] = rows[21], rows[20]
     check(calstation("resolve", write_log(tmp_path, rows)), 2, "line 2")
 
 
-def test_latitude_out_of_range(calstation: Run, tmp_path: Path) -> None:
+def test_latitude_out_of_range_is_reported(calstation: Run, tmp_path: Path) -> None:
     meta = META.replace("34.25", "134.25")
     log = write_log(tmp_path, six_position_rows(), meta=meta)
     check(calstation("resolve", log), 2, "log.toml", "site.latitude_deg")
 
 
-def test_unknown_stage(calstation: Run, tmp_path: Path) -> None:
+def test_unknown_stage_is_reported(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     check(calstation("resolve", log, "--stages", "six_positions"), 2, "'six_positions'", "Choose from")
     check(calstation("run", "--stages", "six_positions"), 2, "'six_positions'", "Choose from")
 
 
-def test_a_stage_that_is_not_in_the_log(calstation: Run, tmp_path: Path) -> None:
+def test_stage_that_is_not_in_the_log_is_reported(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     check(
         calstation("resolve", log, "--stages", "rate"),
@@ -95,13 +95,13 @@ def test_a_stage_that_is_not_in_the_log(calstation: Run, tmp_path: Path) -> None
     )
 
 
-def test_empty_or_repeated_stages(calstation: Run, tmp_path: Path) -> None:
+def test_empty_or_repeated_stages_are_reported(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     check(calstation("resolve", log, "--stages", ","), 2, "--stages")
     check(calstation("resolve", log, "--stages", "rate,rate"), 2, "twice")
 
 
-def test_range_outside_the_log(calstation: Run, tmp_path: Path) -> None:
+def test_range_outside_the_log_is_reported(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     check(calstation("resolve", log, "--from", 10**6), 2, "The log holds")
     check(calstation("resolve", log, "--from", 20, "--to", 10), 2, "--from")
@@ -111,7 +111,7 @@ def test_range_outside_the_log(calstation: Run, tmp_path: Path) -> None:
     check(calstation("resolve", log, "--from", 0, "--to", 100), 2, "Stage Six positions:")
 
 
-def test_a_file_that_is_no_log(calstation: Run, tmp_path: Path) -> None:
+def test_file_that_is_not_a_log_is_reported(calstation: Run, tmp_path: Path) -> None:
     for name, content in (("a.h5", b"not hdf5"), ("a.txt", b""), ("a.csv.gz", b"no gzip")):
         path = tmp_path / name
         path.write_bytes(content)
@@ -119,7 +119,7 @@ def test_a_file_that_is_no_log(calstation: Run, tmp_path: Path) -> None:
         check(calstation("resolve", path), 2, name)
 
 
-def test_import_into_a_wrong_name(calstation: Run, tmp_path: Path) -> None:
+def test_import_to_an_unknown_file_extension_is_refused(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     check(calstation("import", log, "-o", tmp_path / "log.dat"), 2, "log.dat")
 
@@ -140,7 +140,7 @@ def test_import_into_a_wrong_name(calstation: Run, tmp_path: Path) -> None:
     ],
     ids=" ".join,
 )
-def test_wrong_usage(calstation: Run, arguments: list[str]) -> None:
+def test_wrong_usage_is_reported(calstation: Run, arguments: list[str]) -> None:
     check(calstation(*arguments), 2)
 
 
@@ -158,20 +158,20 @@ def test_wrong_usage(calstation: Run, arguments: list[str]) -> None:
         ("registers finish", "registers finish needs SERIAL. See calstation registers finish --help."),
     ],
 )
-def test_wrong_usage_has_a_message_of_the_catalogue(calstation: Run, line: str, said: str) -> None:
+def test_wrong_usage_message_comes_from_the_catalogue(calstation: Run, line: str, said: str) -> None:
     check(calstation(*line.split()), 2, f"calstation: {said}")
 
 
-def test_an_error_is_one_line_without_a_blank_one_before(calstation: Run, tmp_path: Path) -> None:
+def test_error_is_one_line_without_a_blank_line_before_it(calstation: Run, tmp_path: Path) -> None:
     assert calstation("resolve", tmp_path / "none.csv").err.startswith("calstation: ")
 
 
-def test_a_file_that_is_no_toml_gets_a_remedy(calstation: Run, tmp_path: Path) -> None:
+def test_invalid_toml_file_is_reported_with_a_remedy(calstation: Run, tmp_path: Path) -> None:
     (tmp_path / "README.md").write_text("no TOML", encoding="utf-8")
     check(calstation("run", "--station", tmp_path / "README.md"), 2, "or give a TOML file")
 
 
-def test_the_version_is_shown(calstation: Run) -> None:
+def test_version_is_shown(calstation: Run) -> None:
     done = calstation("--version")
     assert (done.code, done.out) == (0, f"calstation {__version__}\n")
 
@@ -198,7 +198,7 @@ def edited(tmp_path: Path, kind: str, name: str, *changes: tuple[str, str]) -> P
 
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The site's own folder."""
+    """A temporary site folder."""
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
     return tmp_path / "home"
 
@@ -216,7 +216,9 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ],
     ids=lambda v: v[0][:25],
 )
-def test_a_wrong_station_file(calstation: Run, tmp_path: Path, change: tuple[str, str], words: tuple[str, ...]) -> None:
+def test_invalid_station_file_is_reported(
+    calstation: Run, tmp_path: Path, change: tuple[str, str], words: tuple[str, ...]
+) -> None:
     station = edited(tmp_path, "stations", "virtual_bench", change)
     check(calstation("run", "--station", station), 2, *words)
 
@@ -232,7 +234,7 @@ def test_a_wrong_station_file(calstation: Run, tmp_path: Path, change: tuple[str
     ],
     ids=lambda v: v[0][:25],
 )
-def test_wrong_serial_settings(
+def test_invalid_serial_settings_are_reported(
     calstation: Run, tmp_path: Path, change: tuple[str, str], words: tuple[str, ...]
 ) -> None:
     station = edited(tmp_path, "stations", "example_hardware", change)
@@ -252,48 +254,50 @@ def test_wrong_serial_settings(
     ],
     ids=lambda v: v[0][:25],
 )
-def test_a_wrong_product_file(calstation: Run, tmp_path: Path, change: tuple[str, str], words: tuple[str, ...]) -> None:
+def test_invalid_product_file_is_reported(
+    calstation: Run, tmp_path: Path, change: tuple[str, str], words: tuple[str, ...]
+) -> None:
     product = edited(tmp_path, "products", "nav_a", change)
     check(calstation("run", "--product", product), 2, *words)
 
 
-def test_a_target_of_no_parameter_would_end_a_stage_at_once(calstation: Run, tmp_path: Path) -> None:
+def test_target_for_an_unknown_parameter_is_reported(calstation: Run, tmp_path: Path) -> None:
     change = ("[schedule.excitation]\n", "[schedule.excitation]\ntargets = { gyro_bais = 1e-8 }\n")
     product = edited(tmp_path, "products", "nav_a", change)
     words = ("schedule.excitation.targets.gyro_bais", "not a parameter")
     check(calstation("run", "--product", product), 2, *words)
 
 
-def test_a_profile_with_an_overlapping_register(calstation: Run, tmp_path: Path, home: Path) -> None:
+def test_profile_with_overlapping_registers_is_reported(calstation: Run, tmp_path: Path, home: Path) -> None:
     edited(tmp_path, "imus", "bench_nav", ("address = 3\n", "address = 2\n"))
     check(calstation("run"), 2, "bench_nav.toml", "overlap", "egisters 2")
 
 
-def test_a_serial_number_outside_the_pattern(calstation: Run) -> None:
+def test_serial_number_that_does_not_match_the_pattern_is_reported(calstation: Run) -> None:
     check(calstation("run", "--serial", "SN 1!"), 2, "“SN 1!”", "--serial")
 
 
-def test_hardware_needs_a_serial_number_and_no_bench_options(calstation: Run, tmp_path: Path) -> None:
+def test_run_on_hardware_requires_a_serial_number_and_refuses_bench_options(calstation: Run, tmp_path: Path) -> None:
     station = edited(tmp_path, "stations", "example_hardware")
     check(calstation("run", "--station", station), 2, "--serial is missing")
     done = calstation("run", "--station", station, "--serial", "SN-1", "--speed", 2)
     check(done, 2, "--speed", "virtual bench")
 
 
-def test_a_limit_that_unsurveyed_gravity_cannot_meet_is_refused(calstation: Run, tmp_path: Path) -> None:
+def test_limit_tighter_than_the_gravity_uncertainty_is_refused(calstation: Run, tmp_path: Path) -> None:
     station = edited(tmp_path, "stations", "example_hardware")
     done = calstation("run", "--station", station, "--serial", "SN-1")
     check(done, 2, "site.gravity_mps2", "known to 51 ppm only", "Survey gravity")
 
 
-def test_gyros_that_cannot_resolve_earth_rate_need_a_confirmed_site(calstation: Run, tmp_path: Path) -> None:
+def test_gyros_that_cannot_resolve_earth_rate_require_a_confirmed_site(calstation: Run, tmp_path: Path) -> None:
     station = edited(tmp_path, "stations", "example_hardware", SURVEYED)
     product = shipped_folder() / "products" / "mems_c.toml"
     done = calstation("run", "--station", station, "--product", product, "--serial", "SN-1")
     check(done, 2, "site.confirmed_on", "not been confirmed", this_computer())
 
 
-def test_an_unwritable_folder(calstation: Run, tmp_path: Path) -> None:
+def test_unwritable_folder_is_reported(calstation: Run, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     check(calstation("run", "--out", tmp_path / "file" / "runs"), 2, "--out")
     log = write_log(tmp_path, six_position_rows())
@@ -305,7 +309,7 @@ def test_an_unwritable_folder(calstation: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="folder modes are POSIX")
-def test_a_folder_without_write_permission(calstation: Run, tmp_path: Path) -> None:
+def test_folder_without_write_permission_is_reported(calstation: Run, tmp_path: Path) -> None:
     locked = tmp_path / "locked"
     locked.mkdir()
     locked.chmod(stat.S_IRUSR | stat.S_IXUSR)
@@ -320,7 +324,7 @@ def test_a_folder_without_write_permission(calstation: Run, tmp_path: Path) -> N
 # ---- devices
 
 
-def test_no_port(calstation: Run, tmp_path: Path) -> None:
+def test_refused_connection_is_reported(calstation: Run, tmp_path: Path) -> None:
     station = edited(
         tmp_path, "stations", "example_hardware", SURVEYED, ("tcp://192.168.1.10:502", "tcp://127.0.0.1:9")
     )
@@ -332,13 +336,15 @@ def test_no_port(calstation: Run, tmp_path: Path) -> None:
     assert done.json["passed"] is False
 
 
-def test_declining_the_motion_stops(calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_declining_the_motion_prompt_ends_the_command(
+    calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     station = edited(tmp_path, "stations", "example_hardware", SURVEYED)
     monkeypatch.setattr("typer.confirm", lambda *a, **k: False)
     check(calstation("run", "--station", station, "--serial", "SN-1"), 4, "nothing has moved")
 
 
-def test_a_wrong_baud_looks_like_noise(calstation: Run, tmp_path: Path, home: Path) -> None:
+def test_wrong_baud_rate_is_reported(calstation: Run, tmp_path: Path, home: Path) -> None:
     edited(tmp_path, "imus", "bench_nav", ('sync = "55 AA"', 'sync = "5A A1"'))
     done = calstation("run", "--out", tmp_path / "runs")
     assert done.code == 3
@@ -348,14 +354,12 @@ def test_a_wrong_baud_looks_like_noise(calstation: Run, tmp_path: Path, home: Pa
 # ---- study
 
 
-def test_study_options(calstation: Run) -> None:
+def test_invalid_study_options_are_reported(calstation: Run) -> None:
     check(calstation("study", "--grade", "toy"), 2, "'toy'", "nav")
     check(calstation("study", "--seeds", 0), 2, "--seeds")
 
 
-def test_an_internal_error_shows_no_traceback(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_internal_error_shows_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     def broken(*_: object, **__: object) -> int:
         raise ZeroDivisionError("division by zero")
 
@@ -367,7 +371,7 @@ def test_an_internal_error_shows_no_traceback(
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_a_narrow_console_gets_question_marks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_console_without_unicode_shows_question_marks(monkeypatch: pytest.MonkeyPatch) -> None:
     narrow = io.TextIOWrapper(io.BytesIO(), encoding="cp1252")
     monkeypatch.setattr(sys, "stdout", narrow)
     run_app(["--help"])
@@ -375,7 +379,7 @@ def test_a_narrow_console_gets_question_marks(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("command", ["resolve x.h5", "run", "study"])
-def test_an_unwritable_result_file_is_refused_at_once(
+def test_unwritable_result_file_is_refused_immediately(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_app([*command.split(), "--json", str(tmp_path / "none" / "a.json")]) == 2

@@ -1,4 +1,4 @@
-"""Recordings of other programs and devices from the terminal: import, check and solve."""
+"""Recordings of other programs and devices are imported, checked and solved from the terminal."""
 
 import gzip
 from collections.abc import Callable
@@ -24,13 +24,13 @@ accel_z = { from = 4 }
 
 
 def capture(path: Path) -> Path:
-    """What a unit sent at 100 Hz, with 20 lost samples and a line cut off at either end."""
+    """Write text output of a unit at 100 Hz with 20 lost samples and a truncated line at each end."""
     lines = [novatel_line(100.0 + k / 100.0) for k in range(500) if not 100 <= k < 120]
     path.write_bytes("".join(lines).encode()[20:-30])
     return path
 
 
-def test_a_capture_becomes_a_log(calstation: Run, tmp_path: Path) -> None:
+def test_capture_is_imported_as_a_log(calstation: Run, tmp_path: Path) -> None:
     raw, log = capture(tmp_path / "x.raw"), tmp_path / "x.h5"
     done = calstation("import", raw, "--imu", "novatel_rawimu", "-o", log)
     assert done.code == 0, done.err
@@ -51,7 +51,9 @@ def test_a_capture_becomes_a_log(calstation: Run, tmp_path: Path) -> None:
         ("stim300", "stim300_one_datagram/datagram_full.bin", 1),
     ],
 )
-def test_real_captures(calstation: Run, tmp_path: Path, name: str, file: str, samples: int) -> None:
+def test_real_captures_are_imported_without_loss(
+    calstation: Run, tmp_path: Path, name: str, file: str, samples: int
+) -> None:
     done = calstation("import", CAPTURES / file, "--imu", name, "-o", tmp_path / "x.h5")
     assert done.code == 0, done.err
     assert f"{samples} samples, 0 gaps, 0 packets failed their check, 0 bytes skipped" in done.err
@@ -64,7 +66,7 @@ def test_a_capture_of_another_unit_is_refused(calstation: Run, tmp_path: Path) -
     assert not (tmp_path / "x.h5").exists()
 
 
-def test_a_log_of_six_faces_is_checked(calstation: Run, tmp_path: Path) -> None:
+def test_six_position_log_is_checked(calstation: Run, tmp_path: Path) -> None:
     found = calstation("check", write_log(tmp_path, six_position_rows()), "--json", "-").json
     assert found["methods"] == {"six_position": {"solvable": True, "reason": None}}
     assert found["channels"] == ["accel", "encoders", "gyro"]
@@ -76,7 +78,7 @@ def test_a_log_of_six_faces_is_checked(calstation: Run, tmp_path: Path) -> None:
 
 
 def without_gyros(columns: str = "") -> tuple[list[str], str, str]:
-    """Rows, header and TOML of six faces in mg with semicolons and decimal commas, and half a turn between them."""
+    """Return rows, header and TOML of a six-position log in mg with semicolons and decimal commas."""
     rows = ["t;ax;ay;az"]
     random = np.random.default_rng(4)
     for k, row in enumerate(six_position_rows()):
@@ -103,7 +105,7 @@ def test_accelerometers_alone_are_calibrated(calstation: Run, tmp_path: Path, me
         assert found[name]["sigma"] < 1e-5
 
 
-def test_methods_that_need_gyros_say_so(calstation: Run, tmp_path: Path) -> None:
+def test_methods_that_require_gyros_report_their_absence(calstation: Run, tmp_path: Path) -> None:
     path = write_log(tmp_path, *without_gyros('stage = { value = "excitation" }\n'))
     done = calstation("resolve", path)
     assert done.code == 2
@@ -113,7 +115,9 @@ def test_methods_that_need_gyros_say_so(calstation: Run, tmp_path: Path) -> None
 
 @pytest.mark.long
 @pytest.mark.skipif(not real.IMU_TK.exists(), reason="the real recordings are not beside the project")
-def test_the_accelerometers_of_the_xsens_recording_agree_with_its_authors(calstation: Run, tmp_path: Path) -> None:
+def test_accelerometer_parameters_of_the_xsens_recording_agree_with_its_authors(
+    calstation: Run, tmp_path: Path
+) -> None:
     path, meta = tmp_path / "acc.txt", real.IMU_TK_META
     path.write_bytes(gzip.decompress((real.IMU_TK / "xsens_acc.txt.gz").read_bytes()))
     zero = 32768 * real.IMU_TK_ACCEL_LSB

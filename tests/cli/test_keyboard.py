@@ -17,7 +17,7 @@ LISTENS = "import time; from calstation.cli.show import on_line; on_line('e', pr
 
 
 @pytest.mark.long
-def test_a_run_in_the_background_is_not_suspended_by_listening_for_keys() -> None:
+def test_background_run_is_not_suspended_by_reading_the_keyboard() -> None:
     child, terminal = pty.fork()
     if child == 0:
         os._exit(subprocess.call([sys.executable, "-c", IN_BACKGROUND, LISTENS]))

@@ -1,4 +1,4 @@
-"""Links tested and files checked from the terminal."""
+"""Links are tested and files are checked from the terminal."""
 
 import sys
 from collections.abc import Callable
@@ -16,7 +16,7 @@ Run = Callable[..., Done]
 
 
 def station(tmp_path: Path, table: str, imu: str) -> Path:
-    """A station file with these ports."""
+    """Write a station file with these ports."""
     path = tmp_path / "station.toml"
     links = {
         "table": {"profile": "bench", "port": table, "timeout_s": 0.2},
@@ -37,7 +37,7 @@ def test_a_working_link_is_described_line_by_line(calstation: Run) -> None:
 
 
 @pytest.mark.long
-def test_the_imus_of_all_slots_are_tested(calstation: Run, tmp_path: Path) -> None:
+def test_imus_of_all_slots_are_tested(calstation: Run, tmp_path: Path) -> None:
     path = tmp_path / "batch.toml"
     slots = [{"name": "left"}, {"name": "right", "orientation": "-y+z"}]
     path.write_text(tomli_w.dumps({**STATION, "bench": {"seed": 5}, "slots": slots}), encoding="utf-8")
@@ -72,7 +72,7 @@ def test_a_failed_link_is_shown_with_its_remedy(calstation: Run, tmp_path: Path)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
-def test_a_unit_on_hardware_is_tested(calstation: Run, tmp_path: Path) -> None:
+def test_imu_on_hardware_is_tested(calstation: Run, tmp_path: Path) -> None:
     unit = FakeImu()
     with terminal(unit.answer, unit.sends) as port:
         done = calstation("test", "imu", "--station", station(tmp_path, "tcp://127.0.0.1:1", port))
@@ -93,7 +93,7 @@ def test_a_shipped_file_is_valid_in_any_folder(calstation: Run, tmp_path: Path, 
         assert done.json["kind"] == path.parent.name
 
 
-def test_all_problems_of_a_file_have_their_lines(calstation: Run, tmp_path: Path) -> None:
+def test_all_problems_of_a_file_are_shown_with_line_numbers(calstation: Run, tmp_path: Path) -> None:
     path = tmp_path / "s.toml"
     text = (shipped_folder() / "stations" / "virtual_bench.toml").read_text(encoding="utf-8")
     path.write_text(text.replace("34.25", "134.25").replace('profile = "bench"', 'profile = "lathe"'), encoding="utf-8")
@@ -113,7 +113,7 @@ def test_all_problems_of_a_file_have_their_lines(calstation: Run, tmp_path: Path
         ("/dev/ttyUSB0", "/dev/ttyUSB0", 15, "two devices cannot share a port. Give each device its own"),
     ],
 )
-def test_ports_that_no_run_would_open_are_shown_with_their_remedy(
+def test_ports_that_a_run_would_refuse_are_shown_with_a_remedy(
     calstation: Run, tmp_path: Path, table: str, imu: str, line: int, remedy: str
 ) -> None:
     file = station(tmp_path, table, imu)
@@ -123,7 +123,7 @@ def test_ports_that_no_run_would_open_are_shown_with_their_remedy(
     assert remedy in done.out
 
 
-def test_folders_of_reports_that_do_not_exist_are_problems(calstation: Run, tmp_path: Path) -> None:
+def test_missing_report_folders_are_problems(calstation: Run, tmp_path: Path) -> None:
     file = tmp_path / "station.toml"
     report = {"folder": "certificates", "template": "mine", "signing": {"certificate": "lab.p12"}}
     file.write_text(tomli_w.dumps({**STATION, "bench": {"seed": 1}, "report": report}), encoding="utf-8")
@@ -141,7 +141,7 @@ def test_folders_of_reports_that_do_not_exist_are_problems(calstation: Run, tmp_
     assert calstation("check", file).code == 0
 
 
-def test_a_gravity_that_a_run_refuses_is_a_problem(calstation: Run, tmp_path: Path) -> None:
+def test_gravity_that_a_run_would_refuse_is_a_problem(calstation: Run, tmp_path: Path) -> None:
     file = tmp_path / "station.toml"
     site = {**STATION["site"], "gravity_mps2": 9.83}
     file.write_text(tomli_w.dumps({**STATION, "site": site, "bench": {"seed": 1}}), encoding="utf-8")
@@ -156,7 +156,7 @@ def test_a_gravity_that_a_run_refuses_is_a_problem(calstation: Run, tmp_path: Pa
 
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
-def test_all_incompatibilities_of_product_and_station_are_shown(calstation: Run, tmp_path: Path) -> None:
+def test_all_incompatibilities_between_product_and_station_are_shown(calstation: Run, tmp_path: Path) -> None:
     product = tmp_path / "product.toml"
     product.write_text(
         'name = "carried"\nimu = "bench_nav"\nserial_pattern = ".*"\nstages = ["multi_position"]\n'
@@ -189,9 +189,7 @@ def test_the_table_is_checked_for_a_given_product(calstation: Run) -> None:
     assert "is driven, but stages of “" in done.out
 
 
-def test_a_file_of_the_site_is_given_by_its_name(
-    calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_site_file_is_found_by_its_name(calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
     for kind, name, data in (
         ("stations", "rtu", {**STATION, "bench": {"speed": -1.0}}),

@@ -33,7 +33,7 @@ def test_without_a_screen_a_run_starts_after_a_message(
 
 
 @pytest.mark.skipif(not LINUX, reason="elsewhere there is always a screen")
-def test_a_screen_that_cannot_be_used_counts_as_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unusable_screen_counts_as_no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("QT_QPA_PLATFORM", "there-is-no-such-platform")
     assert not window.has_screen()
 
@@ -45,7 +45,7 @@ def test_with_a_screen_the_window_opens(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.long
-def test_no_command_of_the_terminal_needs_qt() -> None:
+def test_terminal_commands_do_not_import_qt() -> None:
     script = (
         "import sys; sys.modules['PySide6'] = None\n"
         "from calstation.cli.app import run_app\n"

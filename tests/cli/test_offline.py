@@ -1,4 +1,4 @@
-"""resolve, import and export from the command line."""
+"""The `resolve`, `import` and `export` commands."""
 
 import json
 import subprocess
@@ -19,7 +19,7 @@ def test_resolve_shows_a_table(calstation: Callable[..., Done], tmp_path: Path) 
     assert "ppm" in done.out
 
 
-def test_json_on_standard_output_is_nothing_but_json(calstation: Callable[..., Done], tmp_path: Path) -> None:
+def test_json_output_contains_nothing_else(calstation: Callable[..., Done], tmp_path: Path) -> None:
     done = calstation("resolve", write_log(tmp_path, six_position_rows()), "--json", "-")
     assert done.code == 0
     assert done.json["schema"] == "calstation.result/1"
@@ -29,7 +29,7 @@ def test_json_on_standard_output_is_nothing_but_json(calstation: Callable[..., D
     assert abs(done.json["parameters"]["accel_scale_x"]["value"]) < 1e-3
 
 
-def test_parameters_alone_are_not_judged(calstation: Callable[..., Done], tmp_path: Path) -> None:
+def test_parameters_only_solution_is_not_judged(calstation: Callable[..., Done], tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     done = calstation("resolve", log, "--parameters-only")
     assert done.code == 0, done.err
@@ -44,7 +44,7 @@ def test_parameters_alone_are_not_judged(calstation: Callable[..., Done], tmp_pa
     assert "--residuals needs the full solution" in done.err
 
 
-def test_a_solution_is_recorded_or_a_message_says_why_not(calstation: Callable[..., Done], tmp_path: Path) -> None:
+def test_solution_is_recorded_or_the_reason_is_shown(calstation: Callable[..., Done], tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     assert calstation("resolve", log, "--from", 10).code == 0
     (record,) = map(json.loads, (tmp_path / "resolves.jsonl").read_text("utf-8").splitlines())
@@ -57,13 +57,13 @@ def test_a_solution_is_recorded_or_a_message_says_why_not(calstation: Callable[.
     assert "accel_scale_x" in done.out
 
 
-def test_json_to_a_file(calstation: Callable[..., Done], tmp_path: Path) -> None:
+def test_json_is_written_to_a_file(calstation: Callable[..., Done], tmp_path: Path) -> None:
     target = tmp_path / "result.json"
     assert calstation("resolve", write_log(tmp_path, six_position_rows()), "--json", target).code == 0
     assert json.loads(target.read_text(encoding="utf-8"))["stages"] == ["six_position"]
 
 
-def test_import_export_resolve_agree(calstation: Callable[..., Done], tmp_path: Path) -> None:
+def test_imported_and_exported_logs_give_the_same_solution(calstation: Callable[..., Done], tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     assert calstation("import", log, "-o", tmp_path / "log.h5").code == 0
     assert calstation("export", tmp_path / "log.h5", "-o", tmp_path / "again.csv").code == 0
@@ -74,14 +74,14 @@ def test_import_export_resolve_agree(calstation: Callable[..., Done], tmp_path: 
     assert answers[0] == answers[1] == answers[2]
 
 
-def test_a_part_of_the_log_solves(calstation: Callable[..., Done], tmp_path: Path) -> None:
+def test_part_of_a_log_is_solved(calstation: Callable[..., Done], tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows(10.0))
     done = calstation("resolve", log, "--from", 100, "--to", 2900, "--json", "-")
     assert done.code == 0, done.err
     assert (done.json["log"]["first_seq"], done.json["log"]["last_seq"]) == (100, 2900)
 
 
-def test_a_truncated_stage_is_reported_and_earlier_ones_are_solved(
+def test_truncated_stage_is_reported_and_earlier_stages_are_solved(
     calstation: Callable[..., Done], tmp_path: Path
 ) -> None:
     rows = six_position_rows()
@@ -100,7 +100,9 @@ def test_a_truncated_stage_is_reported_and_earlier_ones_are_solved(
     assert calstation("resolve", log, "--stages", "six_position").code == 0
 
 
-def test_uncalibrated_is_the_output_without_registers(calstation: Callable[..., Done], tmp_path: Path) -> None:
+def test_improvement_is_relative_to_the_output_without_registers(
+    calstation: Callable[..., Done], tmp_path: Path
+) -> None:
     checks = '[product]\nname = "p"\n[product.checks.improvement_at_rest]\nbelow = 0.5\n'
     registers = "[registers]\n" + "".join(f"accel_scale_{axis} = 1e-3\n" for axis in "xyz")
     told = []
@@ -111,14 +113,14 @@ def test_uncalibrated_is_the_output_without_registers(calstation: Callable[..., 
     assert told[1] == pytest.approx(told[0], rel=0.01)
 
 
-def test_debug_shows_where(calstation: Callable[..., Done], tmp_path: Path) -> None:
+def test_debug_shows_a_traceback(calstation: Callable[..., Done], tmp_path: Path) -> None:
     done = calstation("resolve", tmp_path / "none.csv", "--debug")
     assert done.code == 2
     assert "Traceback" in done.err
 
 
-def test_help_answers_at_once() -> None:
-    """In about twice the time that the parser and the console alone take to be imported."""
+def test_help_is_shown_without_delay() -> None:
+    """It takes at most about twice the import time of the parser and the console."""
     commands = (["-m", "calstation", "--help"], ["-c", "import typer, rich.console"])
     output = ""
     times: tuple[list[float], list[float]] = ([], [])

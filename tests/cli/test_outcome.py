@@ -1,4 +1,4 @@
-"""The line that ends a run says only what was done."""
+"""The final line of a run states only the completed actions."""
 
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,9 @@ REGISTERS = {"old": {}, "new": {"gyro_bias_x": 0.0}, "verified": True}
         ({"check_standard": {**STANDARD, "passed": True}, "outcome": "failed", "passed": False}, "failed"),
     ],
 )
-def test_the_outcome(tmp_path: Path, shared_runs: SharedRuns, changes: dict[str, Any], code: str) -> None:
+def test_outcome_line_matches_the_result(
+    tmp_path: Path, shared_runs: SharedRuns, changes: dict[str, Any], code: str
+) -> None:
     made = load_result(Path(shared_runs.passed(tmp_path, "six_position").result_file)).to_json()
     result = Result.from_json({**made, "registers": None, "partial": False, **changes})
     text = outcome_text(result.outcome or "", result)

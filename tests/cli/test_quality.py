@@ -1,4 +1,4 @@
-"""Quality of a synthetic history on the command line: tables, JSON, and a gauge study from plan to verdict."""
+"""`calstation quality` on a synthetic history: tables, JSON, and a gauge study from plan to verdict."""
 
 import json
 import shutil
@@ -23,14 +23,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_history_is_not_mixed_with_other_runs(calstation: Run, folder: Path) -> None:
+def test_synthetic_history_requires_an_empty_folder(calstation: Run, folder: Path) -> None:
     assert len([*folder.glob("*.json")]) == RUNS
     done = calstation("record", "history", "-o", folder)
     assert done.code == 2
     assert "The folder is not empty" in done.err
 
 
-def test_the_tables_show_yield_failed_checks_and_charts_of_every_product(calstation: Run, folder: Path) -> None:
+def test_tables_show_yield_failed_checks_and_charts_of_every_product(calstation: Run, folder: Path) -> None:
     done = calstation("quality", "--out", folder)
     assert done.code == 0
     for text in (
@@ -47,7 +47,7 @@ def test_the_tables_show_yield_failed_checks_and_charts_of_every_product(calstat
     assert "…" not in done.out  # nothing is cut off
 
 
-def test_one_parameter_of_a_product_since_a_date_as_json(calstation: Run, folder: Path) -> None:
+def test_parameter_of_a_product_since_a_date_is_written_as_json(calstation: Run, folder: Path) -> None:
     options = ("--product", "nav_a", "--parameter", "accel_scale_x", "--since", "2026-05-01")
     found = calstation("quality", "--out", folder, *options, "--json", "-").json
     assert (found["schema"], found["product"], found["golden"]) == ("calstation.quality/1", "Navigation grade A", None)
@@ -61,9 +61,7 @@ def test_one_parameter_of_a_product_since_a_date_as_json(calstation: Run, folder
     assert sum(day["count"] for day in days.values()) == found["yield"]["overall"]["count"]
 
 
-def test_runs_that_were_added_or_removed_since_the_last_time_count(
-    calstation: Run, folder: Path, tmp_path: Path
-) -> None:
+def test_added_and_removed_runs_are_counted(calstation: Run, folder: Path, tmp_path: Path) -> None:
     def count() -> int:
         return int(calstation("quality", "--out", tmp_path, "--json", "-").json["yield"]["overall"]["count"])
 
@@ -76,21 +74,21 @@ def test_runs_that_were_added_or_removed_since_the_last_time_count(
     assert count() == 1
 
 
-def test_a_golden_unit_has_its_own_table(calstation: Run, folder: Path) -> None:
+def test_check_standard_has_its_own_table(calstation: Run, folder: Path) -> None:
     done = calstation("quality", "--out", folder, "--serial", "GOLDEN-NAVA", "--product", "nav_a")
     runs = len([*folder.glob("GOLDEN-NAVA_*.json")])
     assert runs < 10
     assert "Golden unit GOLDEN-NAVA: fewer than 10 runs" in done.out
 
 
-def test_a_unit_without_runs_is_named(calstation: Run, folder: Path) -> None:
+def test_unit_without_runs_is_reported(calstation: Run, folder: Path) -> None:
     done = calstation("quality", "--out", folder, "--serial", "NOPE")
     assert done.code == 0
     assert f"There is no run of unit NOPE in {folder}. Check the serial number" in done.out
     assert "fewer than 10" not in done.out
 
 
-def test_a_folder_without_judged_runs_says_so(calstation: Run, tmp_path: Path) -> None:
+def test_folder_without_judged_runs_is_reported(calstation: Run, tmp_path: Path) -> None:
     assert "No run ended with PASS or FAIL." in calstation("quality", "--out", tmp_path).out
     assert calstation("quality", "--out", tmp_path, "--json", "-").json["yield"]["overall"] is None
 
@@ -124,7 +122,7 @@ def test_wrong_options_are_refused(
     assert shown in done.err
 
 
-def test_a_study_is_planned_and_evaluated_from_the_stored_runs(calstation: Run, folder: Path, tmp_path: Path) -> None:
+def test_gauge_study_is_planned_and_evaluated_from_stored_runs(calstation: Run, folder: Path, tmp_path: Path) -> None:
     plan = tmp_path / "plan.json"
     units = ("--product", "nav_a", "--units", "STUDY-01, STUDY-02")
     options = (*units, "--operators", "Li Wei,Zhang Min", "--trials", 2, "--seed", 5)

@@ -1,4 +1,4 @@
-"""A recording of the bench is solved, exported and imported by commands."""
+"""A simulated recording is solved, exported and imported by commands."""
 
 import json
 from collections.abc import Callable
@@ -19,7 +19,7 @@ Run = Callable[..., Done]
         ("gimbal", "gimbal"),
     ],
 )
-def test_a_recording_is_made_solved_and_compared_with_its_truth(
+def test_recording_is_simulated_solved_and_compared_with_its_truth(
     calstation: Run, tmp_path: Path, kind: str, stage: str
 ) -> None:
     log = tmp_path / f"{kind}.h5"
@@ -43,7 +43,7 @@ def test_a_recording_is_made_solved_and_compared_with_its_truth(
     assert again["log"]["sha256"] == first.json["log"]["sha256"]
 
 
-def test_refuses_an_unknown_kind_grade_or_file_name(calstation: Run, tmp_path: Path) -> None:
+def test_unknown_recording_type_grade_or_file_name_is_refused(calstation: Run, tmp_path: Path) -> None:
     assert "Choose from hand, pair, gimbal" in calstation("record", "foot", "-o", tmp_path / "a.h5").err
     assert "Choose from nav" in calstation("record", "hand", "-o", tmp_path / "a.h5", "--grade", "best").err
     assert "ends in .h5" in calstation("record", "hand", "-o", tmp_path / "a.csv").err

@@ -1,4 +1,4 @@
-"""`calstation run` with several units: a serial number per slot, a list of results, the largest exit code."""
+"""`calstation run` with several units: a serial number per slot, a list of results, the worst exit code."""
 
 import json
 import tomllib
@@ -34,7 +34,7 @@ def test_units_are_calibrated_together(tmp_path: Path, calstation: Callable[...,
 
 
 @pytest.mark.long
-def test_the_exit_code_is_that_of_the_worst_unit(tmp_path: Path, calstation: Callable[..., Any]) -> None:
+def test_exit_code_is_the_code_of_the_worst_unit(tmp_path: Path, calstation: Callable[..., Any]) -> None:
     site = SiteFolder(tmp_path)
     site.write({"stages": ["six_position"]}, units=2, orders=[{"order": "freeze_channel", "at": 40.0, "unit": 2}])
     where = ("run", "--station", site.station, "--product", site.product, "--out", tmp_path / "runs")
@@ -49,7 +49,7 @@ def test_the_exit_code_is_that_of_the_worst_unit(tmp_path: Path, calstation: Cal
     assert calstation(*where, "--serial", "SN-000001", "--serial", "SN-000001").code == 2
 
 
-def test_a_batch_that_does_not_start_has_no_results(tmp_path: Path, calstation: Callable[..., Any]) -> None:
+def test_batch_that_does_not_start_writes_no_results(tmp_path: Path, calstation: Callable[..., Any]) -> None:
     site = SiteFolder(tmp_path)
     site.write({"stages": ["six_position"]}, units=2)
     (tmp_path / "runs").write_text("no folder")
@@ -73,7 +73,7 @@ def hardware(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_load_without_a_unit_is_refused(tmp_path: Path, hardware: Path, calstation: Callable[..., Any]) -> None:
+def test_batch_without_units_is_refused(tmp_path: Path, hardware: Path, calstation: Callable[..., Any]) -> None:
     empty = ("--serial", "-", "--serial", "-", "--out", tmp_path / "runs")
     for station in (hardware, "virtual_batch", "virtual_bench"):
         refused = calstation("run", "--station", station, *empty)
@@ -84,14 +84,16 @@ def test_a_load_without_a_unit_is_refused(tmp_path: Path, hardware: Path, calsta
     assert not (tmp_path / "runs").exists()
 
 
-def test_a_station_without_slots_takes_one_unit(tmp_path: Path, calstation: Callable[..., Any]) -> None:
+def test_station_without_slots_accepts_only_one_unit(tmp_path: Path, calstation: Callable[..., Any]) -> None:
     two = ("--serial", "SN-000001", "--serial", "SN-000002", "--out", tmp_path / "runs")
     refused = calstation("run", "--station", "virtual_bench", *two)
     assert refused.code == 2
     assert "The station takes one unit; it has no slots. Give one serial number, or choose" in refused.err
 
 
-def test_the_registers_of_a_unit_in_a_slot(tmp_path: Path, hardware: Path, calstation: Callable[..., Any]) -> None:
+def test_registers_commands_require_the_slot_of_the_unit(
+    tmp_path: Path, hardware: Path, calstation: Callable[..., Any]
+) -> None:
     for what in ("read", "finish", "restore"):
         refused = calstation("registers", what, "SN-000001", "--station", hardware, "--out", tmp_path / "runs")
         assert refused.code == 2
@@ -106,14 +108,16 @@ def test_the_registers_of_a_unit_in_a_slot(tmp_path: Path, hardware: Path, calst
 
 
 def verdict(slot: str, outcome: str, seconds: float, **more: Any) -> Verdict:
-    """The end of a unit whose stages took this time."""
+    """Return the verdict of a unit whose stages took this time."""
     head = {"schema": "calstation.result/1", "unit": {"serial": f"SN-{slot}"}, "log": {"file": f"{slot}.h5"}}
     cycle = [{"phase": "stage", "stage": "rate", "seconds": seconds}]
     result = {**head, "stages": ["rate"], "outcome": outcome, "parameters": {}, "cycle": cycle, "batch": "B1", **more}
     return Verdict(outcome, f"runs/{slot}.h5", f"runs/{slot}.json", result, slot=slot)
 
 
-def test_the_units_of_a_load_are_summed_up(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_summary_lists_the_units_of_a_batch(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     written = {"registers": {"new": {"gyro_bias_x": 1e-5}, "verified": False}}
     verdicts = (
@@ -135,7 +139,7 @@ def test_the_units_of_a_load_are_summed_up(capsys: pytest.CaptureFixture[str], m
 
 
 @pytest.mark.long
-def test_a_resumed_run_keeps_its_product(tmp_path: Path) -> None:
+def test_resumed_run_keeps_its_product(tmp_path: Path) -> None:
     site = SiteFolder(tmp_path)
     site.write({"stages": ["six_position"]})
     log = Path(site.run().log)

@@ -1,4 +1,4 @@
-"""`calstation run`: the badge of an operator who signs in, and the summary of the cycle."""
+"""`calstation run` asks for the badge of the operator and shows the summary of the cycle."""
 
 import re
 import tomllib
@@ -12,7 +12,7 @@ import tomli_w
 from tests.site_folder import SiteFolder
 
 
-def test_a_run_needs_the_badge_of_its_operator(tmp_path: Path, calstation: Callable[..., Any]) -> None:
+def test_run_requires_the_badge_of_its_operator(tmp_path: Path, calstation: Callable[..., Any]) -> None:
     site_folder = SiteFolder(tmp_path)
     site_folder.write({"stages": ["six_position"]})
     station = tomllib.loads(site_folder.station.read_text(encoding="utf-8"))

@@ -14,7 +14,7 @@ from tests.site_folder import QUICK, SiteFolder
 
 
 @pytest.mark.exhaustive
-def test_resumes_a_stopped_run(
+def test_stopped_run_is_resumed(
     tmp_path: Path, calstation: Callable[..., Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
     site_folder = SiteFolder(tmp_path)

@@ -1,4 +1,4 @@
-"""`calstation run` shares its records and says when another station works on the unit; it never waits for it."""
+"""`calstation run` shares its records and warns if another station claims the unit; it never waits for the database."""
 
 import socket
 import time
@@ -31,7 +31,7 @@ def sharing(folder: Path, url: str) -> SiteFolder:
     return made
 
 
-def test_a_run_is_shared_and_names_another_station_with_its_unit(
+def test_run_is_shared_and_warns_if_another_station_claims_its_unit(
     shared_database: str, tmp_path: Path, calstation: Callable[..., Any]
 ) -> None:
     other = tmp_path / "line 2"

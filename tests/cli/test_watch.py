@@ -1,4 +1,4 @@
-"""IMUs on one body are calibrated if out of tolerance, and within the threshold the next time."""
+"""`calstation watch` calibrates IMUs on one body that are out of tolerance."""
 
 import re
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from tests.cli.conftest import Done, six_position_rows, write_log
 Run = Callable[..., Done]
 
 
-def test_calibrates_and_stores_a_pair_that_is_out_of_tolerance(calstation: Run, tmp_path: Path) -> None:
+def test_pair_out_of_tolerance_is_calibrated_and_stored(calstation: Run, tmp_path: Path) -> None:
     log, pairs = tmp_path / "pair.h5", tmp_path / "pairs"
     assert calstation("record", "pair", "-o", log, "--seed", 3).code == 0
     first = calstation("watch", log, "--pairs", pairs)
@@ -31,9 +31,7 @@ def test_calibrates_and_stores_a_pair_that_is_out_of_tolerance(calstation: Run, 
     assert load_pair(pairs, "BENCH-mems", "BENCH-2") == kept
 
 
-def test_a_sensor_whose_primary_is_off_is_neither_calibrated_nor_its_figure_stored(
-    calstation: Run, tmp_path: Path
-) -> None:
+def test_sensor_is_not_calibrated_against_an_out_of_tolerance_primary(calstation: Run, tmp_path: Path) -> None:
     log, pairs = tmp_path / "pair.h5", tmp_path / "pairs"
     assert calstation("record", "pair", "-o", log, "--seed", 3).code == 0
     assert calstation("export", log, "-o", tmp_path / "pair.csv").code == 0
@@ -55,7 +53,7 @@ def test_a_sensor_whose_primary_is_off_is_neither_calibrated_nor_its_figure_stor
 
 
 @pytest.mark.long
-def test_a_full_disk_or_the_log_itself_as_the_file_of_corrected_data(calstation: Run, tmp_path: Path) -> None:
+def test_full_disk_or_the_log_itself_as_output_file_is_reported(calstation: Run, tmp_path: Path) -> None:
     log = tmp_path / "pair.h5"
     assert calstation("record", "pair", "-o", log, "--seed", 3).code == 0
     before = log.read_bytes()
@@ -70,7 +68,7 @@ def test_a_full_disk_or_the_log_itself_as_the_file_of_corrected_data(calstation:
         assert "imu2 calibrated" in done.out
 
 
-def test_refuses_a_log_of_one_imu(calstation: Run, tmp_path: Path) -> None:
+def test_log_of_one_imu_is_refused(calstation: Run, tmp_path: Path) -> None:
     done = calstation("watch", write_log(tmp_path, six_position_rows()), "--pairs", tmp_path)
     assert done.code == 2
     assert "log.csv: The log contains only one IMU. Add [imu2]" in done.err

@@ -1,4 +1,4 @@
-"""IMUs on one body are watched live through their serial lines."""
+"""`calstation watch` monitors IMUs on one body live through their serial lines."""
 
 import json
 import os
@@ -29,7 +29,7 @@ BOOT = 0.1
 def station(
     folder: Path, primary: dict[str, Any] | None = None, secondary: dict[str, Any] | None = None, **more
 ) -> Path:
-    """The shipped station at full speed over sockets, with other settings of the two units and of the schedule."""
+    """Write the shipped station at full speed over sockets, with changed settings of units and schedule."""
     values = tomllib.loads(library.find("stations", "virtual_pair").read_text())
     values["cross_calibration"] |= more
     bench = values["bench"]
@@ -44,9 +44,7 @@ def kinds(done: Done) -> list[str]:
     return [event["kind"] for event in done.json["events"]]
 
 
-def test_a_station_without_a_second_imu_or_with_a_gap_in_their_numbers_is_refused(
-    calstation: Run, tmp_path: Path
-) -> None:
+def test_station_without_a_second_imu_or_with_a_numbering_gap_is_refused(calstation: Run, tmp_path: Path) -> None:
     done = calstation("watch", "--station", "virtual_bench", "--seconds", 1)
     assert done.code == 2
     assert "Add a table [imu2]" in done.err
@@ -58,7 +56,7 @@ def test_a_station_without_a_second_imu_or_with_a_gap_in_their_numbers_is_refuse
     assert calstation("watch").code == 2
 
 
-def test_the_primary_has_a_fixed_threshold_only(calstation: Run, tmp_path: Path) -> None:
+def test_primary_accepts_only_a_fixed_threshold(calstation: Run, tmp_path: Path) -> None:
     path = station(tmp_path, primary_gyro={"fixed": 1e-4, "ratio": 2.0})
     done = calstation("watch", "--station", path, "--seconds", 1)
     assert done.code == 2
@@ -87,9 +85,7 @@ def test_a_secondary_out_of_tolerance_is_calibrated_live_and_aligned(calstation:
 
 
 @pytest.mark.long
-def test_a_primary_that_is_silent_or_off_is_reported_and_nothing_is_calibrated_against_it(
-    calstation: Run, tmp_path: Path
-) -> None:
+def test_nothing_is_calibrated_against_a_silent_or_out_of_tolerance_primary(calstation: Run, tmp_path: Path) -> None:
     primary = {"orders": [{"order": "silence_imu", "value": 5.0, "at": 20.0}], "gyro_steps": [[30.0, 0.05]]}
     path = station(tmp_path, primary, period_s=20.0)
     done = calstation("watch", "--station", path, "--seconds", 150, "--pairs", tmp_path, "--json", "-")
@@ -104,7 +100,7 @@ def test_a_primary_that_is_silent_or_off_is_reported_and_nothing_is_calibrated_a
 
 
 @pytest.mark.long
-def test_a_secondary_that_restarts_or_loses_its_link_is_aligned_again(calstation: Run, tmp_path: Path) -> None:
+def test_secondary_is_realigned_after_a_restart_or_link_loss(calstation: Run, tmp_path: Path) -> None:
     secondary = {"orders": [{"order": "reset_imu", "at": 25.0}, {"order": "hang_up_imu", "at": 100.0}]}
     path = station(tmp_path, None, secondary, period_s=30.0)
     done = calstation("watch", "--station", path, "--seconds", 200, "--pairs", tmp_path, "--json", "-")
@@ -118,7 +114,7 @@ def test_a_secondary_that_restarts_or_loses_its_link_is_aligned_again(calstation
 
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and signals")
-def test_checks_by_command_while_running_and_ends_cleanly_with_ctrl_c(tmp_path: Path) -> None:
+def test_check_runs_on_request_and_ctrl_c_ends_the_watch_cleanly(tmp_path: Path) -> None:
     path = station(tmp_path, {"speed": 1.0, "imu_transport": "pty"}, trigger="command")
     command = [sys.executable, "-m", "calstation", "watch", "--station", str(path), "--pairs", str(tmp_path)]
     environment = {**os.environ, "CALSTATION_HOME": str(tmp_path)}

@@ -1,4 +1,4 @@
-"""The engineer's PIN is set, checked and changed, never stored in plain text, and delayed after wrong PINs."""
+"""The engineer's PIN is set, verified and changed, never stored in plain text; wrong PINs cause growing delays."""
 
 import hashlib
 import json
@@ -53,7 +53,7 @@ def test_only_the_pin_that_was_set_is_accepted() -> None:
     assert access.check("246813")
 
 
-def test_changing_a_pin_needs_the_present_one(home: Path) -> None:
+def test_changing_a_pin_requires_the_current_pin(home: Path) -> None:
     access.set_pin("", "246813")
     with raises_code(ConfigurationError, "access.wrong_pin"):
         access.set_pin("000000", "135792")
@@ -69,7 +69,7 @@ def test_a_short_pin_is_refused() -> None:
     assert not access.has_pin()
 
 
-def test_a_pin_of_an_earlier_version_keeps_its_cost_until_it_is_changed(
+def test_pin_of_an_earlier_version_keeps_its_hash_cost_until_changed(
     home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It was set with four characters."""
@@ -122,7 +122,7 @@ def test_no_pin_is_accepted_during_the_delay(clock: Clock) -> None:
     assert access.check("246813")
 
 
-def test_wrong_pins_tried_at_the_same_time_all_count(home: Path, clock: Clock) -> None:
+def test_simultaneous_wrong_pins_all_count(home: Path, clock: Clock) -> None:
     access.set_pin("", "246813")
     with ThreadPoolExecutor(8) as pool:
         assert not any(pool.map(access.check, [f"{number:04d}" for number in range(16)]))
@@ -130,7 +130,7 @@ def test_wrong_pins_tried_at_the_same_time_all_count(home: Path, clock: Clock) -
     assert access.wait() == 1.0
 
 
-def test_a_pin_is_not_set_without_the_audit_trail(home: Path) -> None:
+def test_pin_is_not_set_if_the_audit_trail_is_unwritable(home: Path) -> None:
     access.set_pin("", "246813")
     (home / "audit.jsonl").rename(home / "kept")
     (home / "audit.jsonl").mkdir()
@@ -142,7 +142,7 @@ def test_a_pin_is_not_set_without_the_audit_trail(home: Path) -> None:
     assert [each.event for each in read_audit(audit_path(home)).events] == ["pin_set"]
 
 
-def test_a_clock_set_back_costs_one_delay(clock: Clock) -> None:
+def test_clock_set_back_causes_a_single_delay(clock: Clock) -> None:
     access.set_pin("", "246813")
     for _ in range(3):
         access.check("000000")
@@ -151,7 +151,7 @@ def test_a_clock_set_back_costs_one_delay(clock: Clock) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{", '{"salt": "x"}'])
-def test_a_damaged_file_is_an_error(home: Path, text: str) -> None:
+def test_damaged_pin_file_is_reported(home: Path, text: str) -> None:
     access.set_pin("", "246813")
     (home / "engineer.json").write_text(text, encoding="utf-8")
     assert access.has_pin()

@@ -1,4 +1,4 @@
-"""Slots of a station, and the requests and configurations of the units of a batch."""
+"""The slots of a station, and the requests and configurations of the units in a batch."""
 
 import re
 from dataclasses import replace
@@ -33,7 +33,7 @@ PLACES: list[dict[str, Any]] = [
 
 
 def write(site_folder: SiteFolder, **changes: Any) -> None:
-    """A station with three slots on the bench."""
+    """Write a station with three slots on the bench."""
     site = {**STATION["site"], "gravity_mps2": 9.79547}
     station = {**STATION, "site": site, "bench": BENCH, "slots": PLACES, **changes}
     site_folder.station.write_text(tomli_w.dumps({k: v for k, v in station.items() if v is not None}), encoding="utf-8")
@@ -65,7 +65,7 @@ def batch(site_folder: SiteFolder, *serials: str) -> RunRequest:
         ({"table": {"profile": "indexing_unit", "port": PORTS[0]}}, "table.profile", "station.slots_need_table"),
     ],
 )
-def test_wrong_slots_are_refused(changes: dict[str, Any], entry: str, code: str) -> None:
+def test_invalid_slots_are_refused(changes: dict[str, Any], entry: str, code: str) -> None:
     validate(StationConfig, HARDWARE, "station")
     with pytest.raises(ConfigurationError) as caught:
         validate(StationConfig, {**HARDWARE, **changes}, "station")
@@ -73,13 +73,13 @@ def test_wrong_slots_are_refused(changes: dict[str, Any], entry: str, code: str)
 
 
 @pytest.mark.parametrize("units", [0, 17, 2.0, True, "2"])
-def test_a_bench_has_one_to_sixteen_units(units: Any) -> None:
+def test_bench_accepts_one_to_sixteen_units(units: Any) -> None:
     with pytest.raises(ConfigurationError) as caught:
         validate(StationConfig, {**STATION, "bench": {"units": units}}, "station")
     assert complaint(caught.value) == "bench.units station.units_out_of_range"
 
 
-def test_the_number_of_units_on_a_bench_is_that_of_its_slots() -> None:
+def test_number_of_simulated_units_must_equal_the_number_of_slots() -> None:
     data = {**STATION, "bench": {"units": 3}, "slots": PLACES}
     assert validate(StationConfig, data, "station").slot_names == ("left", "right", "top")
     with pytest.raises(ConfigurationError) as caught:
@@ -90,7 +90,7 @@ def test_the_number_of_units_on_a_bench_is_that_of_its_slots() -> None:
     assert complaint(caught.value) == 'slots["A"].port station.port_on_bench'
 
 
-def test_a_lever_arm_needs_a_table_whose_units_are_beside_its_centre(tmp_path: Path, site_folder: SiteFolder) -> None:
+def test_lever_arm_of_a_slot_requires_a_table_with_units_off_centre(tmp_path: Path, site_folder: SiteFolder) -> None:
     text = library.find("tables", "bench").read_text(encoding="utf-8")
     fixed = re.sub(r'outer_lever = "\w+"', 'outer_lever = "fixed"', text)
     assert fixed != text
@@ -103,7 +103,7 @@ def test_a_lever_arm_needs_a_table_whose_units_are_beside_its_centre(tmp_path: P
     assert complaint(caught.value) == 'slots["right"].lever_m station.lever_fixed'
 
 
-def test_the_editor_checks_the_profiles_and_products_of_slots() -> None:
+def test_editor_validates_the_profiles_and_products_of_slots() -> None:
     data = {**HARDWARE, "slots": [{**SLOTS[0], "imu": "none_such"}, {**SLOTS[1], "product": "none_such"}]}
     assert [problem.place for problem in check_data("stations", data)] == [("slots", 0, "imu"), ("slots", 1, "product")]
     names = [problem.name for problem in check("stations", tomli_w.dumps(data))]
@@ -117,7 +117,7 @@ def test_a_slot_on_the_port_of_the_table_is_reported() -> None:
     assert (problem.place, problem.name) == (("slots", 1, "port"), 'slots["B"].port')
 
 
-def test_a_batch_gives_one_request_per_filled_slot(site_folder: SiteFolder) -> None:
+def test_batch_has_one_request_per_occupied_slot(site_folder: SiteFolder) -> None:
     write(site_folder)
     found = unit_requests(batch(site_folder, "SN-000001", "-", "SN-000003"))
     assert [(r.serial, r.slot, r.serials) for r in found] == [("SN-000001", "left", ()), ("SN-000003", "top", ())]
@@ -127,7 +127,7 @@ def test_a_batch_gives_one_request_per_filled_slot(site_folder: SiteFolder) -> N
     assert (only.serial, only.slot, only.batch) == ("SN-000002", "right", "B1")
 
 
-def test_a_single_unit_is_its_own_request(site_folder: SiteFolder) -> None:
+def test_run_with_a_single_unit_needs_no_batch(site_folder: SiteFolder) -> None:
     request = site_folder.request()
     assert unit_requests(request) == (request,)
     (setup,) = prepare_batch(request)
@@ -136,7 +136,7 @@ def test_a_single_unit_is_its_own_request(site_folder: SiteFolder) -> None:
     assert batch_bench_config((setup,)) == setup.bench_config()
 
 
-def test_two_batches_have_different_ids() -> None:
+def test_batch_ids_differ() -> None:
     assert len({new_batch_id() for _ in range(20)}) > 1
 
 
@@ -149,7 +149,7 @@ def test_two_batches_have_different_ids() -> None:
         (("SN-000001", "1"), "product.serial_mismatch"),
     ],
 )
-def test_wrong_serial_numbers_of_a_batch_are_refused(
+def test_invalid_serial_numbers_of_a_batch_are_refused(
     site_folder: SiteFolder, serials: tuple[str, ...], code: str
 ) -> None:
     write(site_folder)
@@ -157,7 +157,7 @@ def test_wrong_serial_numbers_of_a_batch_are_refused(
         prepare_batch(batch(site_folder, *serials))
 
 
-def test_a_station_with_one_unit_has_no_batches(site_folder: SiteFolder) -> None:
+def test_station_for_one_unit_accepts_no_batch(site_folder: SiteFolder) -> None:
     with raises_code(ConfigurationError, "batch.one_unit"):
         prepare_batch(batch(site_folder, "SN-000001"))
     with pytest.raises(ConfigurationError) as caught:
@@ -165,13 +165,13 @@ def test_a_station_with_one_unit_has_no_batches(site_folder: SiteFolder) -> None
     assert complaint(caught.value) == "slots station.unknown_slot"
 
 
-def test_several_units_are_not_resumed(site_folder: SiteFolder, tmp_path: Path) -> None:
+def test_batch_of_several_units_cannot_be_resumed(site_folder: SiteFolder, tmp_path: Path) -> None:
     write(site_folder)
     with raises_code(ConfigurationError, "batch.resume"):
         prepare_batch(replace(batch(site_folder, "SN-000001", "SN-000002"), resume=tmp_path / "log.h5"))
 
 
-def test_a_product_with_another_plan_cannot_share_the_table(site_folder: SiteFolder) -> None:
+def test_product_with_a_different_schedule_cannot_share_the_table(site_folder: SiteFolder) -> None:
     folder = library.site_folder() / "products"
     folder.mkdir(parents=True, exist_ok=True)
     same = {**PRODUCT, "name": "same plan", "imu": "bench_tactical", "bench_grade": "tactical"}
@@ -189,7 +189,7 @@ def test_a_product_with_another_plan_cannot_share_the_table(site_folder: SiteFol
         prepare_batch(batch(site_folder, "SN-000001", "", "SN-000003"))
 
 
-def test_the_configuration_of_a_unit_is_that_of_its_slot(site_folder: SiteFolder) -> None:
+def test_unit_has_the_configuration_of_its_slot(site_folder: SiteFolder) -> None:
     write(site_folder)
     first, second = prepare_batch(replace(batch(site_folder, "SN-000001", "SN-000002"), batch="B1"))
     assert second.slot is not None
@@ -214,7 +214,7 @@ def test_a_single_unit_uses_the_first_slot(site_folder: SiteFolder) -> None:
     assert (run.batch, run.slot) == (None, None)
 
 
-def test_the_link_of_a_unit_is_that_of_its_slot() -> None:
+def test_unit_has_the_link_settings_of_its_slot() -> None:
     link = {"serial": {"baud": 921600}, "timeout_s": 2.0, "imu": "bench_mems"}
     station = validate(StationConfig, {**HARDWARE, "slots": [SLOTS[0], {**SLOTS[1], **link}]}, "station")
     placed = at_slot(station, "B")
@@ -224,7 +224,7 @@ def test_the_link_of_a_unit_is_that_of_its_slot() -> None:
     assert at_slot(station, None).imu.port == PORTS[0]
 
 
-def test_the_bench_of_a_batch_has_the_bench_of_each_unit(site_folder: SiteFolder) -> None:
+def test_bench_of_a_batch_simulates_each_unit(site_folder: SiteFolder) -> None:
     bench = {**BENCH, "serial": "SN-000001", "orders": [{"order": "reset_imu", "at": 9.0, "unit": 2}]}
     write(site_folder, bench={**bench, "secondaries": [{"ready_time_s": 3.0}, {"grade": "mems"}]})
     request = batch(site_folder, "SN-000001", "", "SN-000003")
@@ -249,7 +249,7 @@ def test_the_bench_of_a_batch_has_the_bench_of_each_unit(site_folder: SiteFolder
     )
 
 
-def test_the_shipped_batch_station_has_sixteen_units(tmp_path: Path) -> None:
+def test_shipped_batch_station_has_sixteen_units(tmp_path: Path) -> None:
     path = library.find("stations", "virtual_batch")
     _, station = load_station(path)
     assert station.slot_names == tuple(str(number) for number in range(1, 17))
@@ -263,7 +263,7 @@ def test_the_shipped_batch_station_has_sixteen_units(tmp_path: Path) -> None:
     assert BenchConfig.model_validate(plain.bench_config()) == BenchConfig.model_validate({**config, "secondaries": []})
 
 
-def test_a_fault_plan_changes_the_unit_that_it_names(site_folder: SiteFolder, tmp_path: Path) -> None:
+def test_fault_plan_applies_to_the_unit_it_names(site_folder: SiteFolder, tmp_path: Path) -> None:
     write(site_folder)
     faults = [{"kind": "wrong_unit", "unit": 2}, {"kind": "silence_imu", "unit": 3, "time_s": 5.0}]
     plan = tmp_path / "plan.toml"
@@ -278,7 +278,7 @@ def test_a_fault_plan_changes_the_unit_that_it_names(site_folder: SiteFolder, tm
 
 @pytest.mark.parametrize("kind", ["wrong_unit", "silence_imu"])
 @pytest.mark.parametrize("unit", [2, 7])
-def test_a_fault_of_a_missing_unit_is_refused(site_folder: SiteFolder, tmp_path: Path, kind: str, unit: int) -> None:
+def test_fault_for_a_missing_unit_is_refused(site_folder: SiteFolder, tmp_path: Path, kind: str, unit: int) -> None:
     write(site_folder)
     plan = tmp_path / "plan.toml"
     when = {} if kind == "wrong_unit" else {"stage": "rate"}

@@ -1,4 +1,4 @@
-"""Two engineers confirm an action: each with a badge of the station and a PIN of his own."""
+"""Two engineers confirm an action, each with a badge registered at the station and a personal PIN."""
 
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ LI, WANG, ZHAO = Person("B0001", "111111"), Person("B0002", "222222"), Person("B
 
 @pytest.fixture(autouse=True)
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A site with a PIN, and personal PINs of two engineers."""
+    """A site with a site PIN and the personal PINs of two engineers."""
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
     access.set_pin("", "000000")
     for person in (LI, WANG):
@@ -67,23 +67,23 @@ def test_two_engineers_with_their_pins_confirm() -> None:
         (Person(" ", "000000"), WANG, "no_person"),
     ],
 )
-def test_anyone_else_is_refused(first: Person, second: Person | None, code: str) -> None:
+def test_invalid_pairs_of_people_are_refused(first: Person, second: Person | None, code: str) -> None:
     with raises_code(ConfigurationError, f"confirmation.{code}"):
         confirm("registers", product("registers"), station("B0001", "B0002", "B0003"), first, second)
 
 
-def test_a_station_without_engineers_cannot_confirm_by_two() -> None:
+def test_station_without_engineers_cannot_require_two_confirmations() -> None:
     with raises_code(ConfigurationError, "confirmation.no_engineers"):
         confirm("certificate", product("certificate"), station(), Person("wang", "000000"), Person("li", "000000"))
 
 
 @pytest.mark.parametrize("action", ["override", "registers", "certificate"])
-def test_two_names_with_the_pin_of_the_site_are_not_two_people(action: Any) -> None:
+def test_two_names_with_the_site_pin_do_not_count_as_two_people(action: Any) -> None:
     with raises_code(ConfigurationError, "confirmation.no_engineers"):
         confirm(action, product(), station(), Person("wang", "000000"), Person("li", "000000"))
 
 
-def test_where_nothing_is_required_only_a_release_needs_a_pin() -> None:
+def test_without_required_confirmations_only_an_override_needs_a_pin() -> None:
     assert confirm("certificate", product(), station(), Person("wang")) == Confirmation("wang")
     assert confirm("registers", product("override"), station("B0001"), Person("wang")) == Confirmation("wang")
     assert confirm("override", product(), station(), Person("wang", "000000")) == Confirmation("wang", pin="site")
@@ -92,7 +92,7 @@ def test_where_nothing_is_required_only_a_release_needs_a_pin() -> None:
     assert confirm("override", product(), station("B0001"), LI) == Confirmation("B0001", pin="personal")
 
 
-def test_a_pin_that_nothing_requires_proves_the_name_or_is_refused() -> None:
+def test_optional_pin_confirms_the_name_or_is_refused() -> None:
     assert confirm("certificate", product(), station("B0001"), LI) == Confirmation("B0001", pin="personal")
     assert confirm("certificate", product(), station(), Person("wang", "000000")) == Confirmation("wang", pin="site")
     with raises_code(ConfigurationError, "confirmation.wrong_pin"):
@@ -101,20 +101,20 @@ def test_a_pin_that_nothing_requires_proves_the_name_or_is_refused() -> None:
         confirm("certificate", product(), station("B0001"), Person("Dr A. Example", "000000"))
 
 
-def test_a_second_person_who_is_not_required_is_checked_all_the_same() -> None:
+def test_optional_second_person_is_verified() -> None:
     both = station("B0001", "B0002")
     assert confirm("certificate", product(), both, LI, WANG) == Confirmation("B0001", "B0002", "personal")
     with raises_code(ConfigurationError, "confirmation.wrong_pin"):
         confirm("certificate", product(), both, LI, Person("B0002", "111111"))
 
 
-def test_after_several_wrong_pins_the_error_says_how_long_to_wait() -> None:
+def test_error_after_several_wrong_pins_states_the_waiting_time() -> None:
     for code in ("confirmation.wrong_pin", "confirmation.wrong_pin", "confirmation.wrong_pin_wait"):
         with raises_code(ConfigurationError, code):
             confirm("override", product(), station("B0001"), Person("B0001", "999999"))
 
 
-def test_the_first_pin_of_a_badge_needs_the_sites_pin_and_later_ones_its_own(home: Path) -> None:
+def test_first_badge_pin_requires_the_site_pin_and_later_ones_the_old_pin(home: Path) -> None:
     with raises_code(ConfigurationError, "access.wrong_pin"):
         access.set_pin("111111", "333333", "B0003")
     access.set_pin("111111", "444444", "B0001")
@@ -129,13 +129,13 @@ def test_the_first_pin_of_a_badge_needs_the_sites_pin_and_later_ones_its_own(hom
     ]  # fmt: skip
 
 
-def test_a_badge_has_no_pin_before_the_site_has(home: Path) -> None:
+def test_badge_pin_requires_a_site_pin_to_exist(home: Path) -> None:
     (home / "engineer.json").unlink()
     with raises_code(ConfigurationError, "access.no_site_pin"):
         access.set_pin("", "333333", "B0003")
 
 
-def test_a_badge_is_no_path(home: Path) -> None:
+def test_badge_is_not_used_as_a_file_path(home: Path) -> None:
     access.set_pin("000000", "333333", "../up/x")
     assert access.check("333333", "../up/x")
     assert {path.parent for path in home.rglob("*.json")} == {home, home / "engineers"}
@@ -145,10 +145,10 @@ def test_a_badge_is_no_path(home: Path) -> None:
     "entries",
     [{"engineers": ["X"]}, {"engineers": ["B0001"], "names": {"B0002": "Li"}}],
 )
-def test_an_engineer_has_a_badge_of_the_station(entries: dict[str, Any]) -> None:
+def test_engineer_must_have_a_badge_of_the_station(entries: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"badge_unlike|engineer_unnamed|badge|names"):
         SignInSection.model_validate({"badge_pattern": r"B\d{4}", **entries})
 
 
-def test_a_pin_is_not_shown() -> None:
+def test_pin_is_not_in_the_repr() -> None:
     assert "111111" not in repr(LI)

@@ -1,4 +1,4 @@
-"""Forms of files: values in display units give the file's numbers, and tables move with their comments."""
+"""Forms for files: values in display units become the file's values, and tables keep their comments when moved."""
 
 import tomllib
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ def value_at(data: Any, place: KeyPath) -> Any:
 
 
 @pytest.mark.parametrize(("form", "path"), FILES, ids=lambda value: getattr(value, "stem", getattr(value, "name", "")))
-def test_every_shipped_value_is_shown_and_a_value_left_as_shown_changes_nothing(form: Any, path: Path) -> None:
+def test_every_shipped_value_is_shown_and_unedited_values_change_nothing(form: Any, path: Path) -> None:
     data = tomllib.loads(path.read_text(encoding="utf-8"))
 
     def get(place: KeyPath) -> Any:
@@ -48,7 +48,7 @@ def test_every_shipped_value_is_shown_and_a_value_left_as_shown_changes_nothing(
 
 
 @given(st.sampled_from(sorted(DISPLAY)), st.integers(1, 999999), st.integers(-6, 3))
-def test_a_number_in_a_display_unit_is_shown_again_as_typed(group: str, digits: int, exponent: int) -> None:
+def test_number_in_a_display_unit_is_shown_as_typed(group: str, digits: int, exponent: int) -> None:
     typed = float(f"{digits}e{exponent}")
     size = DISPLAY[group][1]
     assert float(in_unit(from_unit(typed, size), size)) == typed
@@ -65,7 +65,7 @@ def test_a_number_in_a_display_unit_is_shown_again_as_typed(group: str, digits: 
         (-0.1, "inner_lever", "-100"),
     ],
 )
-def test_a_value_is_shown_with_the_digits_of_the_file(value: float, unit: str, text: str) -> None:
+def test_value_is_shown_with_the_digits_in_the_file(value: float, unit: str, text: str) -> None:
     assert in_unit(value, DISPLAY[unit][1]) == text
 
 
@@ -82,7 +82,7 @@ ROOTS = st.dictionaries(st.sampled_from([str(root[0]) for form in FORMS for root
 
 
 @given(ROOTS, st.sampled_from(FORMS), st.sampled_from(["", "1", "-2.5", "x", "9" * 400]))
-def test_whatever_a_file_contains_is_shown_and_can_be_replaced(data: Any, form: Any, typed: str) -> None:
+def test_invalid_content_of_a_file_is_shown_and_can_be_replaced(data: Any, form: Any, typed: str) -> None:
     def get(place: KeyPath) -> Any:
         return value_at(data, place)
 
@@ -119,11 +119,11 @@ WITHIN: KeyPath = ("limits", "x", "within")
         ([1.0], 1, "3", {WITHIN: [1.0, 3]}),
     ],
 )
-def test_the_ends_of_an_interval(within: Any, end: int, typed: str, changes: Mapping[KeyPath, Any]) -> None:
+def test_interval_ends_are_edited_separately(within: Any, end: int, typed: str, changes: Mapping[KeyPath, Any]) -> None:
     assert interval(within, end, typed) == changes
 
 
-def test_a_value_of_two_possible_types_has_one_problem() -> None:
+def test_invalid_value_of_a_union_type_gives_one_problem() -> None:
     product = tomllib.loads((library.shipped_folder() / "products" / "nav_a.toml").read_text(encoding="utf-8"))
     for within, place in (("x", ()), ([1.0, "x"], (1,)), (["x", "y"], (0,)), ([2.0, 1.0], ())):
         product["limits"]["gyro_bias"]["within"] = within
@@ -165,7 +165,7 @@ below = [
         ({("checks", "c"): None}, "\n# All checks.\n[checks.c]\nbelow = [\n    [1],\n]\n", ""),
     ],
 )
-def test_a_change_leaves_every_comment_at_its_table(changes: Mapping[KeyPath, Any], old: str, new: str) -> None:
+def test_change_keeps_every_comment_at_its_table(changes: Mapping[KeyPath, Any], old: str, new: str) -> None:
     assert edit_toml(TABLES, changes) == TABLES.replace(old, new, 1)
 
 
@@ -205,14 +205,14 @@ def test_entries_of_a_list_move_with_their_comments(order: list[Any], expected: 
     assert arrange_entries(ENTRIES, "r", order) == expected
 
 
-def test_the_only_comment_on_a_list_is_on_all_of_it() -> None:
+def test_single_comment_before_a_list_stays_first() -> None:
     text = "# All.\n[[r]]\nn = 1\n\n[[r]]\nn = 2\n"
     assert arrange_entries(text, "r", [1, 0]) == "# All.\n[[r]]\nn = 2\n\n[[r]]\nn = 1\n"
     assert arrange_entries(text, "r", [1]) == "# All.\n[[r]]\nn = 2\n"
 
 
 @pytest.mark.parametrize("text", ["a = 1\nr = [{ n = 1 }, { n = 2 }] # list\n", "a = 1\nr = []", "a = 1"])
-def test_a_list_in_brackets_becomes_tables(text: str) -> None:
+def test_inline_list_becomes_an_array_of_tables(text: str) -> None:
     present = tomllib.loads(text).get("r", [])
     changed = arrange_entries(text, "r", [*reversed(range(len(present))), {"n": 3}])
     assert tomllib.loads(changed) == {"a": 1, "r": [*reversed(present), {"n": 3}]}

@@ -12,17 +12,17 @@ from calstation.errors import ConfigurationError
 
 @pytest.fixture(autouse=True)
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A site folder of its own."""
+    """A temporary site folder."""
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
 
 
-def told(*_: object, **__: object) -> None:
-    """Nobody listens."""
+def no_progress(*_: object, **__: object) -> None:
+    """Ignore progress reports."""
 
 
-def test_noise_is_a_new_version_of_the_profile() -> None:
+def test_measured_noise_is_saved_as_a_new_version_of_the_profile() -> None:
     shipped = load_imu_profile(library.find("imus", "bench_nav"))
-    saved = save_noise(told, "bench_nav", {"gyro_arw": 3.14159e-7}, "Allan deviation of SN-1, 60 s", "wang")
+    saved = save_noise(no_progress, "bench_nav", {"gyro_arw": 3.14159e-7}, "Allan deviation of SN-1, 60 s", "wang")
     assert (saved.number, saved.author) == (2, "wang")
     path = library.find("imus", "bench_nav")
     noise = load_imu_profile(path).noise
@@ -33,4 +33,4 @@ def test_noise_is_a_new_version_of_the_profile() -> None:
 
 def test_an_unknown_profile_is_refused() -> None:
     with pytest.raises(ConfigurationError):
-        save_noise(told, "none", {"gyro_arw": 1e-7}, "", "wang")
+        save_noise(no_progress, "none", {"gyro_arw": 1e-7}, "", "wang")

@@ -1,4 +1,4 @@
-"""A schedule is saved in the product's file as a new version; other entries are unchanged."""
+"""A schedule is saved in the product file as a new version; other entries are unchanged."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from tests.helpers import complaint, ignore_progress
 
 @pytest.fixture
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The shipped navigation product, with a site's folder of its own to keep changes in."""
+    """The shipped navigation product, with a temporary site folder for changes."""
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
     return library.find("products", "nav_a")
 
@@ -37,19 +37,19 @@ def test_a_shipped_product_is_copied_to_the_site_with_the_new_values(shipped: Pa
     assert "targets" not in product.schedule["excitation"]
 
 
-def test_a_value_that_a_file_cannot_leave_out_is_refused(shipped: Path) -> None:
+def test_required_value_cannot_be_removed(shipped: Path) -> None:
     with pytest.raises(ConfigurationError, match="means 1") as caught:
         save_schedule(ignore_progress, shipped, {"excitation": {"rounds": None}}, "wang")
     assert complaint(caught.value) == "schedule.excitation.rounds product.empty_in_file"
 
 
-def test_a_wrong_value_changes_nothing(shipped: Path) -> None:
+def test_invalid_value_changes_nothing(shipped: Path) -> None:
     with pytest.raises(ConfigurationError, match="turns"):
         save_schedule(ignore_progress, shipped, {"rate": {"turns": 0}}, "wang")
     assert library.find("products", "nav_a") == shipped
 
 
-def test_a_check_at_a_stage_that_the_product_lacks_is_refused(shipped: Path, tmp_path: Path) -> None:
+def test_check_for_a_stage_missing_from_the_product_is_refused(shipped: Path, tmp_path: Path) -> None:
     path = tmp_path / "wrong.toml"
     path.write_text(shipped.read_text("utf-8").replace('stage = "excitation"', 'stage = "exitation"'), "utf-8")
     with pytest.raises(ConfigurationError, match=r"'exitation' is unknown.*'excitation'") as caught:
@@ -65,13 +65,13 @@ def test_a_check_at_a_stage_that_the_product_lacks_is_refused(shipped: Path, tmp
         (r"X\\d", "", r"X\d"),
     ],
 )
-def test_a_refused_scan_shows_an_example(tmp_path: Path, pattern: str, given: str, example: str) -> None:
+def test_error_for_an_invalid_scan_shows_an_example(tmp_path: Path, pattern: str, given: str, example: str) -> None:
     path = tmp_path / "p.toml"
     path.write_text(f'name = "p"\nimu = "bench_nav"\nserial_pattern = "{pattern}"\n{given}\n', encoding="utf-8")
     assert load_product(path)[1].example == example
 
 
-def test_an_example_that_does_not_match_is_refused(tmp_path: Path) -> None:
+def test_serial_number_example_must_match_the_pattern(tmp_path: Path) -> None:
     path = tmp_path / "p.toml"
     path.write_text(
         'name = "p"\nimu = "bench_nav"\nserial_pattern = "X\\\\d"\nserial_example = "Y1"\n', encoding="utf-8"

@@ -16,12 +16,12 @@ def station(folder: Path, text: str) -> Path:
     return path
 
 
-def test_records_stay_on_the_computer_by_default() -> None:
+def test_records_stay_on_this_computer_by_default() -> None:
     records = load_station(None)[1].records
     assert (records.database, records.archive) == (None, None)
 
 
-def test_a_database_and_an_archive_are_read(tmp_path: Path) -> None:
+def test_database_and_archive_settings_are_read(tmp_path: Path) -> None:
     text = 'database = "postgresql+psycopg://line@server/records"\narchive = "s3://bucket/logs"'
     records = load_station(station(tmp_path, text))[1].records
     assert records.database == "postgresql+psycopg://line@server/records"
@@ -57,7 +57,9 @@ def test_a_url_without_a_password_is_accepted(tmp_path: Path, url: str) -> None:
         ('databse = "geheim"', None),
     ],
 )
-def test_a_file_with_a_password_is_refused_without_showing_it(tmp_path: Path, text: str, code: str | None) -> None:
+def test_file_with_a_password_is_refused_and_the_password_not_shown(
+    tmp_path: Path, text: str, code: str | None
+) -> None:
     with pytest.raises(ConfigurationError) as caught:
         load_station(station(tmp_path, text))
     what = caught.value.values["what"]

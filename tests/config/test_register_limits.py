@@ -1,4 +1,4 @@
-"""A product whose limits admit values that the registers cannot hold is refused."""
+"""A product is refused if its limits allow values outside the register range."""
 
 import tomllib
 from pathlib import Path
@@ -19,7 +19,7 @@ NAV = Path(library.shipped_folder()) / "imus" / "bench_nav.toml"
 
 @pytest.fixture
 def coarse(site_folder: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Changes the bench's IMU profile at the site, and the product that names it."""
+    """Write a changed bench IMU profile to the site folder, and a product that uses it."""
     home = tmp_path / "home"
     (home / "imus").mkdir(parents=True)
     monkeypatch.setenv("CALSTATION_HOME", str(home))
@@ -46,7 +46,7 @@ def coarse(site_folder: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         ({"tolerance": 1e-4}, {"sigma_below": 1e-6}, "sigma_below product.finer_than_tolerance"),
     ],
 )
-def test_limits_that_registers_cannot_hold_are_refused(
+def test_limits_outside_the_register_range_are_refused(
     site_folder: Any, coarse: Any, entry: dict[str, Any], limit: dict[str, Any], found: str
 ) -> None:
     coarse(entry, {"gyro_bias": limit})
@@ -60,14 +60,14 @@ def test_limits_that_registers_cannot_hold_are_refused(
     assert problem.line > 1
 
 
-def test_a_matrix_register_is_compared_by_its_parameters(site_folder: Any) -> None:
+def test_matrix_register_range_is_compared_with_parameter_limits(site_folder: Any) -> None:
     site_folder.write({"imu": "vectornav_vn100", "limits": {"gyro_scale": {"within": 0.9}}})
     with pytest.raises(ConfigurationError, match=r"gyro_matrix_xx from -0\.35 to 2\.35, but register 84"):
         resolve_configuration(site_folder.request("rate"))
 
 
 @pytest.mark.parametrize("port", ["/dev/ttyUSB0", "socket://127.0.0.1:5000"])
-def test_a_station_s_own_baud_must_carry_the_stream(site_folder: Any, port: str) -> None:
+def test_station_baud_rate_must_be_sufficient_for_the_stream(site_folder: Any, port: str) -> None:
     hardware = {**STATION, "table": {"profile": "bench", "port": "tcp://127.0.0.1:502"}}
     hardware["imu"] = {"port": port, "serial": {"baud": 19200}}
     site_folder.station.write_text(tomli_w.dumps(hardware), encoding="utf-8")
@@ -79,7 +79,7 @@ def test_a_station_s_own_baud_must_carry_the_stream(site_folder: Any, port: str)
     assert complaint(caught.value) == "imu.serial.baud profile.baud_too_low"
 
 
-def test_a_station_s_own_baud_must_carry_the_corrected_stream_too(
+def test_station_baud_rate_must_be_sufficient_for_the_corrected_stream(
     site_folder: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = tomllib.loads(NAV.read_text(encoding="utf-8"))

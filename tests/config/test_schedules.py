@@ -1,4 +1,4 @@
-"""Fields of schedules with their ranges, values of a product, and problems of values."""
+"""Schedule fields with ranges, the schedules of a product, and invalid schedule values."""
 
 from dataclasses import replace
 from typing import Any
@@ -12,7 +12,7 @@ from procedures import method
 from tests.site_folder import PRODUCT, SiteFolder
 
 
-def test_fields_have_kind_unit_range_and_description() -> None:
+def test_fields_have_type_unit_range_and_description() -> None:
     turns, rate, _, dwell = schedule_fields("rate")
     assert (turns.name, turns.kind, turns.low, turns.high, turns.optional) == (
         "turns",
@@ -31,7 +31,7 @@ def test_fields_have_kind_unit_range_and_description() -> None:
     assert all(field.description for field in by_name.values())
 
 
-def test_options_hold_complete_schedules_with_the_values_of_the_product(site_folder: SiteFolder) -> None:
+def test_schedule_options_contain_complete_schedules_of_the_product(site_folder: SiteFolder) -> None:
     site_folder.write({"stages": ["six_position", "rate"]})
     offered = schedule_options(site_folder.station, site_folder.product)
     assert offered.stages == ("six_position", "rate")
@@ -57,7 +57,7 @@ def test_options_hold_complete_schedules_with_the_values_of_the_product(site_fol
         ("excitation", {"rounds": None}, "", None),
     ],
 )
-def test_finds_the_field_of_a_wrong_value(
+def test_invalid_value_is_reported_at_its_field(
     site_folder: SiteFolder, stage: str, change: dict[str, object], field: str, problem: ScheduleProblem | None
 ) -> None:
     offered = schedule_options(site_folder.station, site_folder.product)
@@ -70,7 +70,7 @@ def test_finds_the_field_of_a_wrong_value(
     assert found[field].bound == pytest.approx(problem.bound)
 
 
-def test_values_of_a_request_replace_those_of_the_product(site_folder: SiteFolder) -> None:
+def test_schedule_values_of_a_request_override_the_product(site_folder: SiteFolder) -> None:
     asked = site_folder.request("rate")
     changed = prepare_run(replace(asked, schedule={"rate": {"turns": 2}, "excitation": {"rounds": 3}}))
     assert list(changed.schedules) == ["rate"]
@@ -82,7 +82,7 @@ def test_values_of_a_request_replace_those_of_the_product(site_folder: SiteFolde
         prepare_run(replace(asked, schedule={"rate": {"turns": 0}}))
 
 
-def test_distinguishes_the_kinds_of_fields() -> None:
+def test_fields_have_the_expected_types() -> None:
     kinds = {field.name: field.kind for field in schedule_fields("multi_position")}
     assert kinds["manual"] == "flag"
     assert kinds["step_deg"] == "number"
@@ -103,5 +103,5 @@ def test_distinguishes_the_kinds_of_fields() -> None:
         ({"rounds": None}, 0),
     ],
 )
-def test_an_unset_condition_never_ends_a_stage(values: dict[str, Any], rounds: int) -> None:
+def test_default_number_of_rounds_depends_on_other_stop_conditions(values: dict[str, Any], rounds: int) -> None:
     assert method("excitation").schedule.model_validate(values).model_dump()["rounds"] == rounds

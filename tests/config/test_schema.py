@@ -1,4 +1,4 @@
-"""Files that are read once are read again only after a change, and errors of reading name the file."""
+"""Cached files are read again only after a change, and read errors name the file."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ class Named(StrictModel):
     name: str
 
 
-def test_a_file_that_cannot_be_read_is_a_configuration_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreadable_file_is_a_configuration_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(path: Path) -> bytes:
         raise PermissionError(13, "denied", str(path))
 
@@ -25,9 +25,7 @@ def test_a_file_that_cannot_be_read_is_a_configuration_error(tmp_path: Path, mon
         load_once(Named, tmp_path / "a.toml")
 
 
-def test_a_file_replaced_while_it_is_read_does_not_stay_in_the_cache(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_file_replaced_during_reading_is_not_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.toml"
     path.write_text('name = "old"', "utf-8")
     with monkeypatch.context() as patched:

@@ -1,4 +1,4 @@
-"""Entries of station and product files for a production line: badges, shifts, labels and pictures."""
+"""Station and product entries for a production line: badges, shifts, labels and pictures."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +27,7 @@ def use_station(site_folder: SiteFolder, **entries: Any) -> None:
 
 
 def operator(site_folder: SiteFolder, given: str | None) -> str | None:
-    """The operator of a run that is requested with this one."""
+    """Return the operator stored with a run that is requested with `operator`."""
     return prepare_run(replace(site_folder.request(), operator=given)).request.operator
 
 
@@ -36,7 +36,7 @@ def test_without_sign_in_the_operator_is_optional(site_folder: SiteFolder) -> No
     assert operator(site_folder, None) == computer_user()
 
 
-def test_with_sign_in_only_a_badge_is_accepted(site_folder: SiteFolder) -> None:
+def test_with_sign_in_only_a_registered_badge_is_accepted(site_folder: SiteFolder) -> None:
     use_station(site_folder, sign_in=BADGES)
     assert operator(site_folder, "B5678") == "B5678"
     use_station(site_folder, sign_in={**BADGES, "names": NAMES})
@@ -63,14 +63,16 @@ def test_with_sign_in_only_a_badge_is_accepted(site_folder: SiteFolder) -> None:
     ],
     ids=str,
 )
-def test_wrong_entries_of_a_station(site_folder: SiteFolder, entries: dict[str, Any], message: str) -> None:
+def test_invalid_sign_in_entries_of_a_station_are_refused(
+    site_folder: SiteFolder, entries: dict[str, Any], message: str
+) -> None:
     use_station(site_folder, **entries)
     with pytest.raises(ConfigurationError, match=message):
         prepare_run(site_folder.request())
 
 
 @pytest.mark.parametrize("entry", ["picture", "label"])
-def test_a_file_that_a_product_names_must_exist(site_folder: SiteFolder, entry: str) -> None:
+def test_file_named_in_a_product_must_exist(site_folder: SiteFolder, entry: str) -> None:
     name = {"picture": "fixture.png", "label": "small.zpl"}[entry]
     site_folder.write({entry: name})
     message = f"{entry}: There is no file “{name}” next to the product file"
@@ -87,7 +89,7 @@ def test_a_file_that_a_product_names_must_exist(site_folder: SiteFolder, entry: 
         load_product(site_folder.product)
 
 
-def test_a_copy_of_a_shipped_product_shows_the_shipped_picture_or_its_own(
+def test_copy_of_a_shipped_product_uses_the_shipped_or_its_own_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))

@@ -1,4 +1,4 @@
-"""Contradictory latitude and gravity of a station are refused before anything is opened."""
+"""Contradictory latitude and gravity of a station are refused before any device is opened."""
 
 from dataclasses import replace
 from typing import Any
@@ -43,7 +43,7 @@ def meta(noise: dict[str, float], *stages: str, **site: Any) -> LogMeta:
 
 
 @pytest.mark.parametrize("gravity", [9.79547, 9.7928, 9.7981])
-def test_accepts_surveyed_gravity_within_natural_anomalies(gravity: float) -> None:
+def test_surveyed_gravity_within_natural_anomalies_is_accepted(gravity: float) -> None:
     check_site(meta(MEMS, "six_position", gravity_mps2=gravity))
 
 
@@ -52,7 +52,9 @@ def test_accepts_surveyed_gravity_within_natural_anomalies(gravity: float) -> No
     [{"gravity_mps2": 9.7924}, {"gravity_mps2": 9.7985}, {"latitude_deg": 39.25}, {"height_m": 4000.0}],
 )
 @pytest.mark.parametrize("noise", [NAV, MEMS])
-def test_refuses_gravity_that_contradicts_latitude_or_height(noise: dict[str, float], wrong: dict[str, float]) -> None:
+def test_gravity_that_contradicts_latitude_or_height_is_refused(
+    noise: dict[str, float], wrong: dict[str, float]
+) -> None:
     with raises_code(EntryError, "site.gravity_contradicts") as caught:
         check_site(meta(noise, "rate", **{"gravity_mps2": 9.79547, **wrong}))
     assert caught.value.place == ("site", "gravity_mps2")
@@ -67,7 +69,7 @@ def test_gyros_that_resolve_earth_rate_need_no_surveyed_gravity() -> None:
 
 
 @pytest.mark.parametrize(("site", "place"), [({}, "gravity_mps2"), ({"gravity_sigma_mps2": 1e-4}, "gravity_mps2")])
-def test_a_limit_that_this_gravity_can_never_meet_is_refused(site: dict[str, float], place: str) -> None:
+def test_limit_tighter_than_the_gravity_uncertainty_is_refused(site: dict[str, float], place: str) -> None:
     with raises_code(EntryError, "site.gravity_uncertain") as caught:
         check_gravity_sigma(meta(NAV, "six_position", **site), {"gyro_scale_x": 1e-6, "accel_scale_y": 5e-6})
     assert caught.value.place == ("site", place)
@@ -76,7 +78,7 @@ def test_a_limit_that_this_gravity_can_never_meet_is_refused(site: dict[str, flo
     check_gravity_sigma(meta(NAV, "six_position", gravity_mps2=9.79547), {"accel_scale_y": 5e-6})
 
 
-def test_a_recording_of_another_program_is_asked_for_its_site_as_a_run_is() -> None:
+def test_imported_recording_requires_site_confirmation() -> None:
     solutions = (replace(solved(None)[0], estimated=("accel_scale_x",)),)
     foreign = meta(MEMS, gravity_mps2=9.79547).model_copy(update={"run": None})
     asked = unconfirmed_site(foreign, solutions)
@@ -107,7 +109,7 @@ CONFIRMED = confirmation_key(station_site())
         (MEMS, station_site(CONFIRMED, gravity_mps2=9.7955), "site.confirmed_elsewhere"),
     ],
 )
-def test_a_site_confirmed_elsewhere_must_be_confirmed_on_this_computer(
+def test_site_confirmed_on_another_computer_must_be_confirmed_again(
     noise: dict[str, float], site: StationSite, code: str
 ) -> None:
     run = meta(noise, "six_position")
@@ -121,7 +123,7 @@ def test_a_site_confirmed_elsewhere_must_be_confirmed_on_this_computer(
     assert caught.value.values.get("confirmed", "") == "; ".join(site.confirmed_on)
 
 
-def test_stages_without_accelerometer_scale_need_no_confirmation() -> None:
+def test_stages_without_accelerometer_scale_factors_need_no_confirmation() -> None:
     check_confirmation(station_site(), meta(MEMS, "rate"))
 
 
@@ -130,7 +132,7 @@ def solved(latitude: LatitudeEstimate | None, nis: float = 1.0) -> tuple[Solutio
     return (Solution("six_position", belief, (), Consistency(nis, 0.9, 1.1, 1), latitude=latitude),)
 
 
-def test_another_measured_latitude_fails_the_check_and_ends_the_run() -> None:
+def test_measured_latitude_that_contradicts_the_site_ends_the_run() -> None:
     log_meta = meta(NAV, "six_position")
     for seen, agrees in ((LatitudeEstimate(0.5978, 1e-4), True), (LatitudeEstimate(0.60, 1e-4), False)):
         (check,) = check_latitude(log_meta, solved(seen))
@@ -141,14 +143,14 @@ def test_another_measured_latitude_fails_the_check_and_ends_the_run() -> None:
         check_seen_latitude(log_meta, solved(LatitudeEstimate(0.60, 1e-4)))
 
 
-def test_without_a_measured_latitude_there_is_no_check() -> None:
+def test_no_latitude_check_without_a_latitude_estimate() -> None:
     log_meta = meta(NAV, "rate")
     for solutions in ((), solved(None)):
         assert check_latitude(log_meta, solutions) == []
         check_seen_latitude(log_meta, solutions)
 
 
-def test_an_inconsistent_stage_names_an_unconfirmed_latitude() -> None:
+def test_inconsistent_stage_reports_an_unconfirmed_latitude() -> None:
     log_meta, misfit = meta(NAV, "six_position"), solved(None, nis=5.0)
     assert unconfirmed_latitude(log_meta, misfit) == {"stage": "six_position", "latitude": 34.25}
     assert unconfirmed_latitude(log_meta, solved(None)) is None

@@ -1,4 +1,4 @@
-"""A site's files are checked by the loaders' own rules, with lines, and changed without losing a comment."""
+"""Site files are validated by the rules of their loaders, with line numbers, and edited without losing comments."""
 
 import re
 import tomllib
@@ -30,8 +30,8 @@ def shipped(kind: str, name: str) -> str:
     return read_text(library.shipped_folder() / kind / f"{name}.toml")
 
 
-def spoilt(kind: str, name: str, old: str, new: str) -> list[Problem]:
-    """What is found after one change of a shipped file."""
+def problems_after(kind: str, name: str, old: str, new: str) -> list[Problem]:
+    """Return the problems found after one change of a shipped file."""
     text = shipped(kind, name)
     assert old in text
     return check(kind, text.replace(old, new, 1))
@@ -141,20 +141,22 @@ def test_every_shipped_file_is_valid(kind: str, path: Path) -> None:
         ("stations", "example_hardware", 'port = "tcp', 'prt = "tcp', THERE, "Did you mean 'port'?"),
     ],
 )
-def test_a_wrong_entry_has_its_line(kind: str, name: str, old: str, new: str, where: str, message: str) -> None:
-    problem = spoilt(kind, name, old, new)[0]
+def test_problem_of_an_entry_has_its_line_number(
+    kind: str, name: str, old: str, new: str, where: str, message: str
+) -> None:
+    problem = problems_after(kind, name, old, new)[0]
     assert message in problem.text
     lines = (shipped(kind, name).split(old)[0] + old).splitlines()
     header = max((i for i, text in enumerate(lines, 1) if text.startswith("[")), default=0)
     assert problem.line == (header if where == HEADER else len(lines))
 
 
-def test_finds_all_problems() -> None:
+def test_all_problems_are_found() -> None:
     text = shipped("stations", "example_hardware").replace("34.25", '"x"').replace("400.0", "1e9")
     assert [p.place for p in check("stations", text)] == [("site", "latitude_deg"), ("site", "height_m")]
 
 
-def test_check_and_loader_agree(tmp_path: Path) -> None:
+def test_validation_and_loader_agree(tmp_path: Path) -> None:
     text = shipped("tables", "bench").replace("low_deg = -1080.0", "low_deg = 2000.0", 1)
     path = tmp_path / "bench.toml"
     path.write_text(text, encoding="utf-8")
@@ -163,7 +165,7 @@ def test_check_and_loader_agree(tmp_path: Path) -> None:
     assert str(caught.value) == f"{path}: {check('tables', text)[0].text}"
 
 
-def test_a_change_preserves_comments_and_order() -> None:
+def test_change_preserves_comments_and_order() -> None:
     before = shipped("stations", "example_hardware")
     after = edit_toml(
         before,
@@ -204,7 +206,7 @@ DATA = st.recursive(
 
 
 @given(DATA)
-def test_finds_the_line_of_every_value(data: dict[str, object]) -> None:
+def test_line_of_every_value_is_found(data: dict[str, object]) -> None:
     import tomli_w
 
     text = tomli_w.dumps(data, multiline_strings=False)
@@ -225,7 +227,7 @@ def test_finds_the_line_of_every_value(data: dict[str, object]) -> None:
     walk(data, ())
 
 
-def test_a_sites_file_hides_the_shipped_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_site_file_overrides_the_shipped_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
     assert all(entry.shipped for entry in list_files("tables"))
     (tmp_path / "tables").mkdir()
@@ -238,13 +240,13 @@ def test_a_sites_file_hides_the_shipped_one(tmp_path: Path, monkeypatch: pytest.
             new_name("tables", bad)
 
 
-def test_normal_gravity_needs_a_valid_location() -> None:
+def test_normal_gravity_requires_a_valid_location() -> None:
     assert normal_gravity_at(45.0, 0.0) == pytest.approx(9.80620, abs=1e-5)
     assert normal_gravity_at(None, 0.0) is None
     assert normal_gravity_at(91, 0) is None
 
 
-def test_warns_of_impossible_gravity_with_the_resulting_error() -> None:
+def test_impossible_gravity_gives_a_warning_with_the_resulting_error() -> None:
     right = normal_gravity_at(34.25, 400.0)
     assert right is not None
     assert site_advice(34.25, 108.9, 400.0, 0.0, right * (1 + 2.9e-4)) == ()
@@ -254,13 +256,13 @@ def test_warns_of_impossible_gravity_with_the_resulting_error() -> None:
     assert site_advice("x", 1.0, None, 0.0, 9.8) == ()  # type: ignore[arg-type]
 
 
-def test_warns_of_improbable_locations() -> None:
+def test_improbable_locations_give_a_warning() -> None:
     assert [f.id for f in site_advice(0.0, 0.0, 0.0, 0.0, None)] == ["null_island"]
     assert [f.id for f in site_advice(-85.0, 10.0, 0.0, None, None)] == ["azimuth_hopeless"]
     assert site_advice(-85.0, 10.0, 0.0, 12.0, None) == ()
 
 
-def test_the_station_in_the_guide_is_valid() -> None:
+def test_station_in_the_documentation_is_valid() -> None:
     guide = (Path(__file__).parents[2] / "docs" / "how-to" / "connect.md").read_text(encoding="utf-8")
     (station,) = [t for t in re.findall(r"```toml\n(.*?)```", guide, re.DOTALL) if "[site]" in t]
     assert check("stations", station) == []

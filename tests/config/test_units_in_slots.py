@@ -1,4 +1,4 @@
-"""The configuration in the log of a unit of a batch: its place, the other units, limits of its lever arm."""
+"""The log of a unit in a batch contains its slot, the other units and the limits of its lever arm."""
 
 import tomllib
 from pathlib import Path
@@ -14,7 +14,7 @@ from calstation.records import LogMeta, context_from_meta, prior_from_meta
 
 @pytest.fixture
 def station(tmp_path: Path) -> Path:
-    """The virtual station with two slots, of which the second is turned and 0.3 m from the centre."""
+    """The virtual station with two slots; the second is rotated and 0.3 m from the centre."""
     data = tomllib.loads((shipped_folder() / "stations" / "virtual_batch.toml").read_text(encoding="utf-8"))
     data["bench"]["units"] = 2
     data["slots"] = [
@@ -26,7 +26,7 @@ def station(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_log_says_where_its_unit_was_and_with_which_others(station: Path, tmp_path: Path) -> None:
+def test_log_contains_the_slot_of_its_unit_and_the_other_units(station: Path, tmp_path: Path) -> None:
     request = RunRequest("SN-1", station, serials=("SN-1", "SN-2"), out=tmp_path)
     metas = [LogMeta.model_validate_json(setup.log_meta().to_json()) for setup in prepare_batch(request)]
     assert [meta.run.slot for meta in metas] == ["A1", "A2"]
@@ -36,7 +36,7 @@ def test_a_log_says_where_its_unit_was_and_with_which_others(station: Path, tmp_
     assert levers == [[0.0, 0.0, 0.0], [0.3, 0.0, -0.1]]
 
 
-def test_limits_of_the_lever_arm_are_about_that_of_the_slot(station: Path, tmp_path: Path) -> None:
+def test_lever_arm_limits_are_centred_on_the_lever_arm_of_the_slot(station: Path, tmp_path: Path) -> None:
     request = RunRequest("SN-1", station, serials=("SN-1", "SN-2"), out=tmp_path)
     first, second = (setup.log_meta().product.limits for setup in prepare_batch(request))
     permitted = first["outer_lever"].interval[1]
@@ -46,6 +46,6 @@ def test_limits_of_the_lever_arm_are_about_that_of_the_slot(station: Path, tmp_p
     assert second["outer_lever_x"].sigma_below == first["outer_lever"].sigma_below
 
 
-def test_a_single_unit_names_no_others(tmp_path: Path) -> None:
+def test_log_of_a_single_unit_lists_no_other_units(tmp_path: Path) -> None:
     (setup,) = prepare_batch(RunRequest("SN-1", out=tmp_path))
     assert setup.log_meta().run.batch_units is None

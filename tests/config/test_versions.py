@@ -1,4 +1,4 @@
-"""Changes to a site's files are checked, written atomically, numbered, and can be restored."""
+"""Changes to site files are validated, written atomically, numbered, and can be restored."""
 
 import hashlib
 from pathlib import Path
@@ -20,7 +20,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_change_creates_the_sites_own_file_and_keeps_the_shipped_one(home: Path) -> None:
+def test_change_creates_a_site_file_and_keeps_the_shipped_file(home: Path) -> None:
     version = versions.save("products", "nav_a", CHANGED, "wang")
     assert library.find("products", "nav_a") == home / "products" / "nav_a.toml"
     assert (home / "products" / "nav_a.toml").read_text("utf-8") == CHANGED
@@ -33,7 +33,7 @@ def test_a_change_creates_the_sites_own_file_and_keeps_the_shipped_one(home: Pat
     assert versions.version_number("products", "nav_a", CHANGED + "\n") is None
 
 
-def test_the_same_text_is_no_new_version() -> None:
+def test_unchanged_text_creates_no_new_version() -> None:
     first = versions.save("products", "nav_a", CHANGED, "wang")
     assert versions.save("products", "nav_a", CHANGED, "li") == first
     assert len(versions.list_versions("products", "nav_a")) == 2
@@ -46,7 +46,7 @@ def test_restoring_a_version_creates_a_new_one(home: Path) -> None:
     assert (home / "products" / "nav_a.toml").read_text("utf-8") == SHIPPED
 
 
-def test_a_file_edited_elsewhere_is_saved_as_a_version(home: Path) -> None:
+def test_externally_edited_file_is_saved_as_a_version(home: Path) -> None:
     versions.save("products", "nav_a", CHANGED, "wang")
     by_hand = SHIPPED.replace("turns = 2", "turns = 4")
     (home / "products" / "nav_a.toml").write_text(by_hand, encoding="utf-8")
@@ -65,7 +65,7 @@ def test_a_file_edited_elsewhere_is_saved_as_a_version(home: Path) -> None:
         (SHIPPED.replace("name =", "name", 1), "not valid TOML"),
     ],
 )
-def test_a_wrong_text_changes_nothing(home: Path, text: str, message: str) -> None:
+def test_invalid_text_changes_nothing(home: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         versions.save("products", "nav_a", text, "wang")
     assert list(home.iterdir()) == []
@@ -73,12 +73,12 @@ def test_a_wrong_text_changes_nothing(home: Path, text: str, message: str) -> No
 
 
 @pytest.mark.parametrize("name", ["../x", "a/b", "", ".hidden"])
-def test_a_name_cannot_leave_its_folder(name: str) -> None:
+def test_name_cannot_refer_to_another_folder(name: str) -> None:
     with raises_code(ConfigurationError, "configuration.bad_name"):
         versions.save("products", name, SHIPPED, "wang")
 
 
-def test_a_new_name_is_a_new_product() -> None:
+def test_saving_under_a_new_name_creates_a_product() -> None:
     assert versions.save("products", "nav_b", SHIPPED, "wang").number == 1
     assert "nav_b" in library.names("products")
 
@@ -97,14 +97,14 @@ def test_a_failed_write_leaves_the_file_unchanged(home: Path, monkeypatch: pytes
     assert versions.save("products", "nav_a", SHIPPED, "wang").number == 3
 
 
-def test_a_modified_version_is_not_restored(home: Path) -> None:
+def test_tampered_version_is_not_restored(home: Path) -> None:
     versions.save("products", "nav_a", CHANGED, "wang")
     (home / "versions" / "products" / "nav_a" / "0001.toml").write_text(CHANGED, encoding="utf-8")
     with raises_code(ConfigurationError, "versions.changed"):
         versions.restore("products", "nav_a", 1, "li")
 
 
-def test_no_file_is_changed_without_the_audit_trail(home: Path) -> None:
+def test_no_file_is_changed_if_the_audit_trail_is_unwritable(home: Path) -> None:
     (home / "audit.jsonl").mkdir(parents=True)
     with raises_code(ConfigurationError, "audit.unwritable"):
         versions.save("products", "nav_a", CHANGED, "wang")

@@ -1,4 +1,4 @@
-"""Fake devices at the far end of a wire: a table and an IMU on a pseudo-terminal or a socket, right or wrong."""
+"""Fake table and IMU on a pseudo-terminal or a socket, with and without faults."""
 
 import os
 import select
@@ -26,14 +26,14 @@ SITE = {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0}
 Answer = Callable[[bytes], bytes]
 
 
-def word_finding(finding: Finding) -> tuple[str, str]:
-    """Text and remedy as the window shows them in English."""
+def english_texts(finding: Finding) -> tuple[str, str]:
+    """Return text and remedy of a finding as the window shows them in English."""
     shown = render(finding.message.code, finding.message.values, window=True)
     return shown.text, shown.remedy
 
 
 def order(product: Path | None = None, **sections: dict[str, Any]) -> LinkTestRequest:
-    """A station to be tested; unnamed ports lead nowhere, and nobody waits long."""
+    """Request a test of a station with short timeouts; unnamed ports do not exist."""
     table = {"profile": "bench", "port": NOBODY, "timeout_s": 0.1}
     imu = {"port": "/dev/ttyNONE9", "timeout_s": 0.15}
     data: dict[str, Any] = {"name": "wires", "site": SITE}
@@ -45,13 +45,13 @@ def order(product: Path | None = None, **sections: dict[str, Any]) -> LinkTestRe
 
 
 def silent(_: bytes) -> bytes:
-    """A device that says nothing."""
+    """A device that never responds."""
     return b""
 
 
 @contextmanager
 def terminal(answer: Answer, sends: Callable[[], bytes] = bytes) -> Iterator[str]:
-    """A pseudo-terminal whose far end answers what it hears, and sends by itself every 10 ms."""
+    """A pseudo-terminal whose far end responds to requests and sends unsolicited data every 10 ms."""
     master, slave, name = open_raw()
     end = threading.Event()
 
@@ -76,7 +76,7 @@ def terminal(answer: Answer, sends: Callable[[], bytes] = bytes) -> Iterator[str
 
 @contextmanager
 def server(answer: Answer) -> Iterator[str]:
-    """A TCP server that answers what it hears; gives host:port."""
+    """Run a TCP server that responds to requests; yield host:port."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
 
         def serve(peer: socket.socket) -> None:
@@ -96,21 +96,21 @@ def server(answer: Answer) -> Iterator[str]:
 
 
 def rtu(frame: bytes) -> bytes:
-    """An RTU frame with its check."""
+    """Return an RTU frame with its checksum."""
     return frame + check_bytes("crc16_modbus", frame, "little")
 
 
 def tcp_pdu(heard: bytes, pdu: bytes) -> bytes:
-    """A Modbus TCP answer to a request."""
+    """Return a Modbus TCP response to a request."""
     return heard[:4] + struct.pack(">H", len(pdu) + 1) + heard[6:7] + pdu
 
 
 class FakeTable:
-    """The registers of the bench's table behind Modbus TCP.
+    """The registers of the bench's table as a Modbus TCP server.
 
     Attributes
     ----------
-    words : all registers; functions : Modbus functions asked for, in order
+    words : all registers; functions : received Modbus function codes in order
     """
 
     def __init__(self, raw: dict[int, float]) -> None:
@@ -123,7 +123,7 @@ class FakeTable:
             self.words[address : address + 2] = struct.unpack(">HH", struct.pack(">i", round(value)))
 
     def answer(self, heard: bytes) -> bytes:
-        """The answer to a request to read."""
+        """Return the response to a read request."""
         self.functions.append(heard[7])
         start, count = struct.unpack(">HH", heard[8:12])
         values = struct.pack(f">{count}H", *self.words[start : start + count])
@@ -131,12 +131,12 @@ class FakeTable:
 
 
 class FakeImu:
-    """The far end of an IMU's wire, as the bench's navigation profile has it.
+    """A fake IMU with the protocol of the bench's navigation profile.
 
     Attributes
     ----------
-    counts : of each sample; rate : samples sent in a second; skip : samples left out after the hundredth
-    check : kind of the frames' check; mute : no replies; model : told when asked
+    counts : counts of every sample; rate : samples per second; skip : samples omitted after the hundredth
+    check : checksum type of the frames; mute : send no replies; model : reported model
     """
 
     def __init__(self, **changes: Any) -> None:
@@ -153,7 +153,7 @@ class FakeImu:
             setattr(self, name, value)
 
     def sends(self) -> bytes:
-        """The samples that are due."""
+        """Return the samples that are due."""
         now = time.monotonic()
         if now - self._next > 1.0:  # made long before it is plugged in: it has nothing to make up for
             self._next = now
@@ -169,7 +169,7 @@ class FakeImu:
         return b"\x55\xaa" + body + check_bytes(self.check, body, "little")
 
     def answer(self, heard: bytes) -> bytes:
-        """Replies to the commands heard."""
+        """Return the replies to received commands."""
         replies = b""
         while not self.mute and len(heard) >= 6 and heard.startswith(b"\x55\xa5"):
             op, size = heard[2], heard[3]

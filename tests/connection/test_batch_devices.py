@@ -1,4 +1,4 @@
-"""The devices of a batch: one table, and as many IMUs as answer; every byte of each is read before time goes on."""
+"""The devices of a batch: one table and the responding IMUs; all bytes are read before simulated time advances."""
 
 from pathlib import Path
 from typing import Any
@@ -27,12 +27,12 @@ def setups(tmp_path: Path) -> tuple[ResolvedConfiguration, ...]:
 
 
 def answering(open_: Devices) -> list[StreamedImu]:
-    """The units that answer."""
+    """Return the units that respond."""
     return [imu for imu in open_.imus if imu is not None]
 
 
 def refusing(monkeypatch: pytest.MonkeyPatch, *refused: str) -> None:
-    """Let units with these serial numbers fail while they are opened."""
+    """Make units with these serial numbers fail to open."""
     opened = devices.open_imu
 
     def open_imu(setup: ResolvedConfiguration, port: str) -> StreamedImu:
@@ -63,7 +63,7 @@ def test_all_units_are_opened_and_all_their_bytes_are_read(setups: tuple[Resolve
 
 
 @pytest.mark.long
-def test_sixteen_units_stay_together_at_full_speed(tmp_path: Path) -> None:
+def test_sixteen_units_stay_synchronised_at_full_speed(tmp_path: Path) -> None:
     serials = tuple(f"SN-{number:06d}" for number in range(1, 17))
     station = library.find("stations", "virtual_batch")
     request = RunRequest(serials[0], station, out=tmp_path, serials=serials)
@@ -79,7 +79,7 @@ def test_sixteen_units_stay_together_at_full_speed(tmp_path: Path) -> None:
         assert tuple(imu.identify().serial for imu in imus) == serials
 
 
-def test_a_unit_that_does_not_answer_is_left_out(
+def test_unresponsive_unit_is_left_out(
     setups: tuple[ResolvedConfiguration, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refusing(monkeypatch, SERIALS[1])
@@ -92,7 +92,7 @@ def test_a_unit_that_does_not_answer_is_left_out(
         assert all(len(imu.read()) for imu in imus)
 
 
-def test_each_fault_is_known_if_no_unit_answers(
+def test_fault_of_each_unit_is_reported_if_no_unit_responds(
     setups: tuple[ResolvedConfiguration, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refusing(monkeypatch, *SERIALS)
@@ -106,7 +106,7 @@ def test_each_fault_is_known_if_no_unit_answers(
         raise AssertionError("the only unit does not answer")
 
 
-def test_time_does_not_wait_for_a_unit_whose_link_was_closed(
+def test_simulated_time_does_not_wait_for_a_closed_link(
     setups: tuple[ResolvedConfiguration, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with connected(setups) as open_:
@@ -121,7 +121,7 @@ def test_time_does_not_wait_for_a_unit_whose_link_was_closed(
         assert len(third.read())
 
 
-def test_two_slots_on_one_device_are_refused(tmp_path: Path) -> None:
+def test_two_slots_on_one_port_are_refused(tmp_path: Path) -> None:
     device, link = tmp_path / "ttyUSB0", tmp_path / "by-name"
     device.write_bytes(b"")
     link.symlink_to(device)
@@ -135,7 +135,7 @@ def test_two_slots_on_one_device_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("orientation", ["+x+z", "-y-x"])
-def test_the_link_of_a_slot_is_tested(orientation: str) -> None:
+def test_link_of_each_slot_is_tested(orientation: str) -> None:
     slots = [{"name": "left"}, {"name": "right", "imu": "bench_mems", "orientation": orientation}]
     data: dict[str, Any] = {**STATION, "bench": {"seed": 5, "grade": "mems"}, "slots": slots}
     station = validate(StationConfig, data, "station")

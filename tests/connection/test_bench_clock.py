@@ -1,4 +1,4 @@
-"""The clock of the virtual bench reports what the bench refuses, and answers each thread its own request."""
+"""The clock of the virtual bench reports rejected requests and returns to each thread its own response."""
 
 import json
 from concurrent.futures import ThreadPoolExecutor
@@ -14,7 +14,7 @@ def clock_at(address: str) -> BenchClock:
     return BenchClock((host, int(port)), 0.0)
 
 
-def test_a_refused_request_is_a_fault() -> None:
+def test_rejected_request_is_a_fault() -> None:
     with server(lambda asked: b'{"now": 0.0}\n' if b"now" in asked else b'{"error": "no such order"}\n') as address:
         clock = clock_at(address)
         with raises_code(DeviceFaultError, "connection.bench_refused") as caught:
@@ -26,7 +26,7 @@ def test_a_refused_request_is_a_fault() -> None:
         clock.close()
 
 
-def test_each_of_several_threads_gets_the_answer_to_its_own_request() -> None:
+def test_each_thread_gets_the_response_to_its_own_request() -> None:
     def answer(asked: bytes) -> bytes:
         return json.dumps({"now": 0.0, "error": json.loads(asked).get("order")}).encode() + b"\n"
 

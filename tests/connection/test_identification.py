@@ -1,4 +1,4 @@
-"""Nothing is told to a device that has not said it is the station's; who else is on its port is found out."""
+"""No command is sent to a device before it is identified; other devices on its port are detected."""
 
 import struct
 import sys
@@ -32,7 +32,7 @@ READ = 3
 
 
 class Bus:
-    """Modbus units on a serial line: answers to reads as a `FakeTable` has them, and what was asked for.
+    """Modbus units on a serial line that respond to reads like a `FakeTable` and record the requests.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Bus:
         self._table.words[0:8] = struct.unpack(">8H", model.ljust(16, b"\0"))
 
     def answer(self, heard: bytes) -> bytes:
-        """The answer to the first request heard; nothing to another unit."""
+        """Return the response to the first request, or nothing for another unit."""
         if len(heard) < 8 or rtu(heard[:6]) != heard[:8]:
             return b""
         self.functions.append(heard[1])
@@ -58,7 +58,7 @@ class Bus:
 
 
 def asked(folder: Path, table: str, imu: str, **section: Any) -> RunRequest:
-    """A run on hardware at these ports."""
+    """Request a run on hardware at these ports."""
     product, station = folder / "product.toml", folder / "station.toml"
     product.write_text(tomli_w.dumps(PRODUCT), encoding="utf-8")
     links = {
@@ -71,7 +71,7 @@ def asked(folder: Path, table: str, imu: str, **section: Any) -> RunRequest:
 
 @pytest.fixture
 def run(tmp_path: Path) -> Callable[..., Fault]:
-    """Run on hardware at these ports; the fault that came of it."""
+    """Run on hardware at these ports and return the resulting fault."""
 
     def fault(table: str, imu: str, **section: Any) -> Fault:
         events: list[Event] = []
@@ -87,7 +87,7 @@ def run(tmp_path: Path) -> Callable[..., Fault]:
 
 @pytest.fixture
 def imu() -> Iterator[str]:
-    """The port of a sound unit."""
+    """The port of a fault-free unit."""
     unit = FakeImu()
     with terminal(unit.answer, unit.sends) as port:
         yield port
@@ -97,7 +97,7 @@ def imu() -> Iterator[str]:
 
 
 @needs_terminals
-def test_a_run_commands_nothing_to_another_model(run: Callable[..., Fault], imu: str) -> None:
+def test_run_sends_no_command_to_a_device_of_another_model(run: Callable[..., Fault], imu: str) -> None:
     plc = FakeTable({})
     plc.words[0:8] = struct.unpack(">8H", b"WRONGPLC".ljust(16, b"\0"))
     with server(plc.answer) as address:
@@ -108,7 +108,7 @@ def test_a_run_commands_nothing_to_another_model(run: Callable[..., Fault], imu:
 
 @needs_terminals
 @pytest.mark.parametrize("code", [2, 4])
-def test_a_run_commands_nothing_to_a_device_that_refuses_its_model(
+def test_run_sends_no_command_to_a_device_that_does_not_report_its_model(
     run: Callable[..., Fault], imu: str, code: int
 ) -> None:
     functions: list[int] = []
@@ -128,7 +128,7 @@ def test_a_run_commands_nothing_to_a_device_that_refuses_its_model(
 
 
 @needs_terminals
-def test_nothing_is_commanded_if_the_imu_is_not_identified(run: Callable[..., Fault]) -> None:
+def test_no_command_is_sent_if_the_imu_is_not_identified(run: Callable[..., Fault]) -> None:
     table, unit = FakeTable({}), FakeImu(mute=True)
     with server(table.answer) as address, terminal(unit.answer, unit.sends) as port:
         assert run(f"tcp://{address}", port).code == "imu.streams_without_answer"
@@ -137,7 +137,7 @@ def test_nothing_is_commanded_if_the_imu_is_not_identified(run: Callable[..., Fa
 
 @pytest.mark.long
 @needs_terminals
-def test_a_stop_is_obeyed_during_identification(tmp_path: Path, imu: str) -> None:
+def test_stop_request_ends_identification(tmp_path: Path, imu: str) -> None:
     others: list[int] = []
     control = Control()
 
@@ -157,7 +157,7 @@ def test_a_stop_is_obeyed_during_identification(tmp_path: Path, imu: str) -> Non
 
 
 @pytest.mark.parametrize("work", [reset_table, read_table])
-def test_another_model_is_not_reset(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_device_of_another_model_is_not_reset(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.1)
     plc = FakeTable({})
     plc.words[0:8] = struct.unpack(">8H", b"WRONGPLC".ljust(16, b"\0"))
@@ -192,7 +192,7 @@ def test_swapped_ports_are_reported_for_a_unit_that_streams_on_command(
 
 @pytest.mark.long
 @needs_terminals
-def test_the_answering_unit_number_is_reported(run: Callable[..., Fault], imu: str) -> None:
+def test_responding_unit_number_is_reported(run: Callable[..., Fault], imu: str) -> None:
     bus = Bus(unit=3)
     with terminal(bus.answer) as line:
         fault = run(line, imu, unit=7)
@@ -204,7 +204,7 @@ def test_the_answering_unit_number_is_reported(run: Callable[..., Fault], imu: s
 
 @pytest.mark.long
 @needs_terminals
-def test_a_silent_table_is_reported_with_its_unit_number(run: Callable[..., Fault], imu: str) -> None:
+def test_unresponsive_table_is_reported_with_its_unit_number(run: Callable[..., Fault], imu: str) -> None:
     other = Bus(unit=3, model=b"pump")  # another device on the line is not what the profile is for
     with terminal(other.answer) as line:
         fault = run(line, imu, unit=7)
@@ -213,7 +213,7 @@ def test_a_silent_table_is_reported_with_its_unit_number(run: Callable[..., Faul
 
 
 @needs_terminals
-def test_the_link_tests_report_swapped_links(imu: str) -> None:
+def test_link_tests_report_swapped_ports(imu: str) -> None:
     bus = Bus()
     with terminal(bus.answer) as line:
         crossed = {
@@ -227,7 +227,7 @@ def test_the_link_tests_report_swapped_links(imu: str) -> None:
 
 
 @needs_terminals
-def test_the_table_test_reports_the_answering_unit_number() -> None:
+def test_table_test_reports_the_responding_unit_number() -> None:
     bus = Bus(unit=3)
     with terminal(bus.answer) as line:
         report = check_table_link(ignore_progress, order(table={"port": line, "unit": 7}))
@@ -240,7 +240,7 @@ def test_the_table_test_reports_the_answering_unit_number() -> None:
 
 @contextmanager
 def bench_table_as_unit(number: int) -> Iterator[tuple[FakeTable, Callable[..., Report]]]:
-    """The bench's table under a unit number; gives it, and a test of its link with other settings."""
+    """Run the bench's table under a unit number; yield it and a function that tests its link."""
     bench = FakeTable({})
 
     def answer(heard: bytes) -> bytes:
@@ -253,7 +253,7 @@ def bench_table_as_unit(number: int) -> Iterator[tuple[FakeTable, Callable[..., 
         )
 
 
-def test_a_table_of_another_profile_is_named_with_it() -> None:
+def test_table_that_matches_another_profile_is_reported_with_that_profile() -> None:
     with bench_table_as_unit(1) as (bench, tested):
         report = tested(profile="cia402_drives")
         assert [f.id for f in report.findings] == ["connected", "exception", "profile_heard"]
@@ -263,7 +263,7 @@ def test_a_table_of_another_profile_is_named_with_it() -> None:
     assert report.findings[-1].values == {"units": "1 (“LATHE”)"}
 
 
-def test_a_profile_with_an_inner_drive_of_that_number_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_profile_with_an_inner_drive_of_that_unit_number_is_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(library, "names", lambda kind: ["cia402_drives", "bench"])
     with bench_table_as_unit(2) as (_, tested):
         report = tested(profile="cia402_drives")
@@ -272,7 +272,7 @@ def test_a_profile_with_an_inner_drive_of_that_number_is_passed_over(monkeypatch
 
 @pytest.mark.long
 @needs_terminals
-def test_a_reset_reports_swapped_links(imu: str) -> None:
+def test_reset_reports_swapped_ports(imu: str) -> None:
     bus = Bus()
     with (
         terminal(bus.answer) as line,
@@ -290,7 +290,7 @@ def test_a_reset_reports_swapped_links(imu: str) -> None:
 
 
 @pytest.mark.parametrize("work", [read_table, reset_table])
-def test_the_reason_for_a_failed_connection_is_reported(work: Any) -> None:
+def test_reason_for_a_failed_connection_is_reported(work: Any) -> None:
     with server(silent) as address:
         pass
     with raises_code(DeviceFaultError, "link.refused"):
@@ -301,7 +301,7 @@ def test_the_reason_for_a_failed_connection_is_reported(work: Any) -> None:
 
 @needs_terminals
 @pytest.mark.parametrize("work", [read_table, reset_table])
-def test_the_reason_for_a_failed_serial_port_is_reported(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reason_for_a_failed_serial_port_is_reported(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(list_ports, "comports", lambda: [])
     with terminal(silent) as port:
         other = SerialLink(port, SerialSettings(), "imu")
@@ -312,6 +312,6 @@ def test_the_reason_for_a_failed_serial_port_is_reported(work: Any, monkeypatch:
         work(ignore_progress, order(table={"port": "/dev/ttyNONE7"}))
 
 
-def test_a_wrong_kind_of_address_is_reported_with_the_right_one() -> None:
+def test_wrong_address_scheme_is_reported_with_the_correct_one() -> None:
     with pytest.raises(ConfigurationError, match=r"Write socket://10\.0\.0\.7:4001 for a serial server"):
         order(imu={"port": "tcp://10.0.0.7:4001"})

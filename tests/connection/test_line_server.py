@@ -1,4 +1,4 @@
-"""Lines to TCP clients: several at once, a slow one loses lines, receives their number, and delays nobody."""
+"""Lines go to several TCP clients; a slow client loses lines, receives their number and delays no other client."""
 
 import json
 import socket
@@ -24,7 +24,7 @@ def lines(client: socket.socket) -> list[str]:
         return stream.read().splitlines()
 
 
-def test_every_client_is_greeted_and_gets_every_line():
+def test_every_client_receives_a_greeting_and_every_line():
     server = LineServer("127.0.0.1:0")
     server.greeting = lambda: "hello\n"
     clients = [connect(server), connect(server)]
@@ -36,7 +36,7 @@ def test_every_client_is_greeted_and_gets_every_line():
     assert [lines(client) for client in clients] == [[str(k) for k in range(100)]] * 2
 
 
-def test_a_slow_client_loses_lines_and_is_told_how_many():
+def test_slow_client_loses_lines_and_receives_their_number():
     server = LineServer("127.0.0.1:0", buffered=10)
     server.greeting = lambda: "hello\n"
     client = connect(server)
@@ -58,7 +58,7 @@ def test_a_slow_client_loses_lines_and_is_told_how_many():
     assert received.count(long) + ("last\n" in received) + dropped == 501
 
 
-def test_a_client_that_leaves_is_forgotten():
+def test_disconnected_client_is_removed():
     server = LineServer("127.0.0.1:0")
     server.greeting = lambda: "hello\n"
     client = connect(server)

@@ -1,4 +1,4 @@
-"""A connection test names what is wrong with a link, on every kind of wrong link, and passes a right one."""
+"""A link test reports every kind of link fault and passes a working link."""
 
 import socket
 import struct
@@ -28,40 +28,40 @@ from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import ConfigurationError
 from calstation.messages.finding import Finding, Report
 from tests.connection import fake_links as wires
-from tests.connection.fake_links import FakeImu, FakeTable, order, rtu, server, silent, terminal, word_finding
+from tests.connection.fake_links import FakeImu, FakeTable, english_texts, order, rtu, server, silent, terminal
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
 
 
 @pytest.fixture(autouse=True)
 def three_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Who else answers is looked for under three numbers: every silent one costs its time."""
+    """Search only three unit numbers for other devices, because every timeout takes time."""
     monkeypatch.setattr(who_answers, "NUMBERS", range(1, 4))
 
 
-def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Nobody listens."""
+def no_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Ignore progress reports."""
     assert 0.0 <= fraction <= 1.0
 
 
 def table(**section: Any) -> Report:
     """Test a table with these link settings."""
-    return check_table_link(tell, order(table=section))
+    return check_table_link(no_progress, order(table=section))
 
 
 def imu(**section: Any) -> Report:
     """Test an IMU with these link settings."""
-    return check_imu_link(tell, order(imu=section))
+    return check_imu_link(no_progress, order(imu=section))
 
 
 def wrong(report: Report) -> Finding:
-    """The one thing that is wrong."""
+    """Return the only failed finding."""
     (finding,) = [f for f in report.findings if f.state == "wrong"]
     assert report.state == "wrong"
     return finding
 
 
-def test_a_reports_state_is_that_of_its_worst_finding() -> None:
+def test_state_of_a_report_is_the_state_of_its_worst_finding() -> None:
     for states, worst in (
         ((), "ok"),
         (("told",), "ok"),
@@ -75,8 +75,8 @@ def test_a_reports_state_is_that_of_its_worst_finding() -> None:
 # A right link
 
 
-def test_the_virtual_benchs_table_is_right() -> None:
-    report = check_table_link(tell, order(bench={"seed": 1}))
+def test_table_of_the_virtual_bench_passes() -> None:
+    report = check_table_link(no_progress, order(bench={"seed": 1}))
     assert report.state == "ok"
     identified = report.find("identified")
     assert identified is not None
@@ -102,17 +102,17 @@ def test_the_virtual_benchs_table_is_right() -> None:
         ),
     ],
 )
-def test_a_latched_fault_is_reported_with_its_cause_if_the_table_gives_one(code: int, told: tuple[str, str]) -> None:
+def test_latched_fault_is_reported_with_its_cause_if_available(code: int, told: tuple[str, str]) -> None:
     fake = FakeTable({})
     fake.words[17], fake.words[18] = 1 << 9 | 1 << 3, code
     with server(fake.answer) as address:
         report = table(port=f"tcp://{address}", timeout_s=5.0)
     assert report.state == "look"
-    assert told in [word_finding(finding) for finding in report.findings]
+    assert told in [english_texts(finding) for finding in report.findings]
 
 
-def test_the_virtual_benchs_imu_is_right() -> None:
-    report = check_imu_link(tell, order(bench={"seed": 1}))
+def test_imu_of_the_virtual_bench_passes() -> None:
+    report = check_imu_link(no_progress, order(bench={"seed": 1}))
     assert report.state == "ok"
     rate, gravity, registers = (report.find(name) for name in ("rate", "gravity", "registers"))
     assert rate is not None
@@ -132,7 +132,7 @@ def test_serial_links_pass_and_the_table_state_is_reported() -> None:
         "interlock_closed": False,
         "low_deg": [-90.0, -1080.0],
     }
-    report = check_table_link(tell, order(bench=bench))
+    report = check_table_link(no_progress, order(bench=bench))
     assert wrong(report).id == "watchdog_off"
     assert [f.id for f in report.findings if f.state == "look"] == ["interlock_open", "travel_narrower"]
     narrower = report.find("travel_narrower")
@@ -141,7 +141,7 @@ def test_serial_links_pass_and_the_table_state_is_reported() -> None:
     assert narrower.values["low"] == pytest.approx(-90.0)
 
 
-def test_an_angle_outside_the_profiles_travel_is_wrong_once_the_table_is_homed() -> None:
+def test_angle_outside_the_travel_is_an_error_if_the_table_is_homed() -> None:
     fake = FakeTable({30: 2000.0 / 1e-5})
     with server(fake.answer) as address:
         assert table(port=f"tcp://{address}").find("outside_travel") is None
@@ -156,7 +156,7 @@ def test_an_angle_outside_the_profiles_travel_is_wrong_once_the_table_is_homed()
 
 
 @pytest.mark.parametrize("test", [table, imu])
-def test_a_port_that_does_not_exist(test: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_port_is_reported(test: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(list_ports, "comports", lambda: [])
     found = wrong(test(port="/dev/ttyNONE7"))
     assert (found.id, found.values["port"], found.values["found"]) == ("no_port", "/dev/ttyNONE7", "")
@@ -165,14 +165,14 @@ def test_a_port_that_does_not_exist(test: Any, monkeypatch: pytest.MonkeyPatch) 
 
 @needs_terminals
 @pytest.mark.parametrize("test", [table, imu])
-def test_a_port_in_use(test: Any) -> None:
+def test_port_in_use_is_reported(test: Any) -> None:
     with terminal(silent) as port:
         other = SerialLink(port, SerialSettings(), "imu")
         assert wrong(test(port=port)).id == "busy"
         other.close()
 
 
-def test_a_host_that_serves_nothing() -> None:
+def test_refused_tcp_connection_is_reported() -> None:
     with socket.create_server(("127.0.0.1", 0)) as closed:
         address = f"127.0.0.1:{closed.getsockname()[1]}"
     found = wrong(table(port=f"tcp://{address}"))
@@ -186,19 +186,19 @@ def test_a_host_that_serves_nothing() -> None:
 
 
 @pytest.mark.long
-def test_a_silent_table_over_tcp() -> None:
+def test_unresponsive_table_over_tcp_is_reported() -> None:
     with server(silent) as address:
         found = wrong(table(port=f"tcp://{address}", unit=7))
     assert (found.id, found.values["unit"]) == ("silent_tcp", 7)
 
 
-def test_something_that_does_not_speak_modbus() -> None:
+def test_device_without_modbus_is_reported() -> None:
     with server(lambda _: b"HTTP/1.1 400 Bad Request\r\n\r\n") as address:
         assert wrong(table(port=f"tcp://{address}")).id == "not_modbus"
 
 
 class FakeDrives:
-    """Two drives behind one address; of the inner one, unit 2, only so much is there."""
+    """Two drives at one address; `inner` states how the inner drive, unit 2, responds."""
 
     def __init__(self, inner: str) -> None:
         self.inner = inner
@@ -222,20 +222,20 @@ class FakeDrives:
     ("inner", "expected", "unit"),
     [("silent", "silent_tcp", 2), ("refuses", "exception", 2), ("no number", "no_number", None)],
 )
-def test_of_two_drives_the_one_is_named_that_is_wrong(inner: str, expected: str, unit: int | None) -> None:
+def test_faulty_drive_of_two_is_reported(inner: str, expected: str, unit: int | None) -> None:
     with server(FakeDrives(inner).answer) as address:
         found = wrong(table(profile="cia402_drives", port=f"tcp://{address}"))
     assert (found.id, found.values.get("unit")) == (expected, unit)
 
 
 @pytest.mark.parametrize("code", [2, 4, 11])
-def test_a_table_that_refuses(code: int) -> None:
+def test_modbus_exception_of_the_table_is_reported(code: int) -> None:
     with server(lambda heard: wires.tcp_pdu(heard, bytes([0x83, code]))) as address:
         found = wrong(table(port=f"tcp://{address}"))
     assert (found.id, found.values["code"], found.values["unit"]) == ("exception", code, 1)
 
 
-def test_a_table_of_another_model() -> None:
+def test_table_of_another_model_is_reported() -> None:
     name = b"other-table".ljust(16, b"\0")
     with server(lambda heard: wires.tcp_pdu(heard, bytes([3, 16]) + name)) as address:
         found = wrong(table(port=f"tcp://{address}"))
@@ -254,7 +254,7 @@ def test_a_table_of_another_model() -> None:
         (lambda heard: heard, "echo"),
     ],
 )
-def test_a_table_on_a_serial_line_with_a_wrong_setting(answer: Any, expected: str) -> None:
+def test_wrong_serial_settings_of_a_modbus_table_are_reported(answer: Any, expected: str) -> None:
     with terminal(answer) as port:
         found = wrong(table(port=port, serial={"baud": 19200}))
     assert found.id == expected
@@ -262,7 +262,7 @@ def test_a_table_on_a_serial_line_with_a_wrong_setting(answer: Any, expected: st
 
 
 @needs_terminals
-def test_settings_that_the_port_refuses() -> None:
+def test_serial_settings_rejected_by_the_port_are_reported() -> None:
     with terminal(silent) as port:  # a pseudo-terminal has no parity
         found = wrong(table(port=port, serial={"parity": "E"}))
     assert (found.id, found.values["parity"]) == ("bad_settings", "E")
@@ -280,21 +280,21 @@ def test_settings_that_the_port_refuses() -> None:
         (lambda _: b"?invalid\r\n>", "line_refused"),
     ],
 )
-def test_a_table_commanded_in_text_with_a_wrong_setting(answer: Any, expected: str) -> None:
+def test_wrong_serial_settings_of_a_text_table_are_reported(answer: Any, expected: str) -> None:
     with terminal(answer) as port:
         assert wrong(table(profile="aerosmith_atl", port=port)).id == expected
 
 
 @needs_terminals
-def test_a_table_commanded_in_text_on_the_imus_line() -> None:
+def test_text_table_on_the_port_of_the_imu_is_reported() -> None:
     unit = FakeImu()
     with terminal(silent, unit.sends) as port:
         report = table(profile="aerosmith_atl", port=port)
         assert wrong(report).id == "garbled_text"
-        assert "perhaps the IMU" in word_finding(wrong(report))[1]
+        assert "perhaps the IMU" in english_texts(wrong(report))[1]
 
 
-def test_unprintable_bytes_are_quoted_as_numbers() -> None:
+def test_unprintable_bytes_are_shown_as_numbers() -> None:
     noise = bytes(range(256)) * 8
     with server(lambda _: noise + b"\r\n") as address:
         found = wrong(table(profile="acutronic_acl", port=f"tcp://{address}"))
@@ -302,23 +302,23 @@ def test_unprintable_bytes_are_quoted_as_numbers() -> None:
     assert "baud" not in found.values
     with server(lambda _: b"\x01login: " + b"a" * 500 + b"\r\n") as address:
         found = wrong(table(profile="acutronic_acl", port=f"tcp://{address}"))
-    text, mend = word_finding(found)
+    text, mend = english_texts(found)
     assert "\\x01login: aaa" in text + mend
     assert len(text + mend) < 300
 
 
 @pytest.mark.long
 @needs_terminals
-def test_settings_of_a_serial_server_are_named() -> None:
+def test_remedy_refers_to_the_settings_of_a_serial_server() -> None:
     with server(lambda _: bytes(range(0x80, 0xA0))) as address:
         garbled = wrong(table(port=f"socket://{address}"))
     assert garbled.id == "garbled"
-    assert word_finding(garbled)[1].startswith("Set the baud and parity in the serial server (the profile says 115200")
+    assert english_texts(garbled)[1].startswith("Set the baud and parity in the serial server (the profile says 115200")
     with server(silent) as address:
-        assert "set in the serial server" in word_finding(wrong(table(port=f"socket://{address}")))[1]
+        assert "set in the serial server" in english_texts(wrong(table(port=f"socket://{address}")))[1]
 
 
-def test_a_silent_text_table_over_tcp() -> None:
+def test_unresponsive_text_table_over_tcp_is_reported() -> None:
     with server(silent) as address:
         assert wrong(table(profile="acutronic_acl", port=f"tcp://{address}")).id == "silent_host"
 
@@ -336,12 +336,12 @@ def test_a_silent_text_table_over_tcp() -> None:
         (FakeImu(model="other"), "wrong_model"),
     ],
 )
-def test_an_imu_that_does_not_answer_as_it_should(unit: FakeImu, expected: str) -> None:
+def test_invalid_imu_responses_are_reported(unit: FakeImu, expected: str) -> None:
     with terminal(unit.answer, unit.sends) as port:
         assert wrong(imu(port=port)).id == expected
 
 
-def test_an_imu_at_another_baud_rate_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_imu_at_another_baud_rate_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     unit = FakeImu()
 
     class AtBaud:
@@ -370,7 +370,7 @@ def test_an_imu_at_another_baud_rate_is_found(monkeypatch: pytest.MonkeyPatch) -
 
 
 @needs_terminals
-def test_an_imu_whose_stream_is_not_as_its_profile_says() -> None:
+def test_imu_stream_that_contradicts_its_profile_is_reported() -> None:
     unit = FakeImu(rate=100.0, skip=7, counts=[0, 0, 0, 0, 0, 4_000], status=5)
     with terminal(unit.answer, unit.sends) as port:
         report = imu(port=port)
@@ -383,7 +383,7 @@ def test_an_imu_whose_stream_is_not_as_its_profile_says() -> None:
 
 @pytest.mark.long
 @needs_terminals
-def test_a_site_confirmed_at_another_computer_is_reported() -> None:
+def test_site_confirmed_on_another_computer_is_reported() -> None:
     unit = FakeImu()
     with terminal(unit.answer, unit.sends) as port:
         asked = order(imu={"port": port, "timeout_s": 0.3})
@@ -391,17 +391,17 @@ def test_a_site_confirmed_at_another_computer_is_reported() -> None:
         for computers in ([], ["other-plant"], ["other-plant", confirmation_key(asked.station.site)]):
             site = asked.station.site.model_copy(update={"confirmed_on": computers})
             station = asked.station.model_copy(update={"site": site})
-            told.append(check_imu_link(tell, LinkTestRequest(station)).find("place_not_confirmed"))
+            told.append(check_imu_link(no_progress, LinkTestRequest(station)).find("place_not_confirmed"))
     assert [finding is not None for finding in told] == [False, True, False]
 
 
 @needs_terminals
-def test_a_serial_number_unlike_the_products_is_shown(tmp_path: Path) -> None:
+def test_serial_number_that_does_not_match_the_product_is_reported(tmp_path: Path) -> None:
     product = tmp_path / "product.toml"
     product.write_text('name = "p"\nimu = "bench_nav"\nserial_pattern = "X.*"\n', encoding="utf-8")
     unit = FakeImu()
     with terminal(unit.answer, unit.sends) as port:
-        report = check_imu_link(tell, order(product, imu={"port": port}))
+        report = check_imu_link(no_progress, order(product, imu={"port": port}))
     unlike = report.find("serial_unlike")
     assert unlike is not None
     assert unlike.state == "look"
@@ -410,7 +410,7 @@ def test_a_serial_number_unlike_the_products_is_shown(tmp_path: Path) -> None:
 
 @pytest.fixture
 def streaming(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A product whose IMU only streams."""
+    """A product with a stream-only IMU."""
     text = find("imus", "bench_nav").read_text(encoding="utf-8").replace("[link]", 'protocol = "stream"\n[link]')
     data = {k: v for k, v in tomllib.loads(text).items() if k not in ("commands", "registers", "corrected")}
     for name, content in (
@@ -424,10 +424,10 @@ def streaming(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @needs_terminals
-def test_an_imu_that_only_streams_passes(streaming: Path) -> None:
+def test_stream_only_imu_passes(streaming: Path) -> None:
     unit = FakeImu(mute=True)
     with terminal(unit.answer, unit.sends) as port:
-        report = check_imu_link(tell, order(streaming, imu={"port": port}))
+        report = check_imu_link(no_progress, order(streaming, imu={"port": port}))
     assert report.state == "ok"
     assert [f.id for f in report.findings][:3] == ["opened", "cannot_tell", "registers"]
     assert report.find("rate") is not None
@@ -435,13 +435,13 @@ def test_an_imu_that_only_streams_passes(streaming: Path) -> None:
 
 @pytest.mark.long
 @needs_terminals
-def test_an_imu_that_only_streams_at_another_baud_or_not_at_all(
+def test_silent_or_wrong_baud_rate_of_a_stream_only_imu_is_reported(
     streaming: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(who_answers, "LISTEN", 0.01)
     for sends, expected in ((bytes, "silent"), (lambda: b"\x99" * 64, "no_frames")):
         with terminal(silent, sends) as port:
-            assert wrong(check_imu_link(tell, order(streaming, imu={"port": port}))).id == expected
+            assert wrong(check_imu_link(no_progress, order(streaming, imu={"port": port}))).id == expected
 
 
 def test_a_site_is_compared_with_the_shipped_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -457,7 +457,7 @@ def test_a_site_is_compared_with_the_shipped_example(tmp_path: Path, monkeypatch
     assert told == [True, False]
 
 
-def test_an_imu_that_hangs_up() -> None:
+def test_imu_that_closes_the_connection_is_reported() -> None:
     def hang_up(_: bytes) -> bytes:
         raise OSError
 
@@ -472,4 +472,4 @@ def test_a_missing_profile_is_reported_in_one_sentence() -> None:
 
 def test_ports_are_discovered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(list_ports, "comports", lambda: [])
-    assert discover_ports(tell) == ()
+    assert discover_ports(no_progress) == ()

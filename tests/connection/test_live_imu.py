@@ -1,4 +1,4 @@
-"""An answer on what the unit says now: its own stream, its own serial number, and no correction twice."""
+"""A result is applied to the live output of a unit, with its serial number checked and never corrected twice."""
 
 from pathlib import Path
 
@@ -19,12 +19,12 @@ ZERO = np.zeros(len(NAMES))
 
 @pytest.fixture
 def recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A recording by hand on the bench, at a site of its own."""
+    """A recording with a simulated operator, in a temporary site folder."""
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
     return record_on_bench(ignore_progress, "hand", tmp_path / "hand.h5", "tactical", 3)
 
 
-def test_the_virtual_fixture_holds_the_recorded_unit(recording: Path) -> None:
+def test_virtual_bench_simulates_the_recorded_unit(recording: Path) -> None:
     truth = read_truth(recording)
     found = np.array([truth[name] for name in NAMES])
     now = apply_to_unit(ignore_progress, recording, None, None, ZERO, found, seconds=4.0)
@@ -36,7 +36,7 @@ def test_the_virtual_fixture_holds_the_recorded_unit(recording: Path) -> None:
     assert now.rate_rms[1] == pytest.approx(now.earth, rel=0.05)
 
 
-def test_an_invalid_product_of_the_site_is_passed_over(recording: Path, tmp_path: Path) -> None:
+def test_invalid_product_of_the_site_is_skipped(recording: Path, tmp_path: Path) -> None:
     (tmp_path / "home" / "products").mkdir(parents=True)
     (tmp_path / "home" / "products" / "a_draft.toml").write_text('name = "a draft"', "utf-8")
     now = apply_to_unit(ignore_progress, recording, None, None, ZERO, ZERO, seconds=2.0)
@@ -44,7 +44,7 @@ def test_an_invalid_product_of_the_site_is_passed_over(recording: Path, tmp_path
     assert now.serial == "BENCH-tactical"
 
 
-def test_a_stream_after_the_registers_is_left_unchanged(recording: Path, tmp_path: Path) -> None:
+def test_corrected_stream_is_not_corrected_again(recording: Path, tmp_path: Path) -> None:
     profile = library.find("imus", "bench_tactical").read_text("utf-8")
     (tmp_path / "home" / "imus").mkdir(parents=True)
     own = tmp_path / "home" / "imus" / "bench_tactical.toml"
@@ -56,6 +56,6 @@ def test_a_stream_after_the_registers_is_left_unchanged(recording: Path, tmp_pat
     assert now.rate_rms[0] == now.rate_rms[1]
 
 
-def test_another_unit_is_named_and_nothing_applied_to_it(recording: Path) -> None:
+def test_another_unit_is_reported_and_the_result_not_applied(recording: Path) -> None:
     truth_path(recording).unlink()
     assert apply_to_unit(ignore_progress, recording, None, None, ZERO, ZERO) == OtherUnit("SN-000001")

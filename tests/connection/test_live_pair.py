@@ -1,4 +1,4 @@
-"""Units of a live pair: another one is refused, one that never sends is named, and a lost port is logged once."""
+"""Units of a live pair: a different unit ends the watch, a silent unit is reported, a lost port is logged once."""
 
 import logging
 import time
@@ -15,7 +15,7 @@ from tests.helpers import raises_code
 
 
 class FakeImu:
-    """An IMU that identifies itself with `serial`, or raises `failure` when it is woken, and sends nothing."""
+    """An IMU that reports `serial`, or raises `failure` in `wake`, and sends no samples."""
 
     lost = False
 
@@ -55,7 +55,7 @@ def revived(unit: _Unit) -> None:
     unit._revival.join(5.0)
 
 
-def test_another_unit_in_its_place_ends_the_watch(imu: FakeImu) -> None:
+def test_different_unit_on_the_port_ends_the_watch(imu: FakeImu) -> None:
     unit = _Unit(None, "P")  # type: ignore[arg-type]
     imu.serial = "B"
     revived(unit)
@@ -77,7 +77,7 @@ def test_the_same_fault_is_logged_once(imu: FakeImu, caplog: pytest.LogCaptureFi
     assert len(caplog.records) == 1
 
 
-def test_a_unit_that_never_sends_is_named(imu: FakeImu) -> None:
+def test_unit_that_never_sends_is_reported(imu: FakeImu) -> None:
     class Sends(_Unit):
         def read(self, now: float) -> Any:
             self.heard = True

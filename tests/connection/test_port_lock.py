@@ -1,4 +1,4 @@
-"""One owner for every port: a second one is refused before anything is opened, and told who has it."""
+"""Each port has one owner; a second process is refused before it opens the port, and the error names the owner."""
 
 import socket
 import subprocess
@@ -45,7 +45,7 @@ def _impatient(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @contextmanager
 def owner(*ports: str) -> Iterator["subprocess.Popen[str]"]:
-    """Another program that owns ports."""
+    """Run another process that owns the ports."""
     command = [sys.executable, "-c", _OWNER, *ports]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -56,8 +56,8 @@ def owner(*ports: str) -> Iterator["subprocess.Popen[str]"]:
             process.kill()
 
 
-class Hall:
-    """A station whose table others can reach; `order` and `request` call its address by two names."""
+class Station:
+    """A station whose table has two addresses; `order` uses one and `request` the other."""
 
     def __init__(self, folder: Path, address: str) -> None:
         self.folder = folder
@@ -71,7 +71,7 @@ class Hall:
         self.request = RunRequest("SN-000042", self.station, None, ("rate",), folder / "runs", "wang")
 
     def run(self) -> None:
-        """A run, whose fault is raised as it was."""
+        """Run, and raise the fault of the run."""
         events: list[Event] = []
         execute(self.request, events.append, Control())
         assert isinstance(events[-1], Verdict)
@@ -80,8 +80,8 @@ class Hall:
 
 
 @pytest.fixture
-def opened(tmp_path: Path) -> Iterator[tuple[Hall, list[bytes]]]:
-    """The hall and all that its table has heard."""
+def opened(tmp_path: Path) -> Iterator[tuple[Station, list[bytes]]]:
+    """The station and all bytes that its table has received."""
     heard: list[bytes] = []
     table = FakeTable({})
 
@@ -90,11 +90,11 @@ def opened(tmp_path: Path) -> Iterator[tuple[Hall, list[bytes]]]:
         return table.answer(data)
 
     with server(answer) as address:
-        yield Hall(tmp_path, address), heard
+        yield Station(tmp_path, address), heard
 
 
-USERS: dict[str, Callable[[Hall], object]] = {
-    "run": Hall.run,
+USERS: dict[str, Callable[[Station], object]] = {
+    "run": Station.run,
     "table's link tested": lambda hall: check_table_link(ignore_progress, hall.order),
     "unit's link tested": lambda hall: check_imu_link(ignore_progress, hall.order),
     "table looked at": lambda hall: read_table(ignore_progress, hall.order),
@@ -105,7 +105,7 @@ USERS: dict[str, Callable[[Hall], object]] = {
 
 @pytest.mark.parametrize("use", USERS.values(), ids=USERS)
 def test_a_second_owner_is_refused_before_a_byte_is_sent(
-    opened: tuple[Hall, list[bytes]], use: Callable[[Hall], object]
+    opened: tuple[Station, list[bytes]], use: Callable[[Station], object]
 ) -> None:
     hall, heard = opened
     with owner(f"socket://{hall.address}") as first, pytest.raises(CalstationError) as told:
@@ -116,8 +116,8 @@ def test_a_second_owner_is_refused_before_a_byte_is_sent(
     assert heard == []
 
 
-def test_the_command_line_reports_the_state_in_a_line(
-    opened: tuple[Hall, list[bytes]], capsys: pytest.CaptureFixture[str]
+def test_command_line_reports_a_port_in_use_in_one_line(
+    opened: tuple[Station, list[bytes]], capsys: pytest.CaptureFixture[str]
 ) -> None:
     hall, _ = opened
     with owner(f"tcp://{hall.address}"):
@@ -125,7 +125,7 @@ def test_the_command_line_reports_the_state_in_a_line(
     assert f"calstation: Port tcp://{hall.address} is in use by another" in capsys.readouterr().err
 
 
-def test_the_death_of_its_owner_frees_a_port(opened: tuple[Hall, list[bytes]]) -> None:
+def test_port_is_released_when_its_owner_is_killed(opened: tuple[Station, list[bytes]]) -> None:
     hall, _ = opened
     with owner(f"tcp://{hall.address}") as first:
         first.kill()
@@ -133,7 +133,7 @@ def test_the_death_of_its_owner_frees_a_port(opened: tuple[Hall, list[bytes]]) -
         assert read_table(ignore_progress, hall.order).model.startswith("bench-table")
 
 
-def test_a_port_is_released_however_its_use_ends(opened: tuple[Hall, list[bytes]]) -> None:
+def test_port_is_released_after_an_exception(opened: tuple[Station, list[bytes]]) -> None:
     port = f"tcp://{opened[0].address}"
     with pytest.raises(OSError, match="cut"), lock_ports([port]):
         raise OSError("cut")
@@ -141,7 +141,7 @@ def test_a_port_is_released_however_its_use_ends(opened: tuple[Hall, list[bytes]
         pass
 
 
-def test_another_port_of_the_same_host_is_another_port() -> None:
+def test_ports_of_one_host_are_locked_separately() -> None:
     with lock_ports(["tcp://127.0.0.1:40001"]), lock_ports(["tcp://127.0.0.1:40002", "socket://[::1]:40003"]):
         pass
 
@@ -154,7 +154,7 @@ def refused(port: str) -> bool:
         return True
 
 
-def test_a_serial_port_is_the_same_by_all_its_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_serial_port_is_locked_under_all_its_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     device, link = tmp_path / "ttyX0", tmp_path / "by-id"
     device.touch()
     link.symlink_to(device)
@@ -183,7 +183,9 @@ def test_a_failed_lock_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         pass
 
 
-def test_locks_are_for_every_user_and_follow_no_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lock_files_are_shared_by_all_users_and_follow_no_symlink(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(port_lock, "_folder", lambda: tmp_path / "locks")
     with lock_ports(["tcp://127.0.0.1:40001"]):
         (lock,) = (tmp_path / "locks").iterdir()
@@ -197,7 +199,7 @@ def test_locks_are_for_every_user_and_follow_no_link(tmp_path: Path, monkeypatch
     assert target.read_text(encoding="utf-8") == "kept"
 
 
-def test_an_unknown_host_name_stands_for_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unresolvable_host_name_is_locked_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     def unknown(*args: object, **kwargs: object) -> None:
         raise socket.gaierror("unknown")
 

@@ -1,4 +1,4 @@
-"""One link for table and IMU: a run on a system with axes of its own; one port for two others is refused."""
+"""Table and IMU share one link in a system with its own axes; separate devices on one port are refused."""
 
 from pathlib import Path
 from typing import Any
@@ -62,7 +62,7 @@ def hardware(site_folder: SiteFolder, profile: str, table: str, imu: str) -> Res
         ),
     ],
 )
-def test_wrongly_shared_or_separate_ports_are_reported(
+def test_incorrectly_shared_or_separate_ports_are_reported(
     site_folder: SiteFolder, profile: str, table: str, imu: str, code: str
 ) -> None:
     setup = hardware(site_folder, profile, table, imu)
@@ -70,7 +70,7 @@ def test_wrongly_shared_or_separate_ports_are_reported(
         raise AssertionError("never opened")
 
 
-def test_two_names_of_one_port_are_one_port(site_folder: SiteFolder) -> None:
+def test_two_names_of_one_port_count_as_one_port(site_folder: SiteFolder) -> None:
     device, link = site_folder.folder / "ttyX", site_folder.folder / "by-id"
     device.touch()
     link.symlink_to(device)
@@ -81,7 +81,7 @@ def test_two_names_of_one_port_are_one_port(site_folder: SiteFolder) -> None:
         raise AssertionError("never opened")
 
 
-def test_an_inertial_system_with_axes_shares_one_port(site_folder: SiteFolder) -> None:
+def test_imu_with_its_own_axes_shares_one_port(site_folder: SiteFolder) -> None:
     with endpoints(hardware(site_folder, "indexing_unit", "/dev/ttyNONE7", "/dev/ttyNONE7")) as at:
         assert at.table == at.imu == "/dev/ttyNONE7"
 

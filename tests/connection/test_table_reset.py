@@ -1,4 +1,4 @@
-"""A fault that the table has latched is reset on an order only: nothing moves, and what stays is told."""
+"""A latched table fault is reset only on request, without motion; a fault that persists is reported."""
 
 import struct
 from collections.abc import Iterator
@@ -25,15 +25,15 @@ _REMOTE = 1 << 9
 
 
 class Bench:
-    """A table that outlives those who talk to it, as a real one does."""
+    """A table that keeps its state between connections, like a real table."""
 
     def __init__(self, host: BenchHost) -> None:
         site_folder, _, port = host.endpoints["clock"].rpartition(":")
         self.clock = BenchClock((site_folder, int(port)), 0.0)
         self.order: LinkTestRequest = order(table={"port": f"tcp://{host.endpoints['table']}", "timeout_s": 5.0})
 
-    def obey(self, kind: str, value: float = 0.0) -> None:
-        """Have something go wrong, or right again."""
+    def inject(self, kind: str, value: float = 0.0) -> None:
+        """Inject or clear a fault."""
         self.clock.order({"order": kind, "value": value})
 
     def reset(self) -> TableReset:
@@ -41,11 +41,11 @@ class Bench:
         return reset_table(ignore_progress, self.order)
 
     def standing(self) -> TableState:
-        """How the table stands."""
+        """Return the status of the table."""
         return read_table(ignore_progress, self.order)
 
     def check_power(self) -> None:
-        """The check of a run before it switches the axes on."""
+        """Run the check that a run performs before it switches the axes on."""
         setup = link_test_configuration(self.order)
         assert self.order.station.table.port is not None
         table = open_table(setup, self.order.station.table.port)
@@ -70,9 +70,9 @@ def shared(host: BenchHost) -> Iterator[Bench]:
 
 @pytest.fixture
 def bench(shared: Bench, monkeypatch: pytest.MonkeyPatch) -> Bench:
-    """The table at rest, nothing latched."""
+    """The table at rest without a latched fault."""
     monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.2)
-    shared.obey("interlock", 1)
+    shared.inject("interlock", 1)
     shared.clock.sleep(1.0)
     shared.reset()
     assert shared.standing().fault is None
@@ -83,8 +83,8 @@ def bench(shared: Bench, monkeypatch: pytest.MonkeyPatch) -> Bench:
     ("kind", "name"),
     [("drive_fault", "drive"), ("limit_fault", "limit"), ("stall", "stall"), ("trip_watchdog", "watchdog")],
 )
-def test_a_latched_fault_is_reset_and_a_run_may_begin_again(bench: Bench, kind: str, name: str) -> None:
-    bench.obey(kind)
+def test_latched_fault_is_reset_and_a_run_can_start_again(bench: Bench, kind: str, name: str) -> None:
+    bench.inject(kind)
     with raises_code(DeviceFaultError, f"table.latched_{name}"):
         bench.check_power()
     before = bench.standing()
@@ -110,25 +110,25 @@ def test_nothing_is_sent_if_nothing_is_latched(bench: Bench) -> None:
 
 
 def test_nothing_is_reset_while_the_interlock_is_open(bench: Bench) -> None:
-    bench.obey("interlock", 0)
+    bench.inject("interlock", 0)
     assert bench.reset() == TableReset("interlock_open", "interlock", "interlock")
     assert bench.standing().fault == "interlock"
-    bench.obey("interlock", 1)
+    bench.inject("interlock", 1)
     bench.clock.sleep(1.0)
     assert bench.standing().fault == "interlock", "closing the cover alone resets nothing"
     assert bench.reset() == TableReset("cleared", "interlock", None)
 
 
 def test_a_moving_table_is_not_reset(bench: Bench) -> None:
-    bench.obey("never_settle", 5.0)
-    bench.obey("drive_fault")
+    bench.inject("never_settle", 5.0)
+    bench.inject("drive_fault")
     assert bench.reset() == TableReset("moving", "drive", "drive")
     bench.clock.sleep(6.0)
     assert bench.reset().outcome == "cleared"
 
 
 class Stubborn(FakeTable):
-    """A table that takes every write and keeps its fault, or refuses the controlword."""
+    """A table that accepts every write but keeps its fault, or rejects the controlword."""
 
     def __init__(self, *, fault: int, refuses: bool) -> None:
         super().__init__({})
@@ -164,7 +164,7 @@ def test_nothing_is_reset_under_local_control() -> None:
     assert (result.outcome, set(fake.functions)) == ("local_control", {3})
 
 
-def test_another_model_is_never_written_to() -> None:
+def test_table_of_another_model_is_never_written_to() -> None:
     fake = Stubborn(fault=4, refuses=False)
     fake.words[0:8] = [0x4142] * 8
     with (
@@ -175,26 +175,28 @@ def test_another_model_is_never_written_to() -> None:
     assert fake.written == []
 
 
-def test_the_command_line_confirms_and_resets(bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_line_asks_for_confirmation_and_resets(
+    bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     link: dict[str, Any] = {"profile": "bench", "port": bench.order.station.table.port, "timeout_s": 5.0}
     imu = {"port": "/dev/ttyNONE9"}
     station = tmp_path / "line.toml"
     station.write_text(tomli_w.dumps({"name": "line", "site": SITE, "table": link, "imu": imu}), encoding="utf-8")
 
-    def said(command: str) -> tuple[int, str]:
+    def table_command(command: str) -> tuple[int, str]:
         code = run_app(["table", command, "--station", str(station)])
         return code, capsys.readouterr().out
 
-    bench.obey("drive_fault")
-    code, text = said("status")
+    bench.inject("drive_fault")
+    code, text = table_command("status")
     assert code == 3
     assert "fault      drive" in text
-    assert said("reset") == (0, "Table of 'line': The fault 'drive' was reset; nothing is latched now.\n")
-    code, text = said("status")
+    assert table_command("reset") == (0, "Table of 'line': The fault 'drive' was reset; nothing is latched now.\n")
+    code, text = table_command("status")
     assert code == 0
     assert "station    line" in text
-    assert said("reset")[0] == 0
-    bench.obey("interlock", 0)
-    code, text = said("reset")
+    assert table_command("reset")[0] == 0
+    bench.inject("interlock", 0)
+    code, text = table_command("reset")
     assert code == 3
     assert "interlock is open. Close the cover" in text

@@ -1,4 +1,4 @@
-"""Of a unit that sends text, the test says which part of [frame] does not fit, with a line that came."""
+"""The link test of a text unit names the incorrect entry of [frame] and shows a received line."""
 
 import sys
 from pathlib import Path
@@ -12,7 +12,7 @@ from calstation.connection.link_test import check_imu_link
 from calstation.devices.codecs.frame_checks import check_function
 from calstation.devices.profiles.frame import FrameSection
 from calstation.messages.finding import Finding
-from tests.connection.fake_links import order, silent, terminal, word_finding
+from tests.connection.fake_links import english_texts, order, silent, terminal
 from tests.helpers import ignore_progress
 
 NAMES = ["counter", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
@@ -25,13 +25,13 @@ FRAME: dict[str, Any] = {
 
 
 def line(counter: int = 7, begins: str = "$IMU,", separator: str = ",", numbers: str = "1,2,3,4,5,6") -> bytes:
-    """A line of the unit, whose check is right."""
+    """Return a line of the unit with its correct checksum."""
     body = f"{begins}{counter}{separator}{numbers.replace(',', separator)}"
     return f"{body}*{check_function('xor8')(body[1:].encode()):02X}\r\n".encode()
 
 
-def told(heard: bytes, **changes: Any) -> Finding | None:
-    """What is said of these bytes by a profile that is wrong in this."""
+def finding_for(heard: bytes, **changes: Any) -> Finding | None:
+    """Return the finding for these bytes with a changed profile."""
     return diagnose_text(FrameSection.model_validate({**FRAME, **changes}), heard)
 
 
@@ -39,9 +39,9 @@ def fields(*columns: int) -> dict[str, Any]:
     return {"fields": [{**f, "at": at} for f, at in zip(FRAME["fields"], columns, strict=True)]}
 
 
-def test_lines_that_are_samples_are_right() -> None:
-    assert told(3 * line()) is None
-    assert told(2 * line() + b"$IMU,x") is None
+def test_valid_sample_lines_pass() -> None:
+    assert finding_for(3 * line()) is None
+    assert finding_for(2 * line() + b"$IMU,x") is None
 
 
 @pytest.mark.parametrize(
@@ -57,18 +57,18 @@ def test_lines_that_are_samples_are_right() -> None:
     ],
 )
 def test_a_wrong_profile_is_reported(changes: dict[str, Any], expected: str, values: dict[str, Any]) -> None:
-    found = told(3 * line(), **changes)
+    found = finding_for(3 * line(), **changes)
     assert found is not None
     assert found.id == expected
     assert values.items() <= found.values.items()
     assert str(found.values["line"]).startswith("$IMU,7,1,2")
-    text, mend = word_finding(found)
+    text, mend = english_texts(found)
     assert "$IMU,7,1,2" in text
     assert mend
 
 
-def test_a_wrong_check_is_reported_with_the_right_one() -> None:
-    found = told(3 * line(), crc={"kind": "xor8", "start": 0})
+def test_wrong_checksum_setting_is_reported_with_both_values() -> None:
+    found = finding_for(3 * line(), crc={"kind": "xor8", "start": 0})
     assert found is not None
     right = line().strip().rpartition(b"*")[2].decode()
     assert found.values["told"] == right
@@ -76,20 +76,20 @@ def test_a_wrong_check_is_reported_with_the_right_one() -> None:
 
 
 def test_a_non_numeric_column_is_reported() -> None:
-    found = told(3 * line(numbers="1,2,3,4,up,6"))
+    found = finding_for(3 * line(numbers="1,2,3,4,up,6"))
     assert found is not None
     assert (found.id, found.values["column"], found.values["field"]) == ("line_column", 5, "accel_y")
     assert found.values["text"] == "up"
 
 
-def test_noise_and_partial_lines_are_not_lines() -> None:
-    assert told(bytes(range(0x80, 0xFF)) * 4 + b"\r\n" + bytes(range(0x80, 0xFF)) + b"\r\n") is None
-    assert told(line()[:-4]) is None
-    assert told(b"") is None
+def test_noise_and_partial_lines_give_no_finding() -> None:
+    assert finding_for(bytes(range(0x80, 0xFF)) * 4 + b"\r\n" + bytes(range(0x80, 0xFF)) + b"\r\n") is None
+    assert finding_for(line()[:-4]) is None
+    assert finding_for(b"") is None
 
 
-def test_a_long_line_is_shown_in_part() -> None:
-    found = told(3 * (b"#" + b"1,2,3," * 100 + b"\r\n"))
+def test_long_line_is_truncated() -> None:
+    found = finding_for(3 * (b"#" + b"1,2,3," * 100 + b"\r\n"))
     assert found is not None
     assert len(str(found.values["line"])) <= 123
 
@@ -127,7 +127,7 @@ def product(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize(
     ("begins", "expected"), [("$IMU,", "line_short"), ("$ACC,", "line_sync"), ("$IMU;", "line_separator")]
 )
-def test_the_test_of_a_text_unit_names_the_entry(product: Path, begins: str, expected: str) -> None:
+def test_link_test_of_a_text_unit_names_the_incorrect_entry(product: Path, begins: str, expected: str) -> None:
     with terminal(silent, lambda: line(begins=begins)) as port:
         report = check_imu_link(ignore_progress, order(product, imu={"port": port}))
     assert [f.id for f in report.findings if f.state == "wrong"] == [expected]

@@ -1,4 +1,4 @@
-"""Small result files, as runs leave them, for tests of the exchange."""
+"""Small result files, as written by runs, for tests of the exchange."""
 
 import json
 from datetime import UTC, datetime, timedelta
@@ -14,7 +14,7 @@ BEGIN = datetime(2026, 11, 1, tzinfo=UTC)
 
 
 def write_result(folder: Path, name: str, number: int, serial: str = "SN-1", **more: Any) -> Path:
-    """Write the result of a run that began `number` minutes after the first; the file appears at once."""
+    """Write the result of a run that started `number` minutes after the first; the file appears atomically."""
     path = folder / f"{name}.json"
     result = {
         "schema": "calstation.result/1",
@@ -38,7 +38,7 @@ def write_result(folder: Path, name: str, number: int, serial: str = "SN-1", **m
 
 
 def in_database(url: str) -> list[tuple[str, str]]:
-    """Name and station of all runs in a database, in the order of their arrival."""
+    """Return name and station of all runs in a database, in order of arrival."""
     engine = create_engine(url)
     with engine.connect() as connection:
         rows = connection.execute(select(runs.c.name, runs.c.content).order_by(runs.c.revision)).all()
@@ -47,6 +47,6 @@ def in_database(url: str) -> list[tuple[str, str]]:
 
 
 def in_index(folder: Path) -> list[tuple[str, str | None, str, dict[str, float]]]:
-    """Name, station, verdict and values of all runs in the index of a folder."""
+    """Return name, station, verdict and values of all runs in the index of a folder."""
     found = RunIndex(folder).find(RunFilter())
     return sorted((run.name, run.record.station, run.record.badge, dict(run.values)) for run in found)

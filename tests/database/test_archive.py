@@ -1,4 +1,4 @@
-"""The archive of logs: verified copies in a folder and in S3, interrupted copies, and copies read again."""
+"""The log archive: verified copies in a folder and in S3, interrupted copies, and reading copies back."""
 
 import hashlib
 import signal
@@ -59,7 +59,7 @@ def log(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def archive(tmp_path: Path) -> Path:
-    """An archive in a folder, which exists as a mounted share does."""
+    """An archive in an existing folder, like a mounted share."""
     made = tmp_path / "share"
     made.mkdir()
     return made
@@ -85,7 +85,7 @@ def archived(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_copies_a_log_into_a_folder_and_reads_it_back(log: Path, archive: Path, tmp_path: Path) -> None:
+def test_log_is_copied_to_a_folder_and_read_back(log: Path, archive: Path, tmp_path: Path) -> None:
     copy = archive_log(log, str(archive), "line 1")
     assert (copy.url, copy.file_sha256, copy.size) == (f"{archive}/line 1/{log.name}", DIGEST, len(CONTENT))
     assert archived(archive / "line 1") == [log.name]
@@ -94,7 +94,7 @@ def test_copies_a_log_into_a_folder_and_reads_it_back(log: Path, archive: Path, 
 
 
 @pytest.mark.long
-def test_copies_a_log_to_s3_and_reads_it_back(log: Path, bucket: str, tmp_path: Path) -> None:
+def test_log_is_copied_to_s3_and_read_back(log: Path, bucket: str, tmp_path: Path) -> None:
     import s3fs
 
     copy = archive_log(log, bucket, "line 1")
@@ -109,7 +109,7 @@ def test_copies_a_log_to_s3_and_reads_it_back(log: Path, bucket: str, tmp_path: 
     assert len(fractions) > 2
 
 
-def test_does_not_copy_the_same_bytes_again_and_replaces_a_damaged_copy(log: Path, archive: Path) -> None:
+def test_identical_copy_is_skipped_and_damaged_copy_is_replaced(log: Path, archive: Path) -> None:
     copy = archive_log(log, str(archive), "line 1")
     there = archive / "line 1" / log.name
     stamp = there.stat()
@@ -120,7 +120,7 @@ def test_does_not_copy_the_same_bytes_again_and_replaces_a_damaged_copy(log: Pat
     assert there.read_bytes() == CONTENT
 
 
-def test_a_copy_that_reads_back_differently_gets_no_name(
+def test_copy_that_reads_back_differently_is_not_published(
     log: Path, archive: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import shutil
@@ -137,7 +137,7 @@ def test_a_copy_that_reads_back_differently_gets_no_name(
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 @pytest.mark.parametrize("after", [0, 1_000_000, len(CONTENT)])
-def test_a_killed_copy_leaves_no_file_of_that_name(log: Path, archive: Path, after: int) -> None:
+def test_interrupted_copy_leaves_no_file_with_the_final_name(log: Path, archive: Path, after: int) -> None:
     command = [sys.executable, "-c", KILLED.format(after=after), str(log), str(archive)]
     assert subprocess.run(command, timeout=120).returncode == -signal.SIGKILL
     assert log.name not in archived(archive / "line 1")
@@ -147,7 +147,7 @@ def test_a_killed_copy_leaves_no_file_of_that_name(log: Path, archive: Path, aft
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit of file sizes")
-def test_a_full_archive_is_an_error_and_leaves_nothing(log: Path, archive: Path) -> None:
+def test_full_archive_is_reported_and_leaves_no_file(log: Path, archive: Path) -> None:
     command = [sys.executable, "-c", FULL, str(log), str(archive)]
     assert (
         subprocess.run(command, timeout=120, capture_output=True, text=True).stdout.strip() == "database.archive_failed"
@@ -155,7 +155,7 @@ def test_a_full_archive_is_an_error_and_leaves_nothing(log: Path, archive: Path)
     assert archived(archive / "line 1") == []
 
 
-def test_an_archive_that_is_not_there_is_an_error(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_archive_is_reported(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "share").write_text("the share is not mounted")
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     monkeypatch.setenv("AWS_ACCESS_KEY_ID", "station")

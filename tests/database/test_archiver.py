@@ -1,4 +1,4 @@
-"""The exchange of a station copies its closed logs to the archive and tells the other stations where they are."""
+"""The exchange of a station copies closed logs to the archive and publishes their locations to other stations."""
 
 import os
 import threading
@@ -27,7 +27,7 @@ from tests.helpers import ignore_progress, raises_code
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Runs folder of a station, with two runs."""
+    """Runs folder of a station with two runs."""
     made = tmp_path / "line 1"
     made.mkdir()
     for number, name in enumerate("ab"):
@@ -38,7 +38,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def archive(tmp_path: Path) -> Path:
-    """Folder of the archive, which exists as a mounted share does."""
+    """Existing folder of the archive, like a mounted share."""
     made = tmp_path / "archive"
     made.mkdir()
     return made
@@ -53,7 +53,7 @@ def station_file(folder: Path, url: str) -> Path:
 
 
 def until(condition: Callable[[], bool]) -> Callable[[float], bool]:
-    """A `wait` that ends an exchange when a condition holds."""
+    """Return a `wait` that ends an exchange when a condition holds."""
 
     def wait(_: float) -> bool:
         time.sleep(0.05)
@@ -66,7 +66,9 @@ def received(folder: Path) -> dict[str, RunRecord]:
     return {run.name: run.record for run in RunIndex(folder).find(RunFilter())}
 
 
-def test_logs_are_archived_and_read_by_another_station(url: str, folder: Path, archive: Path, tmp_path: Path) -> None:
+def test_logs_are_archived_and_read_by_another_station_from_the_archive(
+    url: str, folder: Path, archive: Path, tmp_path: Path
+) -> None:
     outbox = Outbox(folder)
     watch(
         folder,
@@ -121,7 +123,7 @@ def test_the_least_recently_used_copies_of_logs_are_deleted(tmp_path: Path, monk
     assert a.with_suffix(".json").exists()
 
 
-def test_a_result_is_not_fetched_without_its_database(folder: Path, tmp_path: Path) -> None:
+def test_fetching_a_result_requires_its_database(folder: Path, tmp_path: Path) -> None:
     write_result(folder, "a", 1)
     exchange = Exchange(folder, f"sqlite:///{tmp_path / 'shared.sqlite'}", "line 1")
     exchange.exchange()
@@ -135,7 +137,7 @@ def test_a_result_is_not_fetched_without_its_database(folder: Path, tmp_path: Pa
 
 
 @pytest.mark.long
-def test_an_absent_archive_stops_nothing_and_is_tried_again(url: str, folder: Path, tmp_path: Path) -> None:
+def test_exchange_continues_without_the_archive_and_retries_it(url: str, folder: Path, tmp_path: Path) -> None:
     share = tmp_path / "share"
     outbox = Outbox(folder)
     watch(
@@ -153,7 +155,7 @@ def test_an_absent_archive_stops_nothing_and_is_tried_again(url: str, folder: Pa
 
 
 @pytest.mark.long
-def test_an_archive_that_hangs_delays_no_exchange(
+def test_unresponsive_archive_delays_no_exchange(
     url: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hangs, goes_on = threading.Event(), threading.Event()
@@ -177,7 +179,9 @@ def test_an_archive_that_hangs_delays_no_exchange(
     goes_on.set()
 
 
-def test_the_state_of_an_archive_ends_with_the_archive(url: str, folder: Path, tmp_path: Path) -> None:
+def test_archive_error_is_cleared_when_the_archive_is_removed_from_the_settings(
+    url: str, folder: Path, tmp_path: Path
+) -> None:
     (tmp_path / "share").write_text("not mounted")
     failed = until(lambda: read_state(folder).archive_error is not None)
     watch(folder, url, "line 1", failed, archive=str(tmp_path / "share" / "logs"))
@@ -207,7 +211,7 @@ def test_each_log_is_opened_once_for_all_copies(
     assert archiver.copy_next()
 
 
-def test_failures_are_followed_by_growing_pauses(
+def test_pauses_grow_after_repeated_failures(
     url: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pauses: list[float] = []
@@ -226,7 +230,7 @@ def test_failures_are_followed_by_growing_pauses(
     assert pauses == [ARCHIVE_FAILED_S * 2**k for k in range(7)] + [ARCHIVE_LONGEST_S] * 3 + [PAUSE_S]
 
 
-def test_a_log_that_cannot_be_copied_does_not_hold_up_the_others(url: str, folder: Path, archive: Path) -> None:
+def test_uncopyable_log_does_not_delay_other_logs(url: str, folder: Path, archive: Path) -> None:
     exchange = Exchange(folder, url, "line 1")
     exchange.exchange()
     (archive / exchange.outbox.id / "a.h5").mkdir(parents=True)  # in the way
@@ -238,7 +242,7 @@ def test_a_log_that_cannot_be_copied_does_not_hold_up_the_others(url: str, folde
     exchange.close()
 
 
-def test_the_command_archives_all_logs_at_once_and_says_that_the_archive_is_absent(
+def test_archive_command_copies_all_logs_and_reports_a_missing_archive(
     url: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     station, archive = station_file(folder, url), tmp_path / "archive"

@@ -1,4 +1,4 @@
-"""Two stations that work on the same unit are both told; a claim lasts while the station holds it, or five minutes."""
+"""Two stations that work on the same unit both get a warning; a claim ends with its station or after five minutes."""
 
 import multiprocessing
 import time
@@ -19,7 +19,7 @@ from tests.database.result_files import in_database, write_result
 
 
 def station_file(folder: Path, url: str) -> Path:
-    """A virtual station, named after its folder, that shares its records."""
+    """Write a virtual station, named after its folder, that shares its records."""
     shipped = library.find("stations", "virtual_bench").read_text(encoding="utf-8")
     lines = [line for line in shipped.splitlines() if not line.startswith("name")]
     path = folder.parent / f"{folder.name}.toml"
@@ -28,7 +28,7 @@ def station_file(folder: Path, url: str) -> Path:
 
 
 def scan(start: float, url: str, folder: Path, serial: str) -> list[Claim]:
-    """Claim a unit at a given time, in a process of its own, and return the claims of others on it."""
+    """Claim a unit at a given time in a separate process, and return the claims of other stations on it."""
     time.sleep(max(0.0, start - time.time()))
     engine, outbox = connect(url), Outbox(folder).id
     claim_units(engine, outbox, folder.name, {serial: "li"})
@@ -46,7 +46,7 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
     return made
 
 
-def test_two_stations_that_scan_a_unit_at_once_are_both_told(shared_database: str, folders: tuple[Path, Path]) -> None:
+def test_two_stations_that_scan_the_same_unit_are_both_warned(shared_database: str, folders: tuple[Path, Path]) -> None:
     context = multiprocessing.get_context("spawn")
     told = {0: 0, 1: 0}
     with context.Pool(2) as pool:
@@ -77,7 +77,7 @@ def test_two_stations_that_scan_a_unit_at_once_are_both_told(shared_database: st
 
 
 def serials(url: str, changes: dict[str, Any] | None = None) -> list[str]:
-    """The units that are claimed in a database, in order, after changing all claims."""
+    """Return the claimed units in a database, in order, after changing all claims."""
     engine = create_engine(url)
     with engine.begin() as connection:
         if changes is not None:
@@ -101,7 +101,7 @@ def test_all_units_of_a_batch_are_claimed(url: str, folders: tuple[Path, Path]) 
     assert serials(url) == []
 
 
-def test_a_claim_lasts_while_the_station_holds_it(url: str, folders: tuple[Path, Path]) -> None:
+def test_claim_lasts_while_the_station_holds_it(url: str, folders: tuple[Path, Path]) -> None:
     one, two = (Exchange(folder, url, folder.name, {"SN-1": "li"}) for folder in folders)
     assert one.exchange() == []
     (since,) = [claim.since for claim in two.exchange()]
@@ -125,7 +125,7 @@ def test_a_claim_lasts_while_the_station_holds_it(url: str, folders: tuple[Path,
     one.close()
 
 
-def test_a_claim_lasts_five_minutes_by_the_clock_of_the_database(url: str, folders: tuple[Path, Path]) -> None:
+def test_claim_expires_after_five_minutes_by_the_database_clock(url: str, folders: tuple[Path, Path]) -> None:
     exchange = Exchange(folders[0], url, "line 1", {"SN-1": "li"})
     exchange.exchange()
     engine = create_engine(url)
@@ -137,7 +137,7 @@ def test_a_claim_lasts_five_minutes_by_the_clock_of_the_database(url: str, folde
     exchange.close()
 
 
-def test_an_earlier_run_of_a_unit_ends_no_claim(url: str, folders: tuple[Path, Path]) -> None:
+def test_earlier_run_of_a_unit_does_not_end_its_claim(url: str, folders: tuple[Path, Path]) -> None:
     write_result(folders[0], "a", 1)
     exchange = Exchange(folders[0], url, "line 1", {"SN-1": "li"})
     exchange.exchange()
@@ -146,7 +146,7 @@ def test_an_earlier_run_of_a_unit_ends_no_claim(url: str, folders: tuple[Path, P
     exchange.close()
 
 
-def test_a_service_on_the_same_folder_ends_no_claim(url: str, folders: tuple[Path, Path]) -> None:
+def test_exchange_service_on_the_same_folder_does_not_end_a_claim(url: str, folders: tuple[Path, Path]) -> None:
     window, service = Exchange(folders[0], url, "line 1", {"SN-1": "li"}), Exchange(folders[0], url, "line 1")
     window.exchange()
     service.exchange()

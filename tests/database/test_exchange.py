@@ -1,4 +1,4 @@
-"""Stations exchange their runs through the database: each once, in order, and all of them see all."""
+"""Stations exchange runs through the database: each run once, in order, and every station sees all runs."""
 
 import csv
 import json
@@ -36,7 +36,7 @@ def stations(tmp_path: Path) -> tuple[Path, Path]:
 
 
 def exchange(folder: Path, url: str) -> None:
-    """Exchange a folder once, as a process of its own would."""
+    """Exchange a folder once, as a separate process would."""
     made = Exchange(folder, url, folder.name)
     made.exchange()
     assert made.outbox.pending == 0
@@ -77,7 +77,7 @@ def test_a_changed_result_replaces_the_run(url: str, stations: tuple[Path, Path]
     assert [name for name, _ in in_database(url)] == ["b", "a"]
 
 
-def test_the_database_has_result_digest_and_place_of_the_log(url: str, stations: tuple[Path, Path]) -> None:
+def test_database_contains_the_result_digest_and_the_log_location(url: str, stations: tuple[Path, Path]) -> None:
     one, two = stations
     path = write_result(one, "a", 1)
     exchange(one, url)
@@ -106,7 +106,7 @@ def test_the_database_has_result_digest_and_place_of_the_log(url: str, stations:
     assert sorted(run.record.location or "" for run in RunIndex(two).find(RunFilter())) == locations
 
 
-def test_a_message_whose_arrival_was_not_noticed_is_not_repeated(url: str, stations: tuple[Path, Path]) -> None:
+def test_message_without_an_acknowledgement_is_not_stored_twice(url: str, stations: tuple[Path, Path]) -> None:
     one, _ = stations
     write_result(one, "a", 1)
     made = Exchange(one, url, "one")
@@ -126,9 +126,7 @@ def test_a_message_whose_arrival_was_not_noticed_is_not_repeated(url: str, stati
 
 
 @pytest.mark.parametrize("lost", ["index", "all", "some"])
-def test_what_the_database_or_an_index_lost_is_sent_or_received_again(
-    url: str, stations: tuple[Path, Path], lost: str
-) -> None:
+def test_runs_lost_by_the_database_or_an_index_are_restored(url: str, stations: tuple[Path, Path], lost: str) -> None:
     one, two = stations
     for number in range(5):
         write_result(one, f"a{number}", number)
@@ -167,7 +165,7 @@ def test_what_the_database_or_an_index_lost_is_sent_or_received_again(
 
 
 @pytest.mark.parametrize("column", ["content", "parameters", "failed_checks", "numbers"])
-def test_a_run_that_cannot_be_read_holds_up_no_other(url: str, stations: tuple[Path, Path], column: str) -> None:
+def test_unreadable_run_does_not_delay_other_runs(url: str, stations: tuple[Path, Path], column: str) -> None:
     one, two = stations
     for number in range(3):
         write_result(one, f"a{number}", number)
@@ -186,7 +184,7 @@ def test_a_run_that_cannot_be_read_holds_up_no_other(url: str, stations: tuple[P
 
 
 @pytest.mark.parametrize("at_c", ["before", "after"])
-def test_a_restored_database_loses_no_run_of_other_stations(
+def test_database_restored_from_a_backup_loses_no_run(
     request: pytest.FixtureRequest, url: str, tmp_path: Path, at_c: str
 ) -> None:
     a, b, c = folders = [tmp_path / name for name in "abc"]
@@ -222,7 +220,7 @@ def backup(request: pytest.FixtureRequest, url: str) -> str:
     return str(server.url(server.new_database(url.rpartition("/")[2])))
 
 
-def test_a_restored_outbox_loses_no_run(url: str, stations: tuple[Path, Path]) -> None:
+def test_outbox_restored_from_a_backup_loses_no_run(url: str, stations: tuple[Path, Path]) -> None:
     one, two = stations
     write_result(one, "a", 0)
     exchange(one, url)
@@ -249,7 +247,7 @@ def test_a_restored_outbox_loses_no_run(url: str, stations: tuple[Path, Path]) -
     assert in_database(url)[-1] == ("e", "one")
 
 
-def test_a_lost_outbox_keeps_its_name(url: str, stations: tuple[Path, Path]) -> None:
+def test_recreated_outbox_keeps_its_id(url: str, stations: tuple[Path, Path]) -> None:
     one, _ = stations
     for number in range(3):
         write_result(one, f"a{number}", number)
@@ -271,7 +269,7 @@ def test_a_lost_outbox_keeps_its_name(url: str, stations: tuple[Path, Path]) -> 
         (True, "copy is exchanged as a separate folder, in addition to the original"),
     ],
 )
-def test_a_folder_at_another_place_is_exchanged_when_it_was_adopted(
+def test_moved_folder_is_exchanged_only_after_adoption(
     url: str, stations: tuple[Path, Path], copied: bool, shown: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     one, two = stations
@@ -293,7 +291,7 @@ def test_a_folder_at_another_place_is_exchanged_when_it_was_adopted(
     assert "were never exchanged, so there is nothing to adopt" in capsys.readouterr().err
 
 
-def test_a_copy_of_a_log_whose_run_is_not_queued_waits(
+def test_log_copy_waits_until_its_run_is_queued(
     url: str, stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     one, _ = stations
@@ -309,7 +307,7 @@ def test_a_copy_of_a_log_whose_run_is_not_queued_waits(
     assert in_database(url) == [("a", "one")]
 
 
-def test_characters_that_a_database_does_not_have_hold_nothing_up(url: str, stations: tuple[Path, Path]) -> None:
+def test_characters_invalid_in_the_database_do_not_block_the_exchange(url: str, stations: tuple[Path, Path]) -> None:
     one, two = stations
     check = {"name": "\ud800\0", "value": 2.0, "limit": 1.0, "unit": "1", "passed": False}
     write_result(one, "a", 1, outcome="failed", checks=[check], operator="li\0", error="no\0answer")
@@ -330,7 +328,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("reason", REFUSED)
-def test_a_run_that_the_database_refuses_holds_up_no_other(
+def test_run_rejected_by_the_database_does_not_delay_other_runs(
     shared_database: str, stations: tuple[Path, Path], capsys: pytest.CaptureFixture[str], reason: str
 ) -> None:
     one, two = stations
@@ -362,7 +360,7 @@ def test_a_run_that_the_database_refuses_holds_up_no_other(
     assert [locations[name] for name in "abc"] == [f"s3://logs/{name}.h5" for name in "abc"]
 
 
-def test_the_runs_that_were_refused_are_counted_while_they_exist(
+def test_rejected_runs_are_counted_while_they_exist(
     stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     def store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> None:
@@ -386,9 +384,7 @@ def test_the_runs_that_were_refused_are_counted_while_they_exist(
     assert [name for name, _ in in_database(url)] == ["a", "c"]
 
 
-def test_an_error_that_is_not_about_a_run_skips_none(
-    postgres, shared_database: str, stations: tuple[Path, Path]
-) -> None:
+def test_error_unrelated_to_a_run_skips_no_run(postgres, shared_database: str, stations: tuple[Path, Path]) -> None:
     one, _ = stations
     write_result(one, "a", 1)
     name = shared_database.rpartition("/")[2]
@@ -402,7 +398,7 @@ def test_an_error_that_is_not_about_a_run_skips_none(
     assert [name for name, _ in in_database(shared_database)] == ["a"]
 
 
-def test_a_page_takes_a_handful_of_statements(url: str, stations: tuple[Path, Path]) -> None:
+def test_page_of_runs_needs_few_statements(url: str, stations: tuple[Path, Path]) -> None:
     one, _ = stations
     for number in range(50):
         write_result(one, f"a{number:02d}", number)
@@ -423,7 +419,7 @@ def test_a_page_takes_a_handful_of_statements(url: str, stations: tuple[Path, Pa
     assert len(in_database(url)) == 50
 
 
-def test_a_claim_waits_for_no_backlog(url: str, stations: tuple[Path, Path]) -> None:
+def test_claims_are_exchanged_before_a_backlog_of_runs(url: str, stations: tuple[Path, Path]) -> None:
     one, two = stations
     for number in range(170):
         write_result(one, f"a{number:03d}", number)
@@ -467,7 +463,7 @@ def test_an_exchange_without_changes_reads_no_rows(
         each.close()
 
 
-def test_a_folder_with_more_runs_than_an_outbox_holds(
+def test_folder_with_more_runs_than_the_outbox_capacity_is_exchanged(
     url: str, stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("calstation.database.outbox.CAPACITY", 7)
@@ -482,7 +478,7 @@ def test_a_folder_with_more_runs_than_an_outbox_holds(
     assert [name for name, _ in in_database(url)] == [f"a{number:02d}" for number in range(40)]
 
 
-def test_a_run_waits_once_with_its_changes_and_the_copy_of_its_log(stations: tuple[Path, Path]) -> None:
+def test_run_with_changes_and_a_log_copy_counts_once_as_pending(stations: tuple[Path, Path]) -> None:
     one, _ = stations
     outbox = Outbox(one)
     for number in range(3):
@@ -493,7 +489,9 @@ def test_a_run_waits_once_with_its_changes_and_the_copy_of_its_log(stations: tup
     assert (len(outbox.messages()), outbox.pending) == (4, 1)
 
 
-def test_without_the_database_messages_wait(postgres, shared_database: str, stations: tuple[Path, Path]) -> None:
+def test_messages_stay_pending_without_the_database(
+    postgres, shared_database: str, stations: tuple[Path, Path]
+) -> None:
     one, two = stations
     exchange(two, shared_database)
     made = Exchange(one, shared_database, "one")
@@ -514,7 +512,7 @@ def test_without_the_database_messages_wait(postgres, shared_database: str, stat
     assert [row[0] for row in in_index(two)] == ["a0", "a1", "a2"]
 
 
-def test_an_outbox_is_on_disk_before_its_message_is_sent(tmp_path: Path) -> None:
+def test_outbox_is_on_disk_before_a_message_is_sent(tmp_path: Path) -> None:
     outbox = Outbox(tmp_path)
     with outbox._transaction() as connection:
         assert connection.execute(text("PRAGMA synchronous")).scalar_one() == 2  # FULL

@@ -1,4 +1,4 @@
-"""The exchange runs in a process of its own, which ends with its owner and says in a file how it is."""
+"""The exchange runs in a separate process, which ends with its owner and writes its state to a file."""
 
 import errno
 import json
@@ -81,7 +81,7 @@ def test_runs_are_exchanged_while_the_process_lives(shared_database: str, folder
     assert state.contact_utc == state.attempt_utc
 
 
-def test_only_current_claims_on_the_unit_are_returned(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_new_claims_on_the_current_unit_are_returned(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calstation.database.process._READ_S", 0.0)
     now = datetime.now(UTC)
     mine, other = (Claim(serial, "line 2", None, now) for serial in ("SN-7", "SN-8"))
@@ -105,7 +105,7 @@ def _own(url: str, folder: Path, connection) -> None:
 
 
 @pytest.mark.long
-def test_it_ends_when_its_owner_is_killed(shared_database: str, folder: Path) -> None:
+def test_process_ends_when_its_owner_is_killed(shared_database: str, folder: Path) -> None:
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
     owner = context.Process(target=_own, args=(shared_database, folder, there))
@@ -128,7 +128,7 @@ def _alive(pid: int) -> bool:
     return not status.exists() or status.read_text(encoding="utf-8").split()[2] != "Z"
 
 
-def test_an_unreachable_database_is_tried_with_growing_pauses(folder: Path) -> None:
+def test_unreachable_database_is_retried_with_growing_pauses(folder: Path) -> None:
     write_result(folder, "a", 1)
     pauses: list[float] = []
 
@@ -145,7 +145,9 @@ def test_an_unreachable_database_is_tried_with_growing_pauses(folder: Path) -> N
     assert min(FAILED_S, PAUSE_S) >= 1.0
 
 
-def test_a_mistake_ends_no_exchange(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unexpected_error_does_not_end_the_exchange(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     write_result(folder, "a", 1)
     made: list[Exchange] = []
@@ -172,7 +174,7 @@ def test_a_mistake_ends_no_exchange(folder: Path, tmp_path: Path, monkeypatch: p
     assert in_database(url) == [("a", "line 1")]
 
 
-def test_a_disk_that_is_full_ends_no_exchange(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_does_not_end_the_exchange(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     pauses = []
 
@@ -192,7 +194,7 @@ def test_a_disk_that_is_full_ends_no_exchange(folder: Path, tmp_path: Path, monk
     assert read_state(folder).contact_utc is not None
 
 
-def test_a_folder_that_another_process_exchanges_is_busy(
+def test_folder_exchanged_by_another_process_is_busy(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("calstation.database.process._LOCKED_S", 0.0)
@@ -201,7 +203,7 @@ def test_a_folder_that_another_process_exchanges_is_busy(
         exchange_once(exchange, folder)
 
 
-def test_a_long_exchange_lets_another_process_exchange_the_same_folder(
+def test_long_exchange_yields_to_another_process_on_the_same_folder(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     url, there = f"sqlite:///{tmp_path / 'shared.sqlite'}", tmp_path / "there"
@@ -243,9 +245,7 @@ def test_a_long_exchange_lets_another_process_exchange_the_same_folder(
         each.close()
 
 
-def test_a_state_that_does_not_change_is_seldom_written(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unchanged_state_is_rarely_written(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     exchange = Exchange(folder, f"sqlite:///{tmp_path / 'shared.sqlite'}", "line 1")
     first = exchange_once(exchange, folder)
     assert exchange_once(exchange, folder) == first
@@ -255,7 +255,7 @@ def test_a_state_that_does_not_change_is_seldom_written(
 
 
 @pytest.mark.long
-def test_the_end_waits_for_nothing_and_a_process_that_hangs_ends(folder: Path) -> None:
+def test_ending_does_not_block_and_a_hanging_process_exits(folder: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:  # accepts connections and says nothing
         url = f"postgresql+psycopg://line@127.0.0.1:{server.getsockname()[1]}/none"
         exchange = ExchangeProcess(folder, url, "line 1")
@@ -269,7 +269,7 @@ def test_the_end_waits_for_nothing_and_a_process_that_hangs_ends(folder: Path) -
 
 
 @pytest.mark.long
-def test_no_password_is_in_logs_state_or_errors(
+def test_logs_state_and_errors_contain_no_password(
     postgres, shared_database: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     postgres.execute("CREATE ROLE guarded LOGIN PASSWORD 'geheim' IN ROLE with_password")
@@ -295,7 +295,7 @@ def test_no_password_is_in_logs_state_or_errors(
     assert not [text for text in texts if "geheim" in text]
 
 
-def test_the_commands_exchange_and_show_the_state(
+def test_commands_exchange_runs_and_show_the_state(
     shared_database: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     station = station_file(folder, shared_database)
@@ -317,7 +317,7 @@ def test_the_commands_exchange_and_show_the_state(
 
 
 @pytest.mark.parametrize("command", [("exchange",), ("exchange", "--watch"), ("status",), ("adopt",)])
-def test_a_missing_folder_is_refused_and_not_created(
+def test_missing_folder_is_refused_and_not_created(
     folder: Path, tmp_path: Path, command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     station = station_file(folder, f"sqlite:///{tmp_path / 'shared.sqlite'}")
@@ -331,7 +331,7 @@ def test_a_missing_folder_is_refused_and_not_created(
 
 
 @pytest.mark.long
-def test_a_service_shows_changes_of_its_state_and_ends_at_its_signal(
+def test_service_shows_state_changes_and_ends_on_a_signal(
     postgres, shared_database: str, folder: Path, tmp_path: Path
 ) -> None:
     station = station_file(folder, shared_database)

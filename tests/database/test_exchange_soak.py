@@ -128,7 +128,7 @@ class FleetJob:
 
 
 @pytest.mark.timeout(2 * SOAK_S + 1200)
-def test_two_stations_and_a_fleet_job_through_random_outages(postgres, shared_database: str, tmp_path: Path) -> None:
+def test_two_stations_and_a_fleet_job_survive_random_outages(postgres, shared_database: str, tmp_path: Path) -> None:
     database = shared_database.rpartition("/")[2]
     postgres.execute(ARRIVALS, database)
     logs = record_logs(ignore_progress, tmp_path / "logs", LOGS, seed=4)
@@ -272,7 +272,7 @@ def dies_at(number: int, folder: Path, url: str) -> bool:
     "stride", [29, pytest.param(7, marks=pytest.mark.long), pytest.param(1, marks=pytest.mark.exhaustive)]
 )
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_process_that_dies_at_any_statement_loses_and_repeats_nothing(
+def test_process_killed_at_any_statement_loses_and_repeats_no_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stride: int
 ) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"

@@ -1,4 +1,4 @@
-"""The migrations make exactly the declared tables, on PostgreSQL and SQLite, forwards and backwards."""
+"""The migrations create exactly the declared tables on PostgreSQL and SQLite, and can be reverted."""
 
 import itertools
 import multiprocessing
@@ -34,7 +34,7 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     return str(server.url(server.new_database()))
 
 
-def test_the_migrations_make_the_declared_tables(url: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_migrations_create_the_declared_tables(url: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_app(["database", "upgrade", url]) == 0
     line = f"The tables of the database {url} were created or brought to this version.\n"
     assert capsys.readouterr().err == line
@@ -57,7 +57,7 @@ def test_the_migrations_make_the_declared_tables(url: str, capsys: pytest.Captur
 
 
 def dies_at(number: int, url: str) -> bool:
-    """Create the tables in a process that dies before a statement with a number; return False if there are fewer."""
+    """Create the tables in a process that is killed before statement `number`; return False if there are fewer."""
     pid = os.fork()
     if pid == 0:
         count = itertools.count(1)
@@ -75,9 +75,7 @@ def dies_at(number: int, url: str) -> bool:
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 @pytest.mark.parametrize("stride", [17, pytest.param(1, marks=pytest.mark.exhaustive)])
-def test_a_process_that_dies_while_it_creates_the_tables_leaves_a_file_that_can_be_used(
-    tmp_path: Path, stride: int
-) -> None:
+def test_process_killed_while_creating_tables_leaves_a_usable_file(tmp_path: Path, stride: int) -> None:
     number, died = stride, True
     while died:
         url = f"sqlite:///{tmp_path / f'{number}.sqlite'}"
@@ -98,7 +96,7 @@ def create(start: float, url: str) -> None:
 
 
 @pytest.mark.long
-def test_two_processes_create_the_same_file_at_once(tmp_path: Path) -> None:
+def test_two_processes_can_create_the_same_file_simultaneously(tmp_path: Path) -> None:
     with multiprocessing.get_context("spawn").Pool(2) as pool:
         pool.starmap(create, [(0.0, f"sqlite:///{tmp_path / 'first.sqlite'}")] * 2, chunksize=1)  # imports are done
         for number in range(5):
@@ -106,7 +104,7 @@ def test_two_processes_create_the_same_file_at_once(tmp_path: Path) -> None:
             pool.starmap(create, work, chunksize=1)
 
 
-def test_a_file_that_another_process_writes_is_opened_without_waiting(tmp_path: Path) -> None:
+def test_file_locked_by_another_process_is_opened_without_waiting(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     upgrade(url)
     engine = create_engine(url)
@@ -121,7 +119,7 @@ def test_a_database_without_tables_is_refused(postgres) -> None:
         connect(postgres.url(postgres.new_database()))
 
 
-def test_a_database_of_a_later_version_is_not_used(url: str) -> None:
+def test_database_of_a_later_version_is_refused(url: str) -> None:
     upgrade(url)
     engine = create_engine(url)
     with engine.begin() as connection:
@@ -132,7 +130,7 @@ def test_a_database_of_a_later_version_is_not_used(url: str) -> None:
             use(url)
 
 
-def test_a_login_without_a_right_is_refused(postgres, shared_database: str) -> None:
+def test_login_without_permissions_is_refused(postgres, shared_database: str) -> None:
     postgres.execute("DROP ROLE IF EXISTS stranger")
     postgres.execute("CREATE ROLE stranger LOGIN")
     with raises_code(ConfigurationError, "database.refused") as caught:
@@ -140,7 +138,7 @@ def test_a_login_without_a_right_is_refused(postgres, shared_database: str) -> N
     assert "permission denied for table alembic_version" in str(caught.value)
 
 
-def test_no_statement_waits_for_ever(shared_database: str) -> None:
+def test_statements_have_a_timeout(shared_database: str) -> None:
     engine = connect(shared_database)
     with engine.connect() as connection:
         found = [connection.execute(text(f"SHOW {name}")).scalar() for name in ("lock_timeout", "statement_timeout")]
@@ -149,7 +147,7 @@ def test_no_statement_waits_for_ever(shared_database: str) -> None:
 
 
 @pytest.mark.parametrize("place", ["environment", "keyring"])
-def test_an_unreachable_database_is_named_without_its_password(monkeypatch: pytest.MonkeyPatch, place: str) -> None:
+def test_unreachable_database_is_reported_without_its_password(monkeypatch: pytest.MonkeyPatch, place: str) -> None:
     if place == "environment":
         monkeypatch.setenv("PGPASSWORD", "geheim")
     else:
@@ -162,7 +160,7 @@ def test_an_unreachable_database_is_named_without_its_password(monkeypatch: pyte
 
 @pytest.mark.parametrize("use", [connect, upgrade])
 @pytest.mark.parametrize("away", ["server", "database", "folder"])
-def test_the_remedy_of_a_database_that_is_away_is_not_about_rights(
+def test_remedy_for_an_unreachable_database_does_not_mention_permissions(
     use: Callable[[str], object], away: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     url = f"sqlite:///{tmp_path / 'unmounted' / 'x.sqlite'}"
@@ -175,7 +173,7 @@ def test_the_remedy_of_a_database_that_is_away_is_not_about_rights(
     assert ". Check network, server, port, name of the database, user and password; the folder of" in str(caught.value)
 
 
-def test_a_file_that_is_no_database_is_not_upgraded(tmp_path: Path) -> None:
+def test_file_that_is_not_a_database_is_not_upgraded(tmp_path: Path) -> None:
     (tmp_path / "x.sqlite").write_text("this is no database, but a text that is long enough for its header" * 10)
     with raises_code(ConfigurationError, "database.not_upgraded"):
         upgrade(f"sqlite:///{tmp_path / 'x.sqlite'}")
@@ -190,7 +188,7 @@ def test_a_file_that_is_no_database_is_not_upgraded(tmp_path: Path) -> None:
         ("nothing geheim", "database.no_url"),
     ],
 )
-def test_a_url_that_cannot_be_used_is_refused_without_showing_it(url: str, code: str) -> None:
+def test_invalid_url_is_refused_without_showing_it(url: str, code: str) -> None:
     with raises_code(ConfigurationError, code) as caught:
         connect(url)
     assert "geheim" not in str(caught.value)

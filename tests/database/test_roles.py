@@ -1,4 +1,4 @@
-"""Each role can do its work in the shared database and nothing else."""
+"""Each database role has exactly the permissions it needs."""
 
 import shutil
 import subprocess
@@ -20,7 +20,7 @@ from tests.helpers import ignore_progress, raises_code
 
 @pytest.fixture
 def database(postgres, shared_database: str, capsys: pytest.CaptureFixture[str]) -> str:
-    """Name of a database with the roles, and a login of each: ``line``, ``solver``, ``quality`` and ``nobody_here``."""
+    """Name of a database with a login for each role: ``line``, ``solver``, ``quality`` and ``nobody_here``."""
     name = shared_database.rpartition("/")[2]
     assert run_app(["database", "roles"]) == 0
     roles = capsys.readouterr().out
@@ -55,7 +55,9 @@ def test_stations_exchange_and_claim_with_their_role(postgres, database: str, tm
     assert len(in_database(postgres.url(database))) == 2
 
 
-def test_a_station_compares_versions(postgres, database: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stations_compare_versions_with_their_role(
+    postgres, database: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
     folder = tmp_path / "line 1"
     folder.mkdir()
@@ -129,7 +131,7 @@ def test_a_station_changes_only_its_own_runs(postgres, database: str, tmp_path: 
         each.close()
 
 
-def test_without_policies_a_folder_follows_its_login(postgres, shared_database: str, tmp_path: Path) -> None:
+def test_without_row_policies_the_last_login_owns_the_folder(postgres, shared_database: str, tmp_path: Path) -> None:
     postgres.execute("DROP ROLE IF EXISTS anybody")
     postgres.execute("CREATE ROLE anybody SUPERUSER LOGIN")
     name = shared_database.rpartition("/")[2]
@@ -183,7 +185,7 @@ FORBIDDEN = {
 
 
 @pytest.mark.parametrize("login", FORBIDDEN)
-def test_a_role_can_do_nothing_else(postgres, database: str, login: str) -> None:
+def test_statements_outside_a_role_are_denied(postgres, database: str, login: str) -> None:
     for command in FORBIDDEN[login]:
         with pytest.raises(subprocess.CalledProcessError) as caught:
             postgres.execute(command, database, login)

@@ -36,7 +36,7 @@ def changed(tmp_path: Path, kind: str, name: str, *changes: tuple[str, str]) -> 
     return path
 
 
-def test_the_answer_reaches_the_limits_with_its_margin_under_every_condition(mems):
+def test_designed_schedule_meets_the_limits_with_margin_under_all_conditions(mems):
     assert mems.worst <= mems.margin * 1.001
     assert mems.sigma[NAMES.index(mems.limiting)] == pytest.approx(mems.worst * mems.limits[NAMES.index(mems.limiting)])
     assert 1 < mems.planned <= len(mems.moves)
@@ -47,7 +47,7 @@ def test_the_answer_reaches_the_limits_with_its_margin_under_every_condition(mem
     assert sum(rest >= mems.gravity_rest for rest in mems.rests) >= 3
 
 
-def test_the_json_has_the_names_of_the_public_interface(mems):
+def test_json_uses_the_names_of_the_public_interface(mems):
     shown = mems.to_json()
     assert shown["duration_s"] == mems.duration
     assert shown["moves"] == [list(move) for move in mems.moves]
@@ -55,7 +55,7 @@ def test_the_json_has_the_names_of_the_public_interface(mems):
     assert {row["cause"] for row in shown["hidden"]} >= {"accel_cubic", "gyro_asymmetry", "drift_throughout"}
 
 
-def test_the_product_with_the_answer_is_valid(mems):
+def test_product_with_the_designed_schedule_is_valid(mems):
     text = designed_product(read_text(library.find("products", "mems_c")), mems)
     assert check("products", text) == []
     assert 'stages = ["designed"]' in text
@@ -72,7 +72,7 @@ def test_the_product_with_the_answer_is_valid(mems):
         ((("sigma_below = 0.0001", "sigma_below = 1e-7"),), "design.gravity"),
     ],
 )
-def test_what_cannot_be_reached_is_refused_with_the_least_sigma(tmp_path, changes, code):
+def test_unreachable_limit_is_reported_with_the_smallest_possible_sigma(tmp_path, changes, code):
     product = changed(tmp_path, "products", "mems_c", *changes)
     with raises_code(ConfigurationError, code) as raised:
         design_schedule(ignore, DesignRequest(product=product, time_limit=1.0))
@@ -94,7 +94,7 @@ def test_what_cannot_be_reached_is_refused_with_the_least_sigma(tmp_path, change
     ],
     ids=("short travel", "slow", "oblique inner axis"),
 )
-def test_other_tables_get_schedules_that_the_bench_drives(tmp_path, monkeypatch, table):
+def test_schedules_for_other_tables_run_on_the_bench(tmp_path, monkeypatch, table):
     from calstation.config import RunRequest
 
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
@@ -114,7 +114,7 @@ def test_other_tables_get_schedules_that_the_bench_drives(tmp_path, monkeypatch,
 
 
 @pytest.mark.long
-def test_the_best_sigmas_for_a_time_are_better_in_more_time():
+def test_longer_duration_gives_smaller_sigmas():
     product = library.find("products", "mems_c")
     short, long = (
         design_schedule(ignore, DesignRequest(product=product, duration=d, time_limit=1.0)) for d in (15.0, 30.0)
@@ -126,7 +126,7 @@ def test_the_best_sigmas_for_a_time_are_better_in_more_time():
 
 
 @pytest.mark.long
-def test_the_stages_of_a_product_become_shorter_within_its_limits():
+def test_stages_of_a_product_are_shortened_within_its_limits():
     product = library.find("products", "mems_c")
     found = shorten_stages(ignore, DesignRequest(product=product))
     assert found.duration < 0.5 * found.present

@@ -1,4 +1,4 @@
-"""The search for schedules on a small problem: a MEMS unit and some of its limits."""
+"""The schedule search on a small problem: a MEMS unit with some of its limits."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -41,7 +41,7 @@ def ratios(problem, stops):
     return problem.ratios(states(problem.library, stops)[-1][None])[0]
 
 
-def test_the_beam_finds_the_same_schedule_again_within_travel_and_targets(problem):
+def test_beam_search_is_reproducible_and_respects_travel_and_targets(problem):
     front = Front()
     seconds, stops = answer(problem, front=front)
     assert (seconds, stops) == answer(problem)
@@ -55,7 +55,7 @@ def test_the_beam_finds_the_same_schedule_again_within_travel_and_targets(proble
     assert (np.diff(worst) < 0.0).all()
 
 
-def test_exchanges_never_lose_the_answer_and_shorten_a_poor_one(problem):
+def test_exchange_search_keeps_a_solution_and_shortens_a_poor_one(problem):
     _, stops = answer(problem)
     poor = (*stops[:-1], replace(stops[-1], rest=stops[-1].rest + 20))
     exchange = Exchange(problem, poor, seed=3)
@@ -70,7 +70,7 @@ def test_exchanges_never_lose_the_answer_and_shorten_a_poor_one(problem):
     assert again.best == exchange.best
 
 
-def test_a_schedule_is_continued_from_its_end(problem):
+def test_schedule_is_extended_from_its_end(problem):
     seconds, stops = answer(problem)
     tighter = replace(problem, targets=0.8 * problem.targets)
     before = stops, states(problem.library, stops)[-1], seconds
@@ -81,7 +81,7 @@ def test_a_schedule_is_continued_from_its_end(problem):
     assert ratios(tighter, more).max() <= 1.0
 
 
-def test_what_an_hour_cannot_reach_is_told_with_what_it_can(problem):
+def test_unreachable_targets_are_reported_with_the_achievable_ratios(problem):
     found, shown = reachable(problem, 0)
     assert found is not None
     assert shown.max() <= 1.0
@@ -91,18 +91,18 @@ def test_what_an_hour_cannot_reach_is_told_with_what_it_can(problem):
     assert left.max() > 1.0
 
 
-def test_a_table_without_room_for_quarter_turns_is_walked_too(problem):
+def test_search_handles_travel_shorter_than_a_quarter_turn(problem):
     eighth = replace(problem, low=(-1, -1), high=(1, 1), turns=(-1, 0, 1), targets=1e-6 * problem.targets)
     found, left = reachable(eighth, 0)
     assert found is None
     assert np.isfinite(left).all()
 
 
-def test_what_is_missing_counts_only_what_is_above_its_target():
+def test_missing_information_counts_only_sigmas_above_their_targets():
     assert missing(np.array([[0.5, 1.0, np.e], [0.0, 0.1, 0.2]])) == pytest.approx([1.0, 0.0])
 
 
-def test_a_move_the_table_cannot_do_is_not_tried(problem):
+def test_moves_beyond_the_table_travel_are_not_tried(problem):
     assert not problem.allowed((6, 0))
     assert all(abs(outer) <= 4 and abs(inner) <= 4 for outer, inner in problem.next_positions((4, -4)))
     assert Stop((0, 0), 1).position not in list(problem.next_positions((0, 0)))

@@ -1,4 +1,4 @@
-"""Settings of tables and products that the designer must respect."""
+"""The designer respects the settings of tables and products."""
 
 import numpy as np
 import pytest
@@ -10,13 +10,13 @@ from tests.design.test_designer import changed, ignore
 from tests.helpers import raises_code
 
 
-def test_a_speed_beyond_the_table_is_refused():
+def test_rate_above_the_table_limit_is_refused():
     product = library.find("products", "mems_c")
     with raises_code(ConfigurationError, "motion.rate_outside"):
         design_schedule(ignore, DesignRequest(product=product, rate_dps=500.0, time_limit=1.0))
 
 
-def test_a_table_without_room_is_refused(tmp_path, monkeypatch):
+def test_table_with_insufficient_travel_is_refused(tmp_path, monkeypatch):
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
     changed(
         tmp_path, "tables", "bench", ("low_deg = -1080.0", "low_deg = -30.0"), ("high_deg = 1080.0", "high_deg = 30.0")
@@ -27,13 +27,13 @@ def test_a_table_without_room_is_refused(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("station", ["virtual_hand", "virtual_gimbal"])
-def test_a_station_without_a_driven_table_is_refused(station):
+def test_station_without_a_motorised_table_is_refused(station):
     with pytest.raises(ConfigurationError):
         design_schedule(ignore, DesignRequest(library.find("stations", station), time_limit=1.0))
 
 
 @pytest.mark.long
-def test_a_table_with_a_known_lever_gets_a_schedule(tmp_path, monkeypatch):
+def test_schedule_is_designed_for_a_table_with_a_fixed_lever_arm(tmp_path, monkeypatch):
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
     changed(tmp_path, "tables", "bench", ('outer_lever = "estimated"', 'outer_lever = "fixed"'))
     station = changed(tmp_path, "stations", "virtual_bench", ('profile = "bench"', 'profile = "bench_changed"'))
@@ -43,7 +43,7 @@ def test_a_table_with_a_known_lever_gets_a_schedule(tmp_path, monkeypatch):
     assert found.worst <= 0.801
 
 
-def test_the_targets_of_a_run_are_those_of_the_design(tmp_path):
+def test_run_uses_the_targets_of_the_design(tmp_path):
     product = changed(
         tmp_path,
         "products",
@@ -65,7 +65,7 @@ def test_the_targets_of_a_run_are_those_of_the_design(tmp_path):
 
 
 @pytest.mark.long
-def test_a_designed_product_keeps_no_targets_of_other_stages(tmp_path):
+def test_designed_product_drops_targets_of_other_stages(tmp_path):
     product = changed(tmp_path, "products", "mems_c", ("stages = ", "targets = { gyro_scale = 1.0 }\nstages = "))
     found = design_schedule(ignore, DesignRequest(product=product, time_limit=1.0))
     assert "gyro_scale = 1.0" not in designed_product(read_text(product), found)

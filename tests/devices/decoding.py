@@ -1,4 +1,4 @@
-"""Decodes a byte stream, also in pieces, into the frames of all of them."""
+"""Decode a byte stream, whole or in pieces, into frames."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A bench unit's processor on a wire in memory, under a supply that can break down at any byte."""
+"""A simulated unit on an in-memory serial line with a power supply that can fail at any byte."""
 
 import threading
 from collections.abc import Iterator
@@ -31,9 +31,9 @@ NAMES = ("gyro_bias_x", "gyro_bias_y", "gyro_bias_z", "accel_bias_x", "accel_bia
 
 @dataclass(frozen=True)
 class Kind:
-    """What a unit is, who speaks with it, and its shipped profile with the section of its commands.
+    """A type of unit with its driver, its shipped profile and the profile section of its commands.
 
-    names : parameters whose registers it has, () for all of the profile
+    names : parameters stored in its registers, () for all parameters of the profile
     """
 
     unit: type[ImuUnit]
@@ -51,31 +51,31 @@ KINDS = {
 }
 
 
-class Dark(BaseException):
-    """The station itself has no power any more: nothing catches this."""
+class PowerLost(BaseException):
+    """Raised if the station itself loses power; never caught by the code under test."""
 
 
 class Supply:
-    """Power for so many bytes on the wire, in flash or in the journal; None for ever."""
+    """Power for `budget` bytes on the wire, in flash or in the journal; None for unlimited power."""
 
     def __init__(self, budget: int | None = None) -> None:
         self.budget = budget
         self.spent = 0
 
     def take(self, wanted: int) -> int:
-        """How many of `wanted` bytes there is power for."""
+        """Return for how many of `wanted` bytes power is left."""
         given = wanted if self.budget is None else min(wanted, self.budget - self.spent)
         self.spent += given
         return given
 
     @property
-    def dark(self) -> bool:
-        """Whether the power has broken down."""
+    def exhausted(self) -> bool:
+        """Whether the power has failed."""
         return self.budget is not None and self.spent >= self.budget
 
 
 class Wire:
-    """The unit's serial line; stands in for `SerialLink`."""
+    """The serial line of the unit; replaces `SerialLink`."""
 
     port, name = "memory", "IMU"
 
@@ -94,7 +94,7 @@ class Wire:
         unit.flash.burn = burn_while_powered  # type: ignore[method-assign]
 
     def write(self, data: bytes) -> None:
-        """Commands, carried out as far as there is power."""
+        """Execute commands as far as power is left."""
         self._check()
         given = self._supply.take(len(data))
         self._time += 1.0  # so that its flash is never busy
@@ -104,7 +104,7 @@ class Wire:
         self._check()
 
     def read(self, wait: float) -> bytes:
-        """What the unit has answered."""
+        """Return the replies of the unit."""
         if not self._waiting:
             self._check()
             self._ready.wait(min(wait, 0.0002))
@@ -114,16 +114,16 @@ class Wire:
         return data
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing."""
 
     def _check(self) -> None:
-        if self._supply.dark:
+        if self._supply.exhausted:
             raise PortLostError("link.lost", device="imu", port="memory", reason="no power")
 
 
 @cache
 def profile(timeout_s: float = 0.5, kind: Kind = FRAMED) -> ImuProfile:
-    """The shipped profile with the kind's registers."""
+    """Return the shipped profile with the registers of `kind`."""
     shipped = load_imu_profile(library.shipped_folder() / "imus" / f"{kind.profile}.toml")
     entries = [entry for entry in shipped.registers if not kind.names or entry.parameters[0] in kind.names]
     times = {"timeout_s": timeout_s, "commit_timeout_s": timeout_s}
@@ -133,7 +133,7 @@ def profile(timeout_s: float = 0.5, kind: Kind = FRAMED) -> ImuProfile:
 
 @cache
 def registers(kind: Kind = FRAMED) -> RegisterMap:
-    """Of a kind's profile."""
+    """Return the register map of a type of unit."""
     return RegisterMap(tuple(profile(kind=kind).registers))
 
 
@@ -142,7 +142,7 @@ MAP = registers()
 
 @cache
 def direct(driver: type[RegisteredImu]) -> type[RegisteredImu]:
-    """A driver without its thread: every command is answered, or lost, before the next."""
+    """Return the driver class without its thread: every command is answered or lost before the next one."""
 
     class Direct(driver):  # type: ignore[misc, valid-type]
         def _serve(self) -> None: ...
@@ -163,7 +163,7 @@ def direct(driver: type[RegisteredImu]) -> type[RegisteredImu]:
 
 
 class Unit:
-    """A unit that keeps its flash in a file; every `powered` is a power-up with a driver on its wire."""
+    """A unit with its flash in a file; each `powered` context is a power-up with a driver on its wire."""
 
     def __init__(self, flash: Path, banks: int = 2, kind: Kind = FRAMED) -> None:
         self._flash, self._banks, self._kind = flash, banks, kind
@@ -171,25 +171,25 @@ class Unit:
 
     @contextmanager
     def powered(self, supply: Supply | None = None, timeout_s: float = 0.5) -> Iterator[RegisteredImu]:
-        """The driver on the running unit."""
+        """Power the unit up and yield its driver."""
         with self._driven(self._kind.driver, supply or Supply(), timeout_s) as imu:
             yield imu
 
     @contextmanager
     def directly(self, supply: Supply) -> Iterator[RegisteredImu]:
-        """The same without the driver's thread, for thousands of power-ups."""
+        """Do the same without the driver's thread, for thousands of power-ups."""
         with self._driven(direct(self._kind.driver), supply, 0.5) as imu:
             yield imu
 
     @property
     def flash(self) -> dict[str, float]:
-        """What it would wake up with, by parameter."""
+        """Return the register values after the next power-up, by parameter."""
         with self.directly(Supply()) as imu:
             return imu.read_registers()
 
     @property
     def cycles(self) -> int:
-        """Times that its flash was burnt."""
+        """Return the number of write cycles of its flash."""
         return self._boot().flash.cycles
 
     @contextmanager

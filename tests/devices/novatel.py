@@ -1,10 +1,10 @@
-"""Lines of NovAtel's log RAWIMUSA."""
+"""Lines of NovAtel's RAWIMUSA log."""
 
 from zlib import crc32
 
 
 def novatel_check(text: str) -> int:
-    """NovAtel's CRC-32 is zlib's without the inversions at start and end."""
+    """Return NovAtel's CRC-32, which is zlib's without the inversions at start and end."""
     return crc32(text.encode(), 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 

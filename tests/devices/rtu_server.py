@@ -1,4 +1,4 @@
-"""A Modbus RTU device on a pseudo-terminal that answers in order, each answer as late as a test says."""
+"""A Modbus RTU device on a pseudo-terminal that responds in order, each response with a configured delay."""
 
 import os
 import select
@@ -15,7 +15,7 @@ def crc(data: bytes) -> bytes:
 
 
 class RtuServer(threading.Thread):
-    """Register n holds n where `words` says nothing else; answer k is `late[k]` s late, or is not given: None."""
+    """Register n contains n unless `words` overrides it; response k is delayed by `late[k]` s, or omitted if None."""
 
     def __init__(self, late: Mapping[int, float | None] | None = None, words: Mapping[int, int] | None = None) -> None:
         import tty
@@ -32,19 +32,19 @@ class RtuServer(threading.Thread):
         self.start()
 
     def close(self) -> None:
-        """Pull the plug."""
+        """Disconnect the device."""
         self._closing.set()
         self.join(5.0)
         for end in (self._slave, self._master):
             os.close(end)
 
-    def obey(self, function: int, address: int, values: Iterable[int]) -> int:
-        """Store what is written; the exception it is answered with, 0 for none."""
+    def store(self, function: int, address: int, values: Iterable[int]) -> int:
+        """Store a write; return the Modbus exception code, or 0 on success."""
         self.words |= {address + i: value for i, value in enumerate(values)}
         return 0
 
-    def tell(self, address: int) -> int | None:
-        """What a register holds, None where it is not told now: exception 6."""
+    def value_of(self, address: int) -> int | None:
+        """Return the value of a register, or None to respond with exception 6."""
         return self.words.get(address, address)
 
     def run(self) -> None:
@@ -69,13 +69,13 @@ class RtuServer(threading.Thread):
         refused = 0
         body = frame[:6]
         if function == 3:
-            told = [self.tell(address + i) for i in range(second)]
+            told = [self.value_of(address + i) for i in range(second)]
             words = [word for word in told if word is not None]
             refused = 6 if len(words) < second else 0
             body = frame[:2] + struct.pack(f">B{len(words)}H", 2 * len(words), *words)
         else:
             values = [second] if function == 6 else struct.unpack(f">{second}H", frame[7:-2])
-            refused = self.obey(function, address, values)
+            refused = self.store(function, address, values)
         if refused:
             body = bytes([unit, function | 0x80, refused])
         late = self.late.get(len(self.requests) - 1, 0.0)

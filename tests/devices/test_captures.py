@@ -1,4 +1,4 @@
-"""Real byte streams of three makers decode by profile: no packet lost or wrong, every number as its reference says."""
+"""Real byte streams of three manufacturers decode by profile without lost packets and match their references."""
 
 import datetime
 import itertools
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(not CAPTURES.is_dir(), reason=f"no recordings at
 
 
 def with_fields(profile: ImuProfile, fields: list[dict[str, Any]]) -> FrameSection:
-    """The profile's frame with fields for everything that it carries."""
+    """Return the frame of a profile with fields for all its content."""
     return FrameSection.model_validate({**profile.frame.model_dump(exclude_unset=True), "fields": fields})
 
 
@@ -35,7 +35,7 @@ VECTORS = {"accel": "04", "gyro": "05", "mag": "06", "euler": "0C"}
 
 
 def mip_reference(data: bytes) -> list[tuple[int, dict[int, bytes]]]:
-    """Set and fields of every packet, walked plainly; raises where bytes are left over or a checksum is wrong."""
+    """Parse every packet independently; raise on leftover bytes or a wrong checksum."""
     packets, place = [], 0
     while place < len(data):
         assert data[place : place + 2] == b"ue"
@@ -54,7 +54,7 @@ def mip_reference(data: bytes) -> list[tuple[int, dict[int, bytes]]]:
     return packets
 
 
-def test_microstrain_mip_byte_by_byte() -> None:
+def test_microstrain_mip_decodes_byte_by_byte() -> None:
     frame = load_imu_profile(IMUS / "microstrain_mip.toml").frame
     data = (CAPTURES / "microstrain_mip" / "mip_data.bin").read_bytes()[:30_000]
     (_, whole), (_, pieces) = decode(frame, data), decode(frame, data, 1)
@@ -65,7 +65,7 @@ def test_microstrain_mip_byte_by_byte() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("cut", [17, *(pytest.param(cut, marks=pytest.mark.exhaustive) for cut in (0, 4096))])
-def test_microstrain_mip(cut: int) -> None:
+def test_microstrain_mip_decodes_and_matches_its_reference(cut: int) -> None:
     data = (CAPTURES / "microstrain_mip" / "mip_data.bin").read_bytes()
     fields: list[dict[str, Any]] = [
         {"name": "counter", "item": "D5", "type": "u64"},
@@ -85,7 +85,7 @@ def test_microstrain_mip(cut: int) -> None:
             np.testing.assert_array_equal(found, told)
 
 
-def test_microstrain_samples_follow_each_other_without_a_gap() -> None:
+def test_microstrain_samples_have_no_gaps() -> None:
     profile = load_imu_profile(IMUS / "microstrain_mip.toml")
     data = (CAPTURES / "microstrain_mip" / "mip_data.bin").read_bytes()
     decoder, frames = decode(profile.frame, data, 1000)
@@ -153,7 +153,7 @@ def xsens_fields(kind: str) -> list[dict[str, Any]]:
 
 
 def xsens_reference(path: Path) -> list[dict[str, float]]:
-    """Every number of every packet in a decoded text, under the names of `xsens_fields`."""
+    """Return every number of every packet in a decoded text, by the names of `xsens_fields`."""
     packets = []
     for block in re.split(r"\n\s*\n", path.read_text().strip()):
         numbers: dict[str, float] = {}
@@ -189,7 +189,7 @@ def xsens_reference(path: Path) -> list[dict[str, float]]:
 @pytest.mark.parametrize(
     ("folder", "kind"), [("1", "Float32"), ("2", "FP1220"), ("3", "FP1632"), ("4", "Float64"), ("5", "Float32")]
 )
-def test_xsens_mtdata2(folder: str, kind: str, cut: int) -> None:
+def test_xsens_mtdata2_decodes_and_matches_its_reference(folder: str, kind: str, cut: int) -> None:
     place = CAPTURES / "xsens_mtdata2" / folder
     frame = with_fields(load_imu_profile(IMUS / "xsens_mtdata2.toml"), xsens_fields(kind))
     decoder, frames = decode(frame, (place / "output.bin").read_bytes(), cut)
@@ -205,7 +205,7 @@ def test_xsens_mtdata2(folder: str, kind: str, cut: int) -> None:
             assert found[name] == pytest.approx(value, rel=1e-15, abs=0), (row, name)
 
 
-def test_xsens_samples_skip_no_count_where_other_packets_come_between() -> None:
+def test_other_packets_between_xsens_samples_cause_no_gap() -> None:
     profile = load_imu_profile(IMUS / "xsens_mtdata2.toml")
     data = (CAPTURES / "xsens_mtdata2" / "1" / "output.bin").read_bytes()
     decoder, frames = decode(profile.frame, data, 100)
@@ -222,7 +222,7 @@ def test_xsens_samples_skip_no_count_where_other_packets_come_between() -> None:
 # STIM300 and a laboratory board ---------------------------------------------------------------------------------
 
 
-def test_stim300() -> None:
+def test_stim300_datagram_decodes_and_matches_its_reference() -> None:
     profile = load_imu_profile(IMUS / "stim300.toml")
     data = (CAPTURES / "stim300_one_datagram" / "datagram_full.bin").read_bytes()
     body = (CAPTURES / "stim300_one_datagram" / "datagram_body_59B.bin").read_bytes()
@@ -240,7 +240,7 @@ def test_stim300() -> None:
     assert status[0] == 0
 
 
-def test_stim300_by_parameters_of_its_crc_and_with_every_bit_flipped() -> None:
+def test_crc_detects_every_flipped_bit_of_a_stim300_datagram() -> None:
     profile = load_imu_profile(IMUS / "stim300.toml")
     named = profile.frame.model_dump(exclude_unset=True)
     crc = {"kind": "crc", "width": 32, "polynomial": 0x04C11DB7, "initial": 0xFFFFFFFF, "start": 0, "pad": 1}
@@ -254,7 +254,7 @@ def test_stim300_by_parameters_of_its_crc_and_with_every_bit_flipped() -> None:
 
 
 @pytest.mark.skipif(not BOARD.is_file(), reason=f"no recording at {BOARD}")
-def test_a_board_of_eight_imus_with_an_additive_sum() -> None:
+def test_board_of_eight_imus_with_an_additive_checksum_decodes() -> None:
     names = [f"{sensor}_{axis}" for sensor in ("accel", "gyro") for axis in "xyz"]
     fields = [{"name": n, "type": t} for n, t in (("counter", "u16"), ("spare_length", "u8"), ("clock", "u32"))]
     fields += [{"name": f"{name}_{k}", "type": "i16"} for k in range(8) for name in names]
@@ -285,7 +285,7 @@ def recordings() -> list[tuple[str, Path]]:
 # The same noise every time: a check of one byte would let some of it pass in the long run.
 @settings(derandomize=True)
 @given(data=st.data())
-def test_sound_packets_are_found_again_after_any_noise(which: int, data: st.DataObject) -> None:
+def test_valid_packets_are_found_after_arbitrary_noise(which: int, data: st.DataObject) -> None:
     name, path = recordings()[which]
     frame = load_imu_profile(IMUS / f"{name}.toml").frame
     stream = path.read_bytes()[:4000]

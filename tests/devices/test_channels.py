@@ -1,4 +1,4 @@
-"""What channels can show follows from the types in which they come."""
+"""Range and resolution of the channels follow from their data types."""
 
 import tomllib
 from typing import Any
@@ -24,7 +24,7 @@ def frame(*types: dict[str, Any], **changes: Any) -> FrameSection:
     return FrameSection.model_validate(section)
 
 
-def test_whole_numbers_saturate_at_the_ends_of_their_type() -> None:
+def test_integer_channels_saturate_at_the_limits_of_their_type() -> None:
     shown = span(
         frame(
             {"type": "i16"},
@@ -40,19 +40,19 @@ def test_whole_numbers_saturate_at_the_ends_of_their_type() -> None:
     np.testing.assert_array_equal(shown.high, [32767, 2**23 - 1, 16384, 32767, 2048 - 2.0**-20, 1000])
 
 
-def test_floats_have_no_step_and_no_bound_but_a_stated_reach() -> None:
+def test_float_channels_have_no_resolution_and_only_a_stated_range() -> None:
     shown = span(frame({"type": "f32", "reach": 34.9}, *[{"type": "f64"}] * 5))
     np.testing.assert_array_equal(shown.step, np.zeros(6))
     np.testing.assert_array_equal(shown.high, [34.9, *[np.inf] * 5])
     np.testing.assert_array_equal(shown.low, -shown.high)
 
 
-def test_the_resolution_of_a_text_line_is_unknown() -> None:
+def test_resolution_of_a_text_channel_is_unknown() -> None:
     shown = span(frame(*[{"type": "f64"}] * 6, format="text", sync="$X"))
     assert np.isinf(shown.step).all()
 
 
-def test_only_a_channel_has_a_reach() -> None:
+def test_only_channels_may_state_a_range() -> None:
     path = library.find("imus", "vectornav_vn100")
     text = path.read_text(encoding="utf-8").replace(
         '{ name = "temperature", type = "f32" }', '{ name = "temperature", type = "f32", reach = 80.0 }'

@@ -1,4 +1,4 @@
-"""`[corrected]` of an IMU profile: what fits its link and what is refused by the entry; the drivers' byte pairs."""
+"""The `[corrected]` section of an IMU profile: valid and refused entries, and the bytes that the drivers exchange."""
 
 import tomllib
 from pathlib import Path
@@ -52,14 +52,16 @@ def profile(name: str, corrected: dict[str, Any] | None, **changes: Any) -> ImuP
         ("bench_nav", {"stream": 2, "frame": COUNTER_ALONE}, {}, "corrected.frame.fields profile.field_missing"),
     ],
 )
-def test_mismatches_are_reported(name: str, corrected: dict[str, Any], changes: dict[str, Any], told: str) -> None:
+def test_incompatible_corrected_sections_are_reported(
+    name: str, corrected: dict[str, Any], changes: dict[str, Any], told: str
+) -> None:
     with pytest.raises(ConfigurationError) as error:
         profile(name, corrected, **changes)
     assert complaint(error.value) == told
 
 
 def own_frame(name: str, place: str, value: Any) -> dict[str, Any]:
-    """`[corrected]` of a shipped profile with a frame of its own: the raw one, or the one it has, a value changed."""
+    """Return `[corrected]` of a shipped profile with its own frame, in which one value is changed."""
     data = tomllib.loads((IMUS / f"{name}.toml").read_text(encoding="utf-8"))
     frame = data["corrected"].get("frame", data["frame"])
     if place == "fields":
@@ -97,9 +99,7 @@ def at_half_the_rate(fields: list[dict[str, Any]]) -> list[dict[str, Any]]:
         ),
     ],
 )
-def test_the_frame_of_the_corrected_stream_is_checked_like_the_raw_one(
-    name: str, place: str, value: Any, told: str
-) -> None:
+def test_corrected_frame_is_validated_like_the_raw_frame(name: str, place: str, value: Any, told: str) -> None:
     with pytest.raises(ConfigurationError) as error:
         profile(name, own_frame(name, place, value))
     assert complaint(error.value) == told

@@ -1,4 +1,4 @@
-"""A counter in floating seconds: NovAtel's RAWIMUSA."""
+"""A sample counter in floating-point seconds: NovAtel's RAWIMUSA."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ REAL = (
 
 
 @pytest.mark.parametrize("cut", [0, 7])
-def test_real_lines(cut: int) -> None:
+def test_recorded_rawimusa_lines_decode(cut: int) -> None:
     decoder, frames = decode(FRAME, "".join(REAL).encode(), cut)
     assert (len(frames), decoder.crc_errors) == (2, 0)
     _, counts, _, status = decoder.samples(frames)
@@ -30,7 +30,7 @@ def test_real_lines(cut: int) -> None:
     assert all(f"{novatel_check(line[1:].split('*')[0]):08x}" == line[-10:-2] for line in REAL)
 
 
-def test_samples_are_counted_by_time_and_gaps_and_restarts_are_found() -> None:
+def test_gaps_and_restarts_are_detected_from_the_time() -> None:
     random = np.random.default_rng(1)
     true = np.concatenate([np.arange(0, 400), np.arange(407, 700)])
     seconds = 604_780.0 + 0.01 * true + random.uniform(-3e-4, 3e-4, len(true))
@@ -46,13 +46,13 @@ def test_samples_are_counted_by_time_and_gaps_and_restarts_are_found() -> None:
     assert (count.gaps, count.restarts) == (2, 1)
 
 
-def test_a_line_without_a_time_is_no_sample() -> None:
+def test_line_without_a_time_is_not_a_sample() -> None:
     body = "RAWIMUSA,1815,1.0;1815,nan,00000077,63811,-6290,6253,7,-31,14"
     decoder, frames = decode(FRAME, f"%{body}*{novatel_check(body):08x}\r\n".encode())
     assert len(decoder.samples(frames).counter) == 0
 
 
-def test_a_floating_counter_needs_the_time_of_a_sample() -> None:
+def test_float_counter_requires_the_sample_interval() -> None:
     fields = [f.model_dump(exclude_unset=True) for f in FRAME.fields]
     del fields[0]["per_sample"]
     with pytest.raises(EntryError, match="or f32 or f64 with per_sample"):

@@ -1,4 +1,4 @@
-"""A frame format is a profile: fixed, of told length, of items, text; a wrong profile is told by its entry."""
+"""Profiles describe fixed, length-prefixed, item and text frames; an invalid profile is reported by its entry."""
 
 import struct
 from typing import Any
@@ -40,7 +40,7 @@ def vn_binary(nanoseconds: int, *channels: float) -> bytes:
 
 
 @pytest.mark.parametrize("cut", [0, 1, 5])
-def test_vectornav_binary(cut: int) -> None:
+def test_vectornav_binary_frames_decode(cut: int) -> None:
     frame = section(**VN_BINARY)
     data = b"".join(vn_binary(5_000_000 * k, *(0.25 * k + i for i in range(6))) for k in (9, 10, 12))
     decoder, frames = decode(frame, b"\xfa\x01" + data + b"\xfa", cut)
@@ -77,7 +77,7 @@ def line(body: str) -> bytes:
     return f"{body}*{check:02X}\r\n".encode()
 
 
-def test_a_line_of_the_maker_s_manual() -> None:
+def test_line_from_the_manufacturers_manual_decodes() -> None:
     """VN-100 User Manual UM001, example of register 30."""
     fields = [{"name": n, "type": "f64"} for n in ("yaw", "pitch", "roll")]
     fields += [{"name": "counter", "type": "u32", "prefix": "T"}, {"name": "status", "type": "u16", "prefix": "S"}]
@@ -88,7 +88,7 @@ def test_a_line_of_the_maker_s_manual() -> None:
 
 
 @pytest.mark.parametrize("cut", [0, 1, 3])
-def test_vectornav_text(cut: int) -> None:
+def test_vectornav_text_lines_decode(cut: int) -> None:
     frame = section(**VN_TEXT)
     told = "$VNIMU,+01.1,-00.2,+00.3,-00.01,+00.02,-09.81,+0.001,-0.002,+0.003,+25.5,+101.3,T"
     other = line("$VNIMUX,1,2")
@@ -129,7 +129,7 @@ def item_frame(*items: tuple[int, bytes], kind: int = 0x36) -> bytes:
     return b"\xfa" + head + bytes([-sum(head) & 0xFF])
 
 
-def test_items_come_in_any_order_and_an_incomplete_frame_is_no_sample() -> None:
+def test_items_may_be_in_any_order_and_incomplete_frames_give_no_sample() -> None:
     six = struct.pack(">6h", 1, -2, 3, -4, 5, -6)
     data = (
         item_frame((0x1020, b"\x00\x07"), (0x4020, six))
@@ -148,7 +148,7 @@ def test_items_come_in_any_order_and_an_incomplete_frame_is_no_sample() -> None:
         assert (len(frames), decoder.others, decoder.crc_errors, decoder.skipped) == (5, 1, 0, 0)
 
 
-def test_items_that_do_not_fill_their_frame_are_no_frame() -> None:
+def test_frame_not_filled_by_its_items_is_invalid() -> None:
     good = item_frame((0x1020, b"\x00\x07"))
     body = b"\xff\x36\x04" + struct.pack(">HB", 0x1020, 9) + b"\x00"
     bad = b"\xfa" + body + bytes([-sum(body) & 0xFF])
@@ -157,7 +157,7 @@ def test_items_that_do_not_fill_their_frame_are_no_frame() -> None:
     assert decoder.crc_errors == 1
 
 
-def test_a_length_beyond_the_largest_is_noise_at_once() -> None:
+def test_length_above_the_maximum_is_skipped_immediately_as_noise() -> None:
     good = item_frame((0x1020, b"\x00\x07"))
     decoder = FrameDecoder(section(**{**ITEMS, "max_size": 600}))
     assert len(decoder.feed(b"\xfa\xff\x36\xff\xff\xff" + good).frames) == 1
@@ -165,7 +165,7 @@ def test_a_length_beyond_the_largest_is_noise_at_once() -> None:
     assert len(decoder.feed(good * 100).frames) == 100, "a length that could be is waited for and then given up"
 
 
-def test_status_words_are_one() -> None:
+def test_status_fields_are_combined_into_one_word() -> None:
     fields = [{"name": n, "type": "i16"} for n in CHANNELS]
     fields += [{"name": "status", "type": "u8"}, {"name": "status2", "type": "u16"}, {"name": "counter", "type": "u8"}]
     frame = section(sync="C0", byte_order="big", fields=fields, crc={"kind": "sum8", "start": 0})
@@ -183,7 +183,7 @@ def count_of(type_: str, per_sample: float) -> SampleCount:
 
 
 @pytest.mark.parametrize("parts", [[8], [3, 5], [1] * 8])
-def test_a_clock_becomes_a_count_over_wraps_and_jitter(parts: list[int]) -> None:
+def test_clock_is_converted_to_a_count_across_wraps_and_jitter(parts: list[int]) -> None:
     ticks = (np.array([-302, -201, -99, 0, 101, 199, 502, 600]) + 2**32) % 2**32
     count = count_of("u32", 100.0)
     found = np.concatenate([count.feed(part) for part in np.split(ticks, np.cumsum(parts)[:-1])])
@@ -191,7 +191,7 @@ def test_a_clock_becomes_a_count_over_wraps_and_jitter(parts: list[int]) -> None
     assert count.gaps == 1
 
 
-def test_a_clock_that_runs_back_counts_as_a_reset_with_one_lost_sample() -> None:
+def test_clock_that_jumps_back_counts_as_a_reset_with_one_lost_sample() -> None:
     count = count_of("u64", 1e6)
     assert count.feed(np.array([70_000_000, 71_000_000, 200_000, 1_200_000])).tolist() == [70, 71, 73, 74]
     assert count.gaps == 1
@@ -236,12 +236,12 @@ FIXED: dict[str, Any] = {
         (VN_TEXT, "id", {"at": 1, "value": "00"}, "id profile.not_with"),
     ],
 )
-def test_a_wrong_frame_is_reported_by_its_entry(base: dict[str, Any], where: str, value: Any, told: str) -> None:
+def test_invalid_frame_is_reported_by_its_entry(base: dict[str, Any], where: str, value: Any, told: str) -> None:
     first = problems_of(FrameSection, edited(base, {where: value}))[0]
     assert f"{first.name} {first.what.code}" == told
 
 
-def test_every_frame_format_above_is_a_right_one() -> None:
+def test_base_frame_formats_of_these_tests_are_valid() -> None:
     for base in (FIXED, ITEMS, VN_TEXT, VN_BINARY):
         FrameSection.model_validate(base)
 
@@ -250,7 +250,7 @@ def test_every_frame_format_above_is_a_right_one() -> None:
 
 
 @pytest.mark.parametrize("base", [FIXED, ITEMS, VN_TEXT, VN_BINARY])
-def test_noise_made_of_beginnings_is_skipped_and_not_kept(base: dict[str, Any]) -> None:
+def test_noise_of_repeated_sync_bytes_is_skipped_and_not_buffered(base: dict[str, Any]) -> None:
     frame = section(**{**base, "crc": {"kind": "crc", "width": 32, "polynomial": 0x04C11DB7, "start": 0}})
     noise = (frame.sync_bytes + b"\x36\xfe") * 20_000
     decoder = FrameDecoder(frame)

@@ -1,4 +1,4 @@
-"""The IMU driver as byte pairs: what it sends, what it makes of the answers, and what it says of silence and noise."""
+"""The framed IMU driver tested with request and reply bytes, including silence and noise."""
 
 import queue
 import struct
@@ -24,7 +24,7 @@ QUICK = PROFILE.model_copy(update={"commands": PROFILE.commands.model_copy(updat
 
 
 class ScriptedLink:
-    """A link that answers each expected request with its reply and keeps what it did not expect."""
+    """A link that replies to each expected request and records unexpected requests."""
 
     port = "SCRIPT"
 
@@ -81,7 +81,7 @@ def wait_for_frames(imu: FramedImu, count: int) -> None:
         time.sleep(0.001)
 
 
-def test_identify_on_the_wire() -> None:
+def test_identify_request_and_reply_match_the_protocol() -> None:
     with driver([(request(1), reply_frame(1, b"bench-imu;SN-7;1.2"))]) as (imu, link):
         identity = imu.identify()
         assert (identity.model, identity.serial, identity.firmware) == ("bench-imu", "SN-7", "1.2")
@@ -115,7 +115,7 @@ def test_samples_come_with_unwrapped_count_time_and_units() -> None:
         assert imu.received == imu.stats.bytes
 
 
-def test_registers_on_the_wire_between_samples() -> None:
+def test_registers_are_read_between_samples() -> None:
     entries = [(e.address, len(e.parameters)) for e in PROFILE.registers]
     pairs = []
     for address, count in entries:
@@ -131,7 +131,7 @@ def test_registers_on_the_wire_between_samples() -> None:
         assert values["inner_lever_z"] == pytest.approx(0.029)
 
 
-def test_writing_and_committing_on_the_wire() -> None:
+def test_write_and_commit_requests_match_the_protocol() -> None:
     values = {name: 0.0 for e in PROFILE.registers for name in e.parameters if name}
     values["accel_misalign_zx"] = 0.25 / 4
     pairs = []
@@ -153,25 +153,25 @@ HEAD = struct.pack("<HB", 0, 3)
 
 
 def bias(value: float = 0.0) -> tuple[bytes, bytes]:
-    """The gyro's bias is read."""
+    """Return request and reply of reading the gyro bias."""
     return request(2, HEAD), reply_frame(2, HEAD + struct.pack("<3f", *[value] * 3))
 
 
 def marking(busy: int = 0) -> list[tuple[bytes, bytes]]:
-    """A mark is set before a restart: biases inside their range of ±0.1, which the unit's flash does not hold."""
+    """Return the requests that set a marker before a restart: biases within ±0.1 that differ from the flash."""
     mark = -0.1 + 0.2 * 0.381966
     words = request(3, HEAD + struct.pack("<3f", *[mark] * 3))
     return [bias(), *[(words, reply_frame(0xFF, b"\x03"))] * busy, (words, reply_frame(3, HEAD)), bias(mark)]
 
 
-def test_a_restart_waits_for_a_flash_that_is_busy() -> None:
+def test_restart_waits_while_the_flash_is_busy() -> None:
     pairs = [*marking(busy=4), (request(5), reply_frame(5, b"\x00")), IDENTITY, bias()]
     with driver(pairs) as (imu, link):
         imu.reset()
         assert link.finished
 
 
-def test_no_restart_before_an_unconfirmed_commit_has_timed_out() -> None:
+def test_restart_waits_until_an_unconfirmed_commit_has_timed_out() -> None:
     pairs = [(request(4), b""), *marking(), (request(5), reply_frame(5, b"\x00")), IDENTITY, bias()]
     with driver(pairs) as (imu, link):
         begun = time.monotonic()
@@ -190,7 +190,7 @@ def test_no_restart_before_an_unconfirmed_commit_has_timed_out() -> None:
         assert time.monotonic() - begun >= BRIEF["commit_timeout_s"]
 
 
-def test_a_restart_counts_once_the_marker_is_gone() -> None:
+def test_restart_is_complete_when_the_marker_is_gone() -> None:
     (_, marked) = bias(-0.1 + 0.2 * 0.381966)
     late = [IDENTITY, (bias()[0], marked)] * 2
     silent = [(request(1), b"")]
@@ -200,7 +200,7 @@ def test_a_restart_counts_once_the_marker_is_gone() -> None:
 
 
 @pytest.mark.long
-def test_a_unit_that_never_restarts_is_a_fault_and_gets_its_own_values_back() -> None:
+def test_unit_that_never_restarts_is_a_fault_and_its_values_are_restored() -> None:
     (_, marked) = bias(-0.1 + 0.2 * 0.381966)
     looks = [IDENTITY, (bias()[0], marked)] * 200
     with driver([*marking(), (request(5), reply_frame(5, b"\x00")), *looks]) as (imu, link):
@@ -209,20 +209,20 @@ def test_a_unit_that_never_restarts_is_a_fault_and_gets_its_own_values_back() ->
         assert link.unexpected[0] == request(3, HEAD + struct.pack("<3f", 0.0, 0.0, 0.0))
 
 
-def test_a_unit_whose_registers_take_no_value_is_not_restarted() -> None:
+def test_unit_with_unwritable_registers_is_not_restarted() -> None:
     pairs = marking()
     with driver([*pairs[:2], bias()]) as (imu, _), raises_code(DeviceFaultError, "imu.not_writable"):
         imu.reset()
 
 
-def test_a_commit_is_never_repeated() -> None:
+def test_commit_is_never_repeated() -> None:
     with driver([]) as (imu, link):
         with raises_code(DeviceFaultError, "imu.silent"):
             imu.commit()
         assert link.unexpected == [request(4)]
 
 
-def test_a_lost_answer_is_asked_for_again_once_something_else_was_answered() -> None:
+def test_request_with_a_lost_reply_is_repeated_after_another_reply() -> None:
     with driver([(request(1), b""), bias(), IDENTITY]) as (imu, link):
         assert imu.identify().serial == "SN"
         assert link.finished
@@ -250,7 +250,7 @@ def test_a_unit_that_sends_unsolicited_replies_is_still_queried() -> None:
             talking.join()
 
 
-def test_the_late_ok_of_a_commit_is_not_that_of_the_next() -> None:
+def test_late_commit_reply_does_not_confirm_the_next_commit() -> None:
     done = reply_frame(4, struct.pack("<BI", 0, 17))
     with driver([(request(4), b""), (request(1), done + IDENTITY[1]), (request(4), b"")]) as (imu, link):
         for _ in range(2):
@@ -259,7 +259,7 @@ def test_the_late_ok_of_a_commit_is_not_that_of_the_next() -> None:
         assert link.finished
 
 
-def test_a_late_refusal_is_not_that_of_the_next_command() -> None:
+def test_late_error_reply_is_not_taken_for_the_next_command() -> None:
     refusal = reply_frame(0xFF, b"\x02")
     with driver([(request(4), b""), (IDENTITY[0], refusal + IDENTITY[1])]) as (imu, link):
         with raises_code(DeviceFaultError, "imu.silent"):
@@ -287,7 +287,7 @@ def test_an_error_reply_is_reported_with_its_meaning(code: int, meaning: str) ->
         assert caught.value.values["reason"].code == meaning
 
 
-def test_noise_of_a_wrong_baud_is_reported() -> None:
+def test_noise_from_a_wrong_baud_rate_is_reported() -> None:
     with driver([]) as (imu, link):
         link.send(bytes(range(1, 85)) * 30)
         deadline = time.monotonic() + 5.0
@@ -299,7 +299,7 @@ def test_noise_of_a_wrong_baud_is_reported() -> None:
             imu.identify()
 
 
-def test_a_failure_of_the_reader_is_reported() -> None:
+def test_failure_of_the_reader_thread_is_reported() -> None:
     with driver([]) as (imu, link):
         link.failure = TypeError("no descriptor")  # type: ignore[assignment]
         with raises_code(DeviceFaultError, "imu.reader_failed"):

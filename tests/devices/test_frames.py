@@ -1,4 +1,4 @@
-"""Frames decode completely and identically however the stream is cut, with noise and losses."""
+"""Frames decode completely and identically however the stream is split, with noise and losses."""
 
 import itertools
 import struct
@@ -44,7 +44,7 @@ def decode(profile: ImuProfile, parts: list[bytes]) -> tuple[bytes, list[Reply],
     return frames, replies, decoder.crc_errors, decoder.skipped
 
 
-def test_a_frame_means_what_the_profile_says(profile: ImuProfile) -> None:
+def test_frame_is_decoded_by_its_profile(profile: ImuProfile) -> None:
     decoder = FrameDecoder(profile.frame, profile.commands)
     data = stream_frame(65535, [1, -2, 3, -(2**31), 5, 2**31 - 1]) + stream_frame(0, [0] * 6, -512, 3)
     counter, counts, temperature, status = decoder.samples(decoder.feed(data).frames)
@@ -54,7 +54,7 @@ def test_a_frame_means_what_the_profile_says(profile: ImuProfile) -> None:
     assert status.tolist() == [1, 3]
 
 
-def test_known_check_values() -> None:
+def test_checksums_match_known_values() -> None:
     text = b"123456789"
     assert check_bytes("crc16_ccitt_false", text, "big") == b"\x29\xb1"
     assert check_bytes("crc16_xmodem", text, "little") == b"\xc3\x31"
@@ -64,7 +64,7 @@ def test_known_check_values() -> None:
     assert set(CRC_WIDTHS.values()) == {2, 4}
 
 
-def test_a_command_on_the_wire(profile: ImuProfile) -> None:
+def test_command_frame_matches_the_protocol(profile: ImuProfile) -> None:
     frame = command_frame(profile.commands, profile.frame, 2, b"\x03\x00\x09")
     assert frame == bytes.fromhex("55A5 0203 030009") + struct.pack("<H", crc16.ibm_3740(frame[2:-2]))
 
@@ -83,7 +83,7 @@ piece = st.one_of(
     cuts=st.lists(st.integers(0, 600), max_size=12),
     flip=st.none() | st.integers(0, 400),
 )
-def test_the_result_does_not_depend_on_how_the_stream_is_cut(
+def test_result_does_not_depend_on_how_the_stream_is_split(
     profile: ImuProfile, pieces: list[tuple[str, int, object]], cuts: list[int], flip: int | None
 ) -> None:
     data = bytearray()
@@ -104,7 +104,9 @@ def test_the_result_does_not_depend_on_how_the_stream_is_cut(
 
 
 @given(noise=st.binary(max_size=80).filter(lambda b: b"\x55" not in b), drop=st.integers(0, 33), at=st.integers(0, 9))
-def test_sound_frames_survive_noise_and_a_lost_byte(profile: ImuProfile, noise: bytes, drop: int, at: int) -> None:
+def test_valid_frames_are_decoded_despite_noise_and_a_lost_byte(
+    profile: ImuProfile, noise: bytes, drop: int, at: int
+) -> None:
     frames = [stream_frame(i, [i] * 6) for i in range(10)]
     hurt = frames[at][:drop] + frames[at][drop + 1 :]
     stream = noise + b"".join([*frames[:at], hurt, *frames[at + 1 :]]) + noise
@@ -114,7 +116,7 @@ def test_sound_frames_survive_noise_and_a_lost_byte(profile: ImuProfile, noise: 
     assert len(found) == 9 * 34
 
 
-def test_bytes_that_are_no_frame_are_counted(profile: ImuProfile) -> None:
+def test_bytes_outside_frames_are_counted(profile: ImuProfile) -> None:
     bad = bytearray(stream_frame(7, [0] * 6))
     bad[10] ^= 1
     _, _, errors, skipped = decode(profile, [b"abc" + bytes(bad) + stream_frame(8, [0] * 6)])
@@ -122,7 +124,7 @@ def test_bytes_that_are_no_frame_are_counted(profile: ImuProfile) -> None:
     assert skipped == 3 + 34
 
 
-def test_an_imu_at_2_khz_costs_a_fraction_of_a_core(profile: ImuProfile) -> None:
+def test_decoding_at_2_khz_uses_a_fraction_of_a_core(profile: ImuProfile) -> None:
     decoder = FrameDecoder(profile.frame, profile.commands)
     stream = b"".join(stream_frame(i, [i, -i, 0, 1, 2, 98000]) for i in range(20_000))
     begin = time.process_time()

@@ -1,4 +1,4 @@
-"""Rails that hands turn take a table's place without ever being driven, and their profile has no link."""
+"""A manual rig replaces a table without being driven, and its profile has no link."""
 
 import math
 
@@ -34,7 +34,7 @@ def test_a_manual_rig_is_at_rest_at_unknown_angles(profile: TableProfile) -> Non
     table.close()
 
 
-def test_it_refuses_to_be_driven(profile: TableProfile) -> None:
+def test_motion_commands_to_a_manual_rig_are_refused(profile: TableProfile) -> None:
     table = ManualTable(profile)
     with raises_code(ConfigurationError, "table.rig_cannot_move"):
         table.move(0.1, 0.0, 1.0, 1.0)
@@ -42,7 +42,7 @@ def test_it_refuses_to_be_driven(profile: TableProfile) -> None:
         table.rate(0.1, 0.0, 1.0)
 
 
-def test_it_has_no_port(profile: TableProfile) -> None:
+def test_port_of_a_manual_rig_is_refused(profile: TableProfile) -> None:
     assert profile.by_hand
     with raises_code(ConfigurationError, "table.rig_without_port"):
         open_table("/dev/ttyS0", profile, None)
@@ -52,7 +52,7 @@ def test_it_has_no_port(profile: TableProfile) -> None:
     ("section", "value"),
     [("commands", {"move": 1}), ("link_loss_stop_s", 1.0), ("modbus", {"unit": 1, "timeout_s": 1})],
 )
-def test_entries_of_a_driven_table_are_refused(section: str, value: object) -> None:
+def test_entries_of_a_motorised_table_are_refused(section: str, value: object) -> None:
     with pytest.raises(ConfigurationError) as caught:
         validate(TableProfile, {**read_toml(PATH), section: value}, "hand.toml")
     assert complaint(caught.value) == f"{section} profile.not_with"

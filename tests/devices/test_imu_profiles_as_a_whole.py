@@ -1,4 +1,4 @@
-"""An IMU profile whose parts contradict each other is refused in one sentence that names the entry."""
+"""An IMU profile with contradictory sections is refused by an error that names the entry."""
 
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ DATA = Path(__file__).parents[2] / "data" / "imus"
 DSP, NAV, MIP, VN = "dsp_modbus", "bench_nav", "microstrain_mip", "vectornav_vn100"
 
 
-def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
+def refusal(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
     path = tmp_path / "profile.toml"
     path.write_text(tomli_w.dumps(edited(DATA / f"{name}.toml", changes)), encoding="utf-8")
     with pytest.raises(ConfigurationError) as caught:
@@ -60,11 +60,11 @@ def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
         ),
     ],
 )
-def test_registers_of_a_modbus_unit(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
-    assert told(tmp_path, DSP, changes) == words
+def test_contradictory_modbus_registers_are_refused(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
+    assert refusal(tmp_path, DSP, changes) == words
 
 
-def test_one_command_register_may_take_several_values(tmp_path: Path) -> None:
+def test_one_register_may_accept_several_commands(tmp_path: Path) -> None:
     path = tmp_path / "profile.toml"
     path.write_text(tomli_w.dumps(edited(DATA / f"{DSP}.toml", {"modbus/reset/address": 21})), encoding="utf-8")
     profile = load_imu_profile(path)
@@ -103,13 +103,15 @@ def test_one_command_register_may_take_several_values(tmp_path: Path) -> None:
         (VN, {"stream/sample_rate_hz": 100.0}, 'frame.fields["counter"].per_sample profile.clock_rate'),
     ],
 )
-def test_stream_and_commands(tmp_path: Path, name: str, changes: dict[str, Any], words: str) -> None:
-    assert told(tmp_path, name, changes) == words
+def test_contradictory_stream_and_commands_are_refused(
+    tmp_path: Path, name: str, changes: dict[str, Any], words: str
+) -> None:
+    assert refusal(tmp_path, name, changes) == words
 
 
-def test_a_counter_with_too_short_a_period_is_refused(tmp_path: Path) -> None:
+def test_counter_with_too_short_a_wrap_period_is_refused(tmp_path: Path) -> None:
     short = {"frame/fields/0/type": "u8", "link/baud": None}
-    words = told(tmp_path, NAV, {**short, "stream/sample_rate_hz": 4000.0})
+    words = refusal(tmp_path, NAV, {**short, "stream/sample_rate_hz": 4000.0})
     assert words == 'frame.fields["counter"].type profile.counter_too_short'
     path = tmp_path / "profile.toml"
     path.write_text(
@@ -118,7 +120,7 @@ def test_a_counter_with_too_short_a_period_is_refused(tmp_path: Path) -> None:
     load_imu_profile(path)
 
 
-def test_an_unstated_baud_rate_is_not_checked(tmp_path: Path) -> None:
+def test_missing_baud_rate_is_not_checked(tmp_path: Path) -> None:
     path = tmp_path / "profile.toml"
     path.write_text(
         tomli_w.dumps(edited(DATA / f"{NAV}.toml", {"link/baud": None, "stream/sample_rate_hz": 2000.0})),
@@ -127,11 +129,11 @@ def test_an_unstated_baud_rate_is_not_checked(tmp_path: Path) -> None:
     assert load_imu_profile(path).stream.sample_rate_hz == 2000.0
 
 
-def test_a_text_frame_is_checked_from_its_head_on(tmp_path: Path) -> None:
+def test_checksum_of_a_text_frame_may_include_its_header(tmp_path: Path) -> None:
     lines = {
         "frame/format": "text",
         "frame/sync": "$IMU",
         "frame/crc": {"kind": "xor8", "start": 40},
         "frame/byte_order": None,
     }
-    assert told(tmp_path, NAV, lines) == "frame.crc.start profile.check_after_sync"
+    assert refusal(tmp_path, NAV, lines) == "frame.crc.start profile.check_after_sync"

@@ -1,4 +1,4 @@
-"""An answer that comes late is never taken for the next request's: no angle, limit or register is another's."""
+"""A late Modbus response is never taken for the response to the next request."""
 
 import socket
 import struct
@@ -49,7 +49,7 @@ def link(late: Mapping[int, float | None], **server: object) -> Iterator[tuple[M
     [{1: LATE}, {1: LATE, 2: 0.02}, {1: 2 * TIMEOUT}, {1: LATE, 2: LATE}, {1: None}, {1: None, 2: LATE}],
     ids=str,
 )
-def test_every_block_read_is_the_requested_one(late: Mapping[int, float | None]) -> None:
+def test_read_returns_the_requested_block_or_fails(late: Mapping[int, float | None]) -> None:
     with link(late) as (table, _):
         for address in (10, 20, 30, 40, 50, 60):
             try:
@@ -61,7 +61,7 @@ def test_every_block_read_is_the_requested_one(late: Mapping[int, float | None])
 
 
 @pytest.mark.long
-def test_a_device_that_is_always_too_late_is_a_fault_and_never_another_s_register() -> None:
+def test_consistently_late_device_is_a_fault_and_gives_no_wrong_values() -> None:
     with link(dict.fromkeys(range(1, 9), TIMEOUT + 0.15)) as (table, _):
         assert table.read(10, 4) == [10, 11, 12, 13]
         with raises_code(DeviceFaultError, "table.read_unanswered"):
@@ -74,7 +74,7 @@ def test_a_device_that_is_always_too_late_is_a_fault_and_never_another_s_registe
         assert table.read(70, 4)[0] == 70
 
 
-def test_a_stop_is_sent_and_repeated_at_once_although_an_answer_is_pending() -> None:
+def test_stop_is_sent_and_repeated_immediately_while_a_response_is_pending() -> None:
     with link({0: None, 1: None, 2: None, 3: None}) as (table, device):
         with raises_code(DeviceFaultError, "table.read_unanswered"):
             table.read(10, 4)
@@ -84,7 +84,7 @@ def test_a_stop_is_sent_and_repeated_at_once_although_an_answer_is_pending() -> 
         assert table.read(10, 4)[0] == 10
 
 
-def test_a_new_target_waits_while_an_equal_echo_may_still_come() -> None:
+def test_new_target_is_not_confirmed_by_a_late_echo() -> None:
     with link({0: None, 1: None, 2: LATE}) as (table, device):
         with raises_code(DeviceFaultError, "table.write_unanswered"):
             table.write(34, [1, 2])
@@ -94,9 +94,9 @@ def test_a_new_target_waits_while_an_equal_echo_may_still_come() -> None:
         assert device.requests[asked + 1 :] == [(16, 34, 2)], "what counts is told behind another question's answer"
 
 
-def test_a_refusal_that_may_belong_to_an_older_request_is_skipped() -> None:
+def test_exception_of_an_older_request_is_discarded() -> None:
     class Forbidding(RtuServer):
-        def tell(self, address: int) -> int | None:
+        def value_of(self, address: int) -> int | None:
             return None if address == 99 else address
 
     device = Forbidding({0: LATE})
@@ -110,7 +110,7 @@ def test_a_refusal_that_may_belong_to_an_older_request_is_skipped() -> None:
         device.close()
 
 
-def test_a_table_with_gaps_reads_its_own_angles_and_limits_however_late_an_answer_is() -> None:
+def test_late_responses_do_not_mix_up_angles_and_limits() -> None:
     profile = load_table_profile(DATA / "tables" / "bench.toml").at_place(TIMEOUT, None)
     assert profile.modbus is not None
     profile = profile.model_copy(update={"modbus": profile.modbus.model_copy(update={"gap": 0})})
@@ -132,7 +132,7 @@ GROUPS = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale", "accel_quadrat
 
 
 def pageless() -> ImuProfile:
-    """A unit with six groups of one shape on one page: each answer looks like any other's."""
+    """Return a unit with six register groups of equal size on one page, so that all responses look alike."""
     told = tomllib.loads((DATA / "imus" / "dsp_modbus.toml").read_text(encoding="utf-8"))
     del told["modbus"]["page"]
     told["modbus"] |= {"timeout_s": TIMEOUT, "stream": {"address": 20, "on": 1}}
@@ -146,7 +146,7 @@ def pageless() -> ImuProfile:
 
 @pytest.mark.long
 @pytest.mark.parametrize("late", [{0: LATE}, {0: LATE, 1: 0.02}, {2: LATE, 3: LATE}, {1: None}], ids=str)
-def test_every_register_of_a_unit_is_its_own(late: Mapping[int, float | None]) -> None:
+def test_late_responses_do_not_mix_up_registers(late: Mapping[int, float | None]) -> None:
     words: dict[int, int] = {}
     for i in range(len(GROUPS)):
         for k, word in enumerate(struct.unpack(">6H", struct.pack(">3f", *[i + 1.0] * 3))):
@@ -167,7 +167,7 @@ def test_every_register_of_a_unit_is_its_own(late: Mapping[int, float | None]) -
         device.close()
 
 
-def test_over_tcp_an_answer_with_another_transaction_s_number_is_not_taken() -> None:
+def test_tcp_response_with_another_transaction_number_is_discarded() -> None:
     def serve() -> None:
         older = b""
         with suppress(OSError):
@@ -188,7 +188,7 @@ def test_over_tcp_an_answer_with_another_transaction_s_number_is_not_taken() -> 
         server.shutdown(socket.SHUT_RDWR)
 
 
-def test_the_read_in_between_has_a_distinct_length() -> None:
+def test_synchronising_read_has_a_distinct_length() -> None:
     barriers, due = Barriers(), Unanswered()
     barriers.asked(1, 17, 4)
     barriers.asked(1, 0, 8)

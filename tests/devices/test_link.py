@@ -1,4 +1,4 @@
-"""Every way a port can fail becomes one clear error."""
+"""Every port failure gives one clear error."""
 
 import os
 import socket
@@ -15,7 +15,7 @@ from tests.helpers import raises_code
 SETTINGS = SerialSettings()
 
 
-def test_bytes_pass_both_ways_over_a_socket() -> None:
+def test_bytes_pass_in_both_directions_over_a_socket() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         link = SerialLink(f"socket://127.0.0.1:{server.getsockname()[1]}", SETTINGS, "imu")
         peer, _ = server.accept()
@@ -30,7 +30,7 @@ def test_bytes_pass_both_ways_over_a_socket() -> None:
         link.close()
 
 
-def test_a_waiting_read_returns_with_the_first_bytes() -> None:
+def test_blocking_read_returns_with_the_first_bytes() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         link = SerialLink(f"socket://127.0.0.1:{server.getsockname()[1]}", SETTINGS, "imu")
         peer, _ = server.accept()
@@ -42,7 +42,7 @@ def test_a_waiting_read_returns_with_the_first_bytes() -> None:
         link.close()
 
 
-def test_a_missing_port_is_reported_with_the_present_ones() -> None:
+def test_missing_port_is_reported_with_the_available_ports() -> None:
     name = "COM250" if sys.platform == "win32" else "/dev/ttyNONE7"
     with raises_code(DeviceFaultError, "link.no_such_port") as caught:
         SerialLink(name, SETTINGS, "imu")
@@ -62,14 +62,14 @@ def test_a_refused_connection_is_reported() -> None:
     ("port", "code"),
     [("nosuch://x", "link.bad_settings"), ("socket://x", "link.nothing_served"), ("", "link.no_such_port")],
 )
-def test_an_impossible_port_is_reported(port: str, code: str) -> None:
+def test_invalid_port_is_reported(port: str, code: str) -> None:
     with raises_code(CalstationError, code) as caught:
         SerialLink(port, SETTINGS, "imu")
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
-def test_a_pulled_plug_is_reported_on_a_terminal() -> None:
+def test_disconnected_terminal_is_reported() -> None:
     master, slave = os.openpty()
     link = SerialLink(os.ttyname(slave), SETTINGS, "imu")
     os.write(master, b"abc")

@@ -1,4 +1,4 @@
-"""The driver of Modbus registers on the stream's own line, as byte pairs: quiet while it asks, each write once."""
+"""The Modbus IMU driver on the line of the stream, tested with request and response bytes."""
 
 import struct
 import time
@@ -68,7 +68,7 @@ def driver(pairs: list[Pair], profile: ImuProfile = PROFILE) -> Iterator[tuple[M
 
 
 def wire(values: dict[str, float]) -> dict[tuple[int, int], bytes]:
-    """Registers by page and address as the profile's comments describe them, packed by hand."""
+    """Pack registers by page and address as the comments of the profile describe, independently."""
     numbers = MAP.encode(values)
 
     def words(data: bytes) -> bytes:
@@ -92,7 +92,7 @@ VALUES = MAP.rounded(
 )
 
 
-def test_identity_stream_and_samples() -> None:
+def test_identity_and_samples_are_read() -> None:
     with driver([ON, *IDENTITY]) as (imu, link):
         imu.start()
         identity = imu.identify()
@@ -132,13 +132,13 @@ MARK = struct.pack(">3d", *[-1.0 + 2.0 * 0.381966] * 3)
 
 
 def marking() -> list[Pair]:
-    """A mark is set before a restart, in the gyros' offsets: a unit could not invert a matrix of any numbers."""
+    """Return the requests that set a marker in the gyro offsets before a restart; a matrix must stay invertible."""
     page = write(23, 1)
     idle = read(21, b"\0\0")
     return [OFF, idle, page, read(118, bytes(24)), page, write_many(118, MARK), page, read(118, MARK), ON]
 
 
-def test_commit_waits_until_it_is_done_and_reset_until_the_unit_answers() -> None:
+def test_commit_waits_for_completion_and_reset_for_a_response() -> None:
     commit = [OFF, write(21, 0x5A5A), read(21, b"\x5a\x5a"), read(21, b"\0\0"), ON]
     reset = [*marking(), write(22, 0xA5A5), *IDENTITY, OFF, write(23, 1), read(118, bytes(24)), ON, ON]
     with driver([ON, *commit, *reset]) as (imu, link):
@@ -149,7 +149,7 @@ def test_commit_waits_until_it_is_done_and_reset_until_the_unit_answers() -> Non
 
 
 @pytest.mark.parametrize("code", [5, 6])
-def test_a_unit_that_is_busy_with_its_flash_is_asked_until_it_is_done(code: int) -> None:
+def test_busy_flash_is_polled_until_it_is_ready(code: int) -> None:
     order, look = write(21, 0x5A5A), read(21, b"\0\0")
     busy = [(look[0], rtu(1, 0x83, code))] * 5
     with driver([OFF, order, *busy, look]) as (imu, link):
@@ -157,7 +157,7 @@ def test_a_unit_that_is_busy_with_its_flash_is_asked_until_it_is_done(code: int)
         assert link.finished
 
 
-def test_a_commit_that_is_acknowledged_by_an_exception_is_not_done_yet() -> None:
+def test_commit_acknowledged_by_an_exception_is_polled_until_complete() -> None:
     order, look = write(21, 0x5A5A), read(21, b"\0\0")
     with driver([OFF, (order[0], rtu(1, 0x86, 5)), (look[0], rtu(1, 0x83, 5)), look]) as (imu, link):
         imu.commit()
@@ -179,7 +179,7 @@ def test_a_commit_refused_by_a_busy_unit_is_reported() -> None:
         imu.commit()
 
 
-def test_an_endless_commit_is_reported_and_a_lost_one_never_repeated() -> None:
+def test_unfinished_commit_is_reported_and_a_lost_commit_is_not_repeated() -> None:
     quick = PROFILE.model_copy(update={"modbus": section(PROFILE).model_copy(update={"commit_timeout_s": 0.1})})
     busy = [read(21, b"\x5a\x5a")] * 200
     with (
@@ -214,7 +214,7 @@ def test_an_exception_is_reported_with_its_meaning(number: int, meaning: str) ->
         assert caught.value.values["reason"].code == meaning
 
 
-def test_a_lost_or_damaged_answer_is_requested_again() -> None:
+def test_request_with_a_lost_or_damaged_response_is_repeated() -> None:
     request, reply = IDENTITY[0]
     hurt = reply[:5] + bytes([reply[5] ^ 4]) + reply[6:]
     other = rtu(1, 3, 2, 0, 7)
@@ -226,7 +226,7 @@ def test_a_lost_or_damaged_answer_is_requested_again() -> None:
         assert imu.stats.crc_errors >= 1
 
 
-def test_a_unit_that_may_be_asked_while_it_streams_is_not_switched_off() -> None:
+def test_stream_is_not_stopped_for_a_unit_that_allows_requests_while_streaming() -> None:
     stream = section(PROFILE).stream
     assert stream is not None
     talks = section(PROFILE).model_copy(update={"stream": stream.model_copy(update={"off": None}), "page": None})

@@ -1,4 +1,4 @@
-"""Of a Modbus table: an endless rate only under a watchdog; what bits 5, 9 and 11 of the statusword say."""
+"""Modbus table: continuous rotation only with a watchdog; bits 5, 9 and 11 of the statusword."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def polled(status: int = 0x1627, fault: int = 0, watchdog: int = 1500) -> tuple[
     return read(17, words[17:64])
 
 
-def test_an_endless_rate_on_the_wire() -> None:
+def test_rate_command_matches_the_protocol() -> None:
     pairs = [
         polled(),
         write(36, *long(100000), *long(200000)),
@@ -29,12 +29,12 @@ def test_an_endless_rate_on_the_wire() -> None:
         driver.rate(*np.deg2rad([10.0, -5.5, 20.0]))
 
 
-def test_no_endless_rate_while_the_watchdog_is_off() -> None:
+def test_continuous_rotation_is_refused_while_the_watchdog_is_disabled() -> None:
     with table([polled(watchdog=0)]) as (driver, _), raises_code(ConfigurationError, "table.would_not_stop"):
         driver.rate(0.1, 0.0, 0.1)
 
 
-def test_a_link_loss_stop_replaces_the_watchdog() -> None:
+def test_stop_on_link_loss_replaces_the_watchdog() -> None:
     stated = quick().model_copy(update={"link_loss_stop_s": 0.5})
     pairs = [
         polled(watchdog=0),
@@ -50,12 +50,12 @@ def test_a_link_loss_stop_replaces_the_watchdog() -> None:
     ("rates", "code"),
     [((130.0, 0.0, 10.0), "table.rate_above_limit"), ((1.0, 1.0, 0.0), "table.acceleration_outside_limits")],
 )
-def test_an_endless_rate_keeps_to_the_profile(rates: tuple[float, ...], code: str) -> None:
+def test_continuous_rotation_outside_the_profile_limits_is_refused(rates: tuple[float, ...], code: str) -> None:
     with table([polled()]) as (driver, _), raises_code(ConfigurationError, code):
         driver.rate(*np.deg2rad(rates))
 
 
-def test_a_profile_without_the_command_says_so() -> None:
+def test_profile_without_a_rate_command_is_reported() -> None:
     without: TableProfile = quick().model_copy(update={"commands": {"move": 1, "stop": 2, "home": 3}})
     with table([], without) as (driver, _), raises_code(ConfigurationError, "table.no_rate_command"):
         driver.rate(0.1, 0.0, 0.1)
@@ -77,7 +77,7 @@ def test_status_bits_are_decoded(status: int, fault: int, told: str | None) -> N
         assert driver.status().fault == told
 
 
-def test_a_quick_stop_counts_only_while_the_axes_are_to_be_powered() -> None:
+def test_quick_stop_is_a_fault_only_while_the_axes_should_be_enabled() -> None:
     enable = [write(16, word) for word in (0x06, 0x07, 0x0F)]
     stopped = polled(0x1607)
     pairs = [stopped, *enable, polled(0x1627), stopped, write(16, 0x06), stopped]
@@ -90,7 +90,7 @@ def test_a_quick_stop_counts_only_while_the_axes_are_to_be_powered() -> None:
         assert driver.status().fault is None
 
 
-def test_bits_that_the_profile_does_not_name_are_left_alone() -> None:
+def test_bits_missing_from_the_profile_are_ignored() -> None:
     named = {name: bit for name, bit in quick().status_bits.items() if name not in ("remote", "limit", "quick_stop")}
     with table([polled(0x1C07)], quick().model_copy(update={"status_bits": named})) as (driver, _):
         assert driver.status().fault is None

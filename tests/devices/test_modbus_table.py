@@ -1,4 +1,4 @@
-"""The table driver as byte pairs on the wire, and what it makes of exceptions, silence and wrong answers."""
+"""The Modbus table driver tested with request and response bytes, including exceptions, silence and wrong responses."""
 
 import socket
 import struct
@@ -113,7 +113,7 @@ def image(status: int = 0x1627, fault: int = 0) -> list[int]:
     return words
 
 
-def test_identity_on_the_wire() -> None:
+def test_identity_requests_match_the_protocol() -> None:
     def text(value: bytes) -> list[int]:
         return list(struct.unpack(">8H", value.ljust(16, b"\0")))
 
@@ -127,7 +127,7 @@ def test_identity_on_the_wire() -> None:
         driver.identify()
 
 
-def test_status_is_one_transfer_where_gaps_may_be_read() -> None:
+def test_status_is_read_in_one_transfer_if_gaps_may_be_read() -> None:
     with table([read(17, image()[17:64])]) as (driver, _):
         status = driver.status()
     np.testing.assert_allclose(status.angles, np.deg2rad([-45.0, 360.00001]), atol=1e-12)
@@ -140,7 +140,7 @@ def test_status_is_one_transfer_where_gaps_may_be_read() -> None:
     np.testing.assert_allclose(status.limits.rate, np.deg2rad([120.0, 120.0]))
 
 
-def test_status_leaves_gaps_out_where_they_must_not_be_read() -> None:
+def test_status_is_read_in_blocks_if_gaps_must_not_be_read() -> None:
     words = image(0x0248, 2)
     pairs = [read(a, words[a:b]) for a, b in ((17, 21), (30, 34), (40, 44), (50, 54), (60, 64))]
     with table(pairs, quick(gap=0)) as (driver, _):
@@ -152,7 +152,7 @@ def test_status_leaves_gaps_out_where_they_must_not_be_read() -> None:
         assert driver.status().fault == "code 77"
 
 
-def test_commands_on_the_wire() -> None:
+def test_commands_match_the_protocol() -> None:
     pairs = [
         *(write(16, word) for word in (0x06, 0x07, 0x0F)),
         write(22, HOME),
@@ -178,7 +178,7 @@ def test_commands_on_the_wire() -> None:
     ("number", "meaning"),
     [(2, "modbus.exception_2"), (3, "modbus.exception_3"), (4, "modbus.exception_4"), (99, "modbus.exception_other")],
 )
-def test_an_exception_is_reported_with_its_meaning_and_not_repeated(number: int, meaning: str) -> None:
+def test_exception_is_reported_with_its_meaning_and_the_request_not_repeated(number: int, meaning: str) -> None:
     with table([(write(22, STOP)[0], bytes([0x86, number]))]) as (driver, _):
         with raises_code(DeviceFaultError, "table.write_refused") as caught:
             driver.stop()
@@ -186,7 +186,7 @@ def test_an_exception_is_reported_with_its_meaning_and_not_repeated(number: int,
         assert caught.value.values["reason"].code == meaning
 
 
-def test_a_lost_answer_is_asked_for_again_but_homing_is_not() -> None:
+def test_request_with_a_lost_response_is_repeated_except_homing() -> None:
     request, reply = write(22, STOP)
     with table([(request, None), (request, None), (request, reply)]) as (driver, _):
         driver.stop()
@@ -194,7 +194,7 @@ def test_a_lost_answer_is_asked_for_again_but_homing_is_not() -> None:
         driver.home()
 
 
-def test_after_a_lost_answer_the_next_request_has_a_link_of_its_own() -> None:
+def test_next_request_after_a_lost_response_uses_a_new_connection() -> None:
     stop = write(22, STOP)
     with table([(write(22, HOME)[0], None), stop]) as (driver, server):
         with raises_code(DeviceFaultError, "table.write_unanswered"):
@@ -203,7 +203,7 @@ def test_after_a_lost_answer_the_next_request_has_a_link_of_its_own() -> None:
         assert len(server._peers) == 2
 
 
-def test_a_silent_or_lost_table_is_reported() -> None:
+def test_unresponsive_or_lost_table_is_reported() -> None:
     request = read(17, image()[17:64])[0]
     with table([(request, None)] * 3) as (driver, _), raises_code(DeviceFaultError, "table.read_unanswered"):
         driver.status()
@@ -215,8 +215,8 @@ def test_a_silent_or_lost_table_is_reported() -> None:
     driver.close()
 
 
-def test_a_table_that_falls_silent_is_reported_once() -> None:
-    """A reopened link asks for the identity first; its missing answer is reported for the original request."""
+def test_table_that_stops_responding_is_reported_once() -> None:
+    """A reopened link requests the identity first; a missing response is reported for the original request."""
     model, serial = (
         read(address, struct.unpack(">8H", text.ljust(16, b"\0")))
         for address, text in ((0, b"bench-table"), (8, b"T-1"))
@@ -231,14 +231,14 @@ def test_a_table_that_falls_silent_is_reported_once() -> None:
     )
 
 
-def test_an_answer_of_the_wrong_length_is_not_taken() -> None:
+def test_response_of_the_wrong_length_is_discarded() -> None:
     request = read(17, image()[17:64])[0]
     short = read(17, image()[17:60])[1]
     with table([(request, short)] * 3) as (driver, _), raises_code(DeviceFaultError, "table.read_unanswered"):
         driver.status()
 
 
-def test_impossible_ports_are_reported() -> None:
+def test_invalid_ports_are_reported() -> None:
     for port in ("tcp://nohost", "tcp://:1", "tcp://x:99999"):
         with raises_code(ConfigurationError, "link.not_an_address"):
             ModbusTable(port, quick())
@@ -246,13 +246,13 @@ def test_impossible_ports_are_reported() -> None:
         ModbusTable("/dev/ttyNONE7", quick())
 
 
-def test_a_value_out_of_range_is_reported_before_anything_is_sent() -> None:
+def test_value_out_of_range_is_reported_before_sending() -> None:
     with table([]) as (driver, _), raises_code(ConfigurationError, "table.value_beyond_register"):
         driver.move(1000.0, 0.0, 0.1, 0.1)
 
 
 @given(kind=st.sampled_from(["u16", "i16", "u32", "i32"]), part=st.floats(0, 1))
-def test_registers_round_trip(kind: str, part: float) -> None:
+def test_register_values_survive_encoding_and_decoding(kind: str, part: float) -> None:
     register = ModbusRegister(address=0, type=kind, scale=1e-5)  # type: ignore[arg-type]
     low, high = register.bounds
     raw = round(low + part * (high - low))
@@ -262,8 +262,8 @@ def test_registers_round_trip(kind: str, part: float) -> None:
     assert decode(register, words) == raw * register.scale
 
 
-def test_a_table_may_have_no_more_than_it_needs() -> None:
-    """Neither watchdog nor interlock, serial number or travel of its own; no bit tells that it moves or is homed."""
+def test_optional_registers_and_status_bits_may_be_absent() -> None:
+    """The table has no watchdog, interlock, serial number or travel, and no status bits for moving or homed."""
     told = tomllib.loads(SHIPPED.read_text(encoding="utf-8"))
     for name in ("serial", "interlock", "watchdog", "heartbeat", "outer_low", "outer_high", "inner_low", "inner_high"):
         del told["registers"][name]

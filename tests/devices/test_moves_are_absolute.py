@@ -1,4 +1,4 @@
-"""No table driver ever adds a motion to another: moves are told by absolute angles, and said again word for word."""
+"""Table drivers command absolute angles and repeat lost commands literally, so motions never add up."""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -38,13 +38,13 @@ TO = (np.deg2rad(-95.5), np.deg2rad(370.25))
 RATE = (np.deg2rad(20.0), np.deg2rad(40.0))
 
 
-class Far:
-    """The far end of a wire: the bench's machine at a time that stands still, behind one of its protocols.
+class FakeDevice:
+    """The simulated table at a fixed time, with one of its protocols.
 
     Attributes
     ----------
-    said : all requests, as they came, without what numbers them
-    loses : whether the answer behind every start of a motion gets lost: done, and not known to be done
+    said : all received requests in order, without transaction numbers
+    loses : whether the reply to every motion command is lost
     """
 
     def __init__(self, start: tuple[float, float], loses: bool) -> None:
@@ -59,7 +59,7 @@ class Far:
         self.loses, self._going = loses, self.targets()
 
     def check_cancelled(self, request: bytes, reply: bytes) -> bytes:
-        """Write a request down; its reply, or nothing where it gets lost."""
+        """Record a request; return its reply, or nothing if the reply is lost."""
         self.said.append(request)
         if not self.loses or not reply or self._going == self.targets():
             return reply
@@ -67,22 +67,22 @@ class Far:
         return b""
 
     def targets(self) -> list[float]:
-        """Where the joints are going, rad."""
+        """Return the target angles of the joints, rad."""
         return [profile.target for profile in self.machine.drive.profiles]
 
     def registers(self) -> TableRegisters:
-        """The machine behind registers."""
+        """Return the table as Modbus registers."""
         return TableRegisters(self.machine, self.clocks, "bench-table", "T-1")
 
     def drives(self) -> dict[int, Drive]:
-        """The machine behind two drives, both switched on."""
+        """Return the table as two drives, both enabled."""
         both = drives(self.machine, self.clocks, "T-1")
         for drive in both.values():
             drive.write(20, [0x0F])
         return both
 
 
-def text(far: Far, language: str) -> Callable[[bytes], bytes]:
+def text(far: FakeDevice, language: str) -> Callable[[bytes], bytes]:
     controller = LANGUAGES[language](Axes(far.machine, far.clocks), "T-1")
     far.machine.power = Power.ENABLED
 
@@ -93,7 +93,7 @@ def text(far: Far, language: str) -> Callable[[bytes], bytes]:
     return answer
 
 
-def modbus(far: Far, apart: bool) -> Callable[[bytes], bytes]:
+def modbus(far: FakeDevice, apart: bool) -> Callable[[bytes], bytes]:
     units = far.drives() if apart else {1: far.registers()}
 
     def answer(heard: bytes) -> bytes:
@@ -107,11 +107,11 @@ def modbus(far: Far, apart: bool) -> Callable[[bytes], bytes]:
 
 
 class Line:
-    """A link to the bench's unit, whose own axes are the table."""
+    """A link to a simulated unit whose own axes are the table."""
 
     port = "LINE"
 
-    def __init__(self, far: Far) -> None:
+    def __init__(self, far: FakeDevice) -> None:
         self._far = far
         unit = ImuUnit(BenchConfig(serial="SN-1"))
         unit.axes = far.registers()
@@ -133,8 +133,8 @@ class Line:
 
 
 @contextmanager
-def driver(name: str, far: Far) -> Iterator[RegisterTable | TextTable]:
-    """The profile's driver on a wire to the far end."""
+def driver(name: str, far: FakeDevice) -> Iterator[RegisterTable | TextTable]:
+    """Run the driver of the profile on a link to `far`."""
     profile = load_table_profile(DATA / "tables" / f"{name}.toml")
     if profile.protocol == "imu_link":
         imu_profile = load_imu_profile(DATA / "imus" / "bench_nav.toml").with_timeout(WITHIN)
@@ -149,14 +149,14 @@ def driver(name: str, far: Far) -> Iterator[RegisterTable | TextTable]:
     answer = modbus(far, profile.map.inner_apart) if profile.protocol == "modbus" else text(far, profile.protocol)
     with server(answer) as place:
         port = f"tcp://{place}"
-        quick = hurried(profile)
+        quick = with_short_timeout(profile)
         table = ModbusTable(port, quick) if profile.protocol == "modbus" else TextTable(port, quick)
         yield table
         table.close()
 
 
-def hurried(profile: TableProfile) -> TableProfile:
-    """The profile with a short wait for an answer."""
+def with_short_timeout(profile: TableProfile) -> TableProfile:
+    """Return the profile with a short reply timeout."""
     section = profile.modbus or profile.text
     assert section is not None
     name = "modbus" if profile.modbus is not None else "text"
@@ -165,14 +165,14 @@ def hurried(profile: TableProfile) -> TableProfile:
 
 @cache
 def moved(name: str, start: tuple[float, float], loses: bool = False) -> tuple[list[bytes], list[float]]:
-    """What was said for a move from `start`, and where the machine then goes."""
-    far = Far(start, loses)
+    """Return the requests for a move from `start`, and the resulting targets."""
+    far = FakeDevice(start, loses)
     with driver(name, far) as table:
         table.move(*TO, *RATE)
     return far.said, far.targets()
 
 
-def test_every_shipped_profile_of_a_driven_table_is_here() -> None:
+def test_every_shipped_profile_of_a_motorised_table_is_tested() -> None:
     shipped = {path.stem for path in (DATA / "tables").glob("*.toml")}
     protocols = {name: load_table_profile(DATA / "tables" / f"{name}.toml").protocol for name in shipped}
     driven = {name for name, protocol in protocols.items() if protocol not in ("hand", "gimbal")}
@@ -180,7 +180,7 @@ def test_every_shipped_profile_of_a_driven_table_is_here() -> None:
 
 
 @pytest.mark.parametrize("name", DRIVEN)
-def test_a_move_is_absolute(name: str) -> None:
+def test_move_commands_absolute_angles(name: str) -> None:
     said, targets = zip(*(moved(name, start) for start in FROM), strict=True)
     assert said[0] == said[1]
     np.testing.assert_allclose(targets, [TO, TO], atol=1e-6)
@@ -192,7 +192,7 @@ WHO = (b"IDN\r\n", b"*IDN?\n", b"$MNCHK*D6\r\n")
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", DRIVEN)
-def test_an_unanswered_move_is_repeated_literally_and_adds_no_motion(name: str) -> None:
+def test_move_with_a_lost_reply_is_repeated_literally_without_extra_motion(name: str) -> None:
     clean, _ = moved(name, FROM[1])
     said, targets = moved(name, FROM[1], loses=True)
     assert len(said) > len(clean)

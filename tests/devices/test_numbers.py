@@ -1,4 +1,4 @@
-"""Numbers of any type and order survive the wire, in bulk as one by one, and say what does not fit."""
+"""Numbers of any type and byte order are encoded and decoded, singly and in bulk; values out of range are rejected."""
 
 import itertools
 import math
@@ -46,14 +46,14 @@ def orders(name: str) -> list[tuple[str, str | None]]:
         ("uq16.16", "big", "little", "80000001", 1.5),
     ],
 )
-def test_known_bytes(name: str, order: str, words: str | None, wire: str, value: float) -> None:
+def test_numbers_are_encoded_to_known_bytes(name: str, order: str, words: str | None, wire: str, value: float) -> None:
     kind = number(name)
     assert kind.unpack(bytes.fromhex(wire), order, words) == value  # type: ignore[arg-type]
     assert kind.pack(value, order, words).hex() == wire  # type: ignore[arg-type]
 
 
 @given(name=st.sampled_from(TYPES), wires=st.binary(min_size=8, max_size=64), data=st.data())
-def test_every_pattern_of_bytes_comes_back(name: str, wires: bytes, data: st.DataObject) -> None:
+def test_every_byte_pattern_survives_decoding_and_encoding(name: str, wires: bytes, data: st.DataObject) -> None:
     kind = number(name)
     order, words = data.draw(st.sampled_from(orders(name)))
     table = np.frombuffer(wires[: len(wires) // kind.width * kind.width], np.uint8).reshape(-1, kind.width)
@@ -68,7 +68,7 @@ def test_every_pattern_of_bytes_comes_back(name: str, wires: bytes, data: st.Dat
 
 
 @given(name=st.sampled_from(TYPES), part=st.floats(0, 1))
-def test_values_inside_the_bounds_are_held_to_half_a_step(name: str, part: float) -> None:
+def test_values_within_bounds_are_rounded_to_half_a_step(name: str, part: float) -> None:
     kind = number(name)
     low, high = kind.bounds
     value = low / 2 + part * (high / 2 - low / 2)
@@ -100,7 +100,7 @@ def test_an_unknown_type_is_rejected(name: str) -> None:
         ("f32", "fraction_first", "profile.fraction_first"),
     ],
 )
-def test_a_word_order_that_does_not_suit_its_type_is_rejected(name: str, words: str, code: str) -> None:
+def test_word_order_incompatible_with_its_type_is_rejected(name: str, words: str, code: str) -> None:
     with raises_code(EntryError, code):
         check_orders(name, words)  # type: ignore[arg-type]
 
@@ -114,12 +114,12 @@ TEXT = b"123456789"
     ("kind", "value"),
     [("sum8", 0xDD), ("sum8_to_zero", 0x23), ("sum16", 0x01DD), ("xor8", 0x31), ("fletcher16", 0xDDF3 - 0xF3 + 0x15)],
 )
-def test_sums_by_name(kind: str, value: int) -> None:
+def test_checksums_match_reference_values(kind: str, value: int) -> None:
     assert check_function(kind)(TEXT) == value
     assert check_bytes(kind, TEXT, "big") == value.to_bytes(CHECK_WIDTHS[kind], "big")
 
 
-def test_fletcher_is_the_sum_of_running_sums() -> None:
+def test_fletcher16_matches_its_definition() -> None:
     data = bytes(itertools.islice(itertools.cycle(range(7, 250, 11)), 700))
     a = b = 0
     for byte in data:
@@ -142,14 +142,14 @@ def test_fletcher_is_the_sum_of_running_sums() -> None:
         (32, 0x04C11DB7, 0xFFFFFFFF, True, 0xFFFFFFFF, 0xCBF43926),
     ],
 )
-def test_a_crc_by_its_parameters(
+def test_parametric_crc_matches_reference_values(
     width: int, polynomial: int, initial: int, reflected: bool, final: int, value: int
 ) -> None:
     assert parametric_crc(width, polynomial, initial, reflected, reflected, final)(TEXT) == value
 
 
 @given(data=st.binary(max_size=80))
-def test_a_crc_by_parameters_is_the_named_one(data: bytes) -> None:
+def test_parametric_crc_equals_the_named_crc(data: bytes) -> None:
     assert parametric_crc(16, 0x1021, 0xFFFF, False, False, 0)(data) == check_function("crc16_ccitt_false")(data)
     assert parametric_crc(32, 0x04C11DB7, 0xFFFFFFFF, True, True, 0xFFFFFFFF)(data) == check_function("crc32")(data)
     assert struct.pack(">I", check_function("crc32")(data)) == check_bytes("crc32", data, "big")

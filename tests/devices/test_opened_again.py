@@ -1,4 +1,4 @@
-"""A link that has to be opened anew leads to the port that its name means then, and only to the device it led to."""
+"""A reopened link resolves its port name again and accepts only the same device."""
 
 import struct
 import sys
@@ -20,7 +20,7 @@ ADAPTER = "A9XYZ"
 
 
 def table_at(serial: str) -> RtuServer:
-    """A table that says who it is."""
+    """A table that reports its identity."""
     texts = ((0, b"bench-table"), (8, serial.encode()))
     words = dict(enumerate(image()))
     for address, text in texts:
@@ -30,7 +30,7 @@ def table_at(serial: str) -> RtuServer:
 
 @pytest.fixture
 def plugged(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names that the adapter has had, the last of them now."""
+    """Port names that the adapter has had; the last is the current one."""
     had: list[str] = []
     about = {"description": "UART", "manufacturer": "FTDI", "location": "1-2", "serial_number": ADAPTER}
     monkeypatch.setattr(
@@ -39,7 +39,7 @@ def plugged(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return had
 
 
-def test_an_adapter_that_comes_back_under_another_name_is_found_there(plugged: list[str]) -> None:
+def test_adapter_that_reappears_under_another_name_is_found(plugged: list[str]) -> None:
     first, second = table_at("T-0001"), table_at("T-0001")
     plugged.append(first.port)
     table = ModbusTable(f"usb:{ADAPTER}", quick(), SerialSettings())
@@ -54,7 +54,7 @@ def test_an_adapter_that_comes_back_under_another_name_is_found_there(plugged: l
         second.close()
 
 
-def test_another_table_at_the_same_port_is_not_commanded(plugged: list[str]) -> None:
+def test_different_table_on_the_same_port_is_not_commanded(plugged: list[str]) -> None:
     first, other = table_at("T-0001"), table_at("T-0002")
     plugged.append(first.port)
     table = ModbusTable(f"usb:{ADAPTER}", quick(), SerialSettings())
@@ -71,7 +71,7 @@ def test_another_table_at_the_same_port_is_not_commanded(plugged: list[str]) -> 
         other.close()
 
 
-def test_a_missing_adapter_is_a_lost_link(plugged: list[str]) -> None:
+def test_missing_adapter_is_reported_as_a_lost_link(plugged: list[str]) -> None:
     first = table_at("T-0001")
     plugged.append(first.port)
     table = ModbusTable(f"usb:{ADAPTER}", quick(), SerialSettings())

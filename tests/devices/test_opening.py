@@ -1,4 +1,4 @@
-"""Why a port does not open, in kinds that a person can act on."""
+"""The reasons why a port does not open, as categories that a user can act on."""
 
 import errno
 import socket
@@ -28,7 +28,7 @@ def test_addresses_are_parsed(url: str, address: tuple[str, int] | None) -> None
     assert host_and_port(url) == address
 
 
-def test_a_port_that_nobody_serves_is_refused() -> None:
+def test_port_without_a_server_is_refused() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
     assert why_not(f"tcp://127.0.0.1:{port}", SETTINGS, 1.0)[0] == "refused"
@@ -43,7 +43,9 @@ def test_a_port_that_nobody_serves_is_refused() -> None:
         (OSError(errno.EHOSTUNREACH, "No route to host"), "unreachable"),
     ],
 )
-def test_a_host_that_cannot_be_reached(monkeypatch: pytest.MonkeyPatch, error: OSError, reason: str) -> None:
+def test_unreachable_host_is_reported_with_its_reason(
+    monkeypatch: pytest.MonkeyPatch, error: OSError, reason: str
+) -> None:
     def fail(*_: object, **__: object) -> None:
         raise error
 
@@ -65,7 +67,9 @@ def test_a_host_that_cannot_be_reached(monkeypatch: pytest.MonkeyPatch, error: O
         (serial.SerialException("something else"), "other"),
     ],
 )
-def test_a_serial_port_that_does_not_open(monkeypatch: pytest.MonkeyPatch, error: Exception, reason: str) -> None:
+def test_serial_port_that_does_not_open_is_reported_with_its_reason(
+    monkeypatch: pytest.MonkeyPatch, error: Exception, reason: str
+) -> None:
     def fail(*_: object, **__: object) -> None:
         raise error
 
@@ -73,5 +77,5 @@ def test_a_serial_port_that_does_not_open(monkeypatch: pytest.MonkeyPatch, error
     assert why_not("/dev/ttyUSB7", SETTINGS, 1.0)[0] == reason
 
 
-def test_an_adapter_that_is_not_plugged_in() -> None:
+def test_missing_adapter_is_reported() -> None:
     assert why_not("usb:NONE", SETTINGS, 1.0)[0] == "no_adapter"

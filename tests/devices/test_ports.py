@@ -1,4 +1,4 @@
-"""Ports are listed with their adapters, and a re-plugged adapter is found under its new name."""
+"""Ports are listed with their adapters, and a reconnected adapter is found under its new name."""
 
 import os
 import sys
@@ -17,7 +17,7 @@ from tests.helpers import raises_code
 
 
 def listed(device: str, number: str | None = None, location: str | None = None, about: str = "n/a") -> object:
-    """A port as pyserial lists it."""
+    """Return a port as listed by pyserial."""
     return SimpleNamespace(
         device=device,
         name=device.rsplit("/", 1)[-1],
@@ -30,7 +30,7 @@ def listed(device: str, number: str | None = None, location: str | None = None, 
 
 @pytest.fixture
 def plugged(monkeypatch: pytest.MonkeyPatch) -> list[object]:
-    """The ports of this computer, as the test plugs them."""
+    """The ports of this computer, set by the test."""
     ports: list[object] = []
     monkeypatch.setattr(list_ports, "comports", lambda: list(ports))
     return ports
@@ -48,7 +48,7 @@ def test_ports_are_listed_adapters_first(plugged: list[object]) -> None:
     assert (ports[0].description, ports[0].maker, ports[2].description) == ("FT232R USB UART", "FTDI", "")
 
 
-def test_an_adapter_is_found_under_whatever_name_it_has_now(plugged: list[object]) -> None:
+def test_adapter_is_found_under_its_current_name(plugged: list[object]) -> None:
     plugged.append(listed("/dev/ttyUSB0", "A9", "1-2"))
     assert resolve("usb:A9", "imu") == "/dev/ttyUSB0"
     plugged[:] = [listed("/dev/ttyUSB0", "B1", "1-1"), listed("/dev/ttyUSB3", "A9", "1-4")]
@@ -57,7 +57,7 @@ def test_an_adapter_is_found_under_whatever_name_it_has_now(plugged: list[object
     assert resolve("socket://host:1", "imu") == "socket://host:1"
 
 
-def test_an_adapter_with_several_ports_is_named_port_by_port(plugged: list[object]) -> None:
+def test_ports_of_one_adapter_have_individual_names(plugged: list[object]) -> None:
     plugged += [listed("/dev/ttyUSB1", "Q4", "1-2:1.1"), listed("/dev/ttyUSB0", "Q4", "1-2:1.0")]
     assert [p.usb for p in found_ports()] == ["usb:Q4/1", "usb:Q4/2"]
     assert resolve("usb:Q4/2", "table") == "/dev/ttyUSB1"
@@ -65,7 +65,7 @@ def test_an_adapter_with_several_ports_is_named_port_by_port(plugged: list[objec
         resolve("usb:Q4", "table")
 
 
-def test_adapters_with_one_number_are_named_by_their_location_on_the_bus(plugged: list[object]) -> None:
+def test_adapters_with_equal_serial_numbers_are_named_by_bus_location(plugged: list[object]) -> None:
     first, second = listed("/dev/ttyUSB0", "0001", "1-1"), listed("/dev/ttyUSB1", "0001", "1-2")
     dual = [listed("/dev/ttyUSB3", "0001", "1-3:1.1"), listed("/dev/ttyUSB2", "0001", "1-3:1.0")]
     plugged += [first, second, *dual]
@@ -76,7 +76,7 @@ def test_adapters_with_one_number_are_named_by_their_location_on_the_bus(plugged
         resolve("usb:0001/2", "imu")
 
 
-def test_the_name_of_an_unplugged_adapter_passes_to_no_other(plugged: list[object]) -> None:
+def test_name_of_a_disconnected_adapter_is_not_reused(plugged: list[object]) -> None:
     plugged += [listed("/dev/ttyUSB0", "0001", "1-2")]  # that at 1-1 was pulled
     assert resolve("usb:0001@1-2", "table") == "/dev/ttyUSB0"
     for name in ("usb:0001@1-1", "usb:0001/1", "usb:0001/2"):
@@ -84,14 +84,14 @@ def test_the_name_of_an_unplugged_adapter_passes_to_no_other(plugged: list[objec
             resolve(name, "table")
 
 
-def test_adapters_with_one_number_and_unknown_location_have_no_name(plugged: list[object]) -> None:
+def test_adapters_with_equal_serial_numbers_and_no_location_have_no_name(plugged: list[object]) -> None:
     plugged += [listed("COM3", "0001"), listed("COM4", "0001")]
     assert [p.usb for p in found_ports()] == [None, None]
     with raises_code(DeviceFaultError, "link.ambiguous"):
         resolve("usb:0001", "table")
 
 
-def test_a_missing_adapter_is_reported_with_the_present_ones(plugged: list[object]) -> None:
+def test_missing_adapter_is_reported_with_the_available_adapters(plugged: list[object]) -> None:
     plugged.append(listed("/dev/ttyUSB0", "B1", "1-1"))
     with raises_code(DeviceFaultError, "link.no_adapter") as imu:
         SerialLink("usb:A9", SerialSettings(), "imu")
@@ -103,7 +103,7 @@ def test_a_missing_adapter_is_reported_with_the_present_ones(plugged: list[objec
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
-def test_both_links_open_the_adapters_port_and_keep_it_to_themselves(plugged: list[object]) -> None:
+def test_both_link_types_open_the_adapter_port_exclusively(plugged: list[object]) -> None:
     master, slave = os.openpty()
     plugged.append(listed(os.ttyname(slave), "A9", "1-2"))
     link = SerialLink("usb:A9", SerialSettings(), "imu")

@@ -1,4 +1,4 @@
-"""docs/reference/profiles.md documents every entry that a profile may have, and its examples are right."""
+"""docs/reference/profiles.md documents every profile entry, and its examples are valid."""
 
 import re
 import tomllib
@@ -35,7 +35,7 @@ DOCUMENTED = {word for span in re.findall(r"`([^`\n]+)`", TEXT) for word in re.f
 
 
 def models(kind: Any, seen: set[type]) -> Iterator[type[BaseModel]]:
-    """A model and all that its fields hold."""
+    """Yield a model and all models of its fields."""
     if get_origin(kind) in (Annotated, Union, types.UnionType, list, dict, tuple):
         for part in get_args(kind):
             yield from models(part, seen)
@@ -54,14 +54,14 @@ def test_every_entry_is_documented(profile: type[BaseModel]) -> None:
     assert missing == []
 
 
-def test_every_allowed_name_is_documented() -> None:
+def test_every_permitted_name_is_documented() -> None:
     names = {*OPS, *CHECK_WIDTHS, *COMMANDS, *STATUS_BITS, *OPTIONAL_BITS, *WRITTEN}
     names |= {*DRIVE_REGISTERS, *OPTIONAL_DRIVE_REGISTERS, *JOINT_REGISTERS, *OPTIONAL_JOINT_REGISTERS}
     assert sorted(names - DOCUMENTED) == []
     assert set(CRC_WIDTHS) <= DOCUMENTED
 
 
-def test_the_request_that_is_shown_is_what_is_sent() -> None:
+def test_example_request_matches_the_sent_bytes() -> None:
     profile = load_imu_profile(ROOT / "data" / "imus" / "bench_nav.toml")
     assert profile.commands is not None
     sent = command_frame(profile.commands, profile.frame, OPS["read"], bytes([0, 0, 3]))
@@ -69,7 +69,7 @@ def test_the_request_that_is_shown_is_what_is_sent() -> None:
     assert bytes.fromhex(shown.replace("|", "")) == sent
 
 
-def test_the_line_that_is_shown_is_a_sample_of_the_shipped_profile() -> None:
+def test_example_line_decodes_with_the_shipped_profile() -> None:
     path = ROOT / "data" / "imus" / "text_lines.toml"
     (shown,) = re.findall(r"    (\$IMU,.*)", TEXT)
     assert f"#   {shown}\n" in path.read_text(encoding="utf-8")
@@ -81,7 +81,7 @@ def test_the_line_that_is_shown_is_a_sample_of_the_shipped_profile() -> None:
     assert status.tolist() == [1]
 
 
-def test_the_unit_of_the_guide_loads_as_it_stands() -> None:
+def test_example_unit_profile_in_the_guide_is_valid() -> None:
     (shown,) = [t for t in re.findall(r"```toml\n(.*?)```", GUIDE, re.DOTALL) if "[frame]" in t]
     profile = ImuProfile.model_validate(tomllib.loads(shown))
     assert profile.frame.min_size() == 34
@@ -91,7 +91,7 @@ def test_the_unit_of_the_guide_loads_as_it_stands() -> None:
     assert (gyro.address_of(9), accel.address_of(9)) == (0x49, 0x59)
 
 
-def test_the_registers_of_the_guide_are_registers() -> None:
+def test_example_registers_in_the_guide_are_valid() -> None:
     shown = re.findall(r"`(\w+) = (\{ address.*?\})`", GUIDE)
     assert len(shown) == 6
     for name, entry in shown:

@@ -1,4 +1,4 @@
-"""Profiles are checked as a whole before anything moves, and say which entry is wrong."""
+"""Profiles are validated completely when loaded, and errors name the invalid entry."""
 
 import copy
 import tomllib
@@ -88,7 +88,7 @@ def refused(
         ("noise/gyro_arw", None, "noise.gyro_arw entry.missing"),
     ],
 )
-def test_a_wrong_imu_profile_is_reported_by_its_entry(tmp_path: Path, where: str, value: Any, told: str) -> None:
+def test_invalid_imu_profile_is_reported_by_its_entry(tmp_path: Path, where: str, value: Any, told: str) -> None:
     assert refused(tmp_path, load_imu_profile, "imus", where, value) == told
 
 
@@ -115,7 +115,7 @@ def test_a_wrong_imu_profile_is_reported_by_its_entry(tmp_path: Path, where: str
         ("link_loss_stop_s", 0.0, "link_loss_stop_s entry.greater_than"),
     ],
 )
-def test_a_wrong_table_profile_is_reported_by_its_entry(tmp_path: Path, where: str, value: Any, told: str) -> None:
+def test_invalid_table_profile_is_reported_by_its_entry(tmp_path: Path, where: str, value: Any, told: str) -> None:
     assert refused(tmp_path, load_table_profile, "tables", where, value) == told
 
 
@@ -162,7 +162,7 @@ def text_table(name: str) -> dict[str, Any]:
         ("aerosmith_atl", "text/silent", "JOG(", "text.silent entry.not_a_pattern"),
     ],
 )
-def test_a_wrong_text_table_is_reported_by_its_entry(
+def test_invalid_text_table_profile_is_reported_by_its_entry(
     tmp_path: Path, name: str, where: str, value: Any, told: str
 ) -> None:
     data = text_table(name)

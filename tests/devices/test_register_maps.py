@@ -1,4 +1,4 @@
-"""A register map is a profile: any type, order, scale, sign, convention and page; exact, and checked as a whole."""
+"""Register maps in profiles: types, byte order, scale, sign, convention and page, with exact conversion."""
 
 import itertools
 from pathlib import Path
@@ -38,7 +38,7 @@ def parameters(sensor: str, draw: Any) -> dict[str, float]:
 
 
 def device_output(held: dict[str, float], sensor: str, c: Convention, measured: np.ndarray) -> np.ndarray:
-    """What the unit makes of a measurement: its own formula, written out."""
+    """Return the corrected output by the formula of the unit, implemented independently."""
     registers = np.array([[held[f"{sensor}_matrix_{row}{column}"] for column in "xyz"] for row in "xyz"])
     offset = np.array([held[f"{sensor}_offset_{axis}"] for axis in "xyz"])
     offset = -offset if c.added else offset
@@ -52,7 +52,7 @@ def device_output(held: dict[str, float], sensor: str, c: Convention, measured: 
 
 
 @given(sensor=st.sampled_from(["gyro", "accel"]), c=st.sampled_from(CONVENTIONS), truth=vector, data=st.data())
-def test_the_unit_s_formula_gives_the_true_value_exactly(
+def test_formula_of_the_unit_gives_the_exact_true_value(
     sensor: str, c: Convention, truth: np.ndarray, data: st.DataObject
 ) -> None:
     values = parameters(sensor, data.draw)
@@ -70,15 +70,15 @@ def test_the_unit_s_formula_gives_the_true_value_exactly(
         assert back[name] == pytest.approx(value, abs=1e-15)
 
 
-def test_first_order_would_not_do() -> None:
-    """What the exact inverse is worth: at errors of 5 % the first-order one is wrong by more than 0.2 %."""
+def test_first_order_inverse_is_not_accurate_enough() -> None:
+    """At errors of 5 % the first-order inverse is wrong by more than 0.2 %."""
     values = {n: 0.05 for n in NAMES if n.startswith("gyro_")}
     held = to_registers("gyro", values, matrix_slots("gyro"), Convention(), Convention())
     assert abs(held["gyro_matrix_xx"] - (1.0 - 0.05)) > 2e-3
 
 
 @pytest.mark.parametrize("places", [["xx", "yy", "zz"], ["xx", "yx", "yy", "zx", "zy", "zz"]])
-def test_a_partial_matrix_is_inverted_as_far_as_it_is_present(places: list[str]) -> None:
+def test_partial_matrix_is_inverted_for_its_elements(places: list[str]) -> None:
     slots = [f"accel_matrix_{p}" for p in places]
     values = {n: 0.01 * (i + 1) for i, n in enumerate(NAMES) if n.startswith("accel")}
     held = to_registers("accel", values, slots, Convention(), Convention())
@@ -87,7 +87,7 @@ def test_a_partial_matrix_is_inverted_as_far_as_it_is_present(places: list[str])
     assert len(back) == len(places)
 
 
-def test_registers_without_a_possible_calibration_are_refused() -> None:
+def test_register_values_without_a_valid_calibration_are_refused() -> None:
     erased = dict.fromkeys(matrix_slots("gyro"), 0.0)
     assert all(np.isnan(v) for v in from_registers("gyro", erased, Convention(), Convention()).values())
     full = {**dict.fromkeys(matrix_slots("accel"), 0.0), "accel_matrix_xx": 1.0, "accel_matrix_yy": 1.0}
@@ -100,7 +100,7 @@ def test_registers_without_a_possible_calibration_are_refused() -> None:
 
 
 def legal(name: str, draw: Any) -> dict[str, float]:
-    """Values that a unit of a profile's type may have."""
+    """Draw parameter values within the limits of a unit of the profile's type."""
     sigmas = load_imu_profile(DATA / f"{name}.toml").prior_sigmas()
     return {n: draw(st.floats(-3 * sigmas[n], 3 * sigmas[n])) for n in map_of(name).parameters}
 
@@ -111,7 +111,7 @@ def map_of(name: str) -> RegisterMap:
 
 @pytest.mark.parametrize("name", ["bench_nav", "vectornav_vn100", "dsp_modbus"])
 @given(data=st.data())
-def test_legal_values_fit_and_come_back_within_the_registers_steps(name: str, data: st.DataObject) -> None:
+def test_valid_values_survive_encoding_within_register_resolution(name: str, data: st.DataObject) -> None:
     entries = map_of(name)
     values = legal(name, data.draw)
     held = entries.rounded(values)
@@ -123,7 +123,7 @@ def test_legal_values_fit_and_come_back_within_the_registers_steps(name: str, da
     assert entries.differing(held, entries.decode(entries.encode(held))) == []
 
 
-def test_the_vectornav_identity_is_no_calibration_at_all() -> None:
+def test_vectornav_identity_matrix_is_a_zero_calibration() -> None:
     entries = map_of("vectornav_vn100")
     plain = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
     assert entries.encode(dict.fromkeys(entries.parameters, 0.0)) == {25: plain, 84: plain}
@@ -132,7 +132,7 @@ def test_the_vectornav_identity_is_no_calibration_at_all() -> None:
     assert set(entries.parameters) == {p.name for p in PARAMETERS if p.sensor != "lever" and "quadratic" not in p.name}
 
 
-def test_tolerance_of_the_read_back() -> None:
+def test_read_back_tolerates_only_rounding() -> None:
     entries = map_of("vectornav_vn100")
     wanted = entries.rounded({**dict.fromkeys(entries.parameters, 0.0), "gyro_scale_x": 1.2345678e-3})
     seven_digits = {k: [float(f"{v:.6E}") for v in row] for k, row in entries.encode(wanted).items()}
@@ -143,7 +143,7 @@ def test_tolerance_of_the_read_back() -> None:
     assert "gyro_scale_x" in entries.differing(wanted, entries.decode(seven_digits))
 
 
-def test_without_a_tolerance_every_bit_counts() -> None:
+def test_read_back_without_a_tolerance_compares_every_bit() -> None:
     entries = map_of("bench_nav")
     zero = dict.fromkeys(entries.parameters, 0.0)
     one_step = float(np.nextafter(np.float32(1e-5), np.float32(1)))
@@ -156,14 +156,14 @@ def test_without_a_tolerance_every_bit_counts() -> None:
     assert entries.differing({"gyro_bias_x": 0.0}, {}) == ["gyro_bias_x"]
 
 
-def test_column_by_column() -> None:
+def test_matrix_can_be_stored_in_column_major_order() -> None:
     rows = RegisterEntry(address=0, parameters=["gyro_matrix"], range=[-1.0, 1.0])
     columns = RegisterEntry(address=0, parameters=["gyro_matrix"], major="column", range=[-1.0, 1.0])
     assert [n[-2:] for n in rows.names] == ["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"]
     assert [n[-2:] for n in columns.names] == ["xx", "yx", "zx", "xy", "yy", "zy", "xz", "yz", "zz"]
 
 
-def test_a_negative_scale_is_the_opposite_sign() -> None:
+def test_negative_scale_inverts_the_sign() -> None:
     entry = RegisterEntry(address=7, parameters=["gyro_bias"], scale=-1e-6, type="i16", range=[-0.01, 0.01])
     entries = RegisterMap((entry,))
     held = entries.encode({"gyro_bias_x": 1e-3, "gyro_bias_y": -0.01, "gyro_bias_z": 0.0})
@@ -173,7 +173,7 @@ def test_a_negative_scale_is_the_opposite_sign() -> None:
         entries.encode({"gyro_bias_x": 0.0, "gyro_bias_y": 0.0, "gyro_bias_z": 0.02})
 
 
-def test_registers_as_they_are_stored() -> None:
+def test_stored_register_values_are_shown_as_hexadecimal() -> None:
     rows = map_of("bench_nav").stored({"gyro_bias_y": 1.0 / 64})
     assert rows == [(1, "gyro_bias_y", "3C800000")]
     stored = {name: raw for _, name, raw in map_of("dsp_modbus").stored({"accel_bias_x": -1e-7})}
@@ -230,7 +230,7 @@ def test_registers_as_they_are_stored() -> None:
         ("bench_nav", "commands", None, "commands profile.needed_by"),
     ],
 )
-def test_a_wrong_register_map_is_reported_by_its_entry(
+def test_invalid_register_map_is_reported_by_its_entry(
     tmp_path: Path, name: str, where: str, value: Any, told: str | None
 ) -> None:
     path = tmp_path / "profile.toml"
@@ -244,13 +244,13 @@ def test_a_wrong_register_map_is_reported_by_its_entry(
     assert "\n" not in str(caught.value)
 
 
-def test_every_group_may_stand_for_its_names() -> None:
+def test_group_name_expands_to_its_parameters() -> None:
     for group in GROUPS:
         entry = RegisterEntry(address=0, parameters=[group], range=[-1.0, 1.0])
         assert list(entry.names) == [p.name for p in PARAMETERS if p.group == group]
 
 
-def test_the_compensation_and_the_unit_agree() -> None:
+def test_offline_compensation_equals_the_correction_by_the_unit() -> None:
     """Registers and offline compensation correct alike."""
     random = np.random.default_rng(7)
     entries = map_of("vectornav_vn100")

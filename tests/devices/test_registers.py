@@ -1,4 +1,4 @@
-"""Registers hold what was meant: encode and decode."""
+"""Register values are encoded and decoded."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ MAP = RegisterMap(tuple(PROFILE.registers))
 RANGES = {name: entry.range for entry in PROFILE.registers for name in entry.parameters if name}
 
 
-def test_every_parameter_but_the_outer_lever_has_a_register() -> None:
+def test_every_parameter_except_the_outer_lever_arm_has_a_register() -> None:
     assert set(MAP.parameters) == {n for n in NAMES if not n.startswith("outer_lever")}
     assert MAP.address("gyro_misalign_xy") == 4
     assert MAP.address("accel_misalign_zy") == 22
@@ -27,7 +27,7 @@ def test_every_parameter_but_the_outer_lever_has_a_register() -> None:
 
 
 @given(name=st.sampled_from(MAP.parameters), part=st.floats(0, 1))
-def test_values_survive_as_float32(name: str, part: float) -> None:
+def test_values_survive_encoding_as_float32(name: str, part: float) -> None:
     low, high = RANGES[name]
     value = low + part * (high - low)
     back = MAP.decode(MAP.encode({**dict.fromkeys(MAP.parameters, 0.0), name: value}))

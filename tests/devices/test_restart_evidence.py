@@ -1,4 +1,4 @@
-"""A unit is only restarted when its flash is burnt, and only believed to have restarted when it shows that it has."""
+"""A unit is restarted only after its commit is complete, and a restart is accepted only on evidence."""
 
 import sys
 import time
@@ -26,9 +26,9 @@ UNIT = "SN-1"
 
 
 class FlashUnit(RtuServer):
-    """RAM and flash; burning takes `burns` s, or is not done: None; a reset comes `delay` s after its answer, or never.
+    """RAM and flash; a commit takes `burns` s or never ends (None); a reset follows its reply after `delay` s or never.
 
-    Asked for its commit register while it burns it is busy; a reset meanwhile leaves neither old nor new.
+    While it writes its flash it reports busy; a reset during that time leaves neither old nor new values.
     """
 
     def __init__(self, burns: float | None = 0.0, delay: float | None = 0.0) -> None:
@@ -43,7 +43,7 @@ class FlashUnit(RtuServer):
                 self.flash |= {address + i: int.from_bytes(padded[2 * i : 2 * i + 2], "big") for i in range(4, 8)}
         super().__init__(words=self.flash)
 
-    def obey(self, function: int, address: int, values: Iterable[int]) -> int:
+    def store(self, function: int, address: int, values: Iterable[int]) -> int:
         self._live()
         if address == COMMIT:
             self._burnt = None if self.burns is None else time.monotonic() + self.burns
@@ -52,14 +52,14 @@ class FlashUnit(RtuServer):
                 self.hurt, self._burnt = True, None
             self._due = None if self.delay is None else time.monotonic() + self.delay
         elif address != STREAM:
-            return super().obey(function, address, values)
+            return super().store(function, address, values)
         return 0
 
-    def tell(self, address: int) -> int | None:
+    def value_of(self, address: int) -> int | None:
         self._live()
         if address == COMMIT:
             return None if self._burnt is not None else 0
-        return super().tell(address)
+        return super().value_of(address)
 
     def _live(self) -> None:
         now = time.monotonic()
@@ -99,7 +99,7 @@ def test_committed_registers_are_read_back_after_the_restart(delay: float) -> No
 
 @pytest.mark.long
 @pytest.mark.parametrize("delay", [0.0, 0.4])
-def test_uncommitted_registers_are_not_taken_for_restarted(delay: float) -> None:
+def test_uncommitted_registers_are_not_taken_as_evidence_of_a_restart(delay: float) -> None:
     unit, noted = FlashUnit(burns=None, delay=delay), Noted(serial=UNIT)
     with driver(unit) as imu, raises_code(DeviceFaultError, "imu.holds_old"):
         moved(imu, noted)
@@ -107,7 +107,7 @@ def test_uncommitted_registers_are_not_taken_for_restarted(delay: float) -> None
     assert noted.closing == "kept"
 
 
-def test_a_unit_that_never_restarts_is_reported_before_anything_is_written() -> None:
+def test_unit_that_never_restarts_is_reported_before_any_write() -> None:
     unit, noted = FlashUnit(delay=None), Noted(serial=UNIT)
     with driver(unit, reset_timeout_s=0.3) as imu, raises_code(DeviceFaultError, "imu.not_restarted"):
         moved(imu, noted)
@@ -135,7 +135,7 @@ def test_a_unit_whose_commit_exceeds_its_timeout_is_not_restarted() -> None:
 @pytest.mark.long
 def test_a_unit_busy_with_another_commit_is_not_restarted() -> None:
     unit, noted = FlashUnit(burns=0.5), Noted(serial=UNIT)
-    unit.obey(6, COMMIT, [0x5A5A])
+    unit.store(6, COMMIT, [0x5A5A])
     with driver(unit) as imu:
         moved(imu, noted)
     assert not unit.hurt
@@ -151,7 +151,7 @@ def entry(*parameters: str, **told: object) -> RegisterEntry:
     )
 
 
-def test_the_marker_avoids_matrix_elements_if_possible() -> None:
+def test_marker_avoids_matrix_elements_if_possible() -> None:
     matrix, bias = entry("gyro_matrix"), entry("gyro_bias")
     assert markable([matrix, bias]) is bias
     assert markable([matrix]) is matrix
@@ -165,7 +165,7 @@ def test_the_marker_avoids_matrix_elements_if_possible() -> None:
 
 @pytest.mark.parametrize("kind", ["i16", "f32", "f64", "q2.30"])
 @pytest.mark.parametrize("before", [float("nan"), 0.0, -0.1 + 0.2 * 0.381966, 0.0236068])
-def test_a_marker_is_inside_its_range_and_differs_from_the_present_value(kind: str, before: float) -> None:
+def test_marker_is_within_its_range_and_differs_from_the_current_value(kind: str, before: float) -> None:
     scale = 1e-5 if kind == "i16" else 1.0
     told = entry("gyro_bias", type=kind, scale=scale)
     numbers = marked(told, [before / scale if kind == "i16" and before == before else before] * 3)

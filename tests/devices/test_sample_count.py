@@ -1,4 +1,4 @@
-"""A counter made continuous: frames twice, late and swapped, resets and wraps, however the stream is cut."""
+"""A received counter becomes a continuous sample count despite duplicates, swaps, resets and wraps."""
 
 from itertools import pairwise
 
@@ -41,7 +41,7 @@ def fed(*batches: list[int], frame: FrameSection = FRAME) -> list[int]:
         (([9000, 9001], [0, 1], [2, 3]), [9000, 9001, 9003, 9004, 9005, 9006]),
     ],
 )
-def test_received_counters_become_a_rising_count(batches: tuple[list[int], ...], told: list[int]) -> None:
+def test_received_counters_become_an_increasing_count(batches: tuple[list[int], ...], told: list[int]) -> None:
     assert fed(*batches) == told
 
 
@@ -83,7 +83,7 @@ def test_duplicates_and_swapped_neighbours_lose_no_sample(first: int, kinds: lis
 
 
 @given(st.lists(st.integers(0, 65535), max_size=50), st.integers(0, 50))
-def test_the_count_rises_for_any_counter(raw: list[int], cut: int) -> None:
+def test_count_increases_for_any_counter_values(raw: list[int], cut: int) -> None:
     told = fed(raw[:cut], raw[cut:])
     assert all(a < b for a, b in pairwise(told))
 
@@ -100,19 +100,19 @@ def test_the_count_rises_for_any_counter(raw: list[int], cut: int) -> None:
         (([9000, 9001], [0, 1], [2, 3]), [9000, 9001, 9003, 9004, 9005, 9006]),
     ],
 )
-def test_a_clock_gives_the_same_count(bits: int, batches: tuple[list[int], ...], told: list[int]) -> None:
+def test_clock_gives_the_same_count_as_a_counter(bits: int, batches: tuple[list[int], ...], told: list[int]) -> None:
     ticks = [[sample * TICKS[bits] for sample in batch] for batch in batches]
     assert fed(*ticks, frame=CLOCKS[bits]) == told
 
 
-def test_a_clock_of_32_bits_continues_after_its_wrap() -> None:
+def test_count_continues_when_a_32_bit_clock_wraps() -> None:
     last = 2**32 - 50
     assert np.diff(fed([last - 100, last, 50, 50, 150], frame=CLOCKS[32])).tolist() == [1, 1, 1]
 
 
 @pytest.mark.parametrize("bits", CLOCKS)
 @given(data=st.data())
-def test_the_count_rises_for_any_clock(bits: int, data: st.DataObject) -> None:
+def test_count_increases_for_any_clock_values(bits: int, data: st.DataObject) -> None:
     ticks = data.draw(st.lists(st.integers(0, 2 ** min(bits, 63) - 1), max_size=40))
     cut = data.draw(st.integers(0, 40))
     told = fed(ticks[:cut], ticks[cut:], frame=CLOCKS[bits])

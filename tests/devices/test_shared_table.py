@@ -1,4 +1,4 @@
-"""Axes behind the link of the IMU that they belong to: one owner of the port, words in its frames, between samples."""
+"""Table axes on the link of their IMU: one owner of the port, register access in IMU frames between samples."""
 
 import struct
 import threading
@@ -54,7 +54,7 @@ def system(pairs: list[Pair]) -> Iterator[tuple[SharedTable, FramedImu, Scripted
     assert link.finished
 
 
-def test_the_axes_on_the_wire() -> None:
+def test_axis_commands_match_the_protocol() -> None:
     text = [int.from_bytes(b"bench-table\0\0\0\0\0"[k : k + 2], "big") for k in range(0, 16, 2)]
     pairs = [
         read(0, text),
@@ -90,7 +90,7 @@ def test_polls_and_samples_share_the_line() -> None:
         assert imu.read().seq.tolist() == [1, 2]
 
 
-def test_two_threads_take_turns() -> None:
+def test_two_threads_share_the_link() -> None:
     polled = image()[17:64]
     ask, answer = read(17, polled)
     with system([(ask, answer)] * 40) as (table, _, _link):
@@ -116,7 +116,7 @@ def test_two_threads_take_turns() -> None:
         (5, "table.system_write_refused"),
     ],
 )
-def test_a_refusal_is_reported_with_its_meaning(error: int, code: str) -> None:
+def test_error_reply_is_reported_with_its_meaning(error: int, code: str) -> None:
     with system([(write(22, 2)[0], reply_frame(0xFF, bytes([error])))]) as (table, _, _link):
         with raises_code(DeviceFaultError, code) as caught:
             table.stop()
@@ -125,7 +125,7 @@ def test_a_refusal_is_reported_with_its_meaning(error: int, code: str) -> None:
 
 
 @pytest.mark.long
-def test_a_lost_answer_is_asked_for_again_but_homing_is_not() -> None:
+def test_request_with_a_lost_reply_is_repeated_except_homing() -> None:
     stop, home = write(22, 2), write(22, 3)
     between = request(1), reply_frame(1, b"bench-imu;SN;1")
     with system([(stop[0], b""), (stop[0], b""), stop, between, (home[0], b"")]) as (table, _, _link):
@@ -134,14 +134,14 @@ def test_a_lost_answer_is_asked_for_again_but_homing_is_not() -> None:
             table.home()
 
 
-def test_an_answer_of_the_wrong_length_is_reported() -> None:
+def test_reply_of_the_wrong_length_is_reported() -> None:
     ask, _ = read(0, [0] * 8)
     short = reply_frame(7, ask[4:7] + b"\0\0")
     with system([(ask, short)]) as (table, _, _link), raises_code(DeviceFaultError, "table.answer_length"):
         table.identify()
 
 
-def test_an_imu_without_framed_commands_cannot_carry_axes() -> None:
+def test_axes_require_an_imu_with_framed_commands() -> None:
     link = ScriptedLink([])
     imu = SilentImu(link, load_imu_profile(DATA / "imus" / "stim300.toml"), "SN")  # type: ignore[arg-type]
     with raises_code(ConfigurationError, "table.imu_without_words"):
@@ -149,6 +149,6 @@ def test_an_imu_without_framed_commands_cannot_carry_axes() -> None:
     assert link.closed.is_set()
 
 
-def test_shared_axes_have_no_port_of_their_own() -> None:
+def test_separate_port_for_shared_axes_is_refused() -> None:
     with raises_code(ConfigurationError, "table.behind_imu"):
         open_table("/dev/ttyUSB0", PROFILE, SerialSettings())

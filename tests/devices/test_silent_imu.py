@@ -1,4 +1,4 @@
-"""A unit that only streams: samples come, the operator's serial number is taken, nothing is ever sent."""
+"""A stream-only unit: samples are read, the serial number comes from the operator, nothing is ever sent."""
 
 import time
 from pathlib import Path
@@ -15,7 +15,7 @@ DATAGRAM = bytes.fromhex(
 )
 
 
-def test_a_stream_without_commands() -> None:
+def test_stream_only_unit_is_read_without_sending_commands() -> None:
     link = ScriptedLink([])
     imu = SilentImu(link, load_imu_profile(IMUS / "stim300.toml"), "SN-7")  # type: ignore[arg-type]
     try:

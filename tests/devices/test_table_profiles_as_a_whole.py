@@ -1,4 +1,4 @@
-"""A table profile that could not be obeyed, or not be read, is refused in one sentence that names the entry."""
+"""An unusable table profile is refused by an error that names the entry."""
 
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ def load(tmp_path: Path, name: str, changes: dict[str, Any]) -> TableProfile:
     return load_table_profile(path)
 
 
-def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
+def refusal(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
     with pytest.raises(ConfigurationError) as caught:
         load(tmp_path, name, changes)
     assert str(caught.value).startswith(f"{tmp_path / 'profile.toml'}: ")
@@ -102,8 +102,8 @@ def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
         ({"registers/watchdog": None}, "registers.heartbeat profile.heartbeat_without_watchdog"),
     ],
 )
-def test_registers_bits_and_commands(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
-    assert told(tmp_path, BENCH, changes) == words
+def test_invalid_registers_bits_and_commands_are_refused(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
+    assert refusal(tmp_path, BENCH, changes) == words
 
 
 @pytest.mark.parametrize(
@@ -145,20 +145,20 @@ def test_registers_bits_and_commands(tmp_path: Path, changes: dict[str, Any], wo
         (MN, {"text/prompt": ">"}, "text.prompt profile.not_with"),
     ],
 )
-def test_lines_of_text(tmp_path: Path, name: str, changes: dict[str, Any], words: str) -> None:
-    assert told(tmp_path, name, changes) == words
+def test_invalid_text_commands_are_refused(tmp_path: Path, name: str, changes: dict[str, Any], words: str) -> None:
+    assert refusal(tmp_path, name, changes) == words
 
 
-def test_axes_of_opposite_sense_are_accepted(tmp_path: Path) -> None:
+def test_axes_with_inverted_sign_are_accepted(tmp_path: Path) -> None:
     backwards = {f"registers/outer_{name}/scale": -1e-5 for name in ("position", "rate", "target", "low", "high")}
     load(tmp_path, BENCH, {**backwards, "commands/rate": None})
 
 
-def test_a_brace_of_the_language_s_own_is_doubled(tmp_path: Path) -> None:
+def test_literal_brace_in_a_text_command_is_doubled(tmp_path: Path) -> None:
     profile = load(tmp_path, MN, {"text/commands/reset": ["CLR{{1}}"]})
     assert profile.text is not None
     assert profile.text.commands.reset == ["CLR{{1}}"]
 
 
-def test_a_line_may_hold_both_axes(tmp_path: Path) -> None:
+def test_text_command_may_contain_both_axes(tmp_path: Path) -> None:
     load(tmp_path, MN, {"text/commands/move": ["POS,{outer_angle},{inner_angle},{outer_rate}"]})

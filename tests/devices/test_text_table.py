@@ -1,4 +1,4 @@
-"""Tables that take lines of text, as byte pairs on the wire: ATL with its prompt, ACL in plain lines, $MN with sums."""
+"""Text table drivers tested with request and reply bytes: ATL with a prompt, plain ACL, $MN with checksums."""
 
 import math
 import os
@@ -33,7 +33,7 @@ def profile(name: str, **text: Any) -> TableProfile:
 
 
 class ScriptedLine:
-    """A far end that expects bytes in order and answers each with its reply, b"" for silence."""
+    """A fake device that expects requests in order and sends the reply to each, b"" for silence."""
 
     def __init__(self, pairs: Pairs) -> None:
         self.pairs = list(pairs)
@@ -126,7 +126,7 @@ places = pytest.mark.parametrize(
 
 
 @places
-def test_atl_on_the_wire(place: Any) -> None:
+def test_atl_requests_match_the_protocol(place: Any) -> None:
     pairs: Pairs = [
         (b"IDN\r\n", b"AERO 4000,SN77\r\n>"),
         *ATL_STATE,
@@ -166,7 +166,7 @@ def test_atl_on_the_wire(place: Any) -> None:
         driver.reset_fault()
 
 
-def test_atl_a_fault_is_reported_by_its_code() -> None:
+def test_atl_fault_is_reported_by_its_code() -> None:
     faulty = [(b"1STA\r\n", b"26 3\r\n>"), *ATL_STATE[1:]]
     with table([*faulty, (b"1STA\r\n", b"26 9\r\n>"), *ATL_STATE[1:]], profile("aerosmith_atl")) as (driver, _):
         status = driver.status()
@@ -174,7 +174,7 @@ def test_atl_a_fault_is_reported_by_its_code() -> None:
         assert driver.status().fault == "code 9"
 
 
-def test_atl_the_late_prompt_of_a_jog_is_never_taken_for_an_angle() -> None:
+def test_atl_late_jog_prompt_is_never_taken_for_an_angle() -> None:
     stated = profile("aerosmith_atl").model_copy(update={"link_loss_stop_s": 1.0})
     pairs: Pairs = [
         *ATL_STATE,
@@ -192,7 +192,7 @@ def test_atl_the_late_prompt_of_a_jog_is_never_taken_for_an_angle() -> None:
 
 
 @pytest.mark.parametrize("name", ["aerosmith_atl", "acutronic_acl", "mn_ascii"])
-def test_an_endless_rate_is_refused_without_a_watchdog(name: str) -> None:
+def test_continuous_rotation_is_refused_without_a_watchdog(name: str) -> None:
     answers = {"aerosmith_atl": ATL_STATE, "acutronic_acl": ACL_STATE, "mn_ascii": MN_STATE}[name]
     with table(answers, profile(name)) as (driver, _), raises_code(ConfigurationError, "table.would_not_stop"):
         driver.rate(0.1, 0.0, 0.1)
@@ -202,13 +202,13 @@ def test_an_endless_rate_is_refused_without_a_watchdog(name: str) -> None:
     ("rates", "code"),
     [((121.0, 0.0, 10.0), "table.rate_above_limit"), ((1.0, 1.0, 101.0), "table.acceleration_outside_limits")],
 )
-def test_an_endless_rate_keeps_to_the_profile(rates: tuple[float, ...], code: str) -> None:
+def test_continuous_rotation_outside_the_profile_limits_is_refused(rates: tuple[float, ...], code: str) -> None:
     stated = profile("aerosmith_atl").model_copy(update={"link_loss_stop_s": 1.0})
     with table(ATL_STATE, stated) as (driver, _), raises_code(ConfigurationError, code):
         driver.rate(*np.deg2rad(rates))
 
 
-def test_atl_a_refusal_is_reported_and_not_repeated() -> None:
+def test_atl_error_reply_is_reported_and_the_request_not_repeated() -> None:
     with (
         table([(b"1SRV1\r\n", b"ERROR 7\r\n>")], profile("aerosmith_atl")) as (driver, _),
         raises_code(TextRefusalError, "table.line_refused"),
@@ -220,7 +220,7 @@ WHO: Pairs = [(b"IDN\r\n", b"AERO 4000,SN77\r\n>")]
 LOST, STOP = (b"1STO\r\n", b""), [(b"1STO\r\n", b">")]
 
 
-def test_a_lost_reply_is_asked_for_again_on_a_socket_of_its_own_but_homing_is_not() -> None:
+def test_request_with_a_lost_reply_is_repeated_on_a_new_socket_except_homing() -> None:
     pairs = [LOST, *WHO, LOST, *WHO, *STOP, (b"2STO\r\n", b">"), (b"1HOM\r\n", b"")]
     with table(pairs, profile("aerosmith_atl")) as (driver, line):
         driver.stop()
@@ -230,7 +230,7 @@ def test_a_lost_reply_is_asked_for_again_on_a_socket_of_its_own_but_homing_is_no
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals")
-def test_a_stop_is_sent_at_once_although_other_replies_are_pending() -> None:
+def test_stop_is_sent_immediately_while_other_replies_are_pending() -> None:
     second: Pairs = [(b"2STO\r\n", b">"), *WHO, (b"2STO\r\n", b">")]
     with table([LOST, LOST, *STOP, *second, (b"1HOM\r\n", b"")], profile("aerosmith_atl"), over_terminal) as (
         driver,
@@ -242,7 +242,7 @@ def test_a_stop_is_sent_at_once_although_other_replies_are_pending() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals")
-def test_a_late_reply_is_neither_the_next_axis_s_angle_nor_a_command_s_prompt() -> None:
+def test_late_reply_is_not_taken_for_another_axis_or_command() -> None:
     state = ATL_STATE[:2]
     late = [(b"1PPO\r\n", b""), (b"IDN\r\n", b"1.0000\r\n>AERO 4000,SN77\r\n>"), (b"1PPO\r\n", b"-45.0\r\n>")]
     with table([*state, *late, *ATL_STATE[3:]], profile("aerosmith_atl"), over_terminal) as (driver, _):
@@ -295,37 +295,37 @@ ACL_STATE: Pairs = [
 ]
 
 
-def heard(line: bytes) -> Pairs:
-    """A command, and the question behind it that shows it was heard."""
+def confirmed(line: bytes) -> Pairs:
+    """Return a command followed by the query that confirms its reception."""
     return [(line, b""), (b":Mode? 1\n", b"Position\n")]
 
 
 @places
-def test_acl_on_the_wire(place: Any) -> None:
+def test_acl_requests_match_the_protocol(place: Any) -> None:
     pairs: Pairs = [
         (b"*IDN?\n", b"ACUTRONIC SCHWEIZ,ACU 2000,A-5,2.1\n"),
         *ACL_STATE,
-        *heard(b":Int:Close 1\n"),
-        *heard(b":Int:Close 2\n"),
-        *heard(b":Mode:Pos 1\n"),
-        *heard(b":Mode:Pos 2\n"),
-        *heard(b":Lim:Acc pos,1,40.00000\n"),
-        *heard(b":Lim:Acc pos,2,40.00000\n"),
-        *heard(b":Lim:Rate pos,1,20.00000\n"),
-        *heard(b":Lim:Rate pos,2,20.00000\n"),
-        *heard(b":Mode:Pos 1\n"),
-        *heard(b":Mode:Pos 2\n"),
-        *heard(b":Dem:Pos 1,-90.00000\n"),
-        *heard(b":Dem:Pos 2,0.00000\n"),
-        *heard(b":Mode:Rate 1\n"),
-        *heard(b":Mode:Rate 2\n"),
-        *heard(b":Dem:Rate 1,0\n"),
-        *heard(b":Dem:Rate 2,0\n"),
-        *heard(b":Mode:Off 1\n"),
-        *heard(b":Mode:Off 2\n"),
-        *heard(b":Int:Open 1\n"),
-        *heard(b":Int:Open 2\n"),
-        *heard(b":Interlock:Reset\n"),
+        *confirmed(b":Int:Close 1\n"),
+        *confirmed(b":Int:Close 2\n"),
+        *confirmed(b":Mode:Pos 1\n"),
+        *confirmed(b":Mode:Pos 2\n"),
+        *confirmed(b":Lim:Acc pos,1,40.00000\n"),
+        *confirmed(b":Lim:Acc pos,2,40.00000\n"),
+        *confirmed(b":Lim:Rate pos,1,20.00000\n"),
+        *confirmed(b":Lim:Rate pos,2,20.00000\n"),
+        *confirmed(b":Mode:Pos 1\n"),
+        *confirmed(b":Mode:Pos 2\n"),
+        *confirmed(b":Dem:Pos 1,-90.00000\n"),
+        *confirmed(b":Dem:Pos 2,0.00000\n"),
+        *confirmed(b":Mode:Rate 1\n"),
+        *confirmed(b":Mode:Rate 2\n"),
+        *confirmed(b":Dem:Rate 1,0\n"),
+        *confirmed(b":Dem:Rate 2,0\n"),
+        *confirmed(b":Mode:Off 1\n"),
+        *confirmed(b":Mode:Off 2\n"),
+        *confirmed(b":Int:Open 1\n"),
+        *confirmed(b":Int:Open 2\n"),
+        *confirmed(b":Interlock:Reset\n"),
         *ACL_STATE,
     ]
     with table(pairs, profile("acutronic_acl"), place) as (driver, _):
@@ -346,7 +346,7 @@ def test_acl_on_the_wire(place: Any) -> None:
             driver.home()
 
 
-def test_acl_settles_once_the_angles_stay() -> None:
+def test_acl_table_is_settled_when_the_angles_stop_changing() -> None:
     quick = profile("acutronic_acl", settled_polls=3)
     moved = [(b":Read:Pos? 1\n", b"12.6\n") if b"Pos? 1" in q else (q, a) for q, a in ACL_STATE]
     with table([*ACL_STATE * 4, *moved, *moved], quick) as (driver, _):
@@ -355,7 +355,7 @@ def test_acl_settles_once_the_angles_stay() -> None:
         assert not driver.status().settled
 
 
-def test_acl_a_fault_and_an_axis_that_turns() -> None:
+def test_acl_reports_a_fault_and_a_moving_axis() -> None:
     answers = dict(ACL_STATE)
     answers[b":Interlock? 2\n"] = b"Fault\n"
     answers[b":Read:Rate? 1\n"] = b"-5.5\n"
@@ -379,7 +379,7 @@ MN_STATE: Pairs = [pair("STS,0", "STS,OK,-45.00000,0.00000,360.00010,-2.00000,00
 
 
 @places
-def test_mn_on_the_wire(place: Any) -> None:
+def test_mn_requests_match_the_protocol(place: Any) -> None:
     each = [
         "REM", "ENB,1", "ENB,2", "HMZ,1", "HMZ,2", "MOD,1,POS", "MOD,2,POS", "ACC,1,40.00000", "ACC,2,40.00000",
         "VEL,1,20.00000", "VEL,2,20.00000", "POS,1,-90.00000", "POS,2,720.00000", "RUN,1", "RUN,2", "STP,1", "STP,2",
@@ -402,7 +402,7 @@ def test_mn_on_the_wire(place: Any) -> None:
         driver.reset_fault()
 
 
-def test_mn_known_bytes() -> None:
+def test_mn_checksums_match_known_values() -> None:
     section = profile("mn_ascii").text
     assert section is not None
     assert section.checked is not None
@@ -413,7 +413,7 @@ def test_mn_known_bytes() -> None:
     assert headed.reply("CHK", b"$ASCHK,OK*54\r\n") == ("CHK,OK", b"")
 
 
-def test_mn_a_wrong_sum_a_refusal_and_another_command_s_answer() -> None:
+def test_mn_wrong_checksum_error_reply_and_unrelated_reply_are_handled() -> None:
     request, reply = pair("STP,1", "STP,OK")
     other = pair("STP,2", "STP,OK")
     hurt = reply.replace(b"OK", b"OO")
@@ -438,7 +438,7 @@ def test_mn_local_control_is_reported() -> None:
 # Any table of text -----------------------------------------------------------------------------------------------
 
 
-def test_a_lost_table_is_reported_and_found_again() -> None:
+def test_lost_table_is_reported_and_reconnected() -> None:
     request, reply = pair("CHK", "CHK,OK,MN-2A,T1")
     with socket.create_server(("127.0.0.1", 0)) as server:
 
@@ -467,7 +467,7 @@ def test_a_missing_port_is_reported() -> None:
 
 
 @given(noise=st.lists(st.one_of(st.binary(max_size=30), st.sampled_from([b"\r\n", b">", b"$AS", b"*D6"])), max_size=20))
-def test_no_noise_breaks_a_framing(noise: list[bytes]) -> None:
+def test_noise_does_not_break_the_framing(noise: list[bytes]) -> None:
     heard = b"".join(noise)
     for name in ("aerosmith_atl", "acutronic_acl", "mn_ascii"):
         section = profile(name).text

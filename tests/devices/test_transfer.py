@@ -1,4 +1,4 @@
-"""A transfer of registers, step by step, on a bench unit's processor and on units that misbehave."""
+"""Register transfers step by step, on a simulated unit and on faulty units."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ OLD = float(np.float32(0.001))
 
 @dataclass
 class Noted:
-    """An entry of a journal in memory; `full_at` names the step at which its disk is full."""
+    """An in-memory journal entry; `full_at` is the step at which the disk is full."""
 
     old: Mapping[str, float] = field(default_factory=dict)
     new: Mapping[str, float] = field(default_factory=dict)
@@ -41,7 +41,7 @@ class Noted:
 
 
 class RegisterUnit:
-    """RAM and flash registers; `deaf` names one that ignores writes, `forgets` one that is lost by a commit."""
+    """RAM and flash registers; `deaf` names a register that ignores writes, `forgets` one that a commit loses."""
 
     def __init__(self, deaf: str = "", forgets: str = "", serial: str = SERIAL) -> None:
         self.deaf, self.forgets, self.serial = deaf, forgets, serial
@@ -84,7 +84,7 @@ class RegisterUnit:
         self.calls.append(call)
 
 
-def test_everything_in_its_order_and_left_open_until_it_is_proved() -> None:
+def test_transfer_follows_its_steps_and_stays_open_until_verified() -> None:
     unit, noted = RegisterUnit(), Noted()
     done = transfer(unit, MAP, SERIAL, {"gyro_bias_x": 1.23456789e-6, "outer_lever_x": 9.0}, noted.begin)
     assert unit.calls == ["reset", "read", "write", "read", "commit", "reset", "read"]
@@ -96,7 +96,7 @@ def test_everything_in_its_order_and_left_open_until_it_is_proved() -> None:
     assert "outer_lever_x" not in done.found
 
 
-def test_another_unit_than_meant_is_not_even_read() -> None:
+def test_different_unit_is_not_accessed() -> None:
     unit = RegisterUnit(serial="SN-7")
     with raises_code(DeviceFaultError, "imu.other_unit"):
         transfer(unit, MAP, SERIAL, {"gyro_bias_x": 0.0}, Noted().begin)
@@ -105,7 +105,7 @@ def test_another_unit_than_meant_is_not_even_read() -> None:
     assert unit.calls == []
 
 
-def test_uncommitted_values_are_not_taken_for_the_registers() -> None:
+def test_uncommitted_values_do_not_count_as_old_registers() -> None:
     unit, noted = RegisterUnit(), Noted()
     unit.ram["gyro_bias_y"] = 0.5
     transfer(unit, MAP, SERIAL, {"gyro_bias_x": 1e-5}, noted.begin)
@@ -113,14 +113,14 @@ def test_uncommitted_values_are_not_taken_for_the_registers() -> None:
     assert unit.flash["gyro_bias_y"] == OLD
 
 
-def test_nothing_is_written_if_a_value_does_not_fit() -> None:
+def test_nothing_is_written_if_a_value_is_out_of_range() -> None:
     unit = RegisterUnit()
     with raises_code(DeviceFaultError, "imu.value_beyond_register"):
         transfer(unit, MAP, SERIAL, {"gyro_bias_x": 5.0}, Noted().begin)
     assert unit.calls == ["reset", "read"]
 
 
-def test_a_register_that_does_not_read_back_is_never_committed_and_the_unit_restarted() -> None:
+def test_failed_read_back_is_not_committed_and_the_unit_is_restarted() -> None:
     unit, noted = RegisterUnit(deaf="accel_bias_z"), Noted()
     with raises_code(DeviceFaultError, "imu.holds_old"):
         transfer(unit, MAP, SERIAL, {"accel_bias_z": 0.01, "accel_bias_x": 0.2}, noted.begin)
@@ -129,7 +129,7 @@ def test_a_register_that_does_not_read_back_is_never_committed_and_the_unit_rest
     assert noted.closing == "kept"
 
 
-def test_a_register_lost_from_flash_is_reported_and_left_open() -> None:
+def test_transfer_stays_open_if_a_register_is_lost_from_flash() -> None:
     unit, noted = RegisterUnit(forgets="gyro_bias_y"), Noted()
     with raises_code(DeviceFaultError, "imu.holds_neither"):
         transfer(unit, MAP, SERIAL, {"gyro_bias_y": 0.01}, noted.begin)
@@ -149,7 +149,7 @@ def test_nothing_is_committed_if_the_journal_cannot_be_written(step: str) -> Non
     assert unit.ram == noted.old
 
 
-def test_a_link_lost_during_the_commit_leaves_the_transfer_to_the_next_start() -> None:
+def test_transfer_stays_open_if_the_link_is_lost_during_the_commit() -> None:
     unit, noted = RegisterUnit(), Noted()
     commit = unit.commit
 
@@ -169,7 +169,7 @@ def test_a_link_lost_during_the_commit_leaves_the_transfer_to_the_next_start() -
     assert "commit" not in unit.calls, "its flash held the new values already: no second cycle"
 
 
-def test_restoring_what_was_never_replaced_costs_no_flash_cycle() -> None:
+def test_restoring_unchanged_registers_uses_no_flash_cycle() -> None:
     unit, noted = RegisterUnit(), Noted(old=dict.fromkeys(NAMES, OLD), new=dict.fromkeys(NAMES, 0.5))
     assert restore(unit, MAP, noted) == noted.old
     assert unit.calls == ["reset", "read"]
@@ -177,7 +177,7 @@ def test_restoring_what_was_never_replaced_costs_no_flash_cycle() -> None:
 
 
 @pytest.mark.parametrize("moment", [0, 64, 127])
-def test_a_brown_out_during_the_commit_is_reported_and_leaves_old_values(tmp_path: Path, moment: int) -> None:
+def test_brown_out_during_the_commit_is_reported_and_keeps_old_values(tmp_path: Path, moment: int) -> None:
     unit, noted = Unit(tmp_path / "flash.bin"), Noted()
     with unit.powered(timeout_s=0.2) as imu:
         unit.unit.fails_committing = moment
@@ -187,7 +187,7 @@ def test_a_brown_out_during_the_commit_is_reported_and_leaves_old_values(tmp_pat
     assert unit.flash == noted.old
 
 
-def test_a_brown_out_between_two_writes_is_detected_by_the_read_back(tmp_path: Path) -> None:
+def test_brown_out_between_two_writes_is_detected_by_the_read_back(tmp_path: Path) -> None:
     unit, noted = Unit(tmp_path / "flash.bin"), Noted()
     with unit.powered(timeout_s=0.2) as imu:
         unit.unit.fails_writing = 31  # behind the mark and the first entry
@@ -196,7 +196,7 @@ def test_a_brown_out_between_two_writes_is_detected_by_the_read_back(tmp_path: P
     assert (unit.cycles, noted.closing) == (0, "kept")
 
 
-def test_a_brown_out_during_the_first_write_is_recovered_by_repeating_it(tmp_path: Path) -> None:
+def test_brown_out_during_the_first_write_is_recovered_by_a_repeat(tmp_path: Path) -> None:
     unit, noted = Unit(tmp_path / "flash.bin"), Noted()
     with unit.powered(timeout_s=0.2) as imu:
         unit.unit.fails_writing = 0
@@ -204,7 +204,7 @@ def test_a_brown_out_during_the_first_write_is_recovered_by_repeating_it(tmp_pat
     assert unit.flash == noted.new
 
 
-def test_a_brown_out_after_the_last_byte_of_the_commit_leaves_new_values_to_verify(tmp_path: Path) -> None:
+def test_brown_out_after_the_commit_leaves_new_values_to_verify(tmp_path: Path) -> None:
     unit, noted = Unit(tmp_path / "flash.bin"), Noted()
     with unit.powered(timeout_s=0.2) as imu:
         unit.unit.fails_committing = 128
@@ -214,7 +214,7 @@ def test_a_brown_out_after_the_last_byte_of_the_commit_leaves_new_values_to_veri
         assert recognise(imu, noted, MAP) is Holds.NEW
 
 
-def test_a_unit_without_a_spare_bank_holds_neither_and_can_be_recovered(tmp_path: Path) -> None:
+def test_unit_without_a_spare_flash_bank_can_be_recovered(tmp_path: Path) -> None:
     unit = Unit(tmp_path / "flash.bin", banks=1)
     with unit.powered() as imu:
         transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5}, Noted().begin)

@@ -1,4 +1,4 @@
-"""The VectorNav driver as byte pairs: what it sends, what it makes of answers and errors, between the samples."""
+"""The VectorNav driver tested with request and reply bytes between samples."""
 
 import struct
 import time
@@ -24,8 +24,8 @@ MAP = RegisterMap(tuple(PROFILE.registers))
 PLAIN = "1,0,0,0,1,0,0,0,1,0,0,0"
 
 
-def said(words: str) -> bytes:
-    """A line with its check, worked out here."""
+def checked_line(words: str) -> bytes:
+    """Return a line with its independently computed checksum."""
     check = 0
     for byte in words.encode():
         check ^= byte
@@ -33,7 +33,7 @@ def said(words: str) -> bytes:
 
 
 def pair(words: str, reply: str | None = None) -> tuple[bytes, bytes]:
-    return said(words), said(words if reply is None else reply)
+    return checked_line(words), checked_line(words if reply is None else reply)
 
 
 def sample(nanoseconds: int, *values: float) -> bytes:
@@ -60,7 +60,7 @@ IDENTITY = [
 ]
 
 
-def test_known_lines() -> None:
+def test_lines_match_known_checksums() -> None:
     assert line("VNWNV", "xor8") == b"$VNWNV*57\r\n"
     assert line("VNRST", "xor8") == b"$VNRST*4D\r\n"
     assert line("VNRFS", "xor8") == b"$VNRFS*5F\r\n"
@@ -71,14 +71,16 @@ def test_known_lines() -> None:
     assert line("VNRRG,1", "crc16_xmodem") == f"$VNRRG,1*{crc:04X}\r\n".encode()
 
 
-def test_start_identity_and_samples() -> None:
+def test_stream_starts_and_identity_and_samples_are_read() -> None:
     pairs = [pair("VNWRG,06,0"), pair("VNWRG,75,1,4,05,0001,001C"), *IDENTITY]
     with driver(pairs) as (imu, link):
         imu.start()
         identity = imu.identify()
         assert (identity.model, identity.serial, identity.firmware) == ("VN-100T-CR", "0100012345", "2.1.0.0")
         link.send(b"$VNYMR,1,2*00\r\n" + sample(5_000_000, 1, 2, 3, 4, 5, 6, 25.5)[:30])
-        link.send(sample(5_000_000, 1, 2, 3, 4, 5, 6, 25.5)[30:] + said("VNYPR,1,2,3") + sample(15_000_000, *range(7)))
+        link.send(
+            sample(5_000_000, 1, 2, 3, 4, 5, 6, 25.5)[30:] + checked_line("VNYPR,1,2,3") + sample(15_000_000, *range(7))
+        )
         deadline = time.monotonic() + 5.0
         while imu.stats.frames < 2 and time.monotonic() < deadline:
             time.sleep(0.001)
@@ -98,7 +100,7 @@ def test_another_model_is_refused() -> None:
         imu.identify()
 
 
-def test_registers_on_the_wire() -> None:
+def test_register_requests_match_the_protocol() -> None:
     as_the_unit_prints = ",".join(f"{float(text):+.6E}" for text in PLAIN.split(","))
     read = [
         pair("VNRRG,25", f"VNRRG,25,{as_the_unit_prints}"),
@@ -111,7 +113,7 @@ def test_registers_on_the_wire() -> None:
         assert link.finished
 
 
-def test_values_are_written_with_all_the_digits_that_they_have() -> None:
+def test_values_are_written_with_full_precision() -> None:
     values = MAP.rounded({n: 1.23456789e-4 * (i + 1) for i, n in enumerate(MAP.parameters)})
     numbers = MAP.encode(values)
     pairs = []
@@ -127,7 +129,7 @@ def test_values_are_written_with_all_the_digits_that_they_have() -> None:
         assert list(struct.unpack("<12f", packed)) in list(numbers.values()), "float32 exactly as meant"
 
 
-def test_commit_once_and_reset_with_the_stream_again() -> None:
+def test_commit_is_sent_once_and_the_stream_restarts_after_a_reset() -> None:
     start = [pair("VNWRG,06,0"), pair("VNWRG,75,1,4,05,0001,001C")]
     shown = f"VNRRG,25,{PLAIN}"
     mark = ",".join(f"{v:.9G}" for v in np.float32([1, 0, 0, 0, 1, 0, 0, 0, 1, *[-10.0 + 20.0 * 0.381966] * 3]))
@@ -140,14 +142,14 @@ def test_commit_once_and_reset_with_the_stream_again() -> None:
         assert link.finished
 
 
-def test_a_commit_is_never_repeated() -> None:
+def test_commit_is_never_repeated() -> None:
     section = PROFILE.vectornav
     assert section is not None
     quick = PROFILE.model_copy(update={"vectornav": section.model_copy(update={"commit_timeout_s": 0.15})})
     with driver([], quick) as (imu, link):
         with raises_code(DeviceFaultError, "imu.silent"):
             imu.commit()
-        assert link.unexpected == [said("VNWNV")]
+        assert link.unexpected == [checked_line("VNWNV")]
 
 
 @pytest.mark.parametrize(
@@ -164,7 +166,7 @@ def test_a_commit_is_never_repeated() -> None:
         ("VNERR", "imu.vectornav_other"),
     ],
 )
-def test_an_error_is_reported_with_its_meaning(reply: str, meaning: str) -> None:
+def test_error_reply_is_reported_with_its_meaning(reply: str, meaning: str) -> None:
     with driver([pair("VNRRG,25", reply)]) as (imu, _):
         with raises_code(ImuRefusalError, "imu.line_refused") as caught:
             imu.read_registers()
@@ -173,20 +175,20 @@ def test_an_error_is_reported_with_its_meaning(reply: str, meaning: str) -> None
 
 
 @pytest.mark.parametrize("reply", ["VNRRG,25,1,2,3", "VNRRG,25,a,b,c,d,e,f,g,h,i,j,k,l", "VNRRG,25"])
-def test_an_unusable_answer_is_reported(reply: str) -> None:
+def test_invalid_reply_is_reported(reply: str) -> None:
     with driver([pair("VNRRG,25", reply)]) as (imu, _), raises_code(DeviceFaultError, "imu.answer_numbers"):
         imu.read_registers()
 
 
-def test_other_lines_and_wrong_checks_are_passed_over() -> None:
+def test_unrelated_lines_and_wrong_checksums_are_skipped() -> None:
     request, reply = pair("VNRRG,1", "VNRRG,01,VN-100")
-    noise = said("VNRRG,2,other") + b"$VNRRG,01,VN-300*00\r\n" + b"$VN" + said("VNYPR,1,2,3")
+    noise = checked_line("VNRRG,2,other") + b"$VNRRG,01,VN-300*00\r\n" + b"$VN" + checked_line("VNYPR,1,2,3")
     with driver([(request, noise + reply), *IDENTITY[1:]]) as (imu, _):
         assert imu.identify().model == "VN-100"
         assert imu.stats.crc_errors >= 1
 
 
-def test_the_sixteen_bit_check() -> None:
+def test_sixteen_bit_checksum_is_supported() -> None:
     section = PROFILE.vectornav
     assert section is not None
     profile = PROFILE.model_copy(update={"vectornav": section.model_copy(update={"check": "crc16_xmodem"})})

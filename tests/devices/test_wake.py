@@ -1,4 +1,4 @@
-"""A unit that restarted by itself is asked for as long as it may take, and streams as it was told again."""
+"""A unit that restarted unexpectedly is queried until it responds, and its stream is configured again."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -31,7 +31,7 @@ def read_for(imu: StreamedImu, seconds: float) -> None:
 
 
 class BootingLink:
-    """A bench unit on a wire: deaf from its restart on until so many requests were lost; then `says` unasked."""
+    """A simulated unit that ignores a number of requests after its restart, then sends `says` unsolicited."""
 
     port = "memory"
 
@@ -47,7 +47,7 @@ class BootingLink:
         self.lost, self.says = lost, says
 
     def send(self, data: bytes) -> None:
-        """Bytes of its own."""
+        """Send unsolicited bytes."""
         self._waiting += data
 
     def write(self, data: bytes) -> None:
@@ -85,7 +85,7 @@ def driver(name: str, **told: Any) -> Iterator[tuple[StreamedImu, BootingLink]]:
 @pytest.mark.long
 @pytest.mark.parametrize("corrected", [False, True])
 @pytest.mark.parametrize("name", UNITS)
-def test_a_waking_unit_is_queried_until_it_answers_and_streams(name: str, corrected: bool) -> None:
+def test_restarting_unit_is_queried_until_it_responds_and_streams(name: str, corrected: bool) -> None:
     heard: list[bool] = []
     with driver(name) as (imu, link):
         imu.start(corrected=corrected)
@@ -99,7 +99,7 @@ def test_a_waking_unit_is_queried_until_it_answers_and_streams(name: str, correc
 
 
 @pytest.mark.parametrize("name", UNITS)
-def test_a_unit_that_never_answers_is_reported_within_the_restart_timeout(name: str) -> None:
+def test_unresponsive_unit_is_reported_within_the_restart_timeout(name: str) -> None:
     with driver(name, reset_timeout_s=0.2) as (imu, link):
         imu.start()
         link.restart(lost=10**6)
@@ -109,7 +109,7 @@ def test_a_unit_that_never_answers_is_reported_within_the_restart_timeout(name: 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", UNITS)
-def test_a_cancellation_is_checked_between_two_queries(name: str) -> None:
+def test_cancellation_is_checked_between_two_queries(name: str) -> None:
     with driver(name) as (imu, link):
         imu.start()
         link.restart(lost=10**6)
@@ -135,7 +135,7 @@ def test_unsolicited_bytes_do_not_count_as_a_wrong_baud_rate() -> None:
         assert link.unit.streaming
 
 
-def test_another_model_is_reported_at_once() -> None:
+def test_different_model_is_reported_immediately() -> None:
     with driver("bench_nav") as (imu, link):
         link.unit.answer = lambda op, payload, time: pack(REPLY_SYNC, op, b"other;SN-7;1")  # type: ignore[method-assign]
         with raises_code(OtherModelError, "imu.other_model"):

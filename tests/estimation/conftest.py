@@ -1,4 +1,4 @@
-"""Simulated stages that several tests share, made once."""
+"""Simulated stages shared by several tests."""
 
 from types import SimpleNamespace
 
@@ -15,7 +15,7 @@ settings.load_profile("estimation")
 
 @pytest.fixture(scope="session")
 def nav_stage():
-    """An excitation of a navigation-grade unit with white noise only, as one block, 100 Hz."""
+    """An excitation of a navigation-grade unit with only white noise, as one block at 100 Hz."""
     truth = BenchConfig(grade="nav", seed=21, sample_rate_hz=100.0, instability=False).truth()
     samples = simulate(Simulator(truth, 21), truth, "excitation")
     return SimpleNamespace(

@@ -1,4 +1,4 @@
-"""Simulated stages of the bench as solvers process them, with the context of a station."""
+"""Simulated stages in the form that solvers process, with the context of a station."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -30,7 +30,7 @@ SCHEDULES = {
 
 
 def context_of(truth: BenchTruth) -> SolveContext:
-    """Context of a station: nominal axes, known azimuth, noise of the grade."""
+    """Return the context of a station: nominal axes, known azimuth, noise of the grade."""
     imu, table = truth.imu, truth.table
     return SolveContext(
         Site(table.latitude, 0.0, table.height, truth.azimuth, table.gravity),
@@ -50,7 +50,7 @@ def context_of(truth: BenchTruth) -> SolveContext:
 
 
 def prior_of(truth: BenchTruth, factor: float = 2.0) -> Belief:
-    """Prior with zero mean and `factor` times the grade's sigmas; a fixed outer lever is known."""
+    """Return a prior with zero mean and `factor` times the sigmas of the grade; a fixed outer lever arm is known."""
     sigma = factor * np.array([GRADES[truth.grade].sigma[p.group] for p in PARAMETERS])
     if truth.outer_lever == "fixed":
         sigma[[p.group == "outer_lever" for p in PARAMETERS]] = 0.0
@@ -58,12 +58,12 @@ def prior_of(truth: BenchTruth, factor: float = 2.0) -> Belief:
 
 
 def geometry_of(truth: BenchTruth) -> TableGeometry:
-    """Nominal geometry of the table."""
+    """Return the nominal geometry of the table."""
     return TableGeometry(truth.table.outer_axis, truth.table.inner_axis)
 
 
 def block_of(samples: Simulated, keep: np.ndarray | None = None) -> SampleBlock:
-    """The samples, or those of `keep`, as one block."""
+    """Return the samples, or only the samples in `keep`, as one block."""
     keep = np.ones(len(samples.seq), dtype=bool) if keep is None else keep
     return SampleBlock(
         samples.stage,
@@ -78,26 +78,26 @@ def block_of(samples: Simulated, keep: np.ndarray | None = None) -> SampleBlock:
 
 
 def simulate(simulator: Simulator, truth: BenchTruth, stage: str, **schedule: object) -> Simulated:
-    """One stage of a plan with a quick schedule."""
+    """Simulate one stage with a short schedule."""
     chosen = method(stage)
     settings = chosen.schedule(**{**SCHEDULES[stage], **schedule})
     return simulator.run(chosen.plan(geometry_of(truth), settings), stage, getattr(settings, "rounds", None))
 
 
 def cut(block: SampleBlock, places: list[int]) -> list[SampleBlock]:
-    """The block cut before each of `places`."""
+    """Split the block before each index in `places`."""
     edges = [0, *sorted(places), len(block)]
     return [block.part(a, b) for a, b in pairwise(edges)]
 
 
 def solver_of(truth: BenchTruth, prior: Belief, stage: str, context: SolveContext | None = None):
-    """A new solver of a stage."""
+    """Return a new solver of a stage."""
     chosen = method(stage)
     return chosen.solver(context or context_of(truth), prior, chosen.schedule(**SCHEDULES[stage]))
 
 
 def solved(truth, prior, blocks, context=None):
-    """The solution of one stage's blocks."""
+    """Return the solution of the blocks of one stage."""
     solver = solver_of(truth, prior, blocks[0].stage, context)
     for block in blocks:
         solver.feed(block)
@@ -105,14 +105,14 @@ def solved(truth, prior, blocks, context=None):
 
 
 def errors_in_sigma(belief: Belief, truth: BenchTruth) -> np.ndarray:
-    """Error over sigma of every parameter, 0 where a parameter is known exactly, shape (30,)."""
+    """Return error over sigma of every parameter, 0 for exactly known parameters, shape (30,)."""
     known = belief.sigma == 0.0
     assert np.all(belief.mean[known] == truth.parameters[known])
     return (belief.mean - truth.parameters) / np.where(known, 1.0, belief.sigma)
 
 
 def log_with(path: Path, stage: str, **effects: Any) -> BenchTruth:
-    """Write the log of one stage of a navigation-grade unit with effects outside its model; return the truth."""
+    """Write the log of one stage of a navigation-grade unit with unmodelled effects; return the truth."""
     truth = BenchConfig(grade="nav", seed=7, sample_rate_hz=100.0, effects=effects).truth()
     table, imu = truth.table, truth.imu
     site = {"latitude_deg": float(np.rad2deg(table.latitude)), "longitude_deg": 108.9, "height_m": table.height}

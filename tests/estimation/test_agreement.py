@@ -1,4 +1,4 @@
-"""The change of a posterior by a stage, against the covariance of that change."""
+"""The change of the posterior by a stage is consistent with its covariance."""
 
 import numpy as np
 import pytest
@@ -10,14 +10,14 @@ NAMES = [p.name for p in PARAMETERS if p.group in ("gyro_bias", "accel_scale")]
 
 
 def updated(before: Belief, observed: np.ndarray, H: np.ndarray, sigma: float) -> Belief:
-    """The posterior of a linear observation with white noise."""
+    """Return the posterior of a linear observation with white noise."""
     S = H @ before.covariance @ H.T + sigma**2 * np.eye(len(H))
     K = before.covariance @ H.T @ np.linalg.inv(S)
     return Belief(before.mean + K @ (observed - H @ before.mean), before.covariance - K @ H @ before.covariance)
 
 
 def two_stages(random: np.random.Generator, change: float = 0.0) -> tuple[Belief, Belief]:
-    """Beliefs after one and after two stages; `gyro_bias_y` changes between them by `change` sigmas."""
+    """Return the beliefs after one and two stages; `gyro_bias_y` changes between them by `change` sigmas."""
     scale = np.array([p.prior_sigma for p in PARAMETERS])
     truth = scale * random.normal(size=COUNT)
     belief = Belief(np.zeros(COUNT), np.diag(scale**2))
@@ -30,7 +30,7 @@ def two_stages(random: np.random.Generator, change: float = 0.0) -> tuple[Belief
     return beliefs[0], beliefs[1]
 
 
-def test_the_probabilities_of_sound_stages_are_uniform() -> None:
+def test_probabilities_of_consistent_stages_are_uniform() -> None:
     random = np.random.default_rng(1)
     found = [stage_agreement(*two_stages(random), NAMES[:3]) for _ in range(400)]
     assert all(f is not None and f.group == "gyro_bias" for f in found)
@@ -38,7 +38,7 @@ def test_the_probabilities_of_sound_stages_are_uniform() -> None:
     np.testing.assert_allclose(shares, 0.25, atol=5.0 * np.sqrt(0.25 * 0.75 / 400))
 
 
-def test_the_group_that_changed_is_named() -> None:
+def test_changed_parameter_group_is_reported() -> None:
     found = stage_agreement(*two_stages(np.random.default_rng(2), change=10.0), NAMES)
     assert found is not None
     assert (found.group, found.probability < 1e-6) == ("gyro_bias", True)
@@ -46,6 +46,6 @@ def test_the_group_that_changed_is_named() -> None:
     assert found.moves["gyro_bias_y"] == pytest.approx(7.0, abs=3.5)
 
 
-def test_a_stage_that_adds_nothing_is_not_compared() -> None:
+def test_stage_without_information_is_not_compared() -> None:
     before, _ = two_stages(np.random.default_rng(3))
     assert stage_agreement(before, before, NAMES) is None

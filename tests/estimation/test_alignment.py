@@ -1,4 +1,4 @@
-"""Start attitude of a stage: prior sigmas, levelling and gyrocompassing of a body at rest."""
+"""The start attitude of a stage: prior sigmas, levelling and gyrocompassing at rest."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ def belief(bias=0.0, bias_sigma=BIAS_SIGMA):
 
 
 def at_rest(attitude, count=1000, angles=(np.nan, np.nan), segments=None, bias=0.0):
-    """A body at rest in `attitude` on the turning earth."""
+    """Return the data of a body at rest in `attitude` on the rotating earth."""
     ones = np.ones((count, 1))
     return StageData(
         dt=0.01,
@@ -86,7 +86,7 @@ VECTORS = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(np.array)
 
 
 @given(VECTORS)
-def test_without_encoders_any_attitude_is_found_from_gravity_and_earth_rate(vector):
+def test_attitude_without_encoders_is_found_from_gravity_and_earth_rate(vector):
     attitude = rotation_matrix(vector)
     (start,) = starts(at_rest(attitude, count=200), CONTEXT, belief())
     assert rotation_vector(start.attitude @ attitude.T) == pytest.approx(np.zeros(3), abs=1e-6)
@@ -101,7 +101,7 @@ def test_known_gyro_bias_is_removed_before_gyrocompassing():
     assert rotation_vector(start.attitude @ attitude.T) == pytest.approx(np.zeros(3), abs=1e-6)
 
 
-def test_east_gyro_bias_turns_the_heading_by_its_ratio_to_earth_rate():
+def test_east_gyro_bias_rotates_the_heading_by_its_ratio_to_earth_rate():
     attitude = np.eye(3)
     level_rate, up = rotation_rate(LATITUDE), np.array([0.0, 0.0, 9.8])
     north = RATE * np.cos(LATITUDE)
@@ -115,7 +115,7 @@ def test_heading_is_ambiguous_at_the_pole():
     assert sigma > 1e3
 
 
-def test_every_long_segment_is_aligned_one_sample_away_from_each_gap():
+def test_every_long_segment_is_aligned_one_sample_from_each_gap():
     data = at_rest(TURNED, angles=ANGLES, segments=((0, 400), (400, 420), (420, 1000)))
     found = starts(data, CONTEXT, belief())
     assert [(s.begin, s.end) for s in found] == [(0, 399), (421, 1000)]

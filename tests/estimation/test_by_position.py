@@ -1,4 +1,4 @@
-"""Residuals per rest and move: only noise without an effect, and the rest or move with an effect is named."""
+"""Residuals per rest and move contain only noise without an effect; a rest or move with an effect is reported."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ from calstation.results import cause_text
 
 
 class Stage:
-    """The excitation of a navigation-grade unit, to which effects are added."""
+    """An excitation of a navigation-grade unit to which effects are added."""
 
     def __init__(self) -> None:
         self.truth = BenchConfig(grade="nav", seed=3, sample_rate_hz=50.0).truth()
@@ -35,20 +35,20 @@ class Stage:
         self.sound = self.residuals(self.solved(self.block))
 
     def solved(self, block: SampleBlock) -> Solution:
-        """The solution of the stage."""
+        """Return the solution of the stage."""
         return solved(self.truth, self.prior, [block])
 
     def residuals(self, solution: Solution) -> StageResiduals:
-        """Its residuals per rest and move."""
+        """Return its residuals per rest and move."""
         data = stage_data([self.block], self.context.imu)
         return stage_residuals(solution, data, rest_residuals(data, self.context, solution.belief))
 
     def row(self, kind: str, number: int) -> PositionResidual:
-        """A rest or move without an effect."""
+        """Return a rest or move of the stage without an effect."""
         return next(row for row in self.sound.rows if (row.kind, row.number) == (kind, number))
 
     def with_effect(self, row: PositionResidual, added: np.ndarray) -> SampleBlock:
-        """The samples with an error, SI, shape (6,) or (n, 6), during a rest or move."""
+        """Return the samples with an added error, SI, shape (6,) or (n, 6), during a rest or move."""
         counts = self.block.counts.copy()
         during = (self.block.seq >= row.first_seq) & (self.block.seq <= row.last_seq)
         counts[during] += added[: during.sum()] / self.context.imu.count_size
@@ -62,7 +62,7 @@ def stage() -> Stage:
 
 
 def cause(stage: Stage, solution: Solution) -> str:
-    """The sentence about the failed test of the innovations."""
+    """Return the explanation of the failed innovation test."""
     c = solution.consistency
     check = Check("consistency", "excitation", c.nis_mean, c.nis_high, "1", c.passed, misfit=solution.misfit)
     text = cause_text(Check.from_json(check.to_json()))
@@ -72,7 +72,7 @@ def cause(stage: Stage, solution: Solution) -> str:
 
 
 @pytest.mark.long
-def test_a_sound_stage_leaves_noise_in_every_rest_and_move(stage: Stage) -> None:
+def test_residuals_of_every_rest_and_move_are_noise_without_an_effect(stage: Stage) -> None:
     rows = stage.sound.rows
     assert [row.kind for row in rows[:4]] == ["rest", "move", "rest", "move"]
     assert [row.axis for row in rows[:6]] == ["+z", "inner", "+z", "outer", "-x", "outer"]
@@ -83,7 +83,7 @@ def test_a_sound_stage_leaves_noise_in_every_rest_and_move(stage: Stage) -> None
     assert np.abs(errors).max() < 4.0
 
 
-def test_a_force_error_in_one_rest_is_named_with_its_size(stage: Stage) -> None:
+def test_force_error_in_one_rest_is_reported_with_its_size(stage: Stage) -> None:
     row = stage.row("rest", 4)
     solution = stage.solved(stage.with_effect(row, np.array([0.0, 0.0, 0.0, 3e-3, 0.0, 0.0])))
     assert solution.misfit is not None
@@ -97,7 +97,7 @@ def test_a_force_error_in_one_rest_is_named_with_its_size(stage: Stage) -> None:
 
 
 @pytest.mark.long
-def test_a_burst_of_vibration_in_one_move_is_named(stage: Stage) -> None:
+def test_vibration_burst_in_one_move_is_reported(stage: Stage) -> None:
     row = stage.row("move", 5)
     noise = np.random.default_rng(1).normal(size=(len(stage.block), 6)) * [0, 0, 0, 0.05, 0.05, 0.05]
     solution = stage.solved(stage.with_effect(row, noise))
@@ -105,7 +105,7 @@ def test_a_burst_of_vibration_in_one_move_is_named(stage: Stage) -> None:
 
 
 @pytest.mark.long
-def test_knocks_throughout_are_spread(stage: Stage) -> None:
+def test_shocks_throughout_the_stage_are_reported_as_distributed(stage: Stage) -> None:
     random, force = np.random.default_rng(1), np.zeros((len(stage.block), 6))
     for begin in range(0, len(force) - 50, 150):  # a knock, there and back, every 3 s
         knock = 0.1 * random.normal(size=3)
@@ -117,7 +117,7 @@ def test_knocks_throughout_are_spread(stage: Stage) -> None:
     assert solution.misfit.cause == "excess_spread"
 
 
-def test_the_deviate_of_a_sum_of_squares_is_as_improbable_as_the_sum() -> None:
+def test_normal_deviate_has_the_probability_of_its_chi_squared_sum() -> None:
     for freedom in (3, 30, 300):
         for deviate in (-2.0, 0.0, 3.0, 5.0):
             total = stats.chi2.isf(stats.norm.sf(deviate), freedom)
@@ -127,5 +127,5 @@ def test_the_deviate_of_a_sum_of_squares_is_as_improbable_as_the_sum() -> None:
 @pytest.mark.parametrize(
     ("up", "name"), [((0.0, 0.1, 0.99), "+z"), ((-1.0, 0.0, 0.0), "-x"), ((0.6, 0.6, -0.5), "+x+y-z")]
 )
-def test_a_rest_is_named_by_the_axes_that_are_up(up: tuple[float, float, float], name: str) -> None:
+def test_rest_is_named_by_its_upward_axes(up: tuple[float, float, float], name: str) -> None:
     assert upward_axis(np.array(up)) == name

@@ -1,4 +1,4 @@
-"""Score tests find effects outside the model, with the sizes and shifts that adding them to the model would give."""
+"""Score tests find unmodelled effects, with the sizes and parameter shifts of an augmented model."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from procedures import DEFAULT_STAGES, method
 SIGMA = np.array([p.prior_sigma for p in PARAMETERS])
 
 
-def test_a_score_test_is_the_estimate_of_the_augmented_model() -> None:
+def test_score_test_equals_the_estimate_of_the_augmented_model() -> None:
     random = np.random.default_rng(1)
     count = sum(len(c.components) for c in CONSTANT)
     H, constant = random.normal(size=(80, COUNT)) / SIGMA, random.normal(size=(80, count))
@@ -37,7 +37,7 @@ def test_a_score_test_is_the_estimate_of_the_augmented_model() -> None:
     np.testing.assert_allclose([found.moves[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max())
 
 
-def test_effects_follow_each_other_as_they_begin_and_add_nothing_before() -> None:
+def test_effects_are_sorted_by_start_time_and_zero_before_it() -> None:
     time = np.linspace(0.5, 80.0, 160)
     moved = Motion(*np.random.default_rng(4).normal(size=(4, 160, 3)), time)
     candidates = list(changing(80.0))
@@ -48,7 +48,7 @@ def test_effects_follow_each_other_as_they_begin_and_add_nothing_before() -> Non
         assert errors[time >= c.begin].all()
 
 
-def test_a_drift_throughout_the_run_is_followed_through_its_stages() -> None:
+def test_drift_is_estimated_across_the_stages_of_a_run() -> None:
     random, settled = np.random.default_rng(2), 300.0
     stages = {(0.0, 400.0): slice(0, 45), (600.0, 500.0): slice(45, 80)}
     names = ["gyro_bias_x", "gyro_bias_y", "gyro_bias_z"]
@@ -96,7 +96,7 @@ def solved(
     stages: tuple[str, ...],
     component: int = 0,
 ) -> tuple[list[EffectFound], np.ndarray, np.ndarray]:
-    """Effects found in the stages of a simulated navigation-grade unit, its errors in sigmas, and the mean NIS."""
+    """Return effects found in simulated stages of a navigation-grade unit, its errors in sigmas, and the mean NIS."""
     truth, context = draw_unit("nav", seed, "estimated", instability=False)
     data = simulate_stages(truth, seed, list(stages), schedules)
     belief = study_prior("nav", "estimated")
@@ -116,7 +116,7 @@ def solved(
 SHORT = {"excitation": {"dwell_s": 5.0, "rounds": 1}}
 
 
-def test_an_effect_is_named_with_its_size_and_what_it_moves() -> None:
+def test_effect_is_reported_with_its_size_and_parameter_shifts() -> None:
     found, errors, _ = solved(1, "accel_cubic", 2e-6, SHORT, ("excitation",))
     first = found[0]
     assert (first.cause, first.component, first.excess > 30.0) == ("accel_cubic", "x", True)
@@ -137,7 +137,7 @@ EFFECTS = {
 
 @pytest.mark.long
 @pytest.mark.parametrize("cause", EFFECTS)
-def test_every_visible_effect_comes_first(cause: str) -> None:
+def test_every_significant_effect_is_listed_first(cause: str) -> None:
     size, component = EFFECTS[cause]
     found, errors, _ = solved(2, cause, size, {}, DEFAULT_STAGES, component)
     assert found[0].excess > 30.0
@@ -150,7 +150,7 @@ def test_every_visible_effect_comes_first(cause: str) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [3, 4])
-def test_a_sound_unit_has_no_effect(seed: int) -> None:
+def test_no_effect_is_found_for_an_ideal_unit(seed: int) -> None:
     found, errors, nis = solved(seed, "time_skew", 0.0, {}, DEFAULT_STAGES)
     assert found[0].excess < 20.0
     assert np.abs(errors).max() < 4.5
@@ -158,7 +158,7 @@ def test_a_sound_unit_has_no_effect(seed: int) -> None:
 
 
 @pytest.mark.long
-def test_effects_in_the_model_are_estimated_with_the_parameters() -> None:
+def test_modelled_effects_are_estimated_with_the_parameters() -> None:
     truth, context = draw_unit("nav", 5, "estimated", instability=False)
     data = simulate_stages(truth, 5, list(DEFAULT_STAGES), {})
     belief = study_prior("nav", "estimated")

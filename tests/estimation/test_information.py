@@ -1,4 +1,4 @@
-"""Information of segments against the filter that they come from."""
+"""The information of segments agrees with the filter that it is derived from."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def setting():
     return context, prior, data, start
 
 
-def test_information_gives_the_covariance_of_the_filter(setting):
+def test_segment_information_gives_the_covariance_of_the_filter(setting):
     context, prior, data, start = setting
     segment = segment_information(NavigationFilter(context, prior, prior.mean), data, start, context, ())
     end = advanced(segment.start[None], segment.motion[None])
@@ -61,7 +61,7 @@ def test_information_gives_the_covariance_of_the_filter(setting):
     np.testing.assert_allclose(sigmas(end, segment.states)[0], run.belief.sigma, rtol=1e-5)
 
 
-def test_joining_segments_does_not_depend_on_their_order_of_joining(setting):
+def test_joining_segments_is_associative(setting):
     context, prior, data, start = setting
     segment = segment_information(NavigationFilter(context, prior, prior.mean), data, start, context, ())
     m, part = segment.states, segment.motion
@@ -75,7 +75,7 @@ def test_joining_segments_does_not_depend_on_their_order_of_joining(setting):
         np.testing.assert_allclose(found, sigmas(stepwise, m), rtol=1e-6)
 
 
-def test_hidden_sizes_of_effects_agree_with_the_score_tests(setting):
+def test_undetectable_effect_sizes_agree_with_the_score_tests(setting):
     context, prior, data, start = setting
     effects = tuple(c for c in CONSTANT if c.cause in ("gyro_asymmetry", "accel_cubic", "g_sensitivity"))
     segment = segment_information(NavigationFilter(context, prior, prior.mean), data, start, context, effects)

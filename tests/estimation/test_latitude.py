@@ -1,4 +1,4 @@
-"""Latitude from gyros: agrees with its sigma over many units, and None if the rests do not determine it."""
+"""Latitude from gyros agrees with its sigma over many units, and is None if the rests do not determine it."""
 
 from dataclasses import replace
 from functools import cache
@@ -43,7 +43,7 @@ def test_latitude_agrees_with_its_sigma(grade: str) -> None:
 
 
 def replace_gyros(truth: BenchTruth) -> Belief:
-    """Parameters known as after a whole calibration."""
+    """Return parameters known as well as after a complete calibration."""
     return Belief(truth.imu.parameters, prior_of(truth).covariance * 1e-6)
 
 
@@ -66,7 +66,7 @@ def test_latitude_does_not_depend_on_the_blocks() -> None:
         assert see(truth, cut(block, places)) == whole
 
 
-def test_seconds_with_spoilt_or_missing_samples_are_left_out() -> None:
+def test_seconds_with_invalid_or_missing_samples_are_excluded() -> None:
     truth, block = six_positions("nav", 1)
     counts, valid = block.counts.copy(), block.valid.copy()
     counts[1000:1010] *= 50.0
@@ -79,7 +79,7 @@ def test_seconds_with_spoilt_or_missing_samples_are_left_out() -> None:
         assert abs(seen.value - truth.table.latitude) < 4.0 * seen.sigma
 
 
-def test_no_latitude_without_turning_the_unit_over() -> None:
+def test_latitude_requires_rests_with_the_unit_upside_down() -> None:
     truth = BenchConfig(grade="nav", seed=3, sample_rate_hz=100.0).truth()
     assert see(truth, [block_of(simulate(Simulator(truth, 3), truth, "azimuth_flip"))]) is None
     assert see(truth, []) is None
@@ -99,7 +99,7 @@ def test_vibration_enlarges_the_sigma() -> None:
     assert rough is None or rough.sigma > 5.0 * calm.sigma
 
 
-def test_which_gyros_resolve_earth_rate() -> None:
+def test_only_navigation_and_tactical_gyros_resolve_earth_rate() -> None:
     grades = ("nav", "tactical", "mems")
     felt = {g: resolves_earth_rate(context_of(BenchConfig(grade=g).truth()).imu) for g in grades}
     assert felt == {"nav": True, "tactical": True, "mems": False}

@@ -1,4 +1,4 @@
-"""MAP and consider estimates against the closed forms of the linear Gaussian case."""
+"""MAP and consider estimates agree with closed forms of the linear Gaussian case."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def linear_case(seed, nuisances=4, observations=20):
 
 
 @given(SEEDS)
-def test_a_linear_model_gives_the_gaussian_posterior(seed):
+def test_linear_model_gives_the_gaussian_posterior(seed):
     model, arguments, _, posterior, covariance = linear_case(seed)
     result = gauss_newton("test", model, *arguments, ALL)
     assert result.belief.mean == pytest.approx(posterior[:COUNT], abs=1e-6)
@@ -52,7 +52,7 @@ def test_a_linear_model_gives_the_gaussian_posterior(seed):
     assert result.belief.covariance == pytest.approx(covariance[:COUNT, :COUNT], abs=1e-6)
 
 
-def test_only_parameters_that_enter_the_model_are_varied():
+def test_only_parameters_in_the_model_are_varied():
     model, arguments, *_ = linear_case(3)
     entering = np.array([p.group.startswith("gyro") for p in PARAMETERS])
     calls = []
@@ -70,21 +70,21 @@ def test_only_parameters_that_enter_the_model_are_varied():
 
 
 @given(SEEDS)
-def test_the_residual_is_that_of_the_posterior(seed):
+def test_residual_is_evaluated_at_the_posterior_mean(seed):
     model, arguments, *_ = linear_case(seed)
     result = gauss_newton("test", model, *arguments, ALL)
     assert result.residual == pytest.approx(arguments[0] - model(result.belief.mean, result.nuisance), abs=1e-9)
 
 
 def redundancy_case(seed, unknowns=6, observations=14, width=1.0):
-    """H, the covariances of unknowns and noise, and a source of random numbers."""
+    """Return H, the covariances of unknowns and noise, and a random number generator."""
     random = np.random.default_rng(seed)
     H, root = random.normal(size=(observations, unknowns)), random.normal(size=(observations, observations))
     return H, width**2 * np.eye(unknowns), root @ root.T + np.eye(observations), random
 
 
 @given(SEEDS)
-def test_free_unknowns_leave_the_least_squares_residual_to_test(seed):
+def test_redundancy_with_free_unknowns_equals_the_least_squares_residual(seed):
     H, P, N, random = redundancy_case(seed, width=1e4)
     observed = random.normal(size=len(H)) * 3.0
     weight = np.linalg.inv(N)
@@ -95,7 +95,7 @@ def test_free_unknowns_leave_the_least_squares_residual_to_test(seed):
 
 
 @given(SEEDS)
-def test_known_unknowns_leave_every_observation_to_test(seed):
+def test_redundancy_with_known_parameters_uses_every_observation(seed):
     H, P, N, random = redundancy_case(seed, width=1e-6)
     observed = random.normal(size=len(H)) * 3.0
     found = redundant(H @ P @ H.T, N, observed)
@@ -103,7 +103,7 @@ def test_known_unknowns_leave_every_observation_to_test(seed):
     assert found.total == pytest.approx(observed @ np.linalg.solve(N, observed), rel=1e-6)
 
 
-def test_as_many_unknowns_as_observations_leave_nothing_to_test():
+def test_equal_numbers_of_unknowns_and_observations_leave_no_redundancy():
     H, P, N, random = redundancy_case(4, 14, width=1e4)
     found = redundant(H @ P @ H.T, N, random.normal(size=14))
     assert found.freedom == 0
@@ -116,7 +116,7 @@ def test_as_many_unknowns_as_observations_leave_nothing_to_test():
 
 @pytest.mark.long
 @pytest.mark.parametrize("width", [1e-3, 1.0, 1e3])
-def test_the_band_of_the_redundancy_holds_999_of_1000(width):
+def test_redundancy_bounds_contain_999_of_1000_cases(width):
     H, P, N, random = redundancy_case(6, width=width)
     prior, noise = np.linalg.cholesky(P), np.linalg.cholesky(N)
     outside, total = 0, 0.0
@@ -142,7 +142,7 @@ def test_every_tested_innovation_has_a_variance_of_one(unknowns):
     np.testing.assert_allclose(np.linalg.norm(found[1:], axis=1), 1.0, rtol=1e-6)
 
 
-def test_a_noisy_nuisance_belongs_to_the_noise():
+def test_random_nuisance_parameters_count_as_noise():
     prior = Belief(np.zeros(COUNT), 1e8 * np.eye(COUNT))
     observed, noise = np.array([1.0, 5.0]), np.full(2, 1e-6)
 
@@ -205,7 +205,7 @@ def test_consider_parameters_are_not_relinearised():
 
 
 def schmidt(prior, H, noise, observed, estimated):
-    """Schmidt's batch update written out in parts: x estimated, p considered (Schmidt 1966; Jazwinski, 8.3)."""
+    """Return Schmidt's batch update in partitioned form: x estimated, p considered (Schmidt 1966; Jazwinski, 8.3)."""
     x, p = np.flatnonzero(estimated), np.flatnonzero(~estimated)
     P = prior.covariance
     Pxx, Pxp, Ppp = P[np.ix_(x, x)], P[np.ix_(x, p)], P[np.ix_(p, p)]
@@ -240,7 +240,7 @@ def test_consider_posterior_equals_schmidts_update(seed, count):
     assert np.array_equal(found.covariance, found.covariance.T)
 
 
-def test_limits_of_the_consider_posterior():
+def test_consider_posterior_has_the_correct_limit_cases():
     model, arguments, *_ = linear_case(8)
     prior = arguments[2]
     full = gauss_newton("test", model, *arguments, ALL).belief
@@ -250,7 +250,7 @@ def test_limits_of_the_consider_posterior():
     assert np.array_equal(restricted(prior, full, ALL).mean, full.mean)
 
 
-def test_the_nis_band_holds_999_of_1000_means():
+def test_nis_bounds_contain_999_of_1000_means():
     random = np.random.default_rng(3)
     consistency = nis_consistency(0.0, 40, 3)
     means = random.chisquare(3, (20000, 40)).mean(axis=1)
@@ -258,7 +258,7 @@ def test_the_nis_band_holds_999_of_1000_means():
     assert 0.0003 < outside < 0.002
 
 
-def test_a_fit_above_its_band_fails_and_one_below_it_warns():
+def test_nis_above_its_bounds_fails_and_below_its_bounds_warns():
     assert not nis_consistency(40 * 5.0, 40, 3).passed
     low = nis_consistency(40 * 1.0, 40, 3)
     assert low.passed

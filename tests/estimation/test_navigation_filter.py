@@ -1,4 +1,4 @@
-"""One pass of the 39-state filter: Kalman algebra, noise, innovations at the truth, gaps."""
+"""One pass of the 39-state filter: Kalman equations, noise, innovations at the truth, gaps."""
 
 from dataclasses import replace
 
@@ -20,12 +20,12 @@ from calstation.physics.rotation import skew
 
 @pytest.fixture(scope="module")
 def data(nav_stage):
-    """The stage's samples as arrays."""
+    """The samples of the stage as arrays."""
     return stage_data([nav_stage.block], nav_stage.context.imu)
 
 
 def begun(stage, data, prior=None):
-    """A filter at the start of the stage, closed loop."""
+    """Return a closed-loop filter at the start of the stage."""
     prior = prior or stage.prior
     run = NavigationFilter(stage.context, prior, prior.mean)
     (start,) = starts(data, stage.context, prior)
@@ -35,7 +35,7 @@ def begun(stage, data, prior=None):
 
 @pytest.mark.parametrize("count", [1, 5])
 @pytest.mark.parametrize("drift", [0.0, 1.0], ids=["39 states", "with bias drift"])
-def test_a_group_is_predicted_and_updated_as_by_filterpy(nav_stage, data, count, drift):
+def test_prediction_and_update_agree_with_filterpy(nav_stage, data, count, drift):
     noise = {"gyro_bias_instability": 1e-7 * drift, "accel_bias_instability": 1e-4 * drift}
     imu = replace(nav_stage.context.imu, **noise)
     context, prior = replace(nav_stage.context, imu=imu), nav_stage.prior
@@ -83,7 +83,7 @@ def test_groups_processed_together_equal_groups_one_by_one(nav_stage, data):
 
 
 @pytest.mark.parametrize("together", [0.4, 1.1])
-def test_grouped_observations_equal_single_ones(nav_stage, data, monkeypatch, together):
+def test_grouped_observations_equal_single_observations(nav_stage, data, monkeypatch, together):
     (start,) = starts(data, nav_stage.context, nav_stage.prior)
     noisy = replace(nav_stage.context.imu, gyro_arw=1e-4, accel_vrw=1e-3)
     runs = []
@@ -101,7 +101,7 @@ def test_grouped_observations_equal_single_ones(nav_stage, data, monkeypatch, to
     assert np.array_equal(group.history.index, single.history.index)
 
 
-def test_the_covariance_stays_symmetric_and_positive(nav_stage, data):
+def test_covariance_stays_symmetric_and_positive_definite(nav_stage, data):
     run, start = begun(nav_stage, data)
     samples = run.group_size * run.stride
     for k in range(start.begin, len(data) - samples, samples):
@@ -113,7 +113,7 @@ def test_the_covariance_stays_symmetric_and_positive(nav_stage, data):
     assert np.linalg.eigvalsh(correlation).min() > -1e-9
 
 
-def test_process_noise_is_van_loans_for_a_resting_body(nav_stage, data):
+def test_process_noise_at_rest_agrees_with_van_loan(nav_stage, data):
     run, start = begun(nav_stage, data)
     run.observe(data, start.begin, 1)
     T, noise = run.stride * run.dt, run.noise
@@ -130,7 +130,7 @@ def test_process_noise_is_van_loans_for_a_resting_body(nav_stage, data):
     assert np.diag(run.group.noise)[:9] == pytest.approx(np.diag(exact), rel=0.02)
 
 
-def test_bias_drifts_about_a_constant_that_stays_known(nav_stage, data):
+def test_bias_drifts_about_a_known_constant(nav_stage, data):
     imu = replace(nav_stage.context.imu, gyro_bias_instability=1e-7, accel_bias_instability=1e-4)
     run = NavigationFilter(replace(nav_stage.context, imu=imu), nav_stage.prior, nav_stage.prior.mean)
     assert np.diag(run.state.P)[39:] == pytest.approx(run.noise.bias_drift**2)
@@ -154,7 +154,7 @@ def test_innovations_at_the_truth_agree_with_their_sigmas(nav_stage, data):
     assert not consistency.warning
 
 
-def test_innovations_reveal_a_wrong_velocity_noise(nav_stage, data):
+def test_innovations_reveal_incorrect_velocity_noise(nav_stage, data):
     known = Belief(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
     table = replace(nav_stage.context.table, velocity_sigma=0.7e-3)
     run = NavigationFilter(replace(nav_stage.context, table=table), known, known.mean)

@@ -1,4 +1,4 @@
-"""Solution of a whole excitation: truth, bit-identical for any blocks, live sigmas, unobservable parameters."""
+"""The solution of a complete excitation: truth, identical results for any blocks, live sigmas, observability."""
 
 import json
 from dataclasses import replace
@@ -25,7 +25,7 @@ def solution(nav_stage):
     return solved(nav_stage.truth, nav_stage.prior, [nav_stage.block])
 
 
-def test_every_parameter_agrees_with_the_truth_within_its_sigma(nav_stage, solution):
+def test_every_parameter_agrees_with_the_truth_within_its_uncertainty(nav_stage, solution):
     errors = errors_in_sigma(solution.belief, nav_stage.truth)
     assert np.abs(errors).max() < 4.0
     assert 0.5 < np.sqrt(np.mean(errors**2)) < 1.5
@@ -53,7 +53,7 @@ def test_solution_is_bit_identical_for_any_blocks(nav_stage, solution, seed):
     assert json.dumps(again.observability) == json.dumps(solution.observability)
 
 
-def test_live_sigmas_converge_to_the_final_ones(nav_stage, solution):
+def test_live_sigmas_converge_to_the_final_sigmas(nav_stage, solution):
     solver = solver_of(nav_stage.truth, nav_stage.prior, "excitation")
     shown = [solver.sigma()]
     assert np.array_equal(shown[0], nav_stage.prior.sigma)
@@ -79,7 +79,7 @@ def test_live_sigmas_survive_a_gap(nav_stage):
     assert shown[-1] == pytest.approx(final, rel=0.1)
 
 
-def test_fixed_lever_stays_zero_without_loss_of_accuracy():
+def test_fixed_lever_arm_stays_zero_without_loss_of_accuracy():
     truth = BenchConfig(grade="nav", seed=5, sample_rate_hz=100.0, instability=False, outer_lever="fixed").truth()
     prior = prior_of(truth)
     stage = block_of(simulate(Simulator(truth, 5), truth, "excitation"))
@@ -94,14 +94,14 @@ def test_fixed_lever_stays_zero_without_loss_of_accuracy():
 
 @pytest.fixture(scope="module")
 def static():
-    """A minute at rest and nothing else."""
+    """Return a stage of one minute at rest."""
     truth = BenchConfig(grade="nav", seed=6, sample_rate_hz=100.0).truth()
     samples = Simulator(truth, 6).run([Dwell(60.0)], "excitation")
     prior = prior_of(truth)
     return truth, prior, solved(truth, prior, [block_of(samples)])
 
 
-def test_rest_determines_only_what_gravity_and_earth_rate_observe(static):
+def test_rest_determines_only_parameters_observable_from_gravity_and_earth_rate(static):
     _, prior, result = static
     ratio = dict(zip(NAMES, result.belief.sigma / prior.sigma, strict=True))
     hidden = {n for n, r in ratio.items() if r > 0.9}
@@ -149,7 +149,7 @@ def test_unknown_start_attitude_is_found_from_the_data(nav_stage, azimuth, angle
     assert result.belief.sigma == pytest.approx(solution.belief.sigma, rel=0.5)
 
 
-def test_without_an_estimated_parameter_all_passes_linearise_about_the_prior(nav_stage, solution):
+def test_all_passes_linearise_about_the_prior_if_no_parameter_is_estimated(nav_stage, solution):
     known = Belief(nav_stage.truth.parameters, nav_stage.prior.covariance)
     data = stage_data([nav_stage.block], nav_stage.context.imu)
     found = solve_navigation("excitation", data, nav_stage.context, known, np.zeros(COUNT, np.bool_))
@@ -159,7 +159,7 @@ def test_without_an_estimated_parameter_all_passes_linearise_about_the_prior(nav
 
 
 def passes_of(stage, prior, monkeypatch, fits):
-    """Whether each pass of a solution followed a smoothed reference, and the solution."""
+    """Return for each pass whether it used a smoothed reference, and the solution."""
     ways, run = [], NavigationFilter.run
 
     def watched(self, data, start, attitude, smooth, **others):
@@ -174,7 +174,7 @@ def passes_of(stage, prior, monkeypatch, fits):
     return ways, found
 
 
-def test_a_first_pass_that_fits_is_not_made_again_in_closed_loop(nav_stage, monkeypatch):
+def test_consistent_first_pass_is_not_repeated_in_closed_loop(nav_stage, monkeypatch):
     ways, found = passes_of(nav_stage, nav_stage.prior, monkeypatch, relinearise.FITS)
     both_ways, both = passes_of(nav_stage, nav_stage.prior, monkeypatch, 0.0)
     assert ways == [True, True]
@@ -183,7 +183,7 @@ def test_a_first_pass_that_fits_is_not_made_again_in_closed_loop(nav_stage, monk
     assert np.abs((found.belief.mean - both.belief.mean) / both.belief.sigma).max() < 1e-3
 
 
-def test_a_pass_in_closed_loop_that_goes_astray_does_not_count(nav_stage, solution, monkeypatch):
+def test_diverged_closed_loop_pass_is_discarded(nav_stage, solution, monkeypatch):
     one_pass = relinearise._Relinearisation.one_pass
 
     def astray(self, point, found, attitudes, smooth):
@@ -199,7 +199,7 @@ def test_a_pass_in_closed_loop_that_goes_astray_does_not_count(nav_stage, soluti
     np.testing.assert_array_equal(found.belief.mean, solution.belief.mean)
 
 
-def test_a_first_pass_that_does_not_fit_is_made_again_in_closed_loop(nav_stage, monkeypatch):
+def test_inconsistent_first_pass_is_repeated_in_closed_loop(nav_stage, monkeypatch):
     wrong = nav_stage.prior.mean.copy()
     wrong[INDEX["gyro_scale_z"]] += 0.05  # a quarter turn ends 4.5° away
     belief = Belief(wrong, nav_stage.prior.covariance + np.diag((wrong - nav_stage.prior.mean) ** 2))

@@ -1,4 +1,4 @@
-"""Noise model of the filters against its definitions and against the bench."""
+"""The noise model of the filters agrees with its definitions and with the bench."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ def with_imu(**changes):
     return replace(CONTEXT, imu=replace(IMU, **changes))
 
 
-def test_white_noise_is_the_profiles():
+def test_white_noise_is_taken_from_the_profile():
     noise = filter_noise(with_imu(gyro_lsb=1e-15, accel_lsb=1e-15))
     assert noise.rate == pytest.approx(1e-12)
     assert noise.force == pytest.approx(1e-8)
@@ -48,7 +48,7 @@ def test_quantisation_adds_a_uniform_error_per_sample_or_observation():
 
 @pytest.mark.parametrize("duration", [5.0, 20.0, 60.0])
 @pytest.mark.parametrize("step", [0.5, 2.0, 3.0, 10.0, 100.0])
-def test_sigma_of_a_rest_holds_for_any_rounding_step(duration, step):
+def test_sigma_of_a_rest_is_valid_for_any_rounding_step(duration, step):
     # rests of a unit that outputs rates rounded to `step` sigmas of a sample's noise; their true rates are arbitrary
     random, sigma = np.random.default_rng(3), 1e-6 * 200.0**0.5
     noise = filter_noise(with_imu(output="rate", gyro_lsb=step * sigma))
@@ -64,7 +64,7 @@ def test_sigma_of_a_rest_holds_for_any_rounding_step(duration, step):
     assert ratio > {0.5: 0.75, 2.0: 0.75, 3.0: 0.0, 10.0: 0.05, 100.0: 0.05}[step]  # steps of 3 sigmas still average
 
 
-def test_bias_drift_has_the_allan_floor_of_the_profile():
+def test_bias_drift_has_the_bias_instability_of_the_profile():
     bias_drift = filter_noise(with_imu(gyro_bias_instability=1e-7, accel_bias_instability=1e-5)).bias_drift
     assert bias_drift == pytest.approx([bias_drift[0]] * 3 + [100.0 * bias_drift[0]] * 3)
     # Allan variance of a Gauss-Markov process (IEEE Std 952, C.1.8) at half its correlation time
@@ -75,7 +75,7 @@ def test_bias_drift_has_the_allan_floor_of_the_profile():
 
 
 def scatter(accel, count, stride):
-    """Variance of the rests' weighted means, and how many values it comes from."""
+    """Return the variance of the weighted means of rests, and its number of values."""
     weights = slope_weights(count, stride)
     means = np.array([weights @ accel[k : k + count] for k in range(0, len(accel) - count + 1, count)])
     return float(means.var(axis=0, ddof=1).mean()), 3 * (len(means) - 1)
@@ -113,7 +113,7 @@ def noise_of(seconds: float = 3000.0, **settings: object) -> RestNoise:
     return rest_noise(stage_data([block_of(samples)], context.imu), context, bias, 1e-4)
 
 
-def test_noise_at_rest_is_that_of_the_profile():
+def test_noise_at_rest_matches_the_profile():
     found = noise_of()
     for ratio in (*found.gyro, *found.accel, found.velocity):
         assert ratio.excess == pytest.approx(1.0)
@@ -121,26 +121,26 @@ def test_noise_at_rest_is_that_of_the_profile():
 
 
 @pytest.mark.parametrize("velocity_sigma", [1e-5, 1e-3])
-def test_noise_of_each_sensor_is_told_from_that_of_the_table(velocity_sigma):
+def test_sensor_noise_is_separated_from_table_vibration(velocity_sigma):
     found = noise_of(velocity_sigma=velocity_sigma, effects={"gyro_noise": 3.0, "accel_noise": 10.0})
     for ratio, factor in ((found.gyro[0], 3.0), (found.accel[0], 10.0)):
         assert ratio.excess == pytest.approx(factor, rel=0.15)
     assert found.velocity.excess == pytest.approx(1.0)
 
 
-def test_slow_noise_shows_at_the_longer_averaging_time():
+def test_low_frequency_noise_is_detected_at_the_longer_averaging_time():
     found = noise_of(effects={"gyro_random_walk_dph_sqrt_h": 500.0})
     assert np.all(found.gyro[1].value > 1.5 * found.gyro[0].value)
     assert found.worst()[1:] in [("gyro_x", 4.0), ("gyro_y", 4.0), ("gyro_z", 4.0)]
 
 
 @pytest.mark.parametrize(("velocity_sigma", "quiet"), [(1e-3, False), (1e-5, True)])
-def test_a_quiet_table_is_recognised(velocity_sigma, quiet):
+def test_low_vibration_of_the_table_is_recognised(velocity_sigma, quiet):
     assert noise_of(100.0, velocity_sigma=velocity_sigma).table_is_quiet == quiet
 
 
 @pytest.mark.parametrize(("seconds", "factor"), [(15.0, 6.0), (40.0, 4.0)])
-def test_much_noise_shows_in_a_short_rest(seconds, factor):
+def test_large_noise_is_detected_in_a_short_rest(seconds, factor):
     ratio, channel, _ = noise_of(seconds, effects={"gyro_noise": factor}).worst()
     assert channel.startswith("gyro")
     assert 0.6 * factor < ratio < 1.7 * factor

@@ -1,4 +1,4 @@
-"""Piece-wise constant observability: ranks from theory, and the turn that makes each state observable."""
+"""Piece-wise constant observability: ranks from theory, and the rotation that makes each state observable."""
 
 import json
 from itertools import pairwise
@@ -25,7 +25,7 @@ from procedures import method
 
 @pytest.fixture(scope="module")
 def passed(nav_stage):
-    """Samples, history of one pass over the stage, and its observability."""
+    """Samples, history of one pass over the stage, and its observability analysis."""
     data = stage_data([nav_stage.block], nav_stage.context.imu)
     run = NavigationFilter(nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
     (start,) = starts(data, nav_stage.context, nav_stage.prior)
@@ -45,17 +45,17 @@ def labels(nav_stage):
 
 
 def first_turn_about(labels, axis):
-    """Number of the step that first turns about a body axis, not counting turns that bring one into place."""
+    """Return the step that first rotates about a body axis, apart from positioning moves."""
     return min(number for number, label in labels.items() if label[:2] == ("turn_about", axis))
 
 
-def test_rest_observes_eight_directions(passed):
+def test_eight_directions_are_observable_at_rest(passed):
     _, _, found = passed
     # velocity (3), force against tilt and bias (3), rate across gravity (2); a bias and a tilt only as their sum
     assert found["segments"][0]["rank"] == 8
 
 
-def test_rank_grows_with_the_turns_and_never_falls(passed):
+def test_rank_grows_with_the_rotations_and_never_decreases(passed):
     _, _, found = passed
     ranks = [segment["rank"] for segment in found["segments"]]
     assert ranks == sorted(ranks)
@@ -64,7 +64,7 @@ def test_rank_grows_with_the_turns_and_never_falls(passed):
     assert strongest == sorted(strongest)
 
 
-def test_segments_are_the_steps_in_order(passed, labels):
+def test_segments_are_the_steps_of_the_stage_in_order(passed, labels):
     data, _, found = passed
     assert [segment["step"] for segment in found["segments"]] == list(labels)
     seqs = [(segment["first_seq"], segment["last_seq"]) for segment in found["segments"]]
@@ -75,7 +75,7 @@ def test_segments_are_the_steps_in_order(passed, labels):
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
-def test_gyro_scale_factor_becomes_observable_in_a_turn_about_its_axis(passed, labels, axis):
+def test_gyro_scale_factor_becomes_observable_by_rotation_about_its_axis(passed, labels, axis):
     _, _, found = passed
     # the inner axis also turns, about z, to bring x and y into place
     turns = [n for n, label in labels.items() if label[0] == "into_place" and axis == "z"]
@@ -86,7 +86,7 @@ def test_gyro_scale_factor_becomes_observable_in_a_turn_about_its_axis(passed, l
     assert strengths[last - 1] > 5.0
 
 
-def test_information_of_a_turn_is_carried_between_rests(passed, nav_stage):
+def test_information_from_rotations_between_rests_is_included(passed, nav_stage):
     _, _, found = passed
     gained = nav_stage.prior.sigma / solved(nav_stage.truth, nav_stage.prior, [nav_stage.block]).belief.sigma
     for name, gain in zip(NAMES, gained, strict=True):
@@ -103,7 +103,7 @@ def test_gravity_parameters_are_observable_in_the_first_step(passed):
     assert all(states[f"outer_lever_{a}"]["step"] > 1 for a in "xyz")
 
 
-def test_position_is_unobservable(passed):
+def test_position_states_are_unobservable(passed):
     _, _, found = passed
     assert all(found["states"][f"position_error_{a}"]["step"] is None for a in ("east", "north", "up"))
 
@@ -115,13 +115,13 @@ def test_every_parameter_is_observable_in_a_full_excitation(passed):
     assert tuple(found["states"]) == STATE_NAMES
 
 
-def test_strength_never_falls_from_step_to_step(passed):
+def test_observability_never_decreases_from_step_to_step(passed):
     _, _, found = passed
     for state in found["states"].values():
         assert np.all(np.diff(state["by_step"]) >= -2e-3 * np.array(state["by_step"][1:]))
 
 
-def test_pieces_cover_every_observation_and_turn_no_more_than_five_degrees(passed):
+def test_pieces_cover_every_observation_and_rotate_at_most_five_degrees(passed):
     data, history, _ = passed
     found = list(pieces(data, history))
     assert found[0][0] == 0
@@ -134,12 +134,12 @@ def test_pieces_cover_every_observation_and_turn_no_more_than_five_degrees(passe
         assert turned <= LARGEST_TURN + 1e-6 or rate[a:b].max() <= np.deg2rad(0.5)
 
 
-def test_observability_of_a_solution_is_json_ready(nav_stage):
+def test_observability_of_a_solution_can_be_written_as_json(nav_stage):
     found = solved(nav_stage.truth, nav_stage.prior, [nav_stage.block]).observability
     assert json.loads(json.dumps(found, allow_nan=False)) == found
 
 
-def test_live_ranking_grows_to_that_of_the_solution(nav_stage, passed):
+def test_live_observability_converges_to_the_observability_of_the_solution(nav_stage, passed):
     live = LiveFilter(nav_stage.context, nav_stage.prior)
     assert live.ranking() is None
     block, ranks = nav_stage.block, {}
@@ -161,7 +161,7 @@ def test_live_ranking_grows_to_that_of_the_solution(nav_stage, passed):
         assert last.strength[name] == pytest.approx(found["states"][name]["strength"], rel=0.15), name
 
 
-def test_the_live_filter_keeps_no_history(nav_stage):
+def test_live_filter_keeps_no_history(nav_stage):
     live = LiveFilter(nav_stage.context, nav_stage.prior)
     for piece in cut(nav_stage.block, [5000]):
         live.feed(piece)
@@ -169,7 +169,7 @@ def test_the_live_filter_keeps_no_history(nav_stage):
         assert len(live._filter.history.index) == 0
 
 
-def test_data_at_rest_leave_the_parameters_of_a_rotation_unobservable(nav_stage):
+def test_parameters_excited_by_rotation_are_unobservable_at_rest(nav_stage):
     first = nav_stage.block.step == nav_stage.block.step[0]
     found = solved(nav_stage.truth, nav_stage.prior, [block_of(nav_stage.samples, first)])
     lost = unobservable(nav_stage.prior, [found])

@@ -1,4 +1,4 @@
-"""Streams of IMUs on one body with clocks of their own are aligned online, with consistent sigmas."""
+"""Streams of IMUs on one body with separate clocks are time-aligned online, with consistent sigmas."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ TICK = 0.05
 
 
 class Pair:
-    """Two simulated units on one body, whose samples arrive late and with jitter."""
+    """Two simulated units on one body whose samples arrive with delay and jitter."""
 
     def __init__(self, seed: int, delays: tuple[float, float] = (0.004, 0.009)) -> None:
         random = np.random.default_rng(seed)
@@ -35,7 +35,7 @@ class Pair:
         self.blocks = []
 
     def run(self, seconds: float) -> list[int]:
-        """Advance; return the secondaries that were aligned anew."""
+        """Advance; return the secondaries that were aligned again."""
         aligned = []
         for _ in range(round(seconds / TICK)):
             self.now += TICK
@@ -55,7 +55,7 @@ class Pair:
         return aligned
 
     def error(self) -> tuple[float, float]:
-        """Error of the clock offset at the newest row, and its sigma, s."""
+        """Return error and sigma of the clock offset at the newest row, s."""
         time = float(next(b for b in reversed(self.blocks) if len(b)).time[-1])
         now = time / DRIFTS[0]
         state = self.aligner.clocks[0].alignment(time)
@@ -72,7 +72,7 @@ def test_interpolation_is_exact_for_polynomials_and_keeps_gaps():
     assert np.isnan(found).all(axis=1).tolist() == [False, True, True, True]
 
 
-def test_offset_is_measured_in_spite_of_bias_scale_and_misalignment():
+def test_clock_offset_is_measured_despite_bias_scale_factor_and_misalignment():
     dt, offset = 0.01, 3e-4
     t = np.arange(200) * dt
 
@@ -87,7 +87,7 @@ def test_offset_is_measured_in_spite_of_bias_scale_and_misalignment():
     assert fix.sigma < 5e-6
 
 
-def test_filter_finds_offset_and_drift_and_rejects_a_wrong_measurement():
+def test_clock_filter_estimates_offset_and_drift_and_rejects_outliers():
     random, clock = np.random.default_rng(2), ClockFilter()
     clock.restart(0.0, 0.2)
     for time in np.arange(0.0, 400.0, 4.0):
@@ -99,7 +99,7 @@ def test_filter_finds_offset_and_drift_and_rejects_a_wrong_measurement():
     assert clock.alignment(404.0).measured
 
 
-def test_measurements_that_disagree_leave_the_offset_and_enlarge_its_sigma():
+def test_inconsistent_measurements_keep_the_offset_and_enlarge_its_sigma():
     clock = ClockFilter()
     clock.restart(0.0, 0.2)
     for time in np.arange(0.0, 100.0, 4.0):
@@ -117,7 +117,7 @@ def test_measurements_that_disagree_leave_the_offset_and_enlarge_its_sigma():
     assert abs(clock.alignment(110.0).offset - 0.21003) < 5e-6
 
 
-def test_a_clock_whose_measurements_disagree_does_not_follow_the_arrival_times():
+def test_clock_with_inconsistent_measurements_does_not_follow_arrival_times():
     pair = Pair(4)
     pair.run(16.0)
     clock = pair.aligner.clocks[0]
@@ -167,7 +167,7 @@ def test_rows_continue_while_the_primary_is_silent():
     assert pair.aligner.clocks[0].locked
 
 
-def test_a_unit_that_restarts_is_aligned_anew():
+def test_restarted_unit_is_aligned_again():
     pair = Pair(3)
     pair.run(12.0)
     stream = pair.streams[1]

@@ -1,4 +1,4 @@
-"""The smoothed trajectory of later passes is a rotation everywhere and close to the truth."""
+"""The smoothed reference trajectory consists of rotations and is close to the truth."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ STRIDE = 20
 
 @pytest.fixture(scope="module")
 def motion():
-    """A MEMS unit that rests, turns and rests for three minutes: samples and true attitudes at the strides' ends."""
+    """Return three minutes of a MEMS unit that rests, rotates and rests: samples and true attitudes per stride."""
     truth = BenchConfig(grade="mems", seed=8, instability=False).truth()
     stream = SensorStream(truth.imu, truth.table, 8)
     outer = JointProfile.rest(0.3, -1.0).move(60.0, 3.4, 0.35, 0.5)
@@ -62,7 +62,7 @@ def test_reference_follows_the_effect_of_gyro_noise(motion):
     assert np.abs(errors[:, 2]).max() < 4.0 * walked
 
 
-def test_reference_corrects_a_wrong_start_without_jumps(motion):
+def test_reference_corrects_a_wrong_start_attitude_without_jumps(motion):
     truth, data, attitudes = motion
     tilted = Rotation.from_rotvec([0.01, -0.02, 0.0]).as_matrix() @ attitudes[0]
     found = reference(truth, data, tilted)
@@ -72,7 +72,7 @@ def test_reference_corrects_a_wrong_start_without_jumps(motion):
 
 
 @pytest.mark.parametrize("tilt", [0.02, 0.3])
-def test_reference_is_a_rotation_for_any_start(motion, tilt):
+def test_reference_is_a_rotation_for_any_start_attitude(motion, tilt):
     truth, data, attitudes = motion
     tilted = Rotation.from_rotvec([tilt, -tilt, 0.0]).as_matrix() @ attitudes[0]
     found = reference(truth, data, tilted, tilt_sigma=0.2).attitude

@@ -1,4 +1,4 @@
-"""Residuals at rests: only noise with the true parameters; a wrong parameter shows at the affected rests."""
+"""Residuals at rests are noise with the true parameters; a wrong parameter appears at the affected rests."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def six():
     )
 
 
-def test_true_parameters_leave_only_noise(six):
+def test_residuals_with_true_parameters_are_noise(six):
     _, context, data, answer = six
     left = rest_residuals(data, context, answer)
     assert len(left) == 11
@@ -40,7 +40,7 @@ def test_true_parameters_leave_only_noise(six):
     assert np.isfinite(left.angles).all()
 
 
-def test_wrong_bias_shows_at_the_affected_faces(six):
+def test_wrong_bias_appears_at_the_affected_positions(six):
     truth, context, data, answer = six
     wrong = truth.parameters.copy()
     wrong[INDEX["accel_bias_y"]] += 1e-3
@@ -52,6 +52,6 @@ def test_wrong_bias_shows_at_the_affected_faces(six):
     assert (left.vertical_rate - right.vertical_rate)[2:4] == pytest.approx([-1e-6, 1e-6], rel=1e-2)
 
 
-def test_a_recording_without_rest_has_no_residuals(six):
+def test_recording_without_rest_has_no_residuals(six):
     _, context, _, answer = six
     assert len(rest_residuals(stage_data([], context.imu), context, answer)) == 0

@@ -1,4 +1,4 @@
-"""Compiled algebra of small matrices against NumPy's."""
+"""Compiled small-matrix operations agree with NumPy."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from calstation.estimation.navigation.small_matrices import add_product, subtrac
 
 
 @pytest.mark.parametrize(("rows", "inner", "columns"), [(3, 39, 39), (15, 45, 45), (6, 45, 88), (9, 45, 1)])
-def test_products_are_those_of_numpy(rows, inner, columns):
+def test_products_agree_with_numpy(rows, inner, columns):
     random = np.random.default_rng(rows)
     A, B, C = (random.normal(size=shape) for shape in ((rows, inner), (inner, columns), (rows, columns)))
     added, subtracted = C.copy(), B.copy()

@@ -1,4 +1,4 @@
-"""Samples of a stage: scaling, segments and rests."""
+"""The samples of a stage: scaling, segments and rests."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ NO_BIAS = np.zeros(3)
 
 
 def block(count, first=0, gyro=None, time_shift=0.0, spoilt=(), angles=None, stage="rate"):
-    """Samples at 100 Hz; gyro in rad/s."""
+    """Return samples at 100 Hz; gyro in rad/s."""
     seq = np.arange(first, first + count)
     counts = np.zeros((count, 6))
     if gyro is not None:
@@ -34,7 +34,7 @@ def block(count, first=0, gyro=None, time_shift=0.0, spoilt=(), angles=None, sta
     )
 
 
-def test_counts_become_mean_rates_of_either_output():
+def test_counts_of_both_output_types_become_mean_rates():
     counts = np.arange(12.0).reshape(2, 6)
     samples = block(2)
     samples = SampleBlock("rate", samples.seq, samples.time, counts, *[getattr(samples, n) for n in (
@@ -47,32 +47,32 @@ def test_counts_become_mean_rates_of_either_output():
     assert increment.accel == pytest.approx(counts[:, 3:] * 300.0)
 
 
-def test_blocks_that_follow_each_other_are_one_segment():
+def test_consecutive_blocks_form_one_segment():
     data = stage_data([block(30), block(1, first=30), block(20, first=31)], RATE_IMU)
     assert data.segments == ((0, 51),)
     assert data.gaps == 0
 
 
-def test_a_missing_sample_cuts_the_stage():
+def test_missing_sample_splits_the_stage():
     data = stage_data([block(30), block(20, first=31)], RATE_IMU)
     assert data.segments == ((0, 30), (30, 50))
     assert data.gaps == 1
 
 
-def test_jump_in_time_cuts_the_stage_without_a_gap_of_the_counter():
+def test_jump_in_time_splits_the_stage_without_a_counter_gap():
     data = stage_data([block(30), block(20, first=30, time_shift=0.4)], RATE_IMU)
     assert data.segments == ((0, 30), (30, 50))
     assert data.gaps == 1
 
 
-def test_spoilt_samples_are_left_out_and_cut_the_stage():
+def test_invalid_samples_are_excluded_and_split_the_stage():
     data = stage_data([block(50, spoilt=range(20, 25))], RATE_IMU)
     assert data.segments == ((0, 20), (20, 45))
     assert data.gaps == 1
     assert data.seq[20] == 25
 
 
-def test_every_gap_is_counted_and_no_blocks_give_no_data():
+def test_every_gap_is_counted_and_an_empty_stage_has_no_data():
     data = stage_data([block(10), block(10, first=12), block(10, first=40, spoilt=[5])], RATE_IMU)
     assert data.segments == ((0, 10), (10, 20), (20, 25), (25, 29))
     assert data.gaps == 3
@@ -81,7 +81,7 @@ def test_every_gap_is_counted_and_no_blocks_give_no_data():
 
 
 def moving(count, *turns):
-    """Gyro x at rest but for turns at 20 °/s from sample a to b."""
+    """Return the gyro x signal at rest except for rotations at 20 °/s from sample a to b."""
     gyro = np.zeros((count, 3))
     for a, b in turns:
         gyro[a:b, 0] = np.deg2rad(20.0)
@@ -89,25 +89,25 @@ def moving(count, *turns):
 
 
 def assert_rests(found, true, shortest=100):
-    """Every true rest is found, with nothing of the motion in it and no more than `shortest` samples lost."""
+    """Assert that every rest is found without motion and with at most `shortest` samples missing."""
     assert len(found) == len(true)
     for (a, b), (c, d) in zip(found, true, strict=True):
         assert c <= a <= c + shortest
         assert d - shortest <= b <= d
 
 
-def test_rests_lie_between_the_turns():
+def test_rests_lie_between_the_rotations():
     data = stage_data([block(1200, gyro=moving(1200, (300, 500), (800, 900)))], RATE_IMU)
     assert_rests(find_rests(data, (0, 1200), RATE_IMU, NO_BIAS, 0.0), [(0, 300), (500, 800), (900, 1200)])
 
 
-def test_rest_reaches_the_border_of_its_segment():
+def test_rest_extends_to_the_end_of_its_segment():
     data = stage_data([block(1200, gyro=moving(1200, (300, 500)))], RATE_IMU)
     found = find_rests(data, (0, 1200), RATE_IMU, NO_BIAS, 0.0)
     assert (found[0][0], found[-1][1]) == (0, 1200)
 
 
-def test_rests_are_found_within_their_segment():
+def test_rests_do_not_extend_across_segments():
     data = stage_data([block(1200, gyro=moving(1200, (300, 500)))], RATE_IMU)
     assert_rests(find_rests(data, (100, 400), RATE_IMU, NO_BIAS, 0.0), [(100, 300)])
     assert find_rests(data, (310, 490), RATE_IMU, NO_BIAS, 0.0) == []
@@ -123,7 +123,7 @@ def test_only_an_unexpectedly_large_bias_hides_rests():
     assert find_rests(data, (0, 1200), RATE_IMU, NO_BIAS, 0.0) == []
 
 
-def test_creeping_table_is_not_at_rest():
+def test_slowly_moving_table_is_not_at_rest():
     gyro = moving(2000, (300, 500))
     gyro[500:900, 0] = np.deg2rad(0.08)
     data = stage_data([block(2000, gyro=gyro)], RATE_IMU)
@@ -138,7 +138,7 @@ def test_noise_does_not_break_a_rest():
 
 
 @given(st.integers(2, 400), st.integers(1, 30), st.integers(0, 29))
-def test_slope_weights_are_the_slope_of_the_velocity(blocks, stride, rest):
+def test_slope_weights_give_the_slope_of_the_velocity(blocks, stride, rest):
     count = blocks * stride + rest % stride
     weights = slope_weights(count, stride)
     used = weights[: blocks * stride]
@@ -161,7 +161,7 @@ def test_slope_weights_have_the_variance_of_the_least_squares_slope():
     assert np.sum(weights**2) * count == pytest.approx(1.2, rel=1e-3)
 
 
-def test_mean_angles_take_the_polls_alone():
+def test_mean_angles_use_only_polled_samples():
     angles = np.full((100, 2), np.nan)
     angles[10::20] = [[1.0, 2.0], [1.2, 2.0], [1.4, 2.0], [1.0, 2.0], [1.4, 2.0]]
     data = stage_data([block(100, angles=angles)], RATE_IMU)
@@ -177,13 +177,13 @@ def test_snapped_angles_survive_a_file_in_degrees(angle):
 
 
 @pytest.mark.parametrize(("seq", "left"), [(0, 50), (7, 43), (30, 20), (45, 5), (50, 0)])
-def test_since_keeps_unconsumed_blocks(seq, left):
+def test_since_returns_unconsumed_blocks(seq, left):
     kept = since([block(30), block(20, first=30)], seq)
     assert sum(len(b) for b in kept) == left
     assert left == 0 or kept[0].seq[0] == seq
 
 
 @pytest.mark.parametrize("count", [1, 2, 9, 10])
-def test_the_median_is_that_of_numpy(count):
+def test_median_agrees_with_numpy(count):
     values = np.random.default_rng(count).normal(size=count)
     assert _median(values) == np.median(values)

@@ -1,4 +1,4 @@
-"""Short runs on the virtual bench with a fault plan, and what is expected of a run that a fault ended."""
+"""Short runs on the virtual bench with a fault plan, and the expected end of a run after a fault."""
 
 import json
 from collections.abc import Callable
@@ -23,42 +23,42 @@ SERIAL = "SN-000042"
 
 @dataclass
 class Ran:
-    """A finished run with its events, files and the bench's report."""
+    """A finished run with its events, files and the final report of the bench."""
 
     folder: Path
     events: list[Event] = field(default_factory=list)
 
     @property
     def verdict(self) -> Verdict:
-        """Its last word."""
+        """Return the verdict of the run."""
         verdict = self.events[-1]
         assert isinstance(verdict, Verdict)
         return verdict
 
     @property
     def bench(self) -> dict[str, Any]:
-        """How the bench was left."""
+        """Return the final state of the bench."""
         report: dict[str, Any] = json.loads((self.folder / "bench.json").read_text(encoding="utf-8"))
         return report
 
     @property
     def repeated(self) -> list[str]:
-        """Reasons for which steps were repeated."""
+        """Return the reasons for repeated steps."""
         return [e.values["reason"] for e in self.events if isinstance(e, Message) and e.id == "step_repeated"]
 
     @property
     def fault(self) -> Fault:
-        """The one fault."""
+        """Return the only fault."""
         (fault,) = [e for e in self.events if isinstance(e, Fault)]
         return fault
 
     def moves_after_fault(self) -> int:
-        """Motions begun after the run was a fault."""
+        """Return the number of motions started after the fault."""
         states = [i for i, e in enumerate(self.events) if isinstance(e, StateChanged) and e.state == "fault"]
         return sum(isinstance(e, StepStarted) for e in self.events[states[0] :]) if states else 0
 
     def assert_stopped(self, *words: str) -> None:
-        """Check a fault: reported with cause and remedy, the table at rest with its axes off, everything kept."""
+        """Assert that the fault has cause and remedy, the table is at rest with axes off, and all files are kept."""
         verdict, text = self.verdict, self.fault.text
         assert verdict.outcome == "fault"
         assert verdict.result["passed"] is False
@@ -76,7 +76,7 @@ class Ran:
 
 
 class FaultRuns:
-    """A folder with a station, a short product and fault plans."""
+    """A folder with a station, a short product and a fault plan for runs."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -85,7 +85,7 @@ class FaultRuns:
         self.table = STATION["table"]["profile"]
 
     def request(self, *faults: dict[str, Any], stages: tuple[str, ...] = ("rate",), **bench: Any) -> RunRequest:
-        """A run with these faults."""
+        """Request a run with these faults."""
         self.folder.mkdir(parents=True, exist_ok=True)
         settings = {
             "seed": 5,
@@ -140,11 +140,11 @@ class FaultRuns:
 
 @pytest.fixture
 def fault_runs(tmp_path: Path) -> FaultRuns:
-    """An empty folder for runs with faults."""
+    """Empty folder for runs with faults."""
     return FaultRuns(tmp_path)
 
 
 def fault(kind: str, value: float | None = None, step: int = 1, time_s: float = 0.2) -> dict[str, Any]:
-    """A fault in a step of the stage `rate`."""
+    """Return the plan of a fault in a step of the stage `rate`."""
     entry: dict[str, Any] = {"kind": kind, "stage": "rate", "step": step, "time_s": time_s}
     return entry if value is None else {**entry, "value": float(value)}

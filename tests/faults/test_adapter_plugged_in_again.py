@@ -1,4 +1,4 @@
-"""A USB adapter that is pulled out in mid-run and has another name when it is back."""
+"""A USB adapter is disconnected during a run and has another port name when it is reconnected."""
 
 import os
 import sys
@@ -27,7 +27,7 @@ ADAPTER = "A9XYZ"
 
 @pytest.fixture
 def names(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names that the adapter has had; the station knows it by its serial number alone."""
+    """Port names that the adapter has had; the station identifies it only by its serial number."""
     had: list[str] = []
     endpoints = wiring.batch_endpoints
 
@@ -48,7 +48,7 @@ def names(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return had
 
 
-def test_an_unplugged_adapter_is_a_fault_and_the_run_can_be_resumed(fault_runs: FaultRuns, names: list[str]) -> None:
+def test_disconnected_adapter_is_a_fault_and_the_run_can_be_resumed(fault_runs: FaultRuns, names: list[str]) -> None:
     fault_runs.product = {
         **PRODUCT,
         "schedule": {

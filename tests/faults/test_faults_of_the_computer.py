@@ -1,4 +1,4 @@
-"""Faults of the computer that a run is on: a full disk, a folder taken away, engine and window killed."""
+"""Faults of the computer during a run: full disk, removed folder, killed engine and window."""
 
 import json
 import os
@@ -33,7 +33,7 @@ pytestmark = [
         ("runs_folder_gone", "cannot be written any more (no such file or folder). Make room", None),
     ],
 )
-def test_a_full_disk_is_a_fault_and_the_log_keeps_its_samples(
+def test_full_disk_is_a_fault_and_recorded_samples_are_kept(
     fault_runs: FaultRuns, kind: str, words: str, ends: str | None
 ) -> None:
     events: list[Event] = []
@@ -52,7 +52,7 @@ def test_a_full_disk_is_a_fault_and_the_log_keeps_its_samples(
     assert sum(len(block) for block in log.blocks() if block.stage == "rate") > 200
 
 
-def test_a_disk_that_takes_longer_than_the_watchdog_stops_nothing(
+def test_disk_slower_than_the_watchdog_does_not_stop_the_run(
     fault_runs: FaultRuns, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fsync, slow = os.fsync, [0]
@@ -75,7 +75,7 @@ def test_a_disk_that_takes_longer_than_the_watchdog_stops_nothing(
 
 
 @pytest.mark.long
-def test_a_killed_engine_leaves_an_incomplete_run(fault_runs: FaultRuns) -> None:
+def test_killed_engine_leaves_an_incomplete_run_and_a_stopped_table(fault_runs: FaultRuns) -> None:
     with Engine.start(fault_runs.request(fault("engine_killed", step=4), watchdog_ms=1000), BenchHooks) as engine:
         events = engine.events()
         with raises_code(DeviceFaultError, "run.engine_ended"):
@@ -85,12 +85,12 @@ def test_a_killed_engine_leaves_an_incomplete_run(fault_runs: FaultRuns) -> None
     result = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     assert (result["outcome"], result["passed"]) == ("incomplete", False)
     assert sum(len(block) for block in open_log(path).blocks()) > 200
-    left = how_the_bench_was_left(fault_runs)
+    left = final_bench_report(fault_runs)
     assert (left["enabled"], left["moving"], left["fault"]) == (False, False, "WATCHDOG"), "the table stops itself"
 
 
-def how_the_bench_was_left(fault_runs: FaultRuns) -> dict[str, Any]:
-    """What a bench writes that outlives its engine: until then its watchdog has had its time."""
+def final_bench_report(fault_runs: FaultRuns) -> dict[str, Any]:
+    """Wait for the final report of a bench that outlives its engine, after its watchdog has tripped."""
     file = fault_runs.folder / "bench.json"
     deadline = time.monotonic() + 60.0
     while time.monotonic() < deadline:
@@ -101,7 +101,7 @@ def how_the_bench_was_left(fault_runs: FaultRuns) -> dict[str, Any]:
     raise AssertionError("the bench has left no word")
 
 
-def test_a_killed_window_is_a_safe_stop(fault_runs: FaultRuns) -> None:
+def test_killed_window_causes_a_safe_stop(fault_runs: FaultRuns) -> None:
     engine = Engine.start(fault_runs.request(stages=("rate", "six_position")))
     for event in engine.events():
         if isinstance(event, StepStarted) and event.stage:
@@ -132,7 +132,7 @@ def test_a_killed_window_is_a_safe_stop(fault_runs: FaultRuns) -> None:
         ('[[fault]]\nkind = "stall"\ntime_s = [5.0, 1.0]', "earliest, latest"),
     ],
 )
-def test_an_impossible_plan_is_reported_with_a_remedy(tmp_path: Path, text: str, words: str) -> None:
+def test_invalid_fault_plan_is_reported_with_a_remedy(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "plan.toml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigurationError) as raised:
@@ -141,7 +141,7 @@ def test_an_impossible_plan_is_reported_with_a_remedy(tmp_path: Path, text: str,
     assert words in str(raised.value)
 
 
-def test_drawn_times_are_the_same_for_the_same_seed() -> None:
+def test_random_times_are_the_same_for_the_same_seed() -> None:
     plan = FaultPlan.model_validate({"seed": 3, "fault": [{"kind": "stall", "time_s": [1.0, 9.0]}] * 3})
     assert plan.times() == plan.times()
     assert len(set(plan.times())) == 3

@@ -10,7 +10,7 @@ pytestmark = pytest.mark.long
 
 @pytest.fixture
 def gimbal_runs(fault_runs: FaultRuns) -> FaultRuns:
-    """An empty folder for runs on the gimbal with faults."""
+    """Empty folder for runs on the gimbal with faults."""
     fault_runs.product, fault_runs.table = PRODUCT, "gimbal"
     fault_runs.site = {"gravity_mps2": 9.79547}
     return fault_runs
@@ -27,7 +27,9 @@ def gimbal_runs(fault_runs: FaultRuns) -> FaultRuns:
         ("freeze_channel", 2, "stream.stuck"),
     ],
 )
-def test_a_fault_in_a_turn_stops_the_run(gimbal_runs: FaultRuns, kind: str, value: float | None, code: str) -> None:
+def test_fault_during_a_rotation_stops_the_run(
+    gimbal_runs: FaultRuns, kind: str, value: float | None, code: str
+) -> None:
     order = {**fault(kind, value, step=1, time_s=3.2), "stage": "gimbal"}
     ran = gimbal_runs.run(order, stages=("gimbal",), **GIMBAL)
     assert ran.fault.code == code
@@ -35,13 +37,13 @@ def test_a_fault_in_a_turn_stops_the_run(gimbal_runs: FaultRuns, kind: str, valu
     ran.assert_stopped()
 
 
-def test_a_watchdog_that_is_off_keeps_the_gimbal_at_rest(gimbal_runs: FaultRuns) -> None:
+def test_gimbal_does_not_move_with_the_watchdog_disabled(gimbal_runs: FaultRuns) -> None:
     ran = gimbal_runs.run(stages=("gimbal",), watchdog_ms=0, **GIMBAL)
     assert ran.fault.code == "motion.watchdog_off"
     ran.assert_stopped()
 
 
-def test_lost_samples_repeat_the_turn_from_zero(gimbal_runs: FaultRuns) -> None:
+def test_rotation_with_lost_samples_is_repeated_from_zero(gimbal_runs: FaultRuns) -> None:
     order = {"kind": "saturate_imu", "stage": "gimbal", "step": 1, "time_s": 0.5, "value": 0.3}
     ran = gimbal_runs.run(order, stages=("gimbal",), **GIMBAL)
     assert ran.repeated == ["saturated"]

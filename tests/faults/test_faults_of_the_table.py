@@ -1,4 +1,4 @@
-"""Faults of the table and its link: the run stops safely and reports cause and remedy, never a verdict."""
+"""Faults of the table and its link: the run stops safely and reports cause and remedy without a verdict."""
 
 import struct
 import sys
@@ -69,13 +69,13 @@ def test_a_fault_stops_the_run_on_every_protocol(
         assert ran.fault.code.startswith("table.latched_")
 
 
-def test_a_refusing_drive_stops_the_run_although_the_other_obeys(fault_runs: FaultRuns) -> None:
+def test_command_rejected_by_one_of_two_drives_stops_the_run(fault_runs: FaultRuns) -> None:
     fault_runs.table = "cia402_drives"
     ran = fault_runs.run(fault("refuse_table", 4))
     ran.assert_stopped("table: ", "cannot do it in its current state", "drive's display")
 
 
-def test_a_silent_table_without_a_watchdog_completes_its_move_and_rests(fault_runs: FaultRuns) -> None:
+def test_unresponsive_table_without_a_watchdog_completes_its_move_and_rests(fault_runs: FaultRuns) -> None:
     fault_runs.table = "mn_ascii"
     ran = fault_runs.run(fault("mute_table", 400))
     assert ran.verdict.outcome == "fault"
@@ -109,15 +109,15 @@ def test_requests_with_wrong_checksums_are_repeated(fault_runs: FaultRuns) -> No
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals exist only on POSIX systems")
-def test_a_line_with_only_wrong_checksums_stops_the_run(fault_runs: FaultRuns) -> None:
-    """As at a wrong baud: every answer of the table is damaged, and its own watchdog stops it."""
+def test_line_with_only_wrong_checksums_stops_the_run(fault_runs: FaultRuns) -> None:
+    """As at a wrong baud rate, every response of the table is damaged, and its own watchdog stops it."""
     ran = fault_runs.run(fault("garble_table", 100_000), table_transport="rtu", watchdog_ms=1000)
     ran.assert_stopped("Table: ", "cannot be read on", "Check cable, power and unit number")
     assert ran.bench["fault"] == "WATCHDOG"
 
 
 @pytest.mark.parametrize("code", [1, 2, 3, 4, 5, 6, 7, 8, 10, 11])
-def test_every_modbus_exception_has_a_remedy_and_only_a_busy_device_is_asked_again(code: int) -> None:
+def test_every_modbus_exception_has_a_remedy_and_only_busy_is_retried(code: int) -> None:
     asked: list[bytes] = []
 
     def answer(heard: bytes) -> bytes:
@@ -138,7 +138,7 @@ def test_every_modbus_exception_has_a_remedy_and_only_a_busy_device_is_asked_aga
         link.close()
 
 
-def test_a_table_that_is_busy_once_is_asked_again() -> None:
+def test_request_to_a_busy_table_is_repeated() -> None:
     answers = [bytes([0x83, 6]), bytes([3, 2]) + struct.pack(">H", 77)]
     with server(lambda heard: tcp_pdu(heard, answers.pop(0))) as address:
         link = ModbusLink(f"tcp://{address}", 1, 1.0, SerialSettings())

@@ -1,4 +1,4 @@
-"""Faults of the IMU, its link, its mounting and its supply: no verdict, or an honest one, and nothing half done."""
+"""Faults of the IMU, its link, mounting and supply: no wrong verdict and no partly written registers."""
 
 from pathlib import Path
 
@@ -39,7 +39,7 @@ def test_a_fault_of_the_unit_stops_the_run(
 
 @pytest.fixture
 def floats(fault_runs: FaultRuns) -> FaultRuns:
-    """A unit that sends float32 and no status: only the numbers themselves show that they are invalid."""
+    """Runs with a unit that sends float32 without a status: only the values show that they are invalid."""
     loose = {"within": 2e-2, "sigma_below": 1e-2}
     fault_runs.product = {
         **PRODUCT,
@@ -58,7 +58,7 @@ def floats(fault_runs: FaultRuns) -> FaultRuns:
         ("freeze_channel", 4, "", ("accel y shows the same value", "switch the unit off and on")),
     ],
 )
-def test_a_unit_with_useless_float_output_stops_the_run(
+def test_invalid_float_output_stops_the_run(
     floats: FaultRuns, kind: str, value: float, reason: str, words: tuple[str, ...]
 ) -> None:
     ran = floats.run(fault(kind, value))
@@ -88,7 +88,7 @@ def test_non_numeric_samples_are_marked_and_their_step_is_repeated(floats: Fault
         ("saturate_imu", 600.0, ("saturates although the table is at rest", "what shakes the unit")),
     ],
 )
-def test_useless_output_is_reported_before_anything_moves(
+def test_invalid_output_is_reported_before_any_motion(
     floats: FaultRuns, kind: str, value: float, words: tuple[str, ...]
 ) -> None:
     ran = floats.run({"kind": kind, "value": value})
@@ -104,7 +104,7 @@ def test_useless_output_is_reported_before_anything_moves(
         ({"kind": "garble_imu", "value": 600.0}, ("check baud",)),
     ],
 )
-def test_a_wrong_unit_mounting_or_baud_is_reported_before_any_stage(
+def test_wrong_unit_mounting_or_baud_rate_is_reported_before_any_stage(
     fault_runs: FaultRuns, planned: dict[str, str], words: tuple[str, ...]
 ) -> None:
     fault_runs.run(planned).assert_stopped("IMU: ", *words)
@@ -116,7 +116,7 @@ def test_a_wrong_unit_mounting_or_baud_is_reported_before_any_stage(
         2, [4.0, 4.7], [("drop_frames", 3, "gap"), ("saturate_imu", 0.1, "saturated"), ("silence_imu", 8.0, "no_data")]
     ),
 )
-def test_the_rest_before_a_repeated_step_is_watched_too(
+def test_faults_in_the_rest_before_a_repeated_step_are_detected(
     fault_runs: FaultRuns, time_s: float, repeated: tuple[str, float, str]
 ) -> None:
     kind, value, reason = repeated
@@ -125,19 +125,19 @@ def test_the_rest_before_a_repeated_step_is_watched_too(
     assert ran.repeated == ["gap", reason]
 
 
-def test_noise_on_the_line_for_a_moment_costs_a_step(fault_runs: FaultRuns) -> None:
+def test_brief_line_noise_repeats_one_step(fault_runs: FaultRuns) -> None:
     ran = fault_runs.run(fault("garble_imu", 0.8, step=9))
     assert ran.verdict.outcome == "passed"
     assert len(ran.repeated) == 1
 
 
 @pytest.mark.exhaustive
-def test_a_replugged_adapter_works_again(fault_runs: FaultRuns) -> None:
+def test_reconnected_adapter_works_again(fault_runs: FaultRuns) -> None:
     fault_runs.run(fault("hang_up_imu")).assert_stopped("port")
     assert fault_runs.run().verdict.outcome == "passed"
 
 
-def test_gyros_detect_a_wrong_latitude_before_anything_is_written(fault_runs: FaultRuns) -> None:
+def test_gyros_detect_a_wrong_latitude_before_any_register_is_written(fault_runs: FaultRuns) -> None:
     rests = {**PRODUCT["schedule"], "six_position": {"dwell_s": 10.0, **QUICK}}
     fault_runs.product = {**PRODUCT, "schedule": rests}
     ran = fault_runs.run({"kind": "wrong_latitude", "value": -2.0}, stages=("rate", "six_position", "azimuth_flip"))
@@ -161,7 +161,7 @@ def test_the_verification_detects_a_wrong_latitude(fault_runs: FaultRuns) -> Non
     assert entry.closing == "restored"
 
 
-def test_an_inconsistent_stage_without_a_latitude_estimate_names_the_latitude(fault_runs: FaultRuns) -> None:
+def test_inconsistent_stage_without_a_latitude_estimate_mentions_the_latitude(fault_runs: FaultRuns) -> None:
     ran = fault_runs.run({"kind": "wrong_latitude", "value": -24.25}, stages=("azimuth_flip",))
     assert ran.verdict.outcome == "failed"
     (unknown,) = [e.values for e in ran.events if isinstance(e, Message) and e.id == "latitude_untold"]
@@ -184,7 +184,7 @@ def test_gyros_that_cannot_resolve_earth_rate_need_consistent_gravity_and_latitu
     assert not list((fault_runs.folder / "runs").glob("*.h5"))
 
 
-def test_a_wrong_gravity_is_never_a_pass(fault_runs: FaultRuns) -> None:
+def test_run_with_wrong_gravity_never_passes(fault_runs: FaultRuns) -> None:
     ran = fault_runs.run({"kind": "wrong_gravity", "value": 0.03}, stages=("six_position",))
     assert ran.verdict.outcome == "failed"
     assert not ran.verdict.result["registers"]
@@ -192,7 +192,7 @@ def test_a_wrong_gravity_is_never_a_pass(fault_runs: FaultRuns) -> None:
     assert {"accel_scale_x within", "accel_scale_y within", "accel_scale_z within"} <= set(missed)
 
 
-def test_a_brown_out_during_the_write_is_a_fault_and_keeps_the_registers(fault_runs: FaultRuns) -> None:
+def test_brown_out_during_the_write_is_a_fault_and_keeps_the_registers(fault_runs: FaultRuns) -> None:
     # Behind the mark, the biases and the gyros' matrix, which is then lost.
     ran = fault_runs.run({"kind": "brown_out_write", "value": 75.0})
     ran.assert_stopped(
@@ -204,7 +204,7 @@ def test_a_brown_out_during_the_write_is_a_fault_and_keeps_the_registers(fault_r
     assert ran.verdict.result["registers"]["verified"] is False
 
 
-def test_a_register_page_lost_in_a_brown_out_is_reported_by_the_refusal(fault_runs: FaultRuns) -> None:
+def test_register_page_lost_in_a_brown_out_is_reported(fault_runs: FaultRuns) -> None:
     loose = {"within": 2e-2, "sigma_below": 1e-2}
     limits = {"gyro_scale": loose, "accel_scale": loose}
     fault_runs.product = {**PRODUCT, "imu": "dsp_modbus", "bench_grade": "mems", "limits": limits}

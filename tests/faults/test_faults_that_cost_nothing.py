@@ -1,4 +1,4 @@
-"""One run through every fault that a run survives: invalid steps are repeated, and the unit passes."""
+"""One run with every recoverable fault: invalid steps are repeated, and the unit passes."""
 
 import time
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ _FAULTS = [
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ran]:
-    """The run; its wall clock is set back by an hour in the middle."""
+    """The run; its wall clock is set back by one hour during the run."""
     stepped: list[bool] = []
     now = time.time
 
@@ -53,7 +53,7 @@ def test_every_planned_fault_occurred(ran: Ran) -> None:
     assert ran.bench["obeyed"] == [planned["kind"] for planned in _FAULTS]
 
 
-def test_the_verdict_is_right(ran: Ran) -> None:
+def test_verdict_is_correct_despite_the_faults(ran: Ran) -> None:
     result = ran.verdict.result
     assert ran.verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
     assert result["registers"]["verified"] is True
@@ -66,7 +66,7 @@ def test_steps_with_invalid_samples_are_repeated(ran: Ran, reason: str) -> None:
 
 
 def test_each_disturbance_is_counted_once(ran: Ran) -> None:
-    """Corrupt, dropped, reset and silent: a gap each; noise, twice, overtaken, wrap, mute and slow: none."""
+    """Corrupt, dropped, reset and silent faults cause one gap each; the other faults cause none."""
     assert sorted(ran.repeated) == ["gap"] * 4 + ["saturated"]
     assert ran.verdict.result["log"]["gaps"] == 4
 
@@ -81,7 +81,7 @@ def test_samples_of_an_interrupted_step_are_invalid_until_it_is_repeated(ran: Ra
     assert (steps[begins] > steps[begins - 1]).all(), "valid again only as a step of its own"
 
 
-def test_a_counter_that_wraps_loses_nothing(ran: Ran) -> None:
+def test_counter_wrap_loses_no_samples(ran: Ran) -> None:
     first, last = (ran.verdict.result["log"][name] for name in ("first_seq", "last_seq"))
     assert first < 65_536 < last
     seq = np.concatenate([block.seq for block in open_log(Path(ran.verdict.log)).blocks()])
@@ -89,7 +89,7 @@ def test_a_counter_that_wraps_loses_nothing(ran: Ran) -> None:
     assert int((np.diff(seq) - 1).sum()) < 200
 
 
-def test_a_stepped_wall_clock_is_a_label_only(ran: Ran) -> None:
+def test_wall_clock_step_affects_only_labels(ran: Ran) -> None:
     assert 0.0 < ran.verdict.result["duration_s"] < 600.0
     times: list[Any] = [block.time for block in open_log(Path(ran.verdict.log)).blocks()]
     assert (np.diff(np.concatenate(times)) > 0.0).all()

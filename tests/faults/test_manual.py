@@ -1,4 +1,4 @@
-"""The manual of faults names every kind that can be rehearsed, and tests that are there."""
+"""The fault reference lists every fault type, and the tests that it names exist."""
 
 import re
 from pathlib import Path
@@ -9,11 +9,11 @@ ROOT = Path(__file__).parents[2]
 MANUAL = (ROOT / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
 
 
-def test_the_manual_has_every_kind_of_fault() -> None:
+def test_reference_lists_every_fault_type() -> None:
     assert [kind for kind in KINDS if f"`{kind}`" not in MANUAL] == []
 
 
-def test_every_test_named_in_the_manual_exists() -> None:
+def test_every_test_named_in_the_reference_exists() -> None:
     named = re.findall(r"`((?:tests/\w+/)?test_\w+\.py)`", MANUAL)
     assert len(named) > 10
     files = [name if "/" in name else f"tests/faults/{name}" for name in named]

@@ -1,4 +1,4 @@
-"""The power of station and unit cut at every byte of a transfer: on the wire, in flash, in the journal; by protocol."""
+"""Power of station and unit is cut at every byte of a register transfer: on the wire, in flash, in the journal."""
 
 import shutil
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from calstation.devices.imu.register_transfer import Closing, Holds, finish, rec
 from calstation.errors import CalstationError
 from calstation.records import checked_lines
 from calstation.registers import journal as register_journal
-from tests.devices.dsp import KINDS, SERIAL, Dark, Supply, Unit, registers
+from tests.devices.dsp import KINDS, SERIAL, PowerLost, Supply, Unit, registers
 from tests.helpers import sampled
 
 pytestmark = pytest.mark.long
@@ -22,14 +22,14 @@ SIZES = {"gyro_bias": 1e-5, "accel_bias": 1e-2, "accel_quadratic": 1e-6, "inner_
 
 
 def values(kind: str, factor: float) -> dict[str, float]:
-    """A value for every register of a kind of unit, rounded as the unit stores it."""
+    """Return a value for every register of a type of unit, rounded as the unit stores it."""
     names = registers(KINDS[kind]).parameters
     values = {n: factor * (i + 1) * (-1) ** i * SIZES.get(n.rsplit("_", 1)[0], 1e-5) for i, n in enumerate(names)}
     return registers(KINDS[kind]).rounded(values)
 
 
 class Station:
-    """The computer's power, which is the unit's."""
+    """The power supply shared by computer and unit."""
 
     supply = Supply()
 
@@ -41,8 +41,8 @@ def _journal_under_power(monkeypatch: pytest.MonkeyPatch) -> None:
     def write_while_powered(handle: int, data: bytes) -> None:
         given = Station.supply.take(len(data))
         write(handle, data[:given])
-        if given < len(data) or Station.supply.dark:
-            raise Dark
+        if given < len(data) or Station.supply.exhausted:
+            raise PowerLost
 
     monkeypatch.setattr(checked_lines, "_write", write_while_powered)
     # The cut is at a byte of these files, not of a real disk: nothing need wait for one, nor for a busy flash.
@@ -51,7 +51,7 @@ def _journal_under_power(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Factory:
-    """A unit, a folder of runs, and a supply for both that may break down at any byte."""
+    """A unit, a folder of runs, and a common supply that can fail at any byte."""
 
     def __init__(self, folder: Path, kind: str) -> None:
         self.unit = Unit(folder / "flash.bin", kind=KINDS[kind])
@@ -63,11 +63,11 @@ class Factory:
         return register_journal.begin(self.runs, SERIAL, old, new, register_journal.Purpose("wang", "run", "a.h5"))
 
     def write(self, values: Mapping[str, float], budget: int | None = None) -> int:
-        """A whole transfer with power for so many bytes; how many it took."""
+        """Run a complete transfer with power for `budget` bytes; return the number of bytes used."""
         return self._powered(lambda imu: self._transfer(imu, values), budget)
 
-    def mend(self, choice: str, budget: int | None = None) -> None:
-        """What the next start does about an open entry."""
+    def recover(self, choice: str, budget: int | None = None) -> None:
+        """Recover an interrupted transfer as at the next start."""
         entry = register_journal.interrupted(self.runs, SERIAL)
         if entry is None:
             return
@@ -81,8 +81,8 @@ class Factory:
 
         self._powered(go, budget)
 
-    def holds(self, values: Mapping[str, float]) -> bool:
-        """Whether it wakes up with these."""
+    def has_registers(self, values: Mapping[str, float]) -> bool:
+        """Return whether the unit has these values after a power-up."""
         return not self.map.differing(values, self.unit.flash)
 
     def _transfer(self, imu: Any, values: Mapping[str, float]) -> None:
@@ -93,18 +93,18 @@ class Factory:
         try:
             with self.unit.directly(supply) as imu:
                 work(imu)
-        except (Dark, CalstationError):
+        except (PowerLost, CalstationError):
             if budget is None:
                 raise
         Station.supply = Supply()
         return supply.spent
 
     def check(self, before: Mapping[str, float]) -> None:
-        """What must be true after a cut anywhere."""
+        """Assert the conditions that hold after a power cut at any byte."""
         entry = register_journal.interrupted(self.runs, SERIAL)
         done = [t for t in register_journal.history(self.runs, SERIAL) if t.closing == "done"]
         if entry is None:
-            assert self.holds(done[-1].new if done else before)
+            assert self.has_registers(done[-1].new if done else before)
         else:
             with self.unit.directly(Supply()) as imu:
                 assert recognise(imu, entry, self.map) in (Holds.OLD, Holds.NEW)
@@ -114,15 +114,15 @@ class Factory:
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("stride", [61, pytest.param(1, marks=pytest.mark.exhaustive)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_power_cut_at_any_byte(tmp_path: Path, kind: str, stride: int) -> None:
+def test_power_cut_at_any_byte_is_recovered(tmp_path: Path, kind: str, stride: int) -> None:
     first, second = values(kind, 1.0), values(kind, -2.5)
     start = tmp_path / "start"
     start.mkdir()
     Factory(start, kind).write(first)
     whole = Factory(_copy(start, "whole"), kind)
     length = whole.write(second)
-    assert whole.holds(second)
-    assert not whole.holds(first)
+    assert whole.has_registers(second)
+    assert not whole.has_registers(first)
     assert whole.unit.cycles == register_journal.cycles(whole.runs, SERIAL) == 2
     seen = set()
     for cut in range(0, length, stride):
@@ -132,10 +132,10 @@ def test_the_power_cut_at_any_byte(tmp_path: Path, kind: str, stride: int) -> No
         entry = register_journal.interrupted(factory.runs, SERIAL)
         choice = "finish" if cut % 2 else "restore"
         seen.add((choice, entry is not None))
-        factory.mend(choice)
+        factory.recover(choice)
         assert register_journal.interrupted(factory.runs, SERIAL) is None
         if entry is not None:
-            assert factory.holds(second if choice == "finish" else first)
+            assert factory.has_registers(second if choice == "finish" else first)
         shutil.rmtree(factory.runs)
     assert seen == {("finish", True), ("finish", False), ("restore", True), ("restore", False)}
 
@@ -148,7 +148,7 @@ def test_the_power_cut_at_any_byte(tmp_path: Path, kind: str, stride: int) -> No
     further=st.lists(st.tuples(st.sampled_from(["finish", "restore"]), st.floats(0.0, 1.0)), max_size=4),
     last=st.sampled_from(["finish", "restore"]),
 )
-def test_repeated_power_cuts_during_recovery(
+def test_repeated_power_cuts_during_recovery_are_recovered(
     tmp_path_factory: pytest.TempPathFactory,
     kind: str,
     first: float,
@@ -161,11 +161,11 @@ def test_repeated_power_cuts_during_recovery(
     factory.write(new, round(first * length))
     for choice, share in further:
         factory.check(before)
-        factory.mend(choice, round(0.8 * share * length))
+        factory.recover(choice, round(0.8 * share * length))
     factory.check(before)
-    factory.mend(last)
+    factory.recover(last)
     assert register_journal.interrupted(factory.runs, SERIAL) is None
-    assert factory.holds(before) or factory.holds(new)
+    assert factory.has_registers(before) or factory.has_registers(new)
     factory.check(before)
 
 

@@ -1,4 +1,4 @@
-"""The wall clock set by days in mid-run, forward and back: of the engine and all that it starts."""
+"""The wall clock of all processes is set forward and back by days during a run."""
 
 import shutil
 import subprocess
@@ -31,13 +31,13 @@ DAYS = timedelta(days=3)
 
 
 class WallClock:
-    """The clock of the programs that are started from now on."""
+    """The wall clock of processes that are started from now on."""
 
     def __init__(self, file: Path) -> None:
         self._file = file
 
     def step(self, by: timedelta) -> None:
-        """Set it."""
+        """Set the clock."""
         self._file.write_text(str(round(by.total_seconds())), encoding="ascii")
 
 
@@ -57,7 +57,9 @@ def wall_clock(library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("by", sampled(2, [DAYS, -DAYS]), ids=["forward", "back"])
-def test_setting_the_clock_does_not_change_a_run(fault_runs: FaultRuns, wall_clock: WallClock, by: timedelta) -> None:
+def test_setting_the_wall_clock_does_not_change_a_run(
+    fault_runs: FaultRuns, wall_clock: WallClock, by: timedelta
+) -> None:
     runs = fault_runs.folder / "runs"
     begun = datetime.now(UTC)
     steps = 0
@@ -92,9 +94,7 @@ def test_setting_the_clock_does_not_change_a_run(fault_runs: FaultRuns, wall_clo
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("by", sampled(2, [-DAYS, DAYS]), ids=["back", "forward"])
-def test_a_killed_run_is_recognised_as_dead_at_once(
-    fault_runs: FaultRuns, wall_clock: WallClock, by: timedelta
-) -> None:
+def test_killed_run_is_recognised_immediately(fault_runs: FaultRuns, wall_clock: WallClock, by: timedelta) -> None:
     with Engine.start(fault_runs.request()) as engine:
         for event in engine.events():
             if isinstance(event, StepStarted) and event.stage:

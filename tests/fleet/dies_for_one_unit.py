@@ -1,4 +1,4 @@
-"""Preloaded by workers in tests: solving the log of the unit SN-00002 kills its worker."""
+"""Preload for workers in tests: solving the log of unit SN-00002 kills the worker."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Many synthetic solutions in a database, for comparisons."""
+"""Synthetic solutions in a database for comparisons."""
 
 import base64
 import hashlib
@@ -28,7 +28,7 @@ _TEXT = base64.b64encode(random.Random(1).randbytes(750_000)).decode()
 def add_solutions(
     url: str, version: str, count: int, moved: float = 0.0, failed_every: int = 50, result_size: int = 2
 ) -> None:
-    """Add solutions of `count` logs; each value moves by a random part of `moved` sigmas.
+    """Add solutions of `count` logs; each value changes by a random part of `moved` sigmas.
 
     Every `failed_every`-th unit fails. The result of each has `result_size` characters.
     """

@@ -1,4 +1,4 @@
-"""Changes of the configuration of logs: values, factors, and what is refused."""
+"""Changes to the configuration of logs: values, factors, and refused changes."""
 
 from pathlib import Path
 from typing import Any
@@ -24,12 +24,12 @@ LIMITS = {"accel_scale": {"within": 1e-3}, "gyro_scale": {"within": [-2e-3, 1e-3
 
 
 def meta_of(**more: Any) -> LogMeta:
-    """Configuration of a log."""
+    """Return the configuration of a log."""
     return LogMeta.model_validate({"site": SITE, "imu": IMU, "product": {"name": "p", "limits": LIMITS}, **more})
 
 
 def changes_of(tmp_path: Path, content: str) -> Changes:
-    """The changes of a file."""
+    """Return the changes in a file."""
     patch = tmp_path / "patch.toml"
     patch.write_text(content)
     return load_changes(patch)
@@ -62,13 +62,13 @@ def changes_of(tmp_path: Path, content: str) -> Changes:
         ("[schedule.excitatio]\nrounds = 1\n", "plan.no_such_stage", "excitation"),
     ],
 )
-def test_an_unknown_change_is_refused_with_the_near_miss(tmp_path: Path, content: str, code: str, told: str) -> None:
+def test_unknown_change_is_refused_with_the_closest_name(tmp_path: Path, content: str, code: str, told: str) -> None:
     with raises_code(ConfigurationError, code) as caught:
         changes_of(tmp_path, content)
     assert told in str(caught.value)
 
 
-def test_a_factor_multiplies_the_value_of_each_log(tmp_path: Path) -> None:
+def test_factor_multiplies_the_value_of_each_log(tmp_path: Path) -> None:
     changes = changes_of(tmp_path, "[scale.site]\ngravity_mps2 = 0.99998\n[site]\nheight_m = 410.0\n")
     for gravity in (9.7955, 9.8011):
         meta = meta_of(site={**SITE, "gravity_mps2": gravity})
@@ -78,7 +78,7 @@ def test_a_factor_multiplies_the_value_of_each_log(tmp_path: Path) -> None:
         assert changed.site == meta.site.model_copy(update={"gravity_mps2": gravity * 0.99998, "height_m": 410.0})
 
 
-def test_gravity_that_was_computed_is_not_scaled_because_it_was_not_surveyed(tmp_path: Path) -> None:
+def test_computed_gravity_is_not_scaled(tmp_path: Path) -> None:
     meta = meta_of()
     assert changes_of(tmp_path, "[scale.site]\ngravity_mps2 = 0.99998\n").applied(meta) == meta
 
@@ -98,7 +98,7 @@ def test_limits_and_intervals_are_scaled(tmp_path: Path) -> None:
         ("[scale.product.limits.gyro_bias]\nwithin = 2.0\n", "product.limits.gyro_bias.within"),
     ],
 )
-def test_a_log_without_the_value_is_refused(tmp_path: Path, content: str, entry: str) -> None:
+def test_scaling_a_missing_value_is_refused(tmp_path: Path, content: str, entry: str) -> None:
     with raises_code(InputError, "fleet.nothing_to_scale") as caught:
         changes_of(tmp_path, content).applied(meta_of())
     assert entry in str(caught.value)
@@ -110,6 +110,6 @@ def test_a_scaled_value_must_be_valid_for_the_log(tmp_path: Path) -> None:
     assert "gravity_mps2" in str(caught.value)
 
 
-def test_other_factors_are_other_changes(tmp_path: Path) -> None:
+def test_different_factors_have_different_checksums(tmp_path: Path) -> None:
     texts = ("[scale.site]\ngravity_mps2 = 0.99998\n", "[scale.site]\ngravity_mps2 = 0.99997\n")
     assert len({changes_of(tmp_path, text).sha256 for text in texts}) == 2

@@ -1,4 +1,4 @@
-"""Comparisons agree with a small set worked out by hand, also after the database has grown and rows were replaced."""
+"""Comparisons agree with a hand-calculated example, also after rows were added and replaced."""
 
 import json
 import shutil
@@ -53,7 +53,7 @@ def _home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def row(unit: tuple[Any, ...], version: str, which: int, **more: Any) -> dict[str, Any]:
-    """A row of the table of solutions."""
+    """Return a row of the table of solutions."""
     serial, product, station, month, *answers = unit
     passed, value, sigma = answers[which]
     return {
@@ -95,7 +95,7 @@ def add(url: str, *rows: dict[str, Any]) -> None:
 
 
 def check(found: Comparison) -> None:
-    """Check all numbers of the four units."""
+    """Assert all numbers of the comparison of the four units."""
     assert (found.logs, found.only_before, found.only_after) == (4, 0, 0)
     assert found.verdicts == {"passed": {"passed": 1, "failed": 1, "unjudged": 1}, "failed": {"passed": 1}}
     assert [each.serial for each in found.pass_to_fail] == ["A"]
@@ -122,7 +122,7 @@ def check(found: Comparison) -> None:
     assert found.groups["station"][1].moves["gyro_bias_x"].median == 3.5
 
 
-def test_four_units_worked_out_by_hand(url: str, calstation: Run) -> None:
+def test_comparison_of_four_units_matches_hand_calculation(url: str, calstation: Run) -> None:
     add(url, *(row(unit, "1", 0) for unit in UNITS), *(row(unit, "2", 1) for unit in reversed(UNITS)))
     found = compare(ignore_progress, url, "1", "2")
     check(found)
@@ -134,7 +134,7 @@ def test_four_units_worked_out_by_hand(url: str, calstation: Run) -> None:
         assert told in shown
 
 
-def test_the_columns_grow_with_the_database_also_by_numbers_that_appear_late(url: str) -> None:
+def test_columns_include_solutions_whose_numbers_appear_late(url: str) -> None:
     add(url, *(row(unit, "1", 0, id=k) for k, unit in enumerate(UNITS[1:], 10)))
     assert compare(ignore_progress, url, "1", "1").logs == 3
     add(url, row(UNITS[0], "1", 0, id=3), *(row(unit, "2", 1, id=k) for k, unit in enumerate(UNITS, 20)))
@@ -147,7 +147,7 @@ def test_the_columns_grow_with_the_database_also_by_numbers_that_appear_late(url
 
 
 @pytest.mark.long
-def test_many_small_updates_are_joined(tmp_path: Path) -> None:
+def test_many_small_column_files_are_merged(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     connect(url).dispose()
     for k in range(_MOST_FILES + 3):
@@ -159,7 +159,7 @@ def test_many_small_updates_are_joined(tmp_path: Path) -> None:
     engine.dispose()
 
 
-def test_deleted_solutions_leave_the_columns(url: str) -> None:
+def test_deleted_solutions_are_removed_from_the_columns(url: str) -> None:
     add(url, *(row(unit, "1", 0, id=k) for k, unit in enumerate(UNITS, 1)))
     assert compare(ignore_progress, url, "1", "1").logs == 4
     engine = connect(url)
@@ -171,7 +171,7 @@ def test_deleted_solutions_leave_the_columns(url: str) -> None:
     assert (found.logs, found.only_before, found.only_after) == (0, 3, 1)
 
 
-def test_files_that_another_program_joins_can_still_be_read(tmp_path: Path) -> None:
+def test_column_files_merged_by_another_process_can_still_be_read(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     engine = connect(url)
     with engine.connect() as connection:
@@ -212,7 +212,7 @@ def put_run(url: str, number: int, unit: tuple[Any, ...], content: Mapping[str, 
     engine.dispose()
 
 
-def test_results_of_the_runs_are_a_version_and_their_last_state_counts(url: str) -> None:
+def test_run_results_are_a_version_and_their_latest_state_counts(url: str) -> None:
     add_outbox(url)
     add(url, *(row(unit, "2", 1) for unit in UNITS))
     put_run(url, 1, UNITS[0], numbers=np.array([9.0, 0.5]).tobytes())
@@ -239,7 +239,7 @@ def test_a_partial_calibration_counts_as_partial(url: str, tmp_path: Path, calst
     assert pq.read_table(path).column("verdict").to_pylist() == ["partial", "failed", "passed", "passed"]
 
 
-def test_only_chosen_solutions_are_compared(url: str) -> None:
+def test_only_selected_solutions_are_compared(url: str) -> None:
     add(url, *(row(unit, "1", 0) for unit in UNITS[1:]))
     add(url, *(row(unit, "2", 1, id=k) for k, unit in enumerate(UNITS, 10)))
     found = compare(ignore_progress, url, "1", "2", [10, 11, 13])
@@ -251,9 +251,7 @@ def test_only_chosen_solutions_are_compared(url: str) -> None:
     assert (found.logs, found.only_after, found.moves) == (0, 0, {})
 
 
-def test_columns_that_another_program_holds_or_has_damaged_are_told(
-    url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_locked_or_damaged_columns_are_reported(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     add(url, *(row(unit, "1", 0) for unit in UNITS))
     export_version(ignore_progress, url, "1", tmp_path / "solutions.parquet")
     (file,) = (tmp_path / "home").rglob("*.parquet")
@@ -274,7 +272,7 @@ def test_columns_that_another_program_holds_or_has_damaged_are_told(
     assert compare(ignore_progress, url, "1", "1").logs == 4
 
 
-def test_what_postgresql_refuses_is_told_in_one_line(shared_database: str, tmp_path: Path) -> None:
+def test_postgresql_errors_are_reported_in_one_line(shared_database: str, tmp_path: Path) -> None:
     url = shared_database
     station = tmp_path / "station.toml"
     shutil.copy(library.find("stations", "virtual_bench"), station)
@@ -304,14 +302,14 @@ def test_what_postgresql_refuses_is_told_in_one_line(shared_database: str, tmp_p
     engine.dispose()
 
 
-def test_runs_without_a_log_are_no_version_to_compare(url: str) -> None:
+def test_runs_without_a_log_cannot_be_compared(url: str) -> None:
     add_outbox(url)
     put_run(url, 1, UNITS[0], log_sha256=None)
     with raises_code(ConfigurationError, "fleet.no_version"):
         compare(ignore_progress, url, "online", "online")
 
 
-def test_an_unknown_version_names_those_that_there_are(url: str) -> None:
+def test_error_for_an_unknown_version_lists_the_existing_versions(url: str) -> None:
     add(url, row(UNITS[0], "0.1.0", 0))
     with raises_code(ConfigurationError, "fleet.no_version") as caught:
         compare(ignore_progress, url, "0.1.0", "0.2.0")
@@ -332,7 +330,7 @@ def test_a_missing_database_is_refused_and_not_created(
     assert not list(tmp_path.iterdir())
 
 
-def test_an_export_is_read_back_by_pyarrow(url: str, tmp_path: Path, calstation: Run) -> None:
+def test_export_is_read_back_by_pyarrow(url: str, tmp_path: Path, calstation: Run) -> None:
     add(url, *(row(unit, "1", 0) for unit in UNITS), row(UNITS[0], "2", 1))
     path = tmp_path / "solutions.parquet"
     done = calstation("fleet", "export", "--database", url, "--version", "1", "-o", path)
@@ -351,7 +349,7 @@ def test_an_export_is_read_back_by_pyarrow(url: str, tmp_path: Path, calstation:
     assert table.column("log_sha256").to_pylist() == digests
 
 
-def test_an_export_names_batch_and_slot_of_solutions_and_runs(url: str, tmp_path: Path, calstation: Run) -> None:
+def test_export_contains_batch_and_slot_of_solutions_and_runs(url: str, tmp_path: Path, calstation: Run) -> None:
     batch = {"batch": "B20260105T000000-ABCD"}
     add(url, *(row(unit, "1", 0, **batch, slot=unit[0].lower()) for unit in UNITS[:2]))
     add(url, row(UNITS[2], "1", 0), row(UNITS[3], "1", 0))

@@ -119,7 +119,9 @@ def test_logs_are_solved_once_each_while_workers_are_killed(
 
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("url", ["sqlite"], indirect=True)
-def test_interrupted_and_started_again_it_solves_only_the_rest(made: Callable[[int], list[Path]], url: str) -> None:
+def test_interrupted_job_solves_only_remaining_logs_after_a_restart(
+    made: Callable[[int], list[Path]], url: str
+) -> None:
     logs = made(LOGS)
     folder = logs[0].parent
     connect(url).dispose()

@@ -46,14 +46,14 @@ def first(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 
 def migrate(connection: Connection, revision: str) -> None:
-    """Bring the tables to a revision."""
+    """Migrate the tables to a revision."""
     configuration = Config()
     configuration.set_main_option("script_location", str(Path(beside).parent / "migrations"))
     configuration.attributes["connection"] = connection
     command.upgrade(configuration, revision)
 
 
-def test_columns_locations_and_versions_are_filled(first: str) -> None:
+def test_migration_fills_columns_locations_and_versions(first: str) -> None:
     assert upgrade(first)
     engine = connect(first)
     with engine.connect() as connection:

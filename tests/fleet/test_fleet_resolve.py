@@ -1,4 +1,4 @@
-"""Many logs are solved once each, as `calstation resolve` solves them, and failures stay with their log."""
+"""Many logs are solved once each, with the results of `calstation resolve`; a failure affects only its log."""
 
 import json
 import math
@@ -35,18 +35,18 @@ Run = Callable[..., Done]
 
 
 def request_of(logs: Path | list[Path], url: str, **more: object) -> FleetRequest:
-    """A request for two local workers."""
+    """Return a request for two local workers."""
     sources = [logs] if isinstance(logs, Path) else logs
     return FleetRequest(tuple(map(str, sources)), url, "local:2", **more)
 
 
 def counts(summary: FleetSummary) -> tuple[int, int, int]:
-    """Logs solved now, there before and failed."""
+    """Return the numbers of logs solved now, solved before and failed."""
     return summary.solved_now, summary.already_there, summary.failed
 
 
 def rows(url: str) -> int:
-    """Number of solutions in the database."""
+    """Return the number of solutions in the database."""
     engine = create_engine(url)
     with engine.connect() as connection:
         number = connection.execute(select(func.count()).select_from(solutions)).scalar_one()
@@ -54,7 +54,7 @@ def rows(url: str) -> int:
     return int(number)
 
 
-def test_solutions_are_those_of_resolve_and_made_once(logs: list[Path], url: str, tmp_path: Path) -> None:
+def test_solutions_equal_the_resolve_command_and_are_computed_once(logs: list[Path], url: str, tmp_path: Path) -> None:
     seen: list[int] = []
     summary = resolve_fleet(request_of(logs[0].parent, url), lambda state: seen.append(state.done))
     assert counts(summary) == (6, 0, 0)
@@ -82,7 +82,7 @@ def test_solutions_are_those_of_resolve_and_made_once(logs: list[Path], url: str
 
 
 @pytest.mark.long
-def test_one_command_answers_which_verdicts_change_and_touches_only_the_right_logs(
+def test_one_command_solves_selected_logs_and_lists_changed_verdicts(
     logs: list[Path], tmp_path: Path, calstation: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
@@ -134,7 +134,7 @@ def test_one_command_answers_which_verdicts_change_and_touches_only_the_right_lo
         (("--since", "March"), 2, "--since"),
     ],
 )
-def test_a_comparison_that_is_impossible_is_refused_before_solving(
+def test_impossible_comparison_is_refused_before_solving(
     logs: list[Path], tmp_path: Path, calstation: Run, options: tuple[str, ...], code: int, told: str
 ) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
@@ -144,7 +144,7 @@ def test_a_comparison_that_is_impossible_is_refused_before_solving(
     assert not (tmp_path / "shared.sqlite").exists()
 
 
-def test_an_unknown_baseline_names_the_versions_that_there_are(logs: list[Path], tmp_path: Path) -> None:
+def test_error_for_an_unknown_baseline_lists_the_existing_versions(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     connect(url).dispose()
     with raises_code(ConfigurationError, "fleet.no_version"):
@@ -152,7 +152,7 @@ def test_an_unknown_baseline_names_the_versions_that_there_are(logs: list[Path],
 
 
 @pytest.mark.long
-def test_a_selection_without_logs_is_told(logs: list[Path], tmp_path: Path) -> None:
+def test_selection_without_logs_is_reported(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     for _ in range(2):  # by the workers, then by what the database knows
         with raises_code(ConfigurationError, "fleet.none_selected"):
@@ -160,7 +160,7 @@ def test_a_selection_without_logs_is_told(logs: list[Path], tmp_path: Path) -> N
     assert rows(url) == 0
 
 
-def test_parameters_alone_are_a_version_of_their_own(logs: list[Path], tmp_path: Path, calstation: Run) -> None:
+def test_parameters_only_solutions_are_a_separate_version(logs: list[Path], tmp_path: Path, calstation: Run) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     command = ("fleet", "resolve", logs[0], "--database", url, "--scheduler", "local:1")
     done = calstation(*command, "--parameters-only", "--json", "-")
@@ -206,7 +206,7 @@ def test_damaged_logs_are_recorded_as_failed_and_the_rest_is_solved(logs: list[P
 
 
 @pytest.mark.long
-def test_a_log_that_kills_its_workers_fails_and_is_tried_again(logs: list[Path], tmp_path: Path) -> None:
+def test_log_that_kills_its_workers_fails_and_is_retried(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     with dask.config.set({"distributed.worker.preload": [str(Path(__file__).with_name("dies_for_one_unit.py"))]}):
         summary = resolve_fleet(request_of(logs, url))
@@ -219,7 +219,7 @@ def test_a_log_that_kills_its_workers_fails_and_is_tried_again(logs: list[Path],
 
 
 @pytest.mark.long
-def test_a_log_that_is_not_reachable_is_tried_again(logs: list[Path], tmp_path: Path) -> None:
+def test_unreachable_log_is_retried(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     missing = tmp_path / "away.h5"
     stop = threading.Event()
@@ -268,7 +268,7 @@ def test_changes_give_the_solution_of_the_changed_configuration(
 
 
 @pytest.mark.long
-def test_a_csv_is_solved_with_its_configuration(logs: list[Path], tmp_path: Path) -> None:
+def test_csv_log_is_solved_with_its_configuration(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     folder = tmp_path / "text"
     folder.mkdir()
@@ -279,7 +279,7 @@ def test_a_csv_is_solved_with_its_configuration(logs: list[Path], tmp_path: Path
     assert json.loads(next(solved_results(url, summary))) == resolve(folder / "a.csv.gz").result.to_json()
 
 
-def test_a_wish_to_stop_is_noticed_before_solving(logs: list[Path], tmp_path: Path) -> None:
+def test_stop_request_is_handled_before_solving(logs: list[Path], tmp_path: Path) -> None:
     stop = threading.Event()
     stop.set()
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
@@ -298,7 +298,7 @@ def test_a_wish_to_stop_is_noticed_before_solving(logs: list[Path], tmp_path: Pa
     assert (summary.total, summary.done, rows(url)) == (6, 0, 0)
 
 
-def test_a_lost_scheduler_and_ended_workers_are_told(logs: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lost_scheduler_and_failed_workers_are_reported(logs: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
     nannies = {name: SimpleNamespace(name=name, status=Status.failed, is_alive=lambda: False) for name in range(2)}
     scaled: list[int] = []
 
@@ -346,7 +346,7 @@ def test_an_empty_archive_is_refused(tmp_path: Path, calstation: Run) -> None:
     assert "The archive of the database contains no logs. Give logs or folders" in done.err
 
 
-def test_what_cannot_be_solved_is_refused_at_once(
+def test_unusable_sources_are_refused_immediately(
     logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("calstation.fleet.cluster._CONNECT_TIMEOUT", "1s")

@@ -1,4 +1,4 @@
-"""Sources of logs: locations that workers can use, stamps without a request per log, outages and passwords."""
+"""Log sources: locations for workers, timestamps without a request per log, outages and passwords."""
 
 import json
 from collections.abc import Iterator
@@ -50,11 +50,11 @@ def engine(tmp_path: Path) -> Iterator[Engine]:
 
 
 def found(engine: Engine, *sources: object) -> list[StoredLog]:
-    """The logs of sources."""
+    """Return the logs of sources."""
     return list(find_logs([str(source) for source in sources], engine))
 
 
-def test_files_of_a_folder_have_size_and_stamp(engine: Engine, tmp_path: Path) -> None:
+def test_files_of_a_folder_have_size_and_timestamp(engine: Engine, tmp_path: Path) -> None:
     folder = tmp_path / "logs"
     (folder / "2026").mkdir(parents=True)
     for name, content in (("2026/b.h5", "bb"), ("a.csv", "a"), ("a.toml", "aaa"), ("c.csv", "without its TOML")):
@@ -73,7 +73,7 @@ def test_files_of_a_folder_have_size_and_stamp(engine: Engine, tmp_path: Path) -
 
 
 class Hosted(MemoryFileSystem):
-    """A file system whose paths lack the host, as those of FTP, SFTP and SMB; it refuses requests for one file."""
+    """A file system whose paths omit the host, like FTP, SFTP and SMB; it refuses requests for single files."""
 
     protocol = "hosted"
 
@@ -95,7 +95,7 @@ class Hosted(MemoryFileSystem):
 
 
 @pytest.mark.parametrize("source", ["hosted://store.plant.example/logs", "hosted://calibration@store:2222/share/logs"])
-def test_a_location_keeps_user_host_and_port(engine: Engine, source: str) -> None:
+def test_log_location_contains_user_host_and_port(engine: Engine, source: str) -> None:
     fsspec.register_implementation("hosted", Hosted, clobber=True)
     for given in (source, f"{source}/"):
         assert found(engine, given) == [StoredLog(f"{source}/2026/a.h5", "5 1.5", (5,))]
@@ -104,13 +104,15 @@ def test_a_location_keeps_user_host_and_port(engine: Engine, source: str) -> Non
 @pytest.mark.parametrize(
     "source", ["sftp://calibration:geheim@store/logs", "https://store/logs?token=geheim", "smb://a:ge@heim@store/x"]
 )
-def test_a_source_with_a_password_is_refused_without_showing_it(engine: Engine, tmp_path: Path, source: str) -> None:
+def test_source_with_a_password_is_refused_without_showing_the_password(
+    engine: Engine, tmp_path: Path, source: str
+) -> None:
     with raises_code(ConfigurationError, "fleet.password_in_source") as caught:
         found(engine, tmp_path / "first", source)
     assert "geheim" not in str(caught.value)
 
 
-def test_an_outage_while_a_source_is_listed_is_told(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_outage_while_listing_a_source_is_reported(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
     def exists(self: object, path: str, **more: object) -> bool:
         raise EndpointConnectionError(endpoint_url="http://storage")
 
@@ -122,14 +124,16 @@ def test_an_outage_while_a_source_is_listed_is_told(engine: Engine, monkeypatch:
         found(engine, "unknown://logs")
 
 
-def test_a_file_without_a_stamp_has_no_fingerprint(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_file_without_a_timestamp_has_no_fingerprint(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
     system = MemoryFileSystem()
     system.pipe_file("/unstamped/a.h5", b"abc")
     assert [log.fingerprint for log in found(engine, "memory://unstamped")] == [None]  # it has only its creation
     system.rm("/unstamped", recursive=True)
 
 
-def test_the_archive_is_listed_by_the_database_alone(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_archive_is_listed_from_the_database_without_file_requests(
+    engine: Engine, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("calstation.fleet.sources.url_to_fs", None)  # no request to a file system
     content = {"station": "bench 2", "product": "nav", "outcome": "passed"}
     run = {"serial": "A", "started_utc": "2026-03-05T00:00:00+00:00", "content": json.dumps(content), "revision": 1}
@@ -145,7 +149,7 @@ def test_the_archive_is_listed_by_the_database_alone(engine: Engine, monkeypatch
 
 
 @pytest.mark.long
-def test_logs_in_s3_are_solved_and_an_outage_counts_for_its_log(
+def test_logs_in_s3_are_solved_and_an_outage_affects_only_its_log(
     logs: list[Path], bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import s3fs

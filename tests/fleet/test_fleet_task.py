@@ -1,4 +1,4 @@
-"""The solutions of single logs, without workers: failures count for their log, and only lasting ones are stored."""
+"""Solutions of single logs without workers: a failure affects only its log, and only permanent failures are stored."""
 
 import hashlib
 import json
@@ -28,7 +28,7 @@ BEFORE, AFTER = Wanted(Changes(label="before")), Wanted(Changes(label="after"))
 
 
 def stored(log: Path, **more: Any) -> StoredLog:
-    """A log as it is listed."""
+    """Return a log as it is listed."""
     return StoredLog(str(log), "stamp", (log.stat().st_size,), **more)
 
 
@@ -42,7 +42,7 @@ def solve(url: str, wanted: Wanted, log: Path, **more: Any) -> task.Status:
 
 
 def column(url: str, name: str) -> list[Any]:
-    """A column of all solutions."""
+    """Return a column of all solutions."""
     engine = create_engine(url)
     with engine.connect() as connection:
         found = connection.execute(select(solutions.c[name]).order_by(solutions.c.id)).scalars().all()
@@ -51,7 +51,7 @@ def column(url: str, name: str) -> list[Any]:
 
 
 def fails(error: Exception) -> Any:
-    """A solver that fails."""
+    """Return a solver that fails."""
 
     def resolve_log(*arguments: object, **more: object) -> None:
         raise error
@@ -60,7 +60,7 @@ def fails(error: Exception) -> Any:
 
 
 @pytest.mark.parametrize("error", [InputError("log.altered", file="x"), ZeroDivisionError()])
-def test_a_log_that_starts_to_fail_is_compared(
+def test_comparison_includes_a_log_that_newly_fails(
     logs: list[Path], url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
@@ -77,7 +77,7 @@ def test_a_log_that_starts_to_fail_is_compared(
     assert again.error["error_code"] == getattr(error, "code", "fleet.solving_failed")
 
 
-def test_an_altered_log_does_not_count_as_the_one_that_it_was(logs: list[Path], tmp_path: Path) -> None:
+def test_modified_log_is_a_different_log(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     damaged = tmp_path / "damaged.h5"
     damaged.write_bytes(logs[0].read_bytes()[:20_000])
@@ -87,7 +87,7 @@ def test_an_altered_log_does_not_count_as_the_one_that_it_was(logs: list[Path], 
     assert column(url, "outcome") == ["failed", "resolved"]
 
 
-def test_a_solution_that_postgresql_cannot_store_fails_alone(
+def test_solution_rejected_by_postgresql_fails_only_its_log(
     logs: list[Path], shared_database: str, tmp_path: Path
 ) -> None:
     log = open_log(logs[0])
@@ -102,7 +102,7 @@ def test_a_solution_that_postgresql_cannot_store_fails_alone(
 
 @pytest.fixture
 def on_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., task.Status]:
-    """The task of a worker, without a worker and without pauses between its attempts."""
+    """The task of a worker, run in this process without pauses between attempts."""
     monkeypatch.setattr(task, "get_worker", lambda: type("Worker", (), {"local_directory": str(tmp_path)}))
     monkeypatch.setattr(task, "PAUSES", (0.0, 0.0, 0.0))
     task._engine.cache_clear()
@@ -113,7 +113,7 @@ def on_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., 
     return solve_log
 
 
-def test_lack_of_memory_is_not_stored(
+def test_out_of_memory_failure_is_not_stored(
     logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, on_worker: Callable[..., task.Status]
 ) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
@@ -123,7 +123,7 @@ def test_lack_of_memory_is_not_stored(
     assert column(url, "outcome") == []
 
 
-def test_parameters_alone_are_never_taken_for_a_full_solution(
+def test_parameters_only_solution_is_never_used_as_a_full_solution(
     logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
@@ -152,7 +152,7 @@ def test_parameters_alone_are_never_taken_for_a_full_solution(
     assert len(found.moves) == 30
 
 
-def test_a_label_stands_for_one_range_one_set_of_stages_and_one_set_of_changes(url: str) -> None:
+def test_version_label_is_bound_to_one_range_stages_and_changes(url: str) -> None:
     first = replace(BEFORE, stages=("designed",))
     others = [BEFORE, replace(first, first_seq=5), replace(first, changes=Changes({"site": {}}, "before"))]
     engines = [connect(url) for _ in range(2)]  # of two jobs
@@ -164,7 +164,7 @@ def test_a_label_stands_for_one_range_one_set_of_stages_and_one_set_of_changes(u
 
 
 def known(url: str, wanted: Wanted) -> dict[tuple[str, str], KnownFile]:
-    """What the database knows of files."""
+    """Return the files known to the database."""
     engine = connect(url)
     found = known_files(engine, wanted)
     engine.dispose()
@@ -193,9 +193,7 @@ def test_only_selected_logs_are_solved(logs: list[Path], url: str) -> None:
     assert solve(url, BEFORE, logs[1], selection=others[0]).outcome == "not_selected"
 
 
-def test_a_log_that_does_not_say_its_origin_is_not_selected_and_an_unreadable_one_fails(
-    logs: list[Path], tmp_path: Path
-) -> None:
+def test_log_without_origin_is_not_selected_and_an_unreadable_log_fails(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     log, path = open_log(logs[0]), tmp_path / "foreign.h5"
     write_log(path, log.meta.model_copy(update={"run": None}), log.blocks())
@@ -209,7 +207,7 @@ def test_a_log_that_does_not_say_its_origin_is_not_selected_and_an_unreadable_on
     assert solve(url, BEFORE, path, selection=Selection(station="bench 1")).outcome == "failed"
 
 
-def test_a_log_that_the_changes_do_not_change_is_counted(logs: list[Path], tmp_path: Path) -> None:
+def test_logs_unaffected_by_the_changes_are_counted(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     meta = open_log(logs[0]).meta
     assert meta.run is not None
@@ -227,7 +225,7 @@ def test_a_log_that_the_changes_do_not_change_is_counted(logs: list[Path], tmp_p
 
 
 class Broken(LocalFileSystem):
-    """A file system whose library fails in its own way, or which delivers other bytes, a number of times."""
+    """A file system that raises library errors, or delivers wrong bytes, a number of times."""
 
     protocol = "broken"
     left = 0
@@ -266,7 +264,7 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> type[Broken]:
         (lambda content: content[:-1] + bytes([content[-1] ^ 1]), "fleet.copy_damaged"),
     ],
 )
-def test_a_log_that_does_not_arrive_is_tried_again_and_not_stored_as_failed(
+def test_log_that_cannot_be_downloaded_is_retried_and_not_stored_as_failed(
     logs: list[Path],
     tmp_path: Path,
     broken: type[Broken],
@@ -312,7 +310,7 @@ def test_a_failed_log_is_solved_again_on_request(
     assert (compared.logs, [*compared.verdicts]) == (1, ["passed"])
 
 
-def test_a_mistake_of_the_program_does_not_stop_the_job(
+def test_unexpected_error_does_not_stop_the_job(
     logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, on_worker: Callable[..., task.Status]
 ) -> None:
     monkeypatch.setattr(task, "add_solution", fails(ZeroDivisionError("division by zero")))
@@ -321,7 +319,7 @@ def test_a_mistake_of_the_program_does_not_stop_the_job(
     assert "ZeroDivisionError: division by zero" in status.error["error"]
 
 
-def test_a_refused_statement_ends_the_job_with_one_line(
+def test_rejected_statement_ends_the_job_with_one_line(
     logs: list[Path], shared_database: str, on_worker: Callable[..., task.Status]
 ) -> None:
     engine = create_engine(shared_database)
@@ -336,7 +334,7 @@ def test_a_refused_statement_ends_the_job_with_one_line(
     )
 
 
-def test_a_worker_has_no_connection_while_it_solves(
+def test_worker_holds_no_database_connection_while_solving(
     logs: list[Path],
     shared_database: str,
     postgres: Any,
@@ -357,7 +355,7 @@ def test_a_worker_has_no_connection_while_it_solves(
     assert counted == ["0", "0"]
 
 
-def test_the_location_of_every_copy_is_remembered(logs: list[Path], url: str, tmp_path: Path) -> None:
+def test_location_of_every_copy_is_stored(logs: list[Path], url: str, tmp_path: Path) -> None:
     copy = Path(shutil.copy(logs[0], tmp_path / "copy.h5"))
     assert [solve(url, BEFORE, log).outcome for log in (logs[0], copy, logs[0])] == ["solved", "there", "there"]
     found = known(url, BEFORE)

@@ -1,4 +1,4 @@
-"""Readers of files as targets of fuzzing: logs, configurations, journals and results with anything in them."""
+"""File readers as fuzzing targets: logs, configurations, journals and results with arbitrary content."""
 
 import atexit
 import json
@@ -48,7 +48,7 @@ RESULT: dict[str, Any] = {
 
 @cache
 def folder() -> Path:
-    """A place for the files, gone at the end."""
+    """Return a temporary folder that is removed at exit."""
     place = Path(tempfile.mkdtemp(prefix="fuzz"))
     atexit.register(shutil.rmtree, place, ignore_errors=True)
     return place
@@ -56,7 +56,7 @@ def folder() -> Path:
 
 @cache
 def raw_logs() -> tuple[bytes, bytes]:
-    """A raw log before and after it was closed."""
+    """Return a raw log before and after it was closed."""
     path = folder() / "base.h5"
     writer = RawLogWriter(path, META)
     seq = np.arange(200)
@@ -71,7 +71,7 @@ def raw_logs() -> tuple[bytes, bytes]:
 
 
 def read_log(path: Path) -> None:
-    """All of a log, or the one line that says what is wrong with it."""
+    """Read a complete log, or fail with a one-line error."""
     said = ""
     try:
         for block in open_log(path).blocks():
@@ -82,7 +82,7 @@ def read_log(path: Path) -> None:
 
 
 def csv_rows(data: bytes) -> None:
-    """A CSV log whose rows, or header too, are anything."""
+    """Read a CSV log with arbitrary rows or an arbitrary header."""
     path = folder() / "rows.csv"
     path.with_suffix(".toml").write_text(META.to_toml(), encoding="utf-8")
     path.write_bytes(data[1:] if data[:1] > b"\x80" else HEADER + ROW + data)
@@ -90,7 +90,7 @@ def csv_rows(data: bytes) -> None:
 
 
 def csv_configuration(data: bytes) -> None:
-    """The TOML beside a CSV log with anything in its middle."""
+    """Read a CSV log whose TOML contains arbitrary bytes."""
     path = folder() / "meta.csv"
     path.write_bytes(HEADER + ROW)
     whole = META.to_toml().encode()
@@ -100,7 +100,7 @@ def csv_configuration(data: bytes) -> None:
 
 
 def raw_log(data: bytes) -> None:
-    """A raw log, closed or not, with bytes changed: each four of `data` are a place and what stands there then."""
+    """Read a raw log, closed or not, with changed bytes; each four bytes of `data` are an offset and its new value."""
     log = bytearray(raw_logs()[data[0] & 1 if data else 0])
     for k in range(1, len(data) - 3, 4):
         log[int.from_bytes(data[k : k + 3], "little") % len(log)] = data[k + 3]
@@ -110,7 +110,7 @@ def raw_log(data: bytes) -> None:
 
 
 def journal(data: bytes) -> None:
-    """A register journal with anything behind an intention."""
+    """Read a register journal with arbitrary bytes after an entry."""
     runs = folder() / "journal"
     path = runs / register_journal.FOLDER / "SN-7.jsonl"
     path.unlink(missing_ok=True)
@@ -125,7 +125,7 @@ def journal(data: bytes) -> None:
 
 
 def result(data: bytes) -> None:
-    """A result among others: of a key that `data` begin with, everything is replaced."""
+    """Read a result in which the value of the key at the start of `data` is replaced."""
     runs = folder() / "results"
     runs.mkdir(exist_ok=True)
     (runs / "b.json").write_text(json.dumps({**RESULT, "log": {"file": "b.h5"}}), encoding="utf-8")

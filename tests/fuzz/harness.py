@@ -1,6 +1,6 @@
 """Coverage-guided fuzzing: `python tests/fuzz/harness.py [-max_total_time=SECONDS] [CORPUS]` (libFuzzer's options).
 
-The first byte of an input chooses the target, the rest is what it is given. Needs the extra `fuzz` (atheris).
+The first byte of an input selects the target; the rest is passed to it. Needs the extra `fuzz` (atheris).
 """
 
 import sys
@@ -16,7 +16,7 @@ CHOICE = list(TARGETS.values())
 
 
 def one_input(data: bytes) -> None:
-    """Give one input to the target that it chooses."""
+    """Pass one input to the target that it selects."""
     if data:
         CHOICE[data[0] % len(CHOICE)](data[1:])
 

@@ -1,4 +1,4 @@
-"""What is fuzzed: every decoder of bytes from outside and every reader of files; each must bear anything."""
+"""Fuzzing targets: every decoder of external bytes and every file reader; each must accept arbitrary input."""
 
 import re
 from collections.abc import Callable
@@ -44,7 +44,7 @@ TEXT = FrameSection.model_validate(
 
 
 def decoder(name: str) -> tuple[FrameDecoder, FrameSection]:
-    """A fresh decoder of a shipped profile, or of the text format."""
+    """Return a new decoder of a shipped profile, or of the text format."""
     if name == "text":
         return FrameDecoder(TEXT), TEXT
     profile = IMUS[name]
@@ -57,7 +57,7 @@ def decoder(name: str) -> tuple[FrameDecoder, FrameSection]:
 
 
 def stream(name: str, data: bytes) -> None:
-    """Feed a decoder in pieces whose sizes the data choose; whatever comes, it accounts for every byte."""
+    """Feed a decoder in pieces whose sizes depend on the data; the decoder accounts for every byte."""
     found, frame = decoder(name)
     count = SampleCount(frame)
     size = 1 + (data[0] if data else 0)
@@ -73,7 +73,7 @@ def stream(name: str, data: bytes) -> None:
 
 
 def lines(name: str, data: bytes) -> None:
-    """Look for replies of a table of text in any received bytes; each consumes some of them."""
+    """Search for replies of a text table in arbitrary bytes; each reply consumes some of them."""
     section = TABLES[name].text
     assert section is not None
     plain = Prompted(section) if section.prompt else Plain(section)
@@ -89,7 +89,7 @@ def lines(name: str, data: bytes) -> None:
 
 
 def numbers(data: bytes) -> None:
-    """Read numbers of every type and order from any bytes, and parameters from any registers."""
+    """Read numbers of every type and byte order from arbitrary bytes, and parameters from arbitrary registers."""
     for kind in ("u8", "i16", "i24", "u32", "f32", "f64", "q16.32", "u64"):
         found = number(kind)
         if len(data) >= found.width:
@@ -106,7 +106,7 @@ def numbers(data: bytes) -> None:
 
 
 def rtu(data: bytes) -> None:
-    """Look for a Modbus unit's answers in any received bytes: each is valid, after the last, and none overlaps."""
+    """Search for Modbus responses in arbitrary bytes: each is valid and follows the previous one without overlap."""
     kind, place = RtuReply(1), 0
     for reply, end in replies(1, data, 0):
         begin = end - len(reply.payload) - 4

@@ -1,4 +1,4 @@
-"""Whatever bytes come, no decoder hangs, crashes or keeps more than it may; atheris looks further where it is there."""
+"""Decoders accept arbitrary bytes without hanging, crashing or unlimited buffering; atheris is used if installed."""
 
 import importlib.util
 import json
@@ -24,7 +24,7 @@ pieces = st.one_of(
 
 @pytest.mark.parametrize("name", [name for name in TARGETS if name not in file_targets.TARGETS])
 @given(parts=st.lists(pieces, max_size=30))
-def test_a_decoder_accepts_any_bytes(name: str, parts: list[bytes]) -> None:
+def test_decoder_accepts_arbitrary_bytes(name: str, parts: list[bytes]) -> None:
     TARGETS[name](b"".join(parts))
 
 
@@ -36,14 +36,14 @@ def test_a_decoder_accepts_any_bytes(name: str, parts: list[bytes]) -> None:
         lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     ).map(lambda value: json.dumps(value).encode())
 )
-def test_a_reader_of_files_bears_anything(name: str, data: bytes) -> None:
+def test_file_reader_accepts_arbitrary_content(name: str, data: bytes) -> None:
     for first in (b"", b"\x00", b"\x03", b"\xf1"):
         TARGETS[name](first + data)
 
 
 @pytest.mark.parametrize("name", [n.removeprefix("stream ") for n in TARGETS if n.startswith("stream")])
 @given(parts=st.lists(pieces, max_size=20), cut=st.integers(1, 50))
-def test_noise_decodes_the_same_however_it_is_cut(name: str, parts: list[bytes], cut: int) -> None:
+def test_noise_decodes_identically_however_it_is_split(name: str, parts: list[bytes], cut: int) -> None:
     data = b"".join(parts)
     whole, _ = decoder(name)
     cutting, _ = decoder(name)
@@ -63,7 +63,7 @@ def test_noise_decodes_the_same_however_it_is_cut(name: str, parts: list[bytes],
     importlib.util.find_spec("atheris") is None,
     reason="atheris is not installed: not fuzzed by coverage here",
 )
-def test_atheris_finds_nothing_in_a_short_run(tmp_path: Path) -> None:
+def test_short_atheris_run_finds_no_failure(tmp_path: Path) -> None:
     run = subprocess.run(
         [
             sys.executable,
@@ -80,7 +80,7 @@ def test_atheris_finds_nothing_in_a_short_run(tmp_path: Path) -> None:
     assert run.returncode == 0, run.stderr[-3000:]
 
 
-def test_every_target_is_a_function_of_bytes() -> None:
+def test_every_target_accepts_empty_input() -> None:
     target: Callable[[bytes], None]
     for target in TARGETS.values():
         target(b"")

@@ -1,4 +1,4 @@
-"""Whatever stands in a profile, it is a right one or told in one line; nothing else comes out of the loader."""
+"""A profile with arbitrary content is either loaded or refused by a one-line error."""
 
 import copy
 import tomllib
@@ -50,7 +50,7 @@ leaf = st.one_of(
 
 
 def places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Ways to every value in nested tables and lists."""
+    """Yield the paths of all values in nested tables and lists."""
     found = [path] if path else []
     inside = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
     for key, value in inside:
@@ -60,7 +60,7 @@ def places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 @pytest.mark.parametrize("path", PROFILES, ids=lambda p: p.stem)
 @given(data=st.data())
-def test_a_profile_loads_or_is_refused_with_its_entry(path: Path, data: st.DataObject) -> None:
+def test_profile_is_loaded_or_refused_with_the_invalid_entry(path: Path, data: st.DataObject) -> None:
     profile = tomllib.loads(path.read_text(encoding="utf-8"))
     for _ in range(data.draw(st.integers(1, 3))):
         *parents, last = data.draw(st.sampled_from(places(profile)))
@@ -92,7 +92,7 @@ def test_a_profile_loads_or_is_refused_with_its_entry(path: Path, data: st.DataO
 
 
 class Zeros:
-    """Registers that hold nothing and take everything that fits a Modbus transfer."""
+    """Registers that read as zero and accept every write that fits a Modbus transfer."""
 
     received = b""
 
@@ -109,7 +109,7 @@ class Zeros:
 
 
 def check_obeys(profile: TableProfile) -> None:
-    """A profile that loads can be told to do whatever it allows."""
+    """Assert that a loaded profile supports all commands that it allows."""
     inner = Zeros() if profile.map.inner_apart else None
     table = RegisterTable(Zeros(), profile, 16, inner)
     limits = profile.geometry().limits
@@ -123,7 +123,7 @@ def check_obeys(profile: TableProfile) -> None:
 
 
 def check_lines(text: TextSection) -> None:
-    """Every line of a profile that loads can be filled in and sent."""
+    """Assert that every text command of a loaded profile can be formatted and sent."""
     values = {"angle": "1", "rate": "2", "acceleration": "3"}
     named = {f"{joint}_{name}": value for joint in ("outer", "inner") for name, value in values.items()}
     for name in type(text.commands).model_fields:

@@ -1,4 +1,4 @@
-"""The real window, offscreen, with a site folder of its own: no user's configuration, runs in the test's folder."""
+"""Fixtures of the real window, offscreen, with a temporary site folder and runs folder."""
 
 import os
 import time
@@ -40,7 +40,7 @@ RESULT: dict[str, Any] = {
 
 
 def result_with(**changes: Any) -> Result:
-    """A result with these keys of its JSON."""
+    """Return a result with these keys in its JSON."""
     return Result.from_json({**RESULT, **changes})
 
 
@@ -84,10 +84,10 @@ def site_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Sit
 
 
 class SharedJobQueue(JobQueue):
-    """A job queue whose process serves all tests: starting one takes longer than most tests."""
+    """A job queue whose process is shared by all tests, because starting one takes longer than most tests."""
 
     def close(self) -> None:
-        """Cancel all jobs, but let a short one end, and keep the process."""
+        """Cancel all jobs, but let a short one finish, and keep the process."""
         while self._waiting:
             self._waiting[-1].cancel()
         deadline = time.monotonic() + 1.0  # less than the start of another process takes
@@ -98,14 +98,14 @@ class SharedJobQueue(JobQueue):
             super().close()
 
     def use_folders_of(self, site_folder: "SiteFolder") -> None:
-        """Use a test's folders from now on."""
+        """Switch to the folders of a test."""
         self.poll()
         self.submit(use_folder, str(site_folder.folder), str(site_folder.home))
 
 
 @pytest.fixture(scope="session")
 def shared_queue() -> Iterator[list[SharedJobQueue]]:
-    """The shared job queue, once there is one."""
+    """The shared job queue, created at its first use."""
     made: list[SharedJobQueue] = []
     yield made
     for job_queue in made:
@@ -126,7 +126,7 @@ def job_queue(
 
 @pytest.fixture
 def app(site_folder: SiteFolder, job_queue: SharedJobQueue, qapp: QApplication) -> Iterator[AppContext]:
-    """Shared state of a window with the test's station, for a page alone; English, light."""
+    """Shared state of a window with the test station, for a single page; English, light theme."""
     if not qapp.styleSheet():
         qapp.setStyle("Fusion")
     theme.apply("light")
@@ -139,7 +139,7 @@ def app(site_folder: SiteFolder, job_queue: SharedJobQueue, qapp: QApplication) 
 
 @pytest.fixture
 def window(site_folder: SiteFolder, job_queue: SharedJobQueue, qtbot: QtBot) -> Iterator[MainWindow]:
-    """The window with the test's station, English, light, shown at 1366x768."""
+    """The window with the test station, English, light theme, shown at 1366x768."""
     made = create_window(site_folder.station)
     assert isinstance(made, MainWindow)
     qtbot.addWidget(made)
@@ -154,14 +154,14 @@ def window(site_folder: SiteFolder, job_queue: SharedJobQueue, qtbot: QtBot) -> 
 
 
 class Operator:
-    """Acts on a window and reads it through its widgets, as an operator does."""
+    """Operate a window and read it through its widgets, as an operator does."""
 
     def __init__(self, window: MainWindow, qtbot: QtBot, site_folder: SiteFolder) -> None:
         self.window, self.qtbot, self.site_folder = window, qtbot, site_folder
         self.choose("short")
 
     def widget(self, name: str, kind: type[Any] = QWidget) -> Any:
-        """The widget with an object name."""
+        """Return the widget with an object name."""
         found = self.window.findChild(kind, name)
         assert found is not None, name
         return found
@@ -192,7 +192,7 @@ class Operator:
         self.qtbot.waitUntil(lambda: bool(condition()), timeout=round(1000 * seconds))
 
     def until_no_job(self) -> None:
-        """Wait until no job is running or waiting, including those that nobody watches."""
+        """Wait until no job is running or waiting, including unobserved jobs."""
         queue = self.window.app.job_queue
 
         def idle() -> bool:
@@ -210,7 +210,7 @@ class Operator:
         self.until(lambda: not self.window.app.engine_link.running)
 
     def in_a_stage(self) -> bool:
-        """Whether more than a tenth of a stage is done."""
+        """Whether more than a tenth of a stage is complete."""
         return self.run.stage is not None and self.run.stage.fraction > 0.1
 
     @property
@@ -220,7 +220,7 @@ class Operator:
 
     @property
     def verdict(self) -> str:
-        """The large word of the verdict, "" while none is visible."""
+        """Text of the verdict, "" while none is visible."""
         label = self.widget("verdict_label", QLabel)
         return str(label.text()) if label.isVisible() else ""
 
@@ -230,12 +230,12 @@ class Operator:
         return str(self.widget("message_label", QLabel).text())
 
     def says(self) -> str:
-        """Texts of all visible labels."""
+        """Return the texts of all visible labels."""
         labels = [w for w in self.window.findChildren(QLabel) if w.isVisible()]
         return "\n".join(label.text() for label in labels)
 
 
 @pytest.fixture
 def operator(window: MainWindow, qtbot: QtBot, site_folder: SiteFolder) -> Operator:
-    """An operator at the window, with the short product chosen."""
+    """An operator at the window with the short product selected."""
     return Operator(window, qtbot, site_folder)

@@ -1,4 +1,4 @@
-"""Searches for a schedule that end at once, wait for their stop file, or fail."""
+"""Fake schedule searches that end immediately, wait for their stop file, or fail."""
 
 import time
 
@@ -21,7 +21,7 @@ MOVES = (
 
 
 def design() -> Design:
-    """A design of four moves and two in reserve whose accelerometer bias y is the worst of three limited parameters."""
+    """Return a design of four moves plus two spare ones, limited by accelerometer bias y of three parameters."""
     limits, sigma = np.full(30, np.inf), np.full(30, 1e-6)
     for name, limit, ratio in (
         ("gyro_bias_x", 1e-5, 0.5),
@@ -64,12 +64,12 @@ def design() -> Design:
 
 
 def found(report: ProgressCallback, request: DesignRequest) -> Design:
-    """End at once."""
+    """End immediately."""
     return design()
 
 
 def searching(report: ProgressCallback, request: DesignRequest) -> Design:
-    """Report a schedule and go on until the stop file exists."""
+    """Report a schedule and continue until the stop file exists."""
     assert request.stop is not None
     note = "34.1" if request.duration is None else "0.823"
     while not request.stop.exists():
@@ -80,5 +80,5 @@ def searching(report: ProgressCallback, request: DesignRequest) -> Design:
 
 
 def unreachable(report: ProgressCallback, request: DesignRequest) -> Design:
-    """Fail as a search does whose limits are too small."""
+    """Fail like a search whose limits are too small."""
     raise ConfigurationError("design.unreachable", parameter=NAMES[0], limit=1.0, least=2.5, unit="°/h")

@@ -1,4 +1,4 @@
-"""The mouse on a plot: pyqtgraph's view boxes are moved by real events of its viewport."""
+"""Mouse actions on a plot by real events of its viewport."""
 
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QPoint, QPointF, Qt
@@ -9,14 +9,14 @@ Button, Modifier = Qt.MouseButton, Qt.KeyboardModifier
 
 
 def pixel(view: pg.GraphicsView, box: pg.ViewBox, across: float, down: float) -> QPointF:
-    """A point of a view at these fractions of the width and height of a box."""
+    """Return the point of a view at these fractions of the width and height of a box."""
     area = box.mapRectToScene(box.boundingRect())
     at = QPointF(area.left() + across * area.width(), area.top() + down * area.height())
     return QPointF(view.mapFromScene(at))
 
 
 def turn_wheel(view: pg.GraphicsView, at: QPointF, modifier: Modifier = Modifier.NoModifier) -> None:
-    """Turn the wheel one notch forwards twice."""
+    """Turn the wheel forwards by two notches."""
     none = Button.NoButton, modifier, Qt.ScrollPhase.NoScrollPhase
     event = QWheelEvent(at, view.mapToGlobal(at), QPoint(), QPoint(0, 240), *none, False)
     QApplication.sendEvent(view.viewport(), event)

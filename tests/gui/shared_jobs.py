@@ -1,4 +1,4 @@
-"""Job of the queue that the windows of several tests share."""
+"""Job of the queue that is shared by the windows of several tests."""
 
 import os
 

@@ -13,13 +13,13 @@ PIN = "246813"
 
 
 class PageDriver:
-    """Operates the page as a user does, in the window or alone."""
+    """Operate the page as a user does, in the window or alone."""
 
     def __init__(self, root: QWidget, page: StationPage, qtbot: QtBot) -> None:
         self.root, self.page, self.app, self._bot = root, page, page.app, qtbot
 
     def find(self, kind: type, name: str) -> Any:
-        """The widget of a name; of several that show one value, the visible one."""
+        """Return the widget with a name; of several, the visible one."""
         found = self.root.findChildren(kind, name)
         assert found, name
         return next((widget for widget in found if widget.isVisible()), found[0])
@@ -29,13 +29,13 @@ class PageDriver:
         self.page.nav.setCurrentRow(section)
 
     def show_view(self, title: str) -> None:
-        """Click the tab of a form, of the text or of the comparison of the file that is shown."""
+        """Click the tab of a form, the text or the comparison of the current file."""
         bar = self.page.profiles.views.tabBar()
         index = next(i for i in range(bar.count()) if bar.tabText(i) == title and bar.isTabVisible(i))
         self._bot.mouseClick(bar, Qt.MouseButton.LeftButton, pos=bar.tabRect(index).center())
 
     def type(self, name: str, text: str) -> None:
-        """Type into an input, in place of what is there."""
+        """Replace the text of an input."""
         edit = self.find(QLineEdit, name)
         edit.setFocus()
         edit.selectAll()
@@ -43,7 +43,7 @@ class PageDriver:
         self._bot.keyClicks(edit, text)
 
     def choose(self, name: str, words: str) -> None:
-        """Choose in a box, as a click on an entry does."""
+        """Choose an entry of a combo box, as a click does."""
         box = self.find(QComboBox, name)
         index = box.findText(words, Qt.MatchFlag.MatchStartsWith)
         assert index >= 0, [box.itemText(i) for i in range(box.count())]
@@ -57,18 +57,18 @@ class PageDriver:
         self._bot.mouseClick(button, Qt.MouseButton.LeftButton)
 
     def copy_station(self, name: str) -> None:
-        """Make a station with hardware."""
+        """Create a station with hardware."""
         self.press("new_station_button")
         self.type("new_name_edit", name)
         self.press("make_file_button")
 
     def message(self, field: str) -> str:
-        """The message beneath an input."""
+        """Return the message below an input."""
         label = self.find(QLabel, f"{field}_message")
         return str(label.text())
 
     def findings(self, device: str) -> list[str]:
-        """Wait for a connection test; the sentences of what it found."""
+        """Wait for a connection test; return the sentences of its findings."""
         panel = (self.page.table_link if device == "table" else self.page.imus.link).test
         self._bot.waitUntil(lambda: panel.report is not None, timeout=60_000)
         labels = panel._lines.findChildren(QLabel)

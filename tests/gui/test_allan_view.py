@@ -1,4 +1,4 @@
-"""The Allan deviation of a rest of a run on the virtual bench, by clicks on the offline page."""
+"""The Allan deviation of a rest in a run on the virtual bench, operated by clicks on the offline page."""
 
 from pathlib import Path
 
@@ -25,14 +25,14 @@ WALK = 0.001
 
 
 def flips(site: SiteFolder) -> Verdict:
-    """Azimuth flips that rest for a minute each."""
+    """A log of azimuth flips with rests of one minute."""
     site.write({"schedule": {"azimuth_flip": {**PRODUCT["schedule"]["azimuth_flip"], "dwell_s": 60.0}}})
     return site.run("azimuth_flip")
 
 
 @pytest.fixture
 def page(window: MainWindow, shared_runs: SharedRuns, tmp_path: Path, qtbot: QtBot) -> OfflinePage:
-    """The page with the log of azimuth flips that rest for a minute each."""
+    """The page with the log of azimuth flips."""
     verdict = shared_runs.copy("rests", tmp_path / "run", flips)
     window.show_page("offline_page")
     made = window.offline_page
@@ -62,14 +62,14 @@ def cells(page: OfflinePage) -> list[list[str]]:
     return [[model.index(i, k).data().strip() for k in range(model.columnCount())] for i in range(model.rowCount())]
 
 
-def test_a_moving_table_is_refused(page: OfflinePage, qtbot: QtBot) -> None:
+def test_range_with_table_motion_is_refused(page: OfflinePage, qtbot: QtBot) -> None:
     press(page, "allan_button", qtbot)
     qtbot.waitUntil(lambda: page.notice.isVisible(), timeout=WAIT)
     assert "The table moves between samples" in page.notice.text_label.text()
     assert page.solve_button.isVisible()
 
 
-def test_the_longest_rest_gives_the_random_walk(page: OfflinePage, window: MainWindow, qtbot: QtBot) -> None:
+def test_longest_rest_gives_the_random_walk(page: OfflinePage, window: MainWindow, qtbot: QtBot) -> None:
     choose_longest_rest(page, qtbot)
     compute(page, qtbot)
     assert not page.solve_button.isVisible()
@@ -90,7 +90,7 @@ def test_the_longest_rest_gives_the_random_walk(page: OfflinePage, window: MainW
     assert page.solve_button.isVisible()
 
 
-def test_the_curves_are_saved(page: OfflinePage, tmp_path: Path, qtbot: QtBot) -> None:
+def test_curves_are_saved(page: OfflinePage, tmp_path: Path, qtbot: QtBot) -> None:
     choose_longest_rest(page, qtbot)
     compute(page, qtbot)
     plot = page.allan._plots[0]
@@ -105,7 +105,7 @@ def test_the_curves_are_saved(page: OfflinePage, tmp_path: Path, qtbot: QtBot) -
     np.testing.assert_allclose(rows["tau_s"], curve.tau)
 
 
-def test_an_engineer_takes_the_values_into_the_profile(page: OfflinePage, operator: Operator, qtbot: QtBot) -> None:
+def test_engineer_saves_the_values_in_the_profile(page: OfflinePage, operator: Operator, qtbot: QtBot) -> None:
     choose_longest_rest(page, qtbot)
     compute(page, qtbot)
     take = page.findChild(QPushButton, "take_noise_button")

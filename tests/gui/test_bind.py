@@ -1,4 +1,4 @@
-"""Bound texts follow the language and die with their widgets."""
+"""Bound texts follow the language and are removed with their widgets."""
 
 from PySide6.QtWidgets import QGroupBox, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
@@ -25,7 +25,7 @@ def test_bound_texts_follow_the_language(qtbot: QtBot) -> None:
     assert seen == ["en", "zh_CN", "en"]
 
 
-def test_a_deleted_widget_is_no_longer_called(qtbot: QtBot) -> None:
+def test_deleted_widget_is_no_longer_updated(qtbot: QtBot) -> None:
     label = QLabel()
     calls: list[str] = []
 

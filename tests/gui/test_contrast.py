@@ -21,13 +21,13 @@ LINES = [
 
 
 def luminance(colour: QColor) -> float:
-    """Relative luminance."""
+    """Return the relative luminance."""
     parts = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in colour.getRgbF()[:3])
     return sum(weight * part for weight, part in zip((0.2126, 0.7152, 0.0722), parts, strict=True))
 
 
 def contrast(first: QColor | str, second: QColor | str) -> float:
-    """Contrast ratio of two colours."""
+    """Return the contrast ratio of two colours."""
     low, high = sorted((luminance(QColor(first)), luminance(QColor(second))))
     return (high + 0.05) / (low + 0.05)
 
@@ -43,23 +43,23 @@ def test_black_on_white_has_the_largest_contrast() -> None:
     assert contrast("#000000", "#ffffff") == pytest.approx(21.0)
 
 
-def test_text_can_be_read(colours: theme.Colours) -> None:
+def test_text_has_sufficient_contrast(colours: theme.Colours) -> None:
     found = {pair: contrast(*(getattr(colours, role) for role in pair)) for pair in TEXT}
     assert not {pair: ratio for pair, ratio in found.items() if ratio < 4.5}
 
 
-def test_lines_can_be_seen(colours: theme.Colours) -> None:
+def test_lines_have_sufficient_contrast(colours: theme.Colours) -> None:
     found = {pair: contrast(*(getattr(colours, role) for role in pair)) for pair in LINES}
     assert not {pair: ratio for pair, ratio in found.items() if ratio < 3.0}
 
 
-def test_axes_can_be_told_from_their_background(colours: theme.Colours) -> None:
+def test_plot_axes_have_sufficient_contrast(colours: theme.Colours) -> None:
     for axis, colour in theme.AXIS_COLOURS.items():  # curves and arrows are drawn on panels
         assert contrast(colour, colours.panel) >= 3.0, axis
         assert contrast(theme.axis_text(axis), colours.panel) >= 4.5, axis
 
 
-def test_every_role_of_text_in_the_palette_can_be_read(colours: theme.Colours) -> None:
+def test_every_text_role_of_the_palette_has_sufficient_contrast(colours: theme.Colours) -> None:
     made, roles = theme.palette(colours), QPalette.ColorRole
     pairs = [
         (roles.WindowText, roles.Window),

@@ -1,4 +1,4 @@
-"""The cycle of a run on the engineer page and in the history: bars to scale, legend, results without phases."""
+"""The cycle times of a run on the engineer page and in the history: bars to scale, legend, results without phases."""
 
 import json
 from pathlib import Path
@@ -43,7 +43,7 @@ def write(folder: Path, name: str, **changes: Any) -> Path:
 
 
 def widths(bar: QWidget) -> list[tuple[QColor, float]]:
-    """Colours of a bar from left to right with their shares of its width."""
+    """Return the colours of a bar from left to right with their fractions of its width."""
     image = bar.grab().toImage()
     found: list[tuple[QColor, int]] = []
     for x in range(image.width()):
@@ -55,7 +55,7 @@ def widths(bar: QWidget) -> list[tuple[QColor, float]]:
 
 
 def open_cycle(window: MainWindow, path: Path, qtbot: QtBot) -> EngineerPage:
-    """Open a result on the engineer page and click on the tab of the cycle."""
+    """Open a result on the engineer page and click the cycle tab."""
     window.show_page("engineer_page")
     page = window.findChild(EngineerPage, "engineer_page")
     assert isinstance(page, EngineerPage)
@@ -69,12 +69,12 @@ def open_cycle(window: MainWindow, path: Path, qtbot: QtBot) -> EngineerPage:
 
 
 def texts(page: QWidget) -> list[str]:
-    """Texts of the visible labels."""
+    """Return the texts of visible labels."""
     return [label.text() for label in page.findChildren(QLabel) if label.isVisible()]
 
 
 @pytest.mark.parametrize("name", ["light", "dark"])
-def test_the_bar_shows_the_phases_to_scale_in_both_languages(operator: Operator, qtbot: QtBot, name: str) -> None:
+def test_bar_shows_the_phases_to_scale_in_both_languages(operator: Operator, qtbot: QtBot, name: str) -> None:
     window = operator.window
     theme.apply(name)
     try:
@@ -100,7 +100,7 @@ def test_the_bar_shows_the_phases_to_scale_in_both_languages(operator: Operator,
         theme.apply("light")
 
 
-def test_a_result_without_phases_says_so(operator: Operator, qtbot: QtBot) -> None:
+def test_result_without_phases_shows_a_message(operator: Operator, qtbot: QtBot) -> None:
     page = open_cycle(operator.window, write(operator.site_folder.runs, "old"), qtbot)
     assert page.analysis.cycle.currentWidget().isVisible()
     assert any("does not contain the phases of its run" in text for text in texts(page))
@@ -113,7 +113,7 @@ def test_a_result_without_phases_says_so(operator: Operator, qtbot: QtBot) -> No
     assert "Cycle: 1000.0 s" in texts(page)
 
 
-def test_the_history_shows_the_cycle_of_a_run(operator: Operator, qtbot: QtBot) -> None:
+def test_history_shows_the_cycle_times_of_a_run(operator: Operator, qtbot: QtBot) -> None:
     write(operator.site_folder.runs, "one", cycle=CYCLE)
     operator.window.show_page("history_page")
     page = operator.window.findChild(HistoryPage)

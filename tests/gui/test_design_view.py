@@ -1,4 +1,4 @@
-"""The schedule designer on the engineer page, operated by clicks: form, progress, answer, saving and export."""
+"""The schedule designer on the engineer page, operated by clicks: form, progress, result, saving and export."""
 
 import json
 import tomllib
@@ -43,12 +43,12 @@ class Designer(Engineer):
         return self
 
     def design(self) -> None:
-        """Press Design and wait for the answer and its path."""
+        """Press Design and wait for the result and its path."""
         self.press("design_button")
         self.until(lambda: not (self.view.watch.busy or self.view.driving.busy))
 
     def show_answer(self, number: int) -> None:
-        """Show a part of the answer: duration, path, parameters, robustness, hidden effects."""
+        """Show a part of the result: duration, path, parameters, robustness, hidden effects."""
         self.widget("design_views", QTabBar).setCurrentIndex(number)
 
     @property
@@ -58,13 +58,13 @@ class Designer(Engineer):
 
     @property
     def headline(self) -> str:
-        """The headline of the answer."""
+        """Return the headline of the result."""
         return str(self.widget("design_headline", QLabel).text())
 
 
 @pytest.fixture
 def designer(window: Any, qtbot: Any, site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> Designer:
-    """The designer with a search that ends at once."""
+    """The designer with a search that ends immediately."""
     use(monkeypatch, "found")
     return Designer(window, qtbot, site_folder).open_view()
 
@@ -74,7 +74,7 @@ def use(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setattr("calstation.design.design_schedule", getattr(design_jobs, name))
 
 
-def test_the_answer_is_shown_with_path_parameters_and_robustness(designer: Designer) -> None:
+def test_design_is_shown_with_path_parameters_and_robustness(designer: Designer) -> None:
     assert "The shortest schedule for this product" in designer.says()
     designer.design()
     assert "The shortest schedule for this product" not in designer.says()
@@ -118,7 +118,7 @@ def test_the_answer_is_shown_with_path_parameters_and_robustness(designer: Desig
     assert hidden[2][1:] == ["∞", "ms", "–", "–"]
 
 
-def test_the_sphere_shows_the_direction_of_gravity_and_turns(designer: Designer, tmp_path: Path) -> None:
+def test_sphere_shows_the_direction_of_gravity_and_can_be_rotated(designer: Designer, tmp_path: Path) -> None:
     designer.design()
     designer.show_answer(1)
     (sphere,) = designer.page.findChildren(Sphere)
@@ -137,7 +137,7 @@ def test_the_sphere_shows_the_direction_of_gravity_and_turns(designer: Designer,
     assert sphere.grab().toImage() != before
 
 
-def test_the_form_makes_the_request(designer: Designer) -> None:
+def test_form_creates_the_request(designer: Designer) -> None:
     (form,) = designer.page.findChildren(DesignForm)
     stop, product = Path("stop"), Path("short.toml")
     assert form.request(None, product, stop).margin == 0.8
@@ -171,7 +171,7 @@ def test_the_form_makes_the_request(designer: Designer) -> None:
 
 
 @pytest.mark.parametrize(("goal", "best"), [(0, "Best so far 0:34"), (1, "Best so far σ / limit 0.82")])
-def test_a_search_is_stopped_with_its_best_or_cancelled(
+def test_search_is_stopped_with_its_best_design_or_cancelled(
     designer: Designer, monkeypatch: pytest.MonkeyPatch, goal: int, best: str
 ) -> None:
     use(monkeypatch, "searching")
@@ -195,7 +195,7 @@ def test_a_search_is_stopped_with_its_best_or_cancelled(
     assert designer.headline.startswith("0:33 planned"), "the last answer stays"
 
 
-def test_a_cancelled_search_for_another_product_leaves_the_answer(
+def test_cancelled_search_for_another_product_keeps_the_previous_design(
     designer: Designer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     designer.design()
@@ -210,7 +210,7 @@ def test_a_cancelled_search_for_another_product_leaves_the_answer(
     assert designer.widget("design_name_edit", QLineEdit).text() == "short_fast"
 
 
-def test_an_error_is_shown_below_the_form(designer: Designer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_error_is_shown_below_the_form(designer: Designer, monkeypatch: pytest.MonkeyPatch) -> None:
     use(monkeypatch, "unreachable")
     designer.design()
     problem = designer.widget("design_problem", QLabel)
@@ -221,7 +221,7 @@ def test_an_error_is_shown_below_the_form(designer: Designer, monkeypatch: pytes
     assert not problem.isVisible()
 
 
-def test_a_design_is_saved_as_a_product_and_selected(designer: Designer) -> None:
+def test_design_is_saved_as_a_product_and_selected(designer: Designer) -> None:
     designer.design()
     assert "PIN" in designer.why_not("save_as_button")
     designer.unlock()
@@ -253,7 +253,7 @@ def test_a_design_is_saved_as_a_product_and_selected(designer: Designer) -> None
     assert not name.isVisible()
 
 
-def test_the_schedule_is_copied_and_the_design_exported(designer: Designer, tmp_path: Path) -> None:
+def test_schedule_is_copied_and_the_design_exported(designer: Designer, tmp_path: Path) -> None:
     designer.design()
     designer.press("copy_schedule_button")
     copied = tomllib.loads(QGuiApplication.clipboard().text())["schedule"]["designed"]
@@ -267,7 +267,7 @@ def test_the_schedule_is_copied_and_the_design_exported(designer: Designer, tmp_
     assert exported["limiting"] == "accel_bias_y"
 
 
-def test_only_a_table_with_drives_can_be_designed_for(window: Any, qtbot: Any, site_folder: SiteFolder) -> None:
+def test_designer_requires_a_motorised_table(window: Any, qtbot: Any, site_folder: SiteFolder) -> None:
     designer = Designer(window, qtbot, site_folder).open_view()
     for station, product in (("virtual_hand", "mems_hand"), ("virtual_gimbal", "mems_gimbal")):
         designer.window.app.set_product(library.find("products", product))
@@ -278,7 +278,7 @@ def test_only_a_table_with_drives_can_be_designed_for(window: Any, qtbot: Any, s
 
 @pytest.mark.long
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
-def test_everything_fits_a_small_window_in_both_languages(designer: Designer, code: str) -> None:
+def test_designer_fits_a_small_window_in_both_languages(designer: Designer, code: str) -> None:
     designer.window.resize(1280, 720)
     designer.window.app.set_language(code)
     designer.unlock()
@@ -295,7 +295,7 @@ def test_everything_fits_a_small_window_in_both_languages(designer: Designer, co
                 assert button.width() >= button.fontMetrics().horizontalAdvance(button.text()), button.text()
 
 
-def test_the_designer_is_reached_by_the_keyboard(designer: Designer) -> None:
+def test_designer_is_operated_by_keyboard(designer: Designer) -> None:
     designer.design()
     designer.show_answer(1)
     designer.unlock()
@@ -311,7 +311,7 @@ def test_the_designer_is_reached_by_the_keyboard(designer: Designer) -> None:
 
 
 @pytest.mark.long
-def test_a_real_search_finds_a_shorter_schedule(window: Any, qtbot: Any, site_folder: SiteFolder) -> None:
+def test_real_search_finds_a_shorter_schedule(window: Any, qtbot: Any, site_folder: SiteFolder) -> None:
     designer = Designer(window, qtbot, site_folder).open_view()
     designer.choose("mems_c")
     designer.widget("design_search_spin", QDoubleSpinBox).setValue(5.0)

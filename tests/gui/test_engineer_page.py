@@ -98,7 +98,7 @@ class Engineer(Operator):
         return dict(self.page.analysis.result.view.shown.result.to_json())
 
     def cells(self, table: str) -> dict[str, dict[str, str]]:
-        """The texts of a parameter table by the identifier of the row, which is its tooltip, and by heading."""
+        """Return the texts of a parameter table by row identifier (the tooltip) and heading."""
         model = self.widget(table, QTableView).model()
         across, down = Qt.Orientation.Horizontal, Qt.Orientation.Vertical
         headings = [model.headerData(i, across) for i in range(model.columnCount())]
@@ -110,13 +110,13 @@ class Engineer(Operator):
         }
 
     def why_not(self, name: str) -> str:
-        """The tooltip of a disabled button."""
+        """Return the tooltip of a disabled button."""
         button = self.widget(name, QPushButton)
         assert not button.isEnabled(), name
         return str(button.toolTip())
 
     def check_disabled(self) -> None:
-        """Check that a run disables its settings and that their tooltips say why."""
+        """Assert that a run disables its settings and that their tooltips give the reason."""
         for name in ("engineer_start_button", "read_registers_button", "write_registers_button"):
             assert "in progress" in self.why_not(name)
         for name in ("stage_check_rate", "schedule_six_position_dwell_s"):
@@ -125,7 +125,7 @@ class Engineer(Operator):
 
     @property
     def page(self) -> EngineerPage:
-        """The page, for what its widgets do not show."""
+        """Return the page, for state that its widgets do not show."""
         found = self.window.findChild(EngineerPage, "engineer_page")
         assert isinstance(found, EngineerPage)
         return found
@@ -138,7 +138,7 @@ def engineer(window: Any, qtbot: Any, site_folder: SiteFolder) -> Engineer:
 
 
 def number(text: str) -> float:
-    """A cell's number."""
+    """Return the number in a cell."""
     return float(text)
 
 
@@ -202,7 +202,7 @@ def test_single_stages_can_be_chosen_in_any_order(engineer: Engineer) -> None:
     engineer.until(lambda: "This file cannot be opened" in engineer.says())
 
 
-def test_a_changed_schedule_is_no_partial_calibration(engineer: Engineer) -> None:
+def test_changed_schedule_is_not_a_partial_calibration(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.type("schedule_rate_dwell_s", "6.5")
     assert engineer.widget("engineer_start_button", QPushButton).text() == "START"
@@ -232,7 +232,7 @@ def test_only_an_engineer_chooses_parts(engineer: Engineer) -> None:
 
 
 @pytest.mark.long
-def test_a_partial_run_differs_from_a_full_one_everywhere(engineer: Engineer) -> None:
+def test_partial_run_is_marked_on_all_pages(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("part_check_scale_factors")
     assert engineer.widget("engineer_start_button", QPushButton).text() == "START PARTIAL"
@@ -282,7 +282,7 @@ def test_a_partial_run_differs_from_a_full_one_everywhere(engineer: Engineer) ->
         assert table.rowCount() == rows
 
 
-def test_a_schedule_is_checked_previewed_and_saved_to_the_product(
+def test_schedule_is_validated_previewed_and_saved_to_the_product(
     engineer: Engineer,
 ) -> None:
     engineer.unlock()
@@ -333,7 +333,7 @@ def test_a_schedule_is_checked_previewed_and_saved_to_the_product(
     assert "are the product's" in engineer.why_not("save_product_button")
 
 
-def test_a_question_is_dropped_when_what_it_is_about_changes(engineer: Engineer) -> None:
+def test_confirmation_prompt_disappears_when_its_subject_changes(engineer: Engineer) -> None:
     app = engineer.window.app
     engineer.unlock()
     engineer.tick("stage_check_rate")
@@ -361,7 +361,7 @@ def test_a_question_is_dropped_when_what_it_is_about_changes(engineer: Engineer)
     assert versions.list_versions("products", "nav_a") == (), "the values were typed for the other product"
 
 
-def test_a_choice_changed_during_the_preview_makes_it_outdated(engineer: Engineer) -> None:
+def test_selection_changed_during_the_preview_makes_it_outdated(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_rate")
     engineer.press("preview_button")
@@ -373,7 +373,7 @@ def test_a_choice_changed_during_the_preview_makes_it_outdated(engineer: Enginee
 
 
 @pytest.mark.long
-def test_the_preview_says_what_ends_a_repeated_stage(engineer: Engineer) -> None:
+def test_preview_states_the_end_condition_of_a_repeated_stage(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_azimuth_flip")
     engineer.page.choice.parts.select("azimuth_flip")
@@ -390,7 +390,7 @@ def test_the_preview_says_what_ends_a_repeated_stage(engineer: Engineer) -> None
 
 
 @pytest.mark.exhaustive
-def test_a_changed_schedule_is_in_the_log_and_in_the_hash(engineer: Engineer) -> None:
+def test_changed_schedule_is_stored_in_the_log_and_its_hash(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_six_position")
     before = engineer.start()
@@ -417,7 +417,7 @@ SIZE = {"accel_bias": 9.80665e-6, "accel_scale": 1e-6}
 
 
 @pytest.mark.long
-def test_a_finished_run_is_analysed(engineer: Engineer) -> None:
+def test_finished_run_is_analysed(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_six_position", "stage_check_azimuth_flip")
     result = engineer.start()
@@ -459,7 +459,7 @@ def test_a_finished_run_is_analysed(engineer: Engineer) -> None:
 
 
 def tooltip_at(heat: HeatMap, line: int, step: int) -> str:
-    """The tooltip with the pointer at the centre of a cell."""
+    """Return the tooltip with the pointer at the centre of a cell."""
     view = heat.viewport()
     at = heat.mapFromScene(heat.getViewBox().mapViewToScene(QPointF(step + 0.5, line + 0.5)))
     QApplication.sendEvent(view, QHelpEvent(QEvent.Type.ToolTip, at, view.mapToGlobal(at)))
@@ -509,7 +509,7 @@ def test_registers_are_read_compared_and_written_after_confirmation(engineer: En
 
 
 def finished_run(found: dict[str, Any], **more: Any) -> FinishedRun:
-    """A run whose result has these parameters."""
+    """Return a run whose result has these parameters."""
     result = {
         "schema": SCHEMA,
         "unit": {"serial": SERIAL},
@@ -537,7 +537,7 @@ def ask_to_write(engineer: Engineer, *, of: Mapping[str, Any] | None = None, **b
     engineer.press("write_registers_button")
 
 
-def test_a_result_of_another_profile_requires_its_own_product(engineer: Engineer) -> None:
+def test_result_of_another_profile_requires_its_own_product(engineer: Engineer) -> None:
     engineer.unlock()
     found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
     engineer.page.registers.show_run(finished_run(found))
@@ -571,7 +571,7 @@ def test_registers_of_the_previous_run_are_not_offered_for_the_next(engineer: En
         ({"outcome": "resolved", "passed": False}, "The result is solved offline, outside the limits. Write its"),
     ],
 )
-def test_the_question_before_writing_names_the_verdict_of_the_result(
+def test_write_confirmation_shows_the_verdict_of_the_result(
     engineer: Engineer, changes: dict[str, Any], title: str
 ) -> None:
     ask_to_write(engineer, of=changes)
@@ -580,7 +580,7 @@ def test_the_question_before_writing_names_the_verdict_of_the_result(
     assert title not in engineer.says()
 
 
-def test_registers_of_another_unit_are_refused_beside_the_button(engineer: Engineer) -> None:
+def test_write_to_another_unit_is_refused_with_a_reason_at_the_button(engineer: Engineer) -> None:
     ask_to_write(engineer)
     engineer.type("engineer_serial_edit", "SN-000007")
     assert "Write 1 registers" not in engineer.says(), "the question was about the unit in the fixture"
@@ -591,7 +591,7 @@ def test_registers_of_another_unit_are_refused_beside_the_button(engineer: Engin
 
 
 @pytest.mark.long
-def test_two_engineers_confirm_a_write_where_the_product_requires_it(engineer: Engineer) -> None:
+def test_two_engineers_confirm_a_write_if_the_product_requires_it(engineer: Engineer) -> None:
     ask_to_write(engineer)
     for badge in ("B0001", "B0002"):
         access.set_pin("246813", f"{badge}-", badge)
@@ -625,7 +625,7 @@ def test_registers_can_be_written_with_the_table_at_rest(engineer: Engineer) -> 
 
 
 @pytest.mark.long
-def test_a_table_that_cannot_turn_suggests_writing_at_rest(engineer: Engineer) -> None:
+def test_table_that_cannot_move_suggests_writing_at_rest(engineer: Engineer) -> None:
     ask_to_write(engineer, interlock_closed=False)
     engineer.press("confirm_write_button")
     engineer.until(lambda: "not done" in engineer.says())
@@ -636,7 +636,7 @@ def test_a_table_that_cannot_turn_suggests_writing_at_rest(engineer: Engineer) -
 
 
 @pytest.mark.long
-def test_stop_ends_a_turn_after_a_write(engineer: Engineer) -> None:
+def test_stop_ends_the_verification_motion_after_a_write(engineer: Engineer) -> None:
     ask_to_write(engineer, speed=5.0)
     engineer.press("confirm_write_button")
     engineer.until(lambda: "Checking the output" in engineer.says())
@@ -647,7 +647,7 @@ def test_stop_ends_a_turn_after_a_write(engineer: Engineer) -> None:
     assert register_journal.interrupted(engineer.site_folder.runs, SERIAL) is not None
 
 
-def test_a_partial_run_shows_its_stages_and_when_its_registers_were_written(engineer: Engineer) -> None:
+def test_partial_run_shows_its_stages_and_when_registers_were_written(engineer: Engineer) -> None:
     row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
     result = {
         "schema": "calstation.result/1",
@@ -682,7 +682,7 @@ def test_a_partial_run_shows_its_stages_and_when_its_registers_were_written(engi
     assert "as the run wrote it and read it back, 2026-11-21" in engineer.says()
 
 
-def test_a_guard_band_shows_what_is_accepted_and_how_probable_a_wrong_decision_is(engineer: Engineer) -> None:
+def test_guard_band_shows_acceptance_limits_and_risk_of_wrong_decisions(engineer: Engineer) -> None:
     row = {"value": 9.5e-4, "sigma": 5e-5, "unit": "1", "stage": "rate"}
     limits, accepted = [-1e-3, 1e-3], [-9e-4, 9e-4]
     named = {"name": "gyro_scale_x within", "value": 9.5e-4, "unit": "1", "passed": False}
@@ -713,7 +713,7 @@ def test_a_guard_band_shows_what_is_accepted_and_how_probable_a_wrong_decision_i
     assert "0.2 % are accepted though outside, 5 % refused though within" in hint
 
 
-def test_a_plan_beyond_the_travel_is_explained_in_both_languages(qapp: QApplication) -> None:
+def test_schedule_beyond_the_travel_is_explained_in_both_languages(qapp: QApplication) -> None:
     refusal = Text.of("plan.turns_exceed_travel", turns=7, needed_deg=2520, axis="outer", travel_deg=2160.0)
     assert show(refusal).endswith("Lower turns in the schedule of rate.")
     language.use("zh_CN")

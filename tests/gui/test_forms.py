@@ -1,4 +1,4 @@
-"""Limits, noise, priors and register maps as forms of the Station page: typed and chosen values, text and form."""
+"""Limits, noise, priors and register maps as forms on the Station page, synchronised with the text of the file."""
 
 import csv
 import re
@@ -22,7 +22,7 @@ PROFILES = 6
 
 
 class FormDriver(PageDriver):
-    """Operates the forms of the Station page with mouse and keys."""
+    """Operate the forms of the Station page with mouse and keyboard."""
 
     def open(self, kind: str, name: str, title: str) -> None:
         """Show a form of a file."""
@@ -32,24 +32,24 @@ class FormDriver(PageDriver):
 
     @property
     def table(self) -> FormTable:
-        """The table of the form that is shown."""
+        """Return the table of the current form."""
         (table,) = (each for each in self.root.findChildren(FormTable) if each.isVisible())
         return table
 
     @property
     def text(self) -> str:
-        """The text of the file."""
+        """Return the text of the file."""
         return self.page.profiles.editor.toPlainText()
 
     def index(self, row: str, column: str) -> QModelIndex:
-        """The cell in a row and a column with these headings."""
+        """Return the cell in the row and column with these headings."""
         model, (across, down) = self.table.model(), (Qt.Orientation.Horizontal, Qt.Orientation.Vertical)
         rows = [model.headerData(i, down) for i in range(model.rowCount())]
         columns = [model.headerData(i, across) for i in range(model.columnCount())]
         return model.index(rows.index(row), columns.index(column))
 
     def shown(self, row: str, column: str) -> str:
-        """The text of a cell."""
+        """Return the text of a cell."""
         return str(self.index(row, column).data()).strip()
 
     def click(self, row: str, column: str, *, twice: bool = False) -> None:
@@ -61,7 +61,7 @@ class FormDriver(PageDriver):
             self._bot.mouseDClick(self.table.viewport(), Qt.MouseButton.LeftButton, pos=at)
 
     def enter(self, row: str, column: str, text: str) -> None:
-        """Double-click a cell, and type in place of its value; an empty text leaves the value."""
+        """Double-click a cell and replace its value; an empty text keeps the value."""
         self.click(row, column, twice=True)
         editor = self.table.indexWidget(self.index(row, column))
         line = editor.lineEdit() if isinstance(editor, QComboBox) else editor
@@ -77,7 +77,7 @@ class FormDriver(PageDriver):
         self._bot.waitUntil(lambda: self.table.state() != self.table.State.EditingState)
 
     def select(self, row: str, column: str, choice: str) -> None:
-        """Click a cell with choices, and choose one of them."""
+        """Click a cell with choices and select one of them."""
         self.click(row, column)
         box = self.table.indexWidget(self.index(row, column))
         assert isinstance(box, QComboBox)
@@ -86,7 +86,7 @@ class FormDriver(PageDriver):
         self._bot.keyClick(box.view(), Qt.Key.Key_Return)
 
     def problems(self) -> list[str]:
-        """The sentences below the form."""
+        """Return the messages below the form."""
         found = self.find(QListWidget, "problems_list")
         return [found.item(i).text() for i in range(found.count()) if found.isVisible()]
 
@@ -119,7 +119,7 @@ def shipped(kind: str, name: str) -> str:
 # Limits
 
 
-def test_limits_are_shown_and_typed_in_peoples_units_and_saved_in_si(forms: FormDriver) -> None:
+def test_limits_are_edited_in_display_units_and_saved_in_si(forms: FormDriver) -> None:
     forms.open("products", "nav_a", "Limits")
     assert forms.shown("gyro bias", "Unit") == "°/h"
     assert forms.shown("gyro bias", "Lowest") == "−3.09397"
@@ -141,7 +141,7 @@ def test_limits_are_shown_and_typed_in_peoples_units_and_saved_in_si(forms: Form
 
 @pytest.mark.long
 @pytest.mark.parametrize(("kind", "name"), [("products", "nav_a"), ("imus", "dsp_modbus"), ("imus", "stim300")])
-def test_cells_that_are_opened_and_left_change_nothing(forms: FormDriver, kind: str, name: str) -> None:
+def test_opening_and_leaving_a_cell_changes_nothing(forms: FormDriver, kind: str, name: str) -> None:
     profiles = forms.page.profiles
     forms.show_section(PROFILES)
     profiles.open(kind, name)
@@ -162,7 +162,7 @@ def test_cells_that_are_opened_and_left_change_nothing(forms: FormDriver, kind: 
     assert not forms.page.drafts.dirty
 
 
-def test_an_invalid_limit_is_marked_and_cannot_be_saved(forms: FormDriver) -> None:
+def test_invalid_limit_is_marked_and_cannot_be_saved(forms: FormDriver) -> None:
     forms.open("products", "mems_c", "Limits")
     forms.enter("accel bias", "Sigma below", "x")
     assert forms.problems() == ["Accel bias, Sigma below (µg): Not a number; type one like 12.5."]
@@ -179,7 +179,7 @@ def test_an_invalid_limit_is_marked_and_cannot_be_saved(forms: FormDriver) -> No
     assert forms.problems() == []
 
 
-def test_a_limit_beyond_the_register_is_explained_in_its_unit(forms: FormDriver) -> None:
+def test_limit_beyond_the_register_range_is_explained_in_display_units(forms: FormDriver) -> None:
     forms.open("products", "mems_c", "Limits")
     forms.enter("gyro bias", "Highest", "30000")
     (sentence,) = forms.problems()
@@ -213,7 +213,7 @@ def test_limits_are_added_cleared_and_removed(forms: FormDriver) -> None:
     ], "each comment is still above its table"
 
 
-def test_a_key_types_over_a_value(forms: FormDriver) -> None:
+def test_typing_in_a_selected_cell_replaces_its_value(forms: FormDriver) -> None:
     forms.open("products", "nav_a", "Limits")
     forms.click("inner lever arm", "Sigma below")
     forms._bot.keyClick(forms.table, Qt.Key.Key_3)
@@ -227,7 +227,7 @@ def test_a_key_types_over_a_value(forms: FormDriver) -> None:
 # Noise and priors
 
 
-def test_noise_is_typed_in_the_units_of_data_sheets(forms: FormDriver) -> None:
+def test_noise_is_entered_in_data_sheet_units(forms: FormDriver) -> None:
     forms.open("imus", "bench_nav", "Noise")
     assert (forms.shown("angle random walk", "Value"), forms.shown("angle random walk", "Unit")) == ("0.001", "°/√h")
     forms.enter("angle random walk", "Value", "0.002")
@@ -249,7 +249,7 @@ def test_noise_is_typed_in_the_units_of_data_sheets(forms: FormDriver) -> None:
     assert "gyro_lsb = 4.84813681109536e-08  # rad\n" in forms.text
 
 
-def test_priors_and_their_change_with_time_are_one_table(forms: FormDriver) -> None:
+def test_priors_and_their_drift_are_edited_in_one_table(forms: FormDriver) -> None:
     forms.open("imus", "bench_mems", "Priors")
     assert forms.shown("accel bias", "Change in a year, sigma") == "2039.43"
     forms.enter("accel bias", "Prior sigma", "5000")
@@ -331,7 +331,7 @@ def test_an_invalid_register_is_marked_at_its_cell(forms: FormDriver) -> None:
 # Form and text
 
 
-def test_form_and_text_show_each_others_changes(forms: FormDriver) -> None:
+def test_form_and_text_stay_synchronised(forms: FormDriver) -> None:
     forms.open("products", "nav_a", "Limits")
     forms.enter("inner lever arm", "Highest", "30")
     forms.show_view("Text")
@@ -341,7 +341,7 @@ def test_form_and_text_show_each_others_changes(forms: FormDriver) -> None:
     assert forms.shown("inner lever arm x", "Highest") == "30"
 
 
-def test_a_text_that_is_not_valid_disables_the_form(forms: FormDriver) -> None:
+def test_invalid_text_disables_the_form(forms: FormDriver) -> None:
     forms.open("products", "nav_a", "Limits")
     right = forms.text
     for wrong, reason in (
@@ -362,7 +362,7 @@ def test_a_text_that_is_not_valid_disables_the_form(forms: FormDriver) -> None:
     assert forms.shown("inner lever arm", "Highest") == "24"
 
 
-def test_a_problem_outside_the_form_leads_to_the_text(forms: FormDriver) -> None:
+def test_clicking_a_problem_outside_the_form_opens_the_text(forms: FormDriver) -> None:
     forms.open("products", "nav_a", "Limits")
     forms.page.profiles.editor.setPlainText(forms.text.replace("turns = 2", "turns = 0"))
     assert forms.problems()[0].startswith("Line 19: schedule.rate.turns: 0 is out of range")
@@ -374,7 +374,7 @@ def test_a_problem_outside_the_form_leads_to_the_text(forms: FormDriver) -> None
     assert forms.page.profiles.editor.textCursor().blockNumber() == 18
 
 
-def test_a_click_on_a_problem_selects_its_cell(forms: FormDriver) -> None:
+def test_clicking_a_problem_selects_its_cell(forms: FormDriver) -> None:
     forms.open("products", "mems_c", "Limits")
     forms.enter("accel bias", "Sigma below", "x")
     forms.click("gyro bias", "Highest")
@@ -393,7 +393,7 @@ def test_a_click_on_a_problem_selects_its_cell(forms: FormDriver) -> None:
         ("imus", "dsp_modbus", "Registers", ("1", "Matrix by")),
     ],
 )
-def test_an_operator_reads_and_copies_but_changes_nothing(
+def test_operator_can_read_and_copy_but_not_change_values(
     locked: FormDriver, kind: str, name: str, title: str, cell: tuple[str, str]
 ) -> None:
     locked.open(kind, name, title)

@@ -1,4 +1,4 @@
-"""A run on a gimbal in the window: its joints, and the drift of each turn; the run consists of emitted events."""
+"""A gimbal run in the window: joints and the drift of each rotation; the run consists of emitted events."""
 
 import pytest
 from PySide6.QtWidgets import QComboBox
@@ -13,7 +13,7 @@ from tests.gui.conftest import SERIAL, Operator
 
 @pytest.fixture
 def gimbal_run(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> Operator:
-    """An operator at the station with a gimbal, in the first stage."""
+    """An operator at a station with a gimbal, in the first stage."""
     app = operator.window.app
     app.set_station(library.find("stations", "virtual_gimbal"))
     assert "the unit is on a gimbal" in operator.says()
@@ -30,7 +30,7 @@ def gimbal_run(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> Operator:
     return operator
 
 
-def test_the_window_shows_joints_and_drifts(gimbal_run: Operator) -> None:
+def test_window_shows_joint_angles_and_drifts(gimbal_run: Operator) -> None:
     live, link = gimbal_run.window.operator_page._live, gimbal_run.window.app.engine_link
     link.event.emit(JointsMoved((0.5236, -0.001, 0.002), (0.1, 0.0, 0.0), True))
     assert [shown.text() for shown in live.table.angle_labels] == ["30.000°", "−0.057°", "0.115°"]

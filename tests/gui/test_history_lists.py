@@ -45,20 +45,20 @@ def runs(folder: Path) -> dict[str, Path]:
 
 
 def combo(page: HistoryPage, name: str) -> QComboBox:
-    """A list of choices by its name."""
+    """Return a combo box by its name."""
     found = page.findChild(QComboBox, f"history_{name}_combo")
     assert isinstance(found, QComboBox)
     return found
 
 
 def choose(page: HistoryPage, name: str, text: str) -> None:
-    """Choose an entry of a list by its text."""
+    """Choose an entry of a combo box by its text."""
     box = combo(page, name)
     box.setCurrentIndex(box.findText(text))
 
 
 def count(page: HistoryPage) -> str:
-    """The number of runs, as it is shown."""
+    """Return the displayed number of runs."""
     return str(page.findChild(QLabel, "history_count_label").text())
 
 
@@ -90,7 +90,7 @@ def compare(page: HistoryPage, rows: tuple[int, ...], qtbot: QtBot) -> QTableVie
     return table
 
 
-def test_lists_offer_the_values_of_the_runs(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+def test_filters_list_the_values_of_the_runs(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     shown(page, qtbot)
     offered = {
         name: [combo(page, name).itemText(i) for i in range(combo(page, name).count())]
@@ -127,7 +127,7 @@ def test_filters_are_combined_and_cleared(page: HistoryPage, runs: dict[str, Pat
     assert rows(page) == [("SN-000002", "PARTIAL")], "a filter survives the update of the list"
 
 
-def test_a_day_of_the_calendar_is_a_local_day(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
+def test_calendar_dates_are_local_days(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
     day = (NOW - timedelta(days=60)).astimezone().replace(day=15)
     for hour, minute in ((0, 0), (23, 59)):
         begin = datetime(day.year, day.month, day.day, hour, minute).astimezone()
@@ -159,7 +159,7 @@ def test_a_day_of_the_calendar_is_a_local_day(page: HistoryPage, folder: Path, q
     assert len(rows(page)) == 4
 
 
-def test_the_number_of_all_matching_runs_is_shown(
+def test_number_of_matching_runs_is_shown(
     page: HistoryPage, runs: dict[str, Path], monkeypatch: pytest.MonkeyPatch, qtbot: QtBot
 ) -> None:
     monkeypatch.setattr("calstation.gui.history.page._MAX_RUNS", 2)
@@ -203,7 +203,7 @@ def test_selected_runs_are_compared_side_by_side(page: HistoryPage, runs: dict[s
     assert len(page.table.chosen) == 3
 
 
-def test_a_value_of_one_run_only_has_no_difference(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
+def test_value_missing_in_one_run_has_no_difference(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
     rest = {"unit": "rad/s", "stage": "rate", "sigma": 1e-8}
     write_run(folder, "SN-000001", "passed", timedelta(hours=2), parameters={"gyro_bias_x": {"value": 0.0, **rest}})
     write_run(
@@ -221,7 +221,7 @@ def test_a_value_of_one_run_only_has_no_difference(page: HistoryPage, folder: Pa
     assert "2 runs of SN-000001, SN-000002" in visible_texts(page)
 
 
-def test_an_incomplete_run_is_not_compared(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+def test_incomplete_run_is_not_compared(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     base.write_dead_log(runs["new"].parent)
     shown(page, qtbot)
     select_row(page, 0, qtbot)
@@ -231,7 +231,7 @@ def test_an_incomplete_run_is_not_compared(page: HistoryPage, runs: dict[str, Pa
     assert compare_button.toolTip() == "An incomplete run has no values to compare"
 
 
-def test_a_run_that_has_gone_is_not_compared(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+def test_deleted_run_is_not_compared(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     shown(page, qtbot)
     runs["new"].unlink()
     select_row(page, 1, qtbot)
@@ -242,7 +242,7 @@ def test_a_run_that_has_gone_is_not_compared(page: HistoryPage, runs: dict[str, 
     assert "cannot be read" in page.notice.text_label.text()
 
 
-def test_the_filtered_list_is_exported(page: HistoryPage, runs: dict[str, Path], tmp_path: Path, qtbot: QtBot) -> None:
+def test_filtered_list_is_exported(page: HistoryPage, runs: dict[str, Path], tmp_path: Path, qtbot: QtBot) -> None:
     shown(page, qtbot)
     choose(page, "product", "nav-a")
     assert button(page, "history_export_button").text() == "Export list…"
@@ -258,7 +258,7 @@ def test_the_filtered_list_is_exported(page: HistoryPage, runs: dict[str, Path],
     ]
 
 
-def test_several_selected_runs_are_exported_alone(
+def test_only_selected_runs_are_exported(
     page: HistoryPage, runs: dict[str, Path], tmp_path: Path, qtbot: QtBot
 ) -> None:
     shown(page, qtbot)
@@ -277,7 +277,7 @@ def test_a_failed_export_is_reported(page: HistoryPage, runs: dict[str, Path], t
     assert "cannot be written" in page.notice.text_label.text()
 
 
-def test_the_selection_survives_an_update_of_the_list(
+def test_selection_is_kept_when_the_list_is_updated(
     page: HistoryPage, runs: dict[str, Path], folder: Path, qtbot: QtBot
 ) -> None:
     shown(page, qtbot)
@@ -294,7 +294,7 @@ def test_the_selection_survives_an_update_of_the_list(
     assert [run.serial for run in page.table.chosen] == ["SN-000009"]
 
 
-def test_a_stopped_run_is_not_judged_and_a_partial_one_is_no_pass(
+def test_stopped_and_partial_runs_are_not_shown_as_passed(
     page: HistoryPage, runs: dict[str, Path], qtbot: QtBot
 ) -> None:
     shown(page, qtbot)
@@ -308,7 +308,7 @@ def test_a_stopped_run_is_not_judged_and_a_partial_one_is_no_pass(
     assert page.details.reason_label.text() == "Only Rate: every value found is inside its limits."
 
 
-def test_the_trend_shows_the_time_of_day(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+def test_trend_shows_the_time_of_day(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     shown(page, qtbot)
     (ticks,) = page.details.trend._plot.getAxis("bottom")._tickLevels
     local = (NOW - timedelta(hours=1)).astimezone()
@@ -345,7 +345,7 @@ def test_offline_solutions_are_listed_in_the_details(
     assert any("resolves.jsonl, line 2" in text for text in visible_texts(page))
 
 
-def test_every_button_of_the_list_has_a_reason_or_a_tip(page: HistoryPage, qtbot: QtBot) -> None:
+def test_every_disabled_list_button_has_a_tooltip(page: HistoryPage, qtbot: QtBot) -> None:
     shown(page, qtbot)
     for name in ("history_compare_button", "history_export_button"):
         found = page.findChild(QPushButton, name)

@@ -89,7 +89,7 @@ def write_run(folder: Path, serial: str, outcome: str, age: timedelta, bias: flo
 
 
 def write_dead_log(folder: Path) -> Path:
-    """The log of a run that was killed in its second stage, an hour ago."""
+    """Write the log of a run that was killed in its second stage one hour ago."""
     started = NOW - timedelta(hours=1)
     path = folder / f"SN-000003_{started:%Y%m%dT%H%M%S%f}.h5"
     meta = {**META, "run": {**META["run"], "started_utc": started.isoformat()}}
@@ -156,27 +156,27 @@ def page(app: AppContext, folder: Path, qtbot: QtBot) -> HistoryPage:
 
 
 def shown(page: HistoryPage, qtbot: QtBot) -> list[tuple[str, str]]:
-    """Show the page; serial number and outcome of each row once it is up to date."""
+    """Show the page; return serial number and outcome of each row once it is up to date."""
     page.show()
     qtbot.waitUntil(lambda: not page.busy, timeout=WAIT)
     return rows(page)
 
 
 def rows(page: HistoryPage) -> list[tuple[str, str]]:
-    """Serial number and outcome of each row."""
+    """Return serial number and outcome of each row."""
     model = page.findChild(QTableView, "history_table").model()
     return [(model.index(i, 1).data(), model.index(i, 0).data()) for i in range(model.rowCount())]
 
 
 def button(page: QWidget, name: str) -> QPushButton:
-    """A button by its name."""
+    """Return a button by its name."""
     found = page.findChild(QPushButton, name)
     assert found is not None
     return found
 
 
 def visible_texts(page: HistoryPage) -> list[str]:
-    """Texts of all visible labels."""
+    """Return the texts of all visible labels."""
     return [label.text() for label in page.findChildren(QLabel) if label.isVisible()]
 
 
@@ -218,7 +218,7 @@ def test_search_filters_while_typing(page: HistoryPage, runs: dict[str, Path], q
     qtbot.waitUntil(lambda: len(rows(page)) == 5, timeout=WAIT)
 
 
-def test_period_leaves_out_older_runs(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+def test_period_filter_excludes_older_runs(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     shown(page, qtbot)
     time = page.findChild(QComboBox, "history_time_combo")
     for days, count in ((7, 3), (365, 4), (None, 5)):
@@ -244,13 +244,13 @@ def test_details_give_the_reason(page: HistoryPage, runs: dict[str, Path], qtbot
     assert not button(page, "history_close_button").isVisible()
 
 
-def test_details_say_that_a_check_standard_was_overridden(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
+def test_details_show_an_overridden_check_standard(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
     write_run(folder, "SN-000005", "passed", timedelta(minutes=3), standard_override="golden unit is away")
     shown(page, qtbot)
     qtbot.waitUntil(lambda: "in order: golden unit is away" in page.details.reason_label.text(), timeout=WAIT)
 
 
-def test_the_search_finds_the_units_of_a_batch_and_the_details_name_it(
+def test_search_by_batch_finds_its_units_and_details_show_the_batch(
     page: HistoryPage, folder: Path, qtbot: QtBot
 ) -> None:
     for number in (1, 2):
@@ -279,7 +279,7 @@ def test_result_and_log_are_opened_on_other_pages(
     assert wanted.args == [runs["dead"]]
 
 
-def test_folder_that_cannot_be_opened_is_shown_to_copy(
+def test_folder_that_cannot_be_opened_is_shown_for_copying(
     page: HistoryPage, runs: dict[str, Path], monkeypatch: pytest.MonkeyPatch, qtbot: QtBot
 ) -> None:
     monkeypatch.setattr("calstation.gui.history.page.QDesktopServices.openUrl", lambda _: False)
@@ -318,7 +318,7 @@ def test_reason_of_a_stop_is_shown(page: HistoryPage, folder: Path, qtbot: QtBot
 
 
 @pytest.mark.parametrize("signed_in", [None, "Li Na"])
-def test_an_incomplete_run_is_resumed_or_closed(
+def test_incomplete_run_is_resumed_or_closed(
     page: HistoryPage, runs: dict[str, Path], app: AppContext, qtbot: QtBot, signed_in: str | None
 ) -> None:
     app.operator = signed_in
@@ -334,7 +334,7 @@ def test_an_incomplete_run_is_resumed_or_closed(
     assert (result["outcome"], result["closed_by"]) == ("incomplete", signed_in or computer_user())
 
 
-def test_failures_are_reported(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+def test_failures_of_background_jobs_are_reported(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     shown(page, qtbot)
     for watch, title in (
         (page._refresher, "The runs could not be read"),
@@ -346,7 +346,7 @@ def test_failures_are_reported(page: HistoryPage, runs: dict[str, Path], qtbot: 
         button(page, "history_notice_close").click()
 
 
-def test_run_that_ends_is_listed_at_once(
+def test_finished_run_is_listed_immediately(
     page: HistoryPage, runs: dict[str, Path], folder: Path, app: AppContext, qtbot: QtBot
 ) -> None:
     shown(page, qtbot)
@@ -357,7 +357,7 @@ def test_run_that_ends_is_listed_at_once(
     assert page.table.run.serial == "SN-000003"  # the selection is kept
 
 
-def test_resume_asks_on_the_operator_page_first(window: MainWindow, folder: Path, qtbot: QtBot) -> None:
+def test_resume_asks_for_confirmation_on_the_operator_page(window: MainWindow, folder: Path, qtbot: QtBot) -> None:
     write_dead_log(folder)
     window.app.runs_folder = folder
     window.show_page("history_page")
@@ -370,7 +370,7 @@ def test_resume_asks_on_the_operator_page_first(window: MainWindow, folder: Path
     assert not window.app.engine_link.running
 
 
-def test_the_start_is_shown_in_local_time_with_its_zone_in_the_tooltip(
+def test_start_time_is_local_with_the_time_zone_in_the_tooltip(
     page: HistoryPage, runs: dict[str, Path], qtbot: QtBot
 ) -> None:
     shown(page, qtbot)

@@ -1,4 +1,4 @@
-"""The observability of the run in progress, drawn step by step on the engineer page."""
+"""The observability of the current run, drawn step by step on the engineer page."""
 
 from PySide6.QtCore import QEvent, QPointF
 from PySide6.QtGui import QHelpEvent
@@ -13,18 +13,18 @@ from calstation.sequencer import StageRanked, StateChanged, StepStarted
 
 
 def ranked(step: int, stage: str = "excitation", **strength: float) -> StageRanked:
-    """The observability after a step."""
+    """Return the observability after a step."""
     return StageRanked(stage, step, 8 + step, {"attitude_error_up": 1.0, "position_error_up": 1.0, **strength})
 
 
 def tooltip(view: ObservabilityView, at: QPointF) -> str:
-    """The tooltip with the pointer at a point of the map's scene."""
+    """Return the tooltip with the pointer at a point of the scene."""
     where, port = view.map.mapFromScene(at), view.map.viewport()
     QApplication.sendEvent(port, QHelpEvent(QEvent.Type.ToolTip, where, port.mapToGlobal(where)))
     return str(QToolTip.text())
 
 
-def test_the_map_grows_with_every_step(qtbot: QtBot) -> None:
+def test_observability_map_grows_with_every_step(qtbot: QtBot) -> None:
     view = ObservabilityView()
     qtbot.addWidget(view)
     found = view.findChild(QLabel, "unobservable_label")
@@ -39,7 +39,7 @@ def test_the_map_grows_with_every_step(qtbot: QtBot) -> None:
     assert view.map._strength.tolist() == [[1.0, 1.0, 2.0], [1.0, 3.0, 4.0]]
 
 
-def test_a_run_replaces_what_was_shown_and_a_result_the_run(qtbot: QtBot) -> None:
+def test_new_run_replaces_the_map_and_its_result_replaces_the_live_map(qtbot: QtBot) -> None:
     view = ObservabilityView()
     qtbot.addWidget(view)
     stored = {"segments": [{"step": 7}], "states": {"gyro_bias_x": {"step": None, "by_step": [1.0]}}}
@@ -52,7 +52,7 @@ def test_a_run_replaces_what_was_shown_and_a_result_the_run(qtbot: QtBot) -> Non
     assert "gyro bias x" in view.findChild(QLabel, "unobservable_label").text()
 
 
-def test_an_opened_result_is_shown_until_a_stage_reports(qtbot: QtBot) -> None:
+def test_opened_result_is_shown_until_a_stage_reports_progress(qtbot: QtBot) -> None:
     analysis = ResultAnalysis(AppContext())
     view = analysis.observability.view
     qtbot.addWidget(analysis.observability)

@@ -1,4 +1,4 @@
-"""The plot of a log on the offline page: zoom, menu, values at the mouse, channels, and its texts in both languages."""
+"""The plot of a log on the offline page: zoom, menu, values under the mouse, channels, texts in both languages."""
 
 from pathlib import Path
 
@@ -36,13 +36,13 @@ META = {
 
 @pytest.fixture(autouse=True)
 def unlimited_mouse_rate(monkeypatch: pytest.MonkeyPatch) -> None:
-    """pyqtgraph drops mouse moves that follow each other as fast as in a test."""
+    """Disable the limit of mouse moves per second in pyqtgraph, which tests exceed."""
     monkeypatch.setitem(pg.CONFIG_OPTIONS, "mouseRateLimit", 0)
 
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A log of two steps at rest; gyro x is the sample's number in 1e-3 °/s, gyro y 3 °/s, and so on."""
+    """A log of two steps at rest; gyro x is the sample number in 1e-3 °/s, gyro y 3 °/s, and so on."""
     path = tmp_path_factory.mktemp("plot") / "log.h5"
     writer = RawLogWriter(path, LogMeta.model_validate(META))
     seq = np.arange(COUNT)
@@ -90,7 +90,7 @@ def at(page: OfflinePage, plot: int = 0, across: float = 0.5, down: float = 0.5)
     return pixel(graph(page), boxes(page)[plot], across, down)
 
 
-def test_the_wheel_zooms_the_time_and_with_ctrl_the_values(page: OfflinePage) -> None:
+def test_wheel_zooms_time_and_ctrl_wheel_zooms_values(page: OfflinePage) -> None:
     whole = ranges(page)
     turn_wheel(graph(page), at(page, 1))
     zoomed = ranges(page)
@@ -101,7 +101,7 @@ def test_the_wheel_zooms_the_time_and_with_ctrl_the_values(page: OfflinePage) ->
     np.testing.assert_allclose(ranges(page)[:, 0], zoomed[:, 0])
 
 
-def test_a_box_zooms_and_a_double_click_shows_the_whole_log(page: OfflinePage, qtbot: QtBot) -> None:
+def test_dragging_a_box_zooms_and_a_double_click_shows_the_whole_log(page: OfflinePage, qtbot: QtBot) -> None:
     whole = ranges(page)
     drag(graph(page), at(page, 0, 0.3, 0.3), at(page, 0, 0.6, 0.8))
     zoomed = ranges(page)
@@ -115,7 +115,7 @@ def test_a_box_zooms_and_a_double_click_shows_the_whole_log(page: OfflinePage, q
     qtbot.waitUntil(lambda: np.allclose(ranges(page), whole))
 
 
-def test_the_middle_button_pans(page: OfflinePage) -> None:
+def test_middle_mouse_button_pans(page: OfflinePage) -> None:
     page.plot.zoom(True)
     before = page.plot.view
     drag(graph(page), at(page, 0, 0.6), at(page, 0, 0.4), Qt.MouseButton.MiddleButton)
@@ -132,7 +132,7 @@ def pointer(page: OfflinePage) -> str:
     return str(page.findChild(QLabel, "pointer_label").text())
 
 
-def test_the_values_under_the_mouse_are_shown(page: OfflinePage, qtbot: QtBot) -> None:
+def test_values_under_the_mouse_are_shown(page: OfflinePage, qtbot: QtBot) -> None:
     for _ in range(9):
         qtbot.mouseClick(page.findChild(QPushButton, "zoom_in_button"), Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: page.plot.samples_per_column == 1, timeout=WAIT)
@@ -153,7 +153,7 @@ def test_the_values_under_the_mouse_are_shown(page: OfflinePage, qtbot: QtBot) -
     assert "3.00000" not in notes(page)[0]
 
 
-def test_merged_samples_show_their_lowest_and_highest_value(page: OfflinePage) -> None:
+def test_merged_samples_show_minimum_and_maximum(page: OfflinePage) -> None:
     move_mouse(graph(page), at(page, 0, 0.25))
     low, high = (float(text) for text in notes(page)[0].split("x ")[1].split()[0].split("…"))
     seq, count = page.plot._pointed, page.plot.samples_per_column
@@ -163,7 +163,7 @@ def test_merged_samples_show_their_lowest_and_highest_value(page: OfflinePage) -
 
 
 def tick(page: OfflinePage, *names: str) -> None:
-    """Choose these entries of the menu of channels."""
+    """Toggle these entries of the channel menu."""
     menu = page.findChild(QPushButton, "channels_button").menu()
     for name in names:
         next(action for action in menu.actions() if action.text() == name).trigger()
@@ -189,7 +189,7 @@ def test_channels_are_hidden_and_shown(page: OfflinePage, window: MainWindow, lo
     qtbot.waitUntil(lambda: curves["gyro_x"].isVisible(), timeout=WAIT)  # a log opened anew shows all
 
 
-def test_the_plots_are_saved_with_their_channels(page: OfflinePage, tmp_path: Path) -> None:
+def test_plots_are_saved_with_their_visible_channels(page: OfflinePage, tmp_path: Path) -> None:
     tick(page, "Gyro x", "Gyro y", "Gyro z")
     assert open_menu(graph(page)) == ["Copy as picture", "Save…"]
     for name, start in (("a.csv", b"seq,time_s,accel_x [m/s"), ("a.svg", b"<?xml"), ("a.png", b"\x89PNG")):
@@ -205,7 +205,7 @@ def test_the_plots_are_saved_with_their_channels(page: OfflinePage, tmp_path: Pa
 
 
 def texts(page: OfflinePage) -> list[str]:
-    """All texts of the page with a log, in a fixed order."""
+    """Return all texts of the page with a log, in a fixed order."""
     widgets = page.findChildren(QLabel) + page.findChildren(QAbstractButton)
     found = [widget.text() for widget in widgets if widget.isVisible()]
     tips = [widget.toolTip() for widget in widgets if widget.isVisible()]
@@ -216,7 +216,7 @@ def texts(page: OfflinePage) -> list[str]:
 
 @pytest.mark.parametrize("method", ["", "multi_position", "gimbal", "cross_calibration"])
 def test_all_texts_follow_the_language(method: str, page: OfflinePage, window: MainWindow, qtbot: QtBot) -> None:
-    """The texts after a change of language are those of the same actions in that language."""
+    """Texts after a change of language equal the texts of the same actions in that language."""
 
     def act() -> None:
         page.choose(method)

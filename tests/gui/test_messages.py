@@ -1,4 +1,4 @@
-"""Errors, events and terms of the catalogue in the language of the window."""
+"""Errors, events and terms from the catalogue are shown in the language of the window."""
 
 from collections.abc import Iterator
 
@@ -23,7 +23,7 @@ def english(qapp: QApplication) -> Iterator[None]:
     language.use("en")
 
 
-def test_an_error_is_source_reason_and_remedy_in_both_languages() -> None:
+def test_error_shows_source_reason_and_remedy_in_both_languages() -> None:
     fault = Fault.of(DeviceFaultError("program.internal", detail="KeyError: 3"))
     text = fault_text(fault)
     assert (text.source, text.where) == ("program", "Program")
@@ -35,7 +35,7 @@ def test_an_error_is_source_reason_and_remedy_in_both_languages() -> None:
     assert text.reason == "程序内部错误：KeyError: 3。"
 
 
-def test_a_fault_without_a_code_is_shown_as_it_is() -> None:
+def test_fault_without_a_code_is_shown_unchanged() -> None:
     assert fault_text(Fault("internal", "free text", 3)).reason == "free text"
 
 
@@ -49,5 +49,5 @@ def test_steps_events_and_terms_follow_the_language() -> None:
     assert event_sentence("step_repeated", {"reason": "gap", "attempt": 2}) == "重做这一步（丢数），第 2 次。"
 
 
-def test_a_duration_has_hours_only_if_it_needs_them() -> None:
+def test_duration_shows_hours_only_if_needed() -> None:
     assert [duration_text(seconds) for seconds in (0.4, 75.0, 3675.0)] == ["0:00", "1:15", "1:01:15"]

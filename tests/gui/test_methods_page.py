@@ -1,4 +1,4 @@
-"""Methods in the log workspace: recordings made, opened, solved, drawn, refused and exported."""
+"""Methods in the log workspace: recordings are simulated, opened, solved, plotted, refused and exported."""
 
 import json
 import re
@@ -47,7 +47,7 @@ CHINESE = re.compile(r"[\u4e00-\u9fff]")
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """One recording of the virtual bench for each method, with its truth beside it."""
+    """One recording of the virtual bench for each method, with a truth file."""
     folder = tmp_path_factory.mktemp("recordings")
     return {
         stage: record_on_bench(lambda *a, **k: None, kind, folder / f"{stage}.h5", "mems", 4)
@@ -57,7 +57,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture
 def chosen(window: MainWindow) -> Callable[[str], MethodPanel]:
-    """Chooses a method on the page."""
+    """Choose a method on the page."""
 
     def choose(stage: str) -> MethodPanel:
         window.show_page("offline_page")
@@ -80,7 +80,7 @@ def solved(panel: MethodPanel, path: Path, qtbot: QtBot) -> None:
 
 
 def cells(panel: MethodPanel) -> dict[str, dict[str, str]]:
-    """The cells of the parameter table by parameter and heading."""
+    """Return the cells of the parameter table by parameter and heading."""
     model = panel.answers.table.model()
     headings = [str(model.headerData(k, Qt.Orientation.Horizontal)) for k in range(model.columnCount())]
     rows = {}
@@ -91,7 +91,7 @@ def cells(panel: MethodPanel) -> dict[str, dict[str, str]]:
 
 
 @pytest.mark.long
-def test_a_multi_position_recording_is_solved_drawn_applied_and_exported(
+def test_multi_position_recording_is_solved_plotted_applied_and_exported(
     chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot, tmp_path: Path
 ) -> None:
     panel = chosen("multi_position")
@@ -129,7 +129,7 @@ def test_a_multi_position_recording_is_solved_drawn_applied_and_exported(
 
 
 @pytest.mark.long
-def test_data_of_the_connected_unit_are_shown_before_and_after(
+def test_output_of_the_connected_unit_is_shown_before_and_after_correction(
     chosen: Callable[[str], MethodPanel],
     recordings: dict[str, Path],
     qtbot: QtBot,
@@ -186,7 +186,7 @@ def test_data_of_the_connected_unit_are_shown_before_and_after(
 
 
 @pytest.mark.long
-def test_a_gimbal_recording_of_the_bench_shows_both_solutions_in_both_languages(
+def test_gimbal_recording_shows_both_solutions_in_both_languages(
     chosen: Callable[[str], MethodPanel], qtbot: QtBot, site_folder: SiteFolder
 ) -> None:
     panel = chosen("gimbal")
@@ -220,7 +220,7 @@ def test_a_gimbal_recording_of_the_bench_shows_both_solutions_in_both_languages(
 
 
 @pytest.mark.long
-def test_a_secondary_out_of_tolerance_is_calibrated_stored_and_within_at_the_next_check(
+def test_out_of_tolerance_secondary_passes_the_check_after_calibration(
     chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
 ) -> None:
     panel = chosen("cross_calibration")
@@ -259,7 +259,7 @@ def test_a_secondary_out_of_tolerance_is_calibrated_stored_and_within_at_the_nex
 
 
 @pytest.mark.long
-def test_a_failed_solution_is_reported_and_a_running_one_can_be_cancelled(
+def test_failed_solution_is_reported_and_a_running_solution_cancelled(
     chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
 ) -> None:
     panel = chosen("cross_calibration")
@@ -280,7 +280,7 @@ def test_a_failed_solution_is_reported_and_a_running_one_can_be_cancelled(
     assert panel.solve_button.isEnabled()
 
 
-def test_the_path_of_a_log_is_locked_while_the_selected_view_works(
+def test_log_path_is_locked_while_the_current_view_is_busy(
     window: MainWindow, chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
 ) -> None:
     panel, page = chosen("multi_position"), window.offline_page
@@ -299,7 +299,7 @@ def test_the_path_of_a_log_is_locked_while_the_selected_view_works(
     assert page.source.isEnabled()
 
 
-def test_guide_me_live_needs_a_manual_rig_and_opens_the_operator_page(
+def test_guide_me_live_requires_a_manual_rig_and_opens_the_operator_page(
     chosen: Callable[[str], MethodPanel], window: MainWindow, operator: Operator, qtbot: QtBot
 ) -> None:
     panel = chosen("multi_position")
@@ -365,7 +365,7 @@ def check(name: str, value: float, limit: float, unit: str, **more: object) -> d
     return {**told, "margin": limit - value, "near_miss": near, **more}
 
 
-def test_checks_are_shown_as_sentences_and_a_near_miss_is_marked(qtbot: QtBot) -> None:
+def test_checks_are_shown_as_sentences_and_values_near_limits_are_marked(qtbot: QtBot) -> None:
     table = ChecksTable()
     qtbot.addWidget(table)
     rows = [
@@ -387,7 +387,7 @@ def test_checks_are_shown_as_sentences_and_a_near_miss_is_marked(qtbot: QtBot) -
     assert check_text(Check.from_json(check("previous accel_scale", 1e-4, 3e-4, "1"))).value == "100"
 
 
-def test_the_verdict_of_the_operator_page_shows_the_checks_of_the_product() -> None:
+def test_operator_page_verdict_shows_the_product_checks() -> None:
     checks = [
         check("gravity_at_rest", 0.0095, 0.01, "m/s²"),
         check("motion_angle", 0.009, 0.006, "rad"),
@@ -432,7 +432,7 @@ def test_calibrations_by_triggers_are_shown_on_the_timeline(
     assert "nothing is stored" in panel.findChild(QLabel, "pair_stored_label").text()
 
 
-def test_a_live_watch_uses_the_chosen_product(
+def test_live_watch_uses_the_selected_product(
     window: MainWindow, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[RunRequest] = []
@@ -459,7 +459,7 @@ def test_a_live_watch_uses_the_chosen_product(
 
 
 @pytest.mark.long
-def test_the_pair_of_a_station_is_watched_live_and_checked_by_a_button(
+def test_live_imu_pair_is_monitored_and_checked_on_a_button_press(
     chosen: Callable[[str], MethodPanel], window: MainWindow, qtbot: QtBot, tmp_path: Path
 ) -> None:
     live = chosen("cross_calibration").answers.live

@@ -1,4 +1,4 @@
-"""A failed test of the model names an effect; a button adds it to the model and solves the log again."""
+"""A failed model test reports an effect; a button adds it to the model and solves the log again."""
 
 from pathlib import Path
 
@@ -18,14 +18,14 @@ NAMES = {f"accel_cubic_{axis}" for axis in "xyz"}
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A log of six positions of a unit with a third-order accelerometer error."""
+    """A six-position log of a unit with a third-order accelerometer error."""
     path = tmp_path_factory.mktemp("cubic") / "log.h5"
     log_with(path, "six_position", accel_cubic_ug_g3=300.0)
     return path
 
 
 @pytest.mark.long
-def test_a_state_is_added_on_the_engineer_page(operator: Operator, log: Path) -> None:
+def test_state_is_added_on_the_engineer_page(operator: Operator, log: Path) -> None:
     window = operator.window
     window.show_page("engineer_page")
     page = window.findChild(EngineerPage, "engineer_page")
@@ -58,7 +58,7 @@ def test_a_state_is_added_on_the_engineer_page(operator: Operator, log: Path) ->
 
 
 @pytest.mark.long
-def test_a_state_is_added_on_the_offline_page(operator: Operator, log: Path) -> None:
+def test_state_is_added_on_the_offline_page(operator: Operator, log: Path) -> None:
     window = operator.window
     window.show_page("offline_page")
     page = window.findChild(OfflinePage, "offline_page")

@@ -1,4 +1,4 @@
-"""Names of parameters and negative numbers are shown in the same way in the whole window."""
+"""Parameter names and negative numbers are displayed consistently in the whole window."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from tests.gui.conftest import Operator
 
 
 @pytest.mark.parametrize(("code", "name"), [("en", "gyro bias x"), ("zh_CN", "陀螺零偏 x")])
-def test_a_table_shows_translated_names_and_minus_signs_and_copies_those_of_files(
+def test_table_shows_translated_names_and_copies_identifiers_and_hyphens(
     qapp: QApplication, qtbot: QtBot, code: str, name: str
 ) -> None:
     language.use(code)
@@ -49,7 +49,7 @@ def test_every_parameter_has_a_name_in_both_languages(qapp: QApplication) -> Non
 
 
 @pytest.mark.parametrize("typed", ["-12.5", "−12.5"])
-def test_a_field_shows_a_minus_sign_and_accepts_a_hyphen_too(qtbot: QtBot, typed: str) -> None:
+def test_field_shows_a_minus_sign_and_accepts_a_hyphen(qtbot: QtBot, typed: str) -> None:
     edit = NumberEdit()
     qtbot.addWidget(edit)
     edit.show_value(-12.5)
@@ -66,7 +66,7 @@ def test_a_field_shows_a_minus_sign_and_accepts_a_hyphen_too(qtbot: QtBot, typed
     assert vector.value() == [-1, 0, 1]
 
 
-def test_axes_have_minus_signs(qtbot: QtBot) -> None:
+def test_axis_labels_have_minus_signs(qtbot: QtBot) -> None:
     plot = ThemedPlot()
     qtbot.addWidget(plot)
     for side in ("left", "bottom"):

@@ -1,4 +1,4 @@
-"""Columns that a view of a log draws, and samples that it requests."""
+"""The pixel columns that a log view draws, and the samples that it requests."""
 
 from typing import Any
 
@@ -31,7 +31,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> LogIndex:
 @pytest.mark.parametrize("first", [0, 8_950, 9_010, 60_000, 89_800])
 @pytest.mark.parametrize("width", [12, 150, 1_500, 12_000])
 @pytest.mark.parametrize("count", [100, 1_000])
-def test_the_samples_requested_are_sufficient(log: LogIndex, first: int, width: int, count: int) -> None:
+def test_requested_samples_are_sufficient(log: LogIndex, first: int, width: int, count: int) -> None:
     columns = LogColumns(log)
     last = min(START + first + width, log.facts.last_seq)
     drawn, wanted = columns.view(START + first, last, count)
@@ -60,13 +60,13 @@ def test_lines_end_at_a_gap_between_samples() -> None:
     assert len(low) == len(high) == 7
 
 
-def test_a_column_with_a_gap_in_it_is_left_out() -> None:
+def test_column_that_contains_a_gap_is_not_drawn() -> None:
     seq, low, _ = split_at_gaps(columns_with_gap(16), 10.0)
     assert np.flatnonzero(np.isnan(seq)).tolist() == [3]
     assert len(low) == 6
 
 
-def test_a_gap_narrower_than_a_pixel_interrupts_no_line() -> None:
+def test_gap_narrower_than_a_pixel_does_not_interrupt_the_line() -> None:
     assert not np.isnan(split_at_gaps(columns_with_gap(16), 2_000.0)[0]).any()
 
 

@@ -1,4 +1,4 @@
-"""The offline page: a log is opened, drawn, solved again over a range, compared and exported."""
+"""The offline page: a log is opened, plotted, solved again over a range, compared and exported."""
 
 import json
 import re
@@ -113,13 +113,13 @@ def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def unlimited_mouse_rate(monkeypatch: pytest.MonkeyPatch) -> None:
-    """pyqtgraph drops mouse moves that follow each other as fast as in a test."""
+    """Disable the limit of mouse moves per second in pyqtgraph, which tests exceed."""
     monkeypatch.setitem(pg.CONFIG_OPTIONS, "mouseRateLimit", 0)
 
 
 @pytest.fixture
 def page(app: AppContext, qtbot: QtBot) -> Iterator[OfflinePage]:
-    """The page, as in a window of 1366x768."""
+    """The page at its size in a window of 1366x768."""
     app.settings.clear()
     made = OfflinePage(app)
     qtbot.addWidget(made)
@@ -132,7 +132,7 @@ def page(app: AppContext, qtbot: QtBot) -> Iterator[OfflinePage]:
 
 
 def opened(page: OfflinePage, path: Path, qtbot: QtBot) -> OfflinePage:
-    """The page with a log open, as typed by a user."""
+    """The page with a log opened by typing its path."""
     edit = page.findChild(QLineEdit, "log_edit")
     edit.setText(str(path))
     qtbot.keyClick(edit, Qt.Key.Key_Return)
@@ -142,7 +142,7 @@ def opened(page: OfflinePage, path: Path, qtbot: QtBot) -> OfflinePage:
 
 
 def spins(page: OfflinePage) -> tuple[CountSpin, CountSpin]:
-    """The boxes of the range."""
+    """Return the spin boxes of the range."""
     first, last = page.findChild(CountSpin, "first_seq_spin"), page.findChild(CountSpin, "last_seq_spin")
     assert first is not None
     assert last is not None
@@ -156,14 +156,14 @@ def solve(page: OfflinePage, qtbot: QtBot) -> None:
 
 
 def button(page: QWidget, name: str) -> QPushButton:
-    """A button by its name."""
+    """Return a button by its name."""
     found = page.findChild(QPushButton, name)
     assert found is not None
     return found
 
 
 def cells(page: OfflinePage, column: str) -> dict[str, str]:
-    """A column of the comparison by parameter."""
+    """Return a column of the comparison by parameter."""
     table = page.findChild(QTableView, "comparison_table")
     model = table.model()
     headings = [model.headerData(i, Qt.Orientation.Horizontal) for i in range(model.columnCount())]
@@ -186,7 +186,7 @@ def save_as(page: OfflinePage, name: str, target: Path, kind: int, qtbot: QtBot)
     qtbot.waitUntil(lambda: page.notice.isVisible(), timeout=WAIT)
 
 
-def test_a_pasted_path_is_opened_without_a_key(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
+def test_pasted_path_is_opened_without_pressing_enter(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
     edit = page.findChild(QLineEdit, "log_edit")
     edit.setText(str(run_log.with_suffix(".json")))
     edit.setText(str(run_log))
@@ -194,13 +194,13 @@ def test_a_pasted_path_is_opened_without_a_key(page: OfflinePage, run_log: Path,
     assert page.log is not None
 
 
-def test_an_empty_page_says_what_to_do(page: OfflinePage) -> None:
+def test_empty_page_explains_what_to_do(page: OfflinePage) -> None:
     solve_button = button(page, "solve_button")
     assert not solve_button.isEnabled()
     assert solve_button.toolTip() == "Open a log first"
 
 
-def test_the_same_log_gives_the_same_result_bit_for_bit(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
+def test_same_log_gives_a_bit_identical_result(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
     opened(page, run_log, qtbot)
     assert page.comparison.online_badge.text() == "PARTIAL"
     assert "–" in set(cells(page, "offline").values())
@@ -214,7 +214,7 @@ def test_the_same_log_gives_the_same_result_bit_for_bit(page: OfflinePage, run_l
     assert set(cells(page, "unit")) == set(map(parameter_text, stored))
 
 
-def test_a_solution_that_cannot_be_recorded_is_shown_all_the_same(
+def test_solution_is_shown_even_if_it_cannot_be_recorded(
     page: OfflinePage, run_log: Path, tmp_path: Path, qtbot: QtBot
 ) -> None:
     log = Path(shutil.copy(run_log, tmp_path))
@@ -251,7 +251,7 @@ def test_a_range_entered_in_the_boxes_is_solved(page: OfflinePage, run_log: Path
     assert page.solved.result.to_json() == expected  # the earlier solution is kept
 
 
-def test_a_result_of_another_selection_is_outdated_and_not_exported(
+def test_result_of_another_selection_is_outdated_and_not_exported(
     page: OfflinePage, run_log: Path, tmp_path: Path, qtbot: QtBot
 ) -> None:
     opened(page, run_log, qtbot)
@@ -288,7 +288,7 @@ def test_a_result_of_another_selection_is_outdated_and_not_exported(
 
 
 def drag_edge(page: OfflinePage, edge: int, to: float) -> None:
-    """Drag the range's edge (0 or 1) to a fraction of the view, by mouse."""
+    """Drag edge 0 or 1 of the range to a fraction of the view with the mouse."""
     view = page.plot.findChild(QWidget, "log_graph").viewport()
     box = page.plot.view_box
     height = box.mapToScene(box.boundingRect().center()).y()
@@ -316,7 +316,7 @@ def drag_edge(page: OfflinePage, edge: int, to: float) -> None:
         QApplication.processEvents()
 
 
-def test_boxes_and_region_follow_each_other_and_stay_within_the_log(
+def test_range_boxes_and_plot_region_stay_synchronised_within_the_log(
     page: OfflinePage, long_log: Path, qtbot: QtBot
 ) -> None:
     opened(page, long_log, qtbot)
@@ -346,7 +346,7 @@ def test_boxes_and_region_follow_each_other_and_stay_within_the_log(
     assert (first.value(), last.value()) == (facts.first_seq, facts.last_seq)
 
 
-def test_a_sigma_beyond_its_limit_marks_only_the_sigma(qtbot: QtBot) -> None:
+def test_sigma_above_its_limit_marks_only_the_sigma(qtbot: QtBot) -> None:
     row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
     checks = [
         {"name": name, "value": 1.0, "limit": 1.0, "unit": "1", "passed": passed}
@@ -368,7 +368,7 @@ def test_a_sigma_beyond_its_limit_marks_only_the_sigma(qtbot: QtBot) -> None:
     assert states == [[None, "bad"], ["bad", None]]
 
 
-def test_the_latest_runs_are_offered_below_the_recent_logs(app: AppContext, qtbot: QtBot) -> None:
+def test_latest_runs_are_listed_below_recent_logs(app: AppContext, qtbot: QtBot) -> None:
     app.settings.clear()
     bar = SourceBar(app.settings, lambda: [Path("/runs/b.h5"), Path("/runs/a.h5")])
     qtbot.addWidget(bar)
@@ -392,7 +392,7 @@ def test_zooming_reaches_single_samples(page: OfflinePage, long_log: Path, qtbot
     qtbot.waitUntil(lambda: page.plot.samples_per_column > 100, timeout=WAIT)
 
 
-def test_a_running_solve_is_cancelled(page: OfflinePage, long_log: Path, qtbot: QtBot) -> None:
+def test_running_solution_is_cancelled(page: OfflinePage, long_log: Path, qtbot: QtBot) -> None:
     opened(page, long_log, qtbot)
     fractions: list[float] = []
     page.solver.progress.connect(lambda fraction, _: fractions.append(fraction))
@@ -415,7 +415,7 @@ def test_a_running_solve_is_cancelled(page: OfflinePage, long_log: Path, qtbot: 
         ("nowhere.h5", "No such file"),
     ],
 )
-def test_a_file_that_is_no_log_is_refused_with_a_reason(
+def test_file_that_is_not_a_log_is_refused_with_a_reason(
     page: OfflinePage, name: str, said: str, tmp_path: Path, qtbot: QtBot
 ) -> None:
     if name != "nowhere.h5":
@@ -426,7 +426,7 @@ def test_a_file_that_is_no_log_is_refused_with_a_reason(
     assert page.log is None
 
 
-def test_a_dropped_csv_is_opened_and_a_picture_is_not(page: OfflinePage, tmp_path: Path, qtbot: QtBot) -> None:
+def test_dropped_csv_is_opened_and_a_dropped_image_is_not(page: OfflinePage, tmp_path: Path, qtbot: QtBot) -> None:
     log = write_log(tmp_path, six_position_rows(), meta=CSV_META)
     for name, taken in (("picture.png", False), (log.name, True)):
         mime = QMimeData()
@@ -458,7 +458,7 @@ def test_log_and_result_are_exported(page: OfflinePage, run_log: Path, tmp_path:
     assert copy == page.solved.result.to_json()["parameters"]
 
 
-def test_a_cancelled_export_leaves_nothing(page: OfflinePage, long_log: Path, tmp_path: Path, qtbot: QtBot) -> None:
+def test_cancelled_export_leaves_no_file(page: OfflinePage, long_log: Path, tmp_path: Path, qtbot: QtBot) -> None:
     opened(page, long_log, qtbot)
     target = tmp_path / "out" / "copy.csv"
     target.parent.mkdir()
@@ -474,7 +474,7 @@ def test_a_cancelled_export_leaves_nothing(page: OfflinePage, long_log: Path, tm
 
 
 def readable(page: OfflinePage) -> list[str]:
-    """The visible texts of labels, buttons and tables, without numbers and units alone."""
+    """Return the visible texts of labels, buttons and tables, except bare numbers and units."""
     widgets = [*page.findChildren(QLabel), *page.findChildren(QPushButton)]
     said = [text for widget in widgets if widget.isVisible() for text in (widget.text(), widget.toolTip())]
     for table in filter(QTableView.isVisible, page.findChildren(QTableView)):
@@ -509,7 +509,7 @@ def test_all_texts_about_a_solved_log_follow_the_language(window: MainWindow, ru
 
 
 @pytest.mark.long
-def test_the_history_page_opens_a_log_on_the_offline_page(window: MainWindow, run_log: Path, qtbot: QtBot) -> None:
+def test_history_page_opens_a_log_on_the_offline_page(window: MainWindow, run_log: Path, qtbot: QtBot) -> None:
     window.app.runs_folder = run_log.parent
     window.show_page("history_page")
     history, offline = window.findChild(HistoryPage), window.offline_page

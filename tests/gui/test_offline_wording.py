@@ -1,4 +1,4 @@
-"""Errors of logs and ranges are shown in the language of the window, without options of the command line."""
+"""Errors about logs and ranges are shown in the language of the window, without command-line options."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -78,7 +78,7 @@ def chinese(qapp: QApplication) -> Iterator[None]:
 
 
 def error_of(make: Maker, folder: Path) -> str:
-    """The error in the current language of the window."""
+    """Return the error in the current language of the window."""
     path, stages, first, last = make(folder)
     with pytest.raises(InputError) as error:
         resolve(path, stages, first, last)
@@ -86,7 +86,7 @@ def error_of(make: Maker, folder: Path) -> str:
 
 
 @pytest.mark.parametrize("make", WRONG.values(), ids=WRONG)
-def test_an_error_is_a_sentence_without_options(make: Maker, tmp_path: Path, qapp: QApplication) -> None:
+def test_error_is_a_sentence_without_command_line_options(make: Maker, tmp_path: Path, qapp: QApplication) -> None:
     text = error_of(make, tmp_path)
     assert "--" not in text
     assert text.endswith((".", "?"))

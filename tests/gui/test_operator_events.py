@@ -1,4 +1,4 @@
-"""Scans into any widget, incompatible products and old verdicts; runs are emitted events, no engine is started."""
+"""Scans into any widget, incompatible products and old verdicts; runs consist of emitted events without an engine."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -53,7 +53,7 @@ def scan_into_focus(operator: Operator, text: str) -> None:
 
 
 def serial_and_focus(operator: Operator) -> tuple[str, object]:
-    """The text of the serial field, and the widget with the focus."""
+    """Return the text of the serial field, and the widget with the focus."""
     return operator.widget("serial_edit", QLineEdit).text(), operator.window.focusWidget()
 
 
@@ -96,7 +96,7 @@ def test_serial_field_has_the_focus_after_product_page_theme_and_language_change
     assert operator.window.focusWidget() is edit
 
 
-def test_names_and_pins_are_not_scans_and_enter_on_start_explains_how_to_start(operator: Operator) -> None:
+def test_typed_names_and_pins_are_not_taken_for_scans(operator: Operator) -> None:
     name = operator.widget("operator_edit", QLineEdit)
     name.setFocus()
     operator.qtbot.keyClicks(name, "Li")
@@ -113,7 +113,7 @@ def test_names_and_pins_are_not_scans_and_enter_on_start_explains_how_to_start(o
     assert serial_and_focus(operator)[0] == SERIAL
 
 
-def test_stage_of_an_earlier_run_has_no_time_and_message_line_follows_the_language(simulated_run: Operator) -> None:
+def test_resumed_stage_shows_no_time_and_message_line_follows_the_language(simulated_run: Operator) -> None:
     link = simulated_run.window.app.engine_link
     first, second = simulated_run.run.stages[0].name, simulated_run.run.stages[1].name
     link.event.emit(StageSolved(first, {}, {"passed": True}))
@@ -153,7 +153,7 @@ def test_verdict_is_cleared_by_another_product_or_station(simulated_run: Operato
     assert simulated_run.verdict == ""
 
 
-def test_deciding_number_is_bold_and_shown_with_its_limit(simulated_run: Operator) -> None:
+def test_decisive_value_is_bold_and_shown_with_its_limit(simulated_run: Operator) -> None:
     row = {"unit": "rad/s", "stage": "rate", "value": -4e-6, "sigma": 9e-6}
     checks = [
         {
@@ -173,7 +173,7 @@ def test_deciding_number_is_bold_and_shown_with_its_limit(simulated_run: Operato
     assert "−0.8" not in [label.text() for label in shown]
 
 
-def test_compatible_products_are_named_and_a_button_chooses_one(
+def test_compatible_products_are_listed_and_selected_by_a_button(
     operator: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     app = operator.window.app
@@ -220,7 +220,7 @@ def test_start_waits_while_another_page_uses_a_device(operator: Operator, monkey
     assert started == [replace(request, operator=operator.window.operator_page.header.badge_field.operator)]
 
 
-def test_failures_with_earlier_runs_are_reported(operator: Operator) -> None:
+def test_failures_in_closing_earlier_runs_are_reported(operator: Operator) -> None:
     interrupted = operator.window.operator_page._starting.interrupted
     error = InputError("run.not_resumable", path="log.h5")
     for watch, title in (
@@ -238,7 +238,7 @@ def test_failures_with_earlier_runs_are_reported(operator: Operator) -> None:
 
 
 @pytest.mark.parametrize("outcome", ["passed", "failed", "stopped"])
-def test_serial_number_belongs_to_the_verdict_and_the_field_to_the_next_unit(
+def test_verdict_keeps_its_serial_number_and_the_field_is_for_the_next_unit(
     simulated_run: Operator, outcome: str
 ) -> None:
     edit, engineer_edit = (simulated_run.widget(n, QLineEdit) for n in ("serial_edit", "engineer_serial_edit"))
@@ -263,7 +263,7 @@ def test_serial_number_belongs_to_the_verdict_and_the_field_to_the_next_unit(
     assert "next unit" not in simulated_run.says()
 
 
-def test_a_long_serial_number_fits_beside_the_verdict(simulated_run: Operator) -> None:
+def test_long_serial_number_fits_next_to_the_verdict(simulated_run: Operator) -> None:
     simulated_run.run.unit.serial = "UNIT-OF-A-VERY-LONG-NAME-0000000123456789"
     end_run(simulated_run, "incomplete")
     serial = simulated_run.widget("verdict_serial_label", QLabel)
@@ -293,7 +293,7 @@ def test_suggested_serial_number_does_not_survive_a_change_to_hardware(operator:
     assert edits[0].text() == SERIAL
 
 
-def test_stage_of_a_failing_value_is_marked_and_the_value_stands_first(simulated_run: Operator) -> None:
+def test_stage_of_a_failing_value_is_marked_and_the_value_listed_first(simulated_run: Operator) -> None:
     link = simulated_run.window.app.engine_link
     for stage in simulated_run.run.stages[:2]:
         link.event.emit(StageStarted(stage.name, 0, 4, 10.0))
@@ -320,7 +320,7 @@ def test_stage_of_a_failing_value_is_marked_and_the_value_stands_first(simulated
     simulated_run.until(lambda: "超差" in simulated_run.says() and "完成" in simulated_run.says())
 
 
-def test_interrupted_unit_scanned_again_is_resumed_or_begun_anew(
+def test_interrupted_unit_scanned_again_is_resumed_or_restarted(
     operator: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     runs = operator.window.app.runs_folder
@@ -358,7 +358,7 @@ def test_interrupted_unit_scanned_again_is_resumed_or_begun_anew(
     operator.until(lambda: "SN-000003 was interrupted in stage 2" in operator.says())
 
 
-def test_ready_is_not_shown_while_station_and_product_cannot_run(operator: Operator) -> None:
+def test_ready_is_not_shown_while_station_and_product_are_incompatible(operator: Operator) -> None:
     pages = ("operator_page", "engineer_page", "history_page")
 
     def badges() -> list[bool]:
@@ -382,7 +382,7 @@ def test_ready_is_not_shown_while_station_and_product_cannot_run(operator: Opera
 @pytest.mark.parametrize(
     ("commanded", "by_hand"), [(False, False), (True, False), (True, True)], ids=["connecting", "table", "manual"]
 )
-def test_stop_claims_only_what_was_done(simulated_run: Operator, *, commanded: bool, by_hand: bool) -> None:
+def test_stop_message_states_only_what_was_done(simulated_run: Operator, *, commanded: bool, by_hand: bool) -> None:
     run = simulated_run.run
     assert run.run_summary is not None
     run.run_summary = replace(run.run_summary, by_hand=by_hand)

@@ -1,4 +1,4 @@
-"""The operator page by real clicks, with the real engine and a short product on the virtual bench."""
+"""The operator page operated by real clicks, with the real engine and a short product on the virtual bench."""
 
 import json
 import os
@@ -24,11 +24,11 @@ LONG_STAGE = {"six_position": {"dwell_s": 100.0, **QUICK}}
 
 
 def results(site_folder: SiteFolder) -> list[dict[str, Any]]:
-    """Results of the runs, oldest first."""
+    """Return the results of the runs, oldest first."""
     return [json.loads(p.read_text(encoding="utf-8")) for p in sorted(site_folder.runs.glob("SN-*.json"))]
 
 
-def test_one_click_runs_to_pass_with_language_changes(operator: Operator) -> None:
+def test_run_passes_after_one_click_despite_language_changes(operator: Operator) -> None:
     serial = operator.widget("serial_edit", QLineEdit).text()
     assert serial == "SN-000001"
     assert "virtual bench" in operator.says()
@@ -60,7 +60,7 @@ def test_one_click_runs_to_pass_with_language_changes(operator: Operator) -> Non
 
 @pytest.mark.long
 @pytest.mark.parametrize("page", ["operator_page", "engineer_page"])
-def test_a_stage_without_limit_is_ended_by_a_click_and_solved(operator: Operator, page: str) -> None:
+def test_unlimited_stage_is_ended_by_a_click_and_solved(operator: Operator, page: str) -> None:
     unlimited = {**PRODUCT["schedule"]["azimuth_flip"], "rounds": 0}
     product = {"stages": ["azimuth_flip"], "schedule": {"azimuth_flip": unlimited}, "operator_ends_stages": True}
     operator.site_folder.write(product)
@@ -82,7 +82,7 @@ def test_a_stage_without_limit_is_ended_by_a_click_and_solved(operator: Operator
 
 
 @pytest.mark.long
-def test_pause_resume_and_escape_from_another_page(operator: Operator) -> None:
+def test_run_is_paused_resumed_and_stopped_from_another_page(operator: Operator) -> None:
     operator.site_folder.write({**ONE_STAGE, "schedule": LONG_STAGE}, speed=20.0)
     operator.scan(SERIAL)
     operator.press("start_button")
@@ -148,7 +148,7 @@ def test_fault_is_shown_until_acknowledged_and_a_passed_unit_needs_confirmation(
     assert [r["outcome"] for r in results(operator.site_folder)] == ["fault", "passed", "stopped"]
 
 
-def test_enter_of_the_scanner_checks_the_number_but_does_not_start(operator: Operator) -> None:
+def test_scanner_enter_validates_the_serial_number_but_does_not_start(operator: Operator) -> None:
     start = operator.widget("start_button", QPushButton)
     operator.scan("WRONG 1")
     assert "does not match this product" in operator.says()
@@ -198,7 +198,7 @@ def test_killed_engine_is_a_fault(operator: Operator) -> None:
 
 
 @pytest.mark.long
-def test_closing_during_a_run_asks_then_stops(operator: Operator) -> None:
+def test_closing_during_a_run_asks_for_confirmation_and_stops(operator: Operator) -> None:
     operator.site_folder.write(ONE_STAGE)
     operator.press("start_button")
     operator.until(operator.in_a_stage)
@@ -216,7 +216,7 @@ def test_closing_during_a_run_asks_then_stops(operator: Operator) -> None:
 
 
 @pytest.mark.long
-def test_interrupted_run_is_offered_at_the_start_and_resumes(operator: Operator, site_folder: SiteFolder) -> None:
+def test_interrupted_run_is_offered_at_startup_and_resumed(operator: Operator, site_folder: SiteFolder) -> None:
     site_folder.write({"stages": ["six_position", "rate"]})
     operator.scan(SERIAL)
     operator.press("start_button")
@@ -280,11 +280,11 @@ def test_invalid_product_disables_start_until_it_is_corrected(operator: Operator
     assert operator.widget("start_button").isEnabled()
 
 
-def test_default_folder_of_runs(operator: Operator) -> None:
+def test_runs_folder_has_a_default(operator: Operator) -> None:
     assert operator.window.app.runs_folder == Path("runs")
 
 
-def test_product_file_added_while_the_window_is_open_is_offered(operator: Operator) -> None:
+def test_product_file_added_while_the_window_is_open_is_listed(operator: Operator) -> None:
     combo = operator.widget("product_combo", QComboBox)
     before = combo.currentData()
     text = (library.site_folder() / "products" / "short.toml").read_text(encoding="utf-8")

@@ -28,7 +28,7 @@ PACKAGE = Path(calstation.__file__).parent
 
 
 @pytest.mark.parametrize("path", sorted((PACKAGE / "gui" / "translations").glob("*.ts")), ids=lambda p: p.stem)
-def test_every_text_is_translated_with_its_values(path: Path) -> None:
+def test_every_text_is_translated_with_its_placeholders(path: Path) -> None:
     for message in ElementTree.parse(path).getroot().iter("message"):
         source, translation = message.find("source"), message.find("translation")
         assert source is not None
@@ -39,7 +39,7 @@ def test_every_text_is_translated_with_its_values(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", sorted((PACKAGE / "gui" / "translations").glob("*.ts")), ids=lambda p: p.stem)
-def test_the_compiled_texts_are_those_of_the_translation_file(path: Path, qapp: QApplication) -> None:
+def test_compiled_translations_match_the_translation_file(path: Path, qapp: QApplication) -> None:
     compiled = QTranslator()
     assert compiled.load(str(path.with_suffix(".qm")))
     for context in ElementTree.parse(path).getroot().iter("context"):
@@ -60,7 +60,7 @@ def check(name: str, value: float, limit: Any, *, passed: bool) -> dict[str, Any
     return {"name": name, "value": value, "limit": limit, "unit": "", "passed": passed}
 
 
-def test_advice_names_the_worst_failure_and_counts_the_rest() -> None:
+def test_advice_states_the_worst_failure_and_counts_the_others() -> None:
     checks = [
         check("gyro_bias_x within", 2e-5, [-1.5e-5, 1.5e-5], passed=False),
         check("gyro_scale_x within", 2e-3, [-1e-3, 1e-3], passed=False),
@@ -74,7 +74,7 @@ def test_advice_names_the_worst_failure_and_counts_the_rest() -> None:
     assert advice.next_action("failed", result_with(advice="set_aside")).startswith("Set the unit aside")
 
 
-def test_a_value_in_the_guard_band_is_compared_with_the_acceptance_limits() -> None:
+def test_value_in_the_guard_band_is_compared_with_acceptance_limits() -> None:
     row = {"unit": "1", "stage": "rate", "sigma": 5e-5}
     refused = {**check("gyro_scale_x within", 9.5e-4, [-1e-3, 1e-3], passed=False), "acceptance": [-9e-4, 9e-4]}
     result = result_with(parameters={"gyro_scale_x": {"value": 9.5e-4, **row}}, checks=[refused])
@@ -83,7 +83,7 @@ def test_a_value_in_the_guard_band_is_compared_with_the_acceptance_limits() -> N
     assert (figure.passed, figure.limit) == (False, "±900")
 
 
-def test_figures_show_the_value_nearest_to_its_limit_per_group() -> None:
+def test_value_nearest_to_its_limit_is_shown_per_group() -> None:
     row = {"unit": "1", "stage": "rate", "sigma": 1e-6}
     result = result_with(
         parameters={"gyro_scale_x": {"value": 1e-4, **row}, "gyro_scale_y": {"value": -9e-4, **row}},
@@ -101,7 +101,7 @@ def test_figures_show_the_value_nearest_to_its_limit_per_group() -> None:
     )
 
 
-def test_failing_values_stand_first_and_each_is_listed() -> None:
+def test_failing_values_are_listed_first_and_individually() -> None:
     row = {"unit": "1", "stage": "rate", "sigma": 1e-6}
     values = {"gyro_scale_x": 1e-4, "gyro_scale_y": 2e-3, "gyro_scale_z": -4e-3, "accel_scale_x": 5e-4}
     result = result_with(
@@ -119,7 +119,7 @@ def test_failing_values_stand_first_and_each_is_listed() -> None:
     ]
 
 
-def test_stages_of_failing_values_are_found_for_every_kind_of_check() -> None:
+def test_stage_of_a_failing_value_is_found_for_every_type_of_check() -> None:
     row = {"unit": "1", "sigma": 1e-6, "value": 1.0}
     stages = ["rate", "six_position", "excitation", "azimuth_flip"]
     parameters = {"gyro_scale_x": {**row, "stage": "rate"}, "accel_scale_x": {**row, "stage": "excitation"}}
@@ -161,7 +161,7 @@ def test_labels_of_a_short_vertical_axis_do_not_overlap(
     assert len(labelled) >= 2
 
 
-def test_a_zoomed_trace_is_held_while_data_arrive_until_a_double_click(qtbot: QtBot) -> None:
+def test_zoomed_trace_stays_while_data_arrive_until_a_double_click(qtbot: QtBot) -> None:
     traces = Traces()
     qtbot.addWidget(traces)
     traces.resize(700, 500)
@@ -186,7 +186,7 @@ def test_a_zoomed_trace_is_held_while_data_arrive_until_a_double_click(qtbot: Qt
     assert len(traces.rows) == 4
 
 
-def test_line_labels_keep_their_distance_inside_the_plot() -> None:
+def test_line_labels_do_not_overlap_inside_the_plot() -> None:
     positions = spread([10.0, 11.0, 12.0, 90.0, 99.0], 18.0, 9.0, 100.0)
     assert all(b - a >= 18.0 - 1e-9 for a, b in pairwise(positions))
     assert positions[0] >= 9.0
@@ -199,12 +199,12 @@ def bench(**settings: object) -> RunSummary:
     return RunSummary("s", "p", settings, "t", (1, 0, 0), (0, 0, 1), *serials, (), None, {}, None, (0.0, 0.0))
 
 
-def test_suggested_serial_is_the_first_that_has_not_passed() -> None:
+def test_suggested_serial_number_is_the_first_that_has_not_passed() -> None:
     assert suggested_serial(bench(), lambda serial: serial < "SN-000003") == "SN-000003"
     assert suggested_serial(bench(serial="X-1"), lambda serial: False) == "X-1"
 
 
-def test_group_reaches_its_target_and_lines_are_thinned(qtbot: QtBot) -> None:
+def test_convergence_plot_marks_reached_targets_and_thins_its_lines(qtbot: QtBot) -> None:
     plot = Convergence()
     qtbot.addWidget(plot)
     plot.start({"gyro_bias": 1e-7})

@@ -1,4 +1,4 @@
-"""Production that is refused and overridden by engineers, and certificates, in the window by real clicks."""
+"""Refused production runs that engineers override, and certificates, operated by real clicks in the window."""
 
 from datetime import date
 from itertools import pairwise
@@ -45,7 +45,7 @@ def use(operator: Operator, product: dict[str, object], **station: object) -> No
 
 
 def refused(operator: Operator) -> None:
-    """Start a run that is refused, and acknowledge it."""
+    """Start a run that is refused, and acknowledge the refusal."""
     operator.scan(SERIAL)
     operator.press("start_button")
     operator.until(lambda: operator.run.fault is not None)
@@ -56,7 +56,7 @@ def refused(operator: Operator) -> None:
 
 
 @pytest.mark.long
-def test_an_engineer_overrides_an_overdue_certificate(operator: Operator) -> None:
+def test_engineer_overrides_an_overdue_certificate(operator: Operator) -> None:
     use(operator, {}, instruments=OVERDUE)
     access.set_pin("", "000000")
     refused(operator)
@@ -81,7 +81,7 @@ def test_an_engineer_overrides_an_overdue_certificate(operator: Operator) -> Non
 
 
 @pytest.mark.long
-def test_a_second_engineer_confirms_it_where_the_product_requires_two(operator: Operator) -> None:
+def test_second_engineer_confirms_an_override_if_the_product_requires_two(operator: Operator) -> None:
     use(operator, {"confirmation": {"required_for": ["override"]}}, instruments=OVERDUE, sign_in=ENGINEERS)
     access.set_pin("", "000000")
     for badge, pin in PINS.items():
@@ -104,7 +104,7 @@ def test_a_second_engineer_confirms_it_where_the_product_requires_two(operator: 
 
 
 @pytest.mark.long
-def test_a_certificate_from_the_verdict_and_from_the_history(
+def test_certificate_is_issued_from_the_verdict_and_from_the_history(
     operator: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened: list[Path] = []
@@ -153,7 +153,7 @@ def test_a_certificate_from_the_verdict_and_from_the_history(
 
 @pytest.mark.long
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
-def test_all_that_two_engineers_fill_in_is_visible_on_a_small_screen(operator: Operator, code: str) -> None:
+def test_panel_for_two_engineers_fits_a_small_screen(operator: Operator, code: str) -> None:
     window = operator.window
     window.resize(1280, 720)
     window.app.set_language(code)
@@ -213,7 +213,7 @@ def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
 
 
 @pytest.mark.long
-def test_a_run_says_that_the_folder_of_its_certificate_is_missing(operator: Operator) -> None:
+def test_run_reports_a_missing_certificate_folder(operator: Operator) -> None:
     use(operator, {}, report={"folder": "unmounted"})
     operator.scan(SERIAL)
     operator.press("start_button")

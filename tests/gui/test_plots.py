@@ -1,4 +1,4 @@
-"""Plots: zoom by wheel and box, back by a double click, copy and save from the menu; tables are saved too."""
+"""Plots are zoomed by wheel and box, reset by a double click, copied and saved from the menu; tables are saved too."""
 
 from pathlib import Path
 
@@ -19,13 +19,13 @@ from tests.gui.plot_mouse import double_click, drag, open_menu, pixel, turn_whee
 
 @pytest.fixture(autouse=True)
 def unlimited_mouse_rate(monkeypatch: pytest.MonkeyPatch) -> None:
-    """pyqtgraph drops mouse moves that follow each other as fast as in a test."""
+    """Disable the limit of mouse moves per second in pyqtgraph, which tests exceed."""
     monkeypatch.setitem(pg.CONFIG_OPTIONS, "mouseRateLimit", 0)
 
 
 @pytest.fixture
 def plot(qtbot: QtBot) -> ThemedPlot:
-    """A shown plot of a line with a horizontal range set by the program."""
+    """A visible plot of a line with a programmed horizontal range."""
     made = ThemedPlot(zoom=True)
     qtbot.addWidget(made)
     made.plot(np.arange(11.0), np.arange(11.0) ** 2, name="line")
@@ -40,7 +40,7 @@ def ranges(plot: ThemedPlot) -> np.ndarray:
     return np.array(plot.getViewBox().viewRange())
 
 
-def test_the_wheel_zooms_until_a_double_click(plot: ThemedPlot, qtbot: QtBot) -> None:
+def test_wheel_zooms_and_a_double_click_resets(plot: ThemedPlot, qtbot: QtBot) -> None:
     before = ranges(plot)
     turn_wheel(plot, QPointF(plot.rect().center()))
     zoomed = ranges(plot)
@@ -51,7 +51,7 @@ def test_the_wheel_zooms_until_a_double_click(plot: ThemedPlot, qtbot: QtBot) ->
     qtbot.waitUntil(lambda: np.allclose(ranges(plot), [(0.0, 20.0), before[1]]))
 
 
-def test_a_box_zooms(plot: ThemedPlot, qtbot: QtBot) -> None:
+def test_dragging_a_box_zooms(plot: ThemedPlot, qtbot: QtBot) -> None:
     before, box = ranges(plot), plot.getViewBox()
     drag(plot, pixel(plot, box, 0.4, 0.4), pixel(plot, box, 0.6, 0.6))
     assert np.all(np.ptp(ranges(plot), axis=1) < 0.5 * np.ptp(before, axis=1))
@@ -84,7 +84,7 @@ METHODS = ("multi_position", "gimbal", "cross_calibration")
 
 
 def all_plots(window: MainWindow) -> list[pg.GraphicsView]:
-    """All plots of all pages, also of views that are made at their first use; the bars of the travel are a picture."""
+    """Return all plots of all pages, including lazily created views, except the travel bars."""
     for method in METHODS:
         window.offline_page.choose(method)
     page = window.findChild(EngineerPage)
@@ -96,7 +96,7 @@ def all_plots(window: MainWindow) -> list[pg.GraphicsView]:
 
 
 def zoom_and_reset(plot: pg.GraphicsView, box: ZoomBox) -> None:
-    """Zoom the values of a plot by the wheel and by a box, and back by a double click."""
+    """Zoom a plot by the wheel and by a box, and reset it by a double click."""
     box.setRange(xRange=(0.0, 1.0), yRange=(0.0, 1.0), padding=0.0)
     turn_wheel(plot, pixel(plot, box, 0.5, 0.5), Qt.KeyboardModifier.ControlModifier)
     assert np.ptp(box.viewRange()[1]) < 0.9
@@ -108,7 +108,7 @@ def zoom_and_reset(plot: pg.GraphicsView, box: ZoomBox) -> None:
     np.testing.assert_allclose(box.viewRange()[1], (0.0, 1.0))
 
 
-def test_every_plot_of_the_window_is_zoomed_copied_and_saved(window: MainWindow, qtbot: QtBot) -> None:
+def test_every_plot_of_the_window_can_be_zoomed_copied_and_saved(window: MainWindow, qtbot: QtBot) -> None:
     plots = all_plots(window)
     assert len(plots) > 20
     for plot in plots:
@@ -127,7 +127,7 @@ def test_every_plot_of_the_window_is_zoomed_copied_and_saved(window: MainWindow,
 
 
 def choose(plot: ThemedPlot | ParameterTable, text: str) -> None:
-    """Choose from the menu that the right button opens."""
+    """Choose an entry of the context menu."""
     center = plot.rect().center()
     QApplication.sendEvent(
         plot.viewport(), QContextMenuEvent(QContextMenuEvent.Reason.Mouse, center, plot.mapToGlobal(center))
@@ -138,7 +138,7 @@ def choose(plot: ThemedPlot | ParameterTable, text: str) -> None:
     action.trigger()
 
 
-def test_a_plot_is_copied_as_a_picture(plot: ThemedPlot) -> None:
+def test_plot_is_copied_as_an_image(plot: ThemedPlot) -> None:
     QGuiApplication.clipboard().clear()
     choose(plot, "Copy as picture")
     assert not QGuiApplication.clipboard().image().isNull()
@@ -156,7 +156,7 @@ def test_a_plot_is_saved(plot: ThemedPlot, tmp_path: Path, name: str, start: byt
 
 @pytest.fixture
 def table(qtbot: QtBot) -> ParameterTable:
-    """A table with an aligned and a negative number."""
+    """Return a table with an aligned and a negative number."""
     cells = {"gyro_bias_x": "  1.5", "gyro_bias_y": "−20"}
     made = ParameterTable(ParameterModel([Column(lambda: "value", cells.__getitem__)]))
     made.parameters.set_names(tuple(cells))
@@ -164,7 +164,7 @@ def table(qtbot: QtBot) -> ParameterTable:
     return made
 
 
-def test_a_table_is_saved_with_plain_numbers(table: ParameterTable, tmp_path: Path) -> None:
+def test_table_is_saved_with_plain_numbers(table: ParameterTable, tmp_path: Path) -> None:
     choose(table, "Save as CSV…")
     dialog = table.findChild(QFileDialog)
     assert dialog is not None

@@ -1,4 +1,4 @@
-"""The guide of a manual rig: state with its shape, task, position count, and the ring that fills during a rest."""
+"""The position guide for a manual rig: state symbol, instruction, position count, and progress ring during a rest."""
 
 from collections.abc import Iterator
 
@@ -46,7 +46,7 @@ def panel(qtbot: QtBot, planned: RunSummary) -> Iterator[PositionPanel]:
 def guided(
     state: str, index: int = 4, rest: float = 0.0, *, suffices: bool = False, stage: str = "multi_position"
 ) -> PositionGuided:
-    """An event of a unit turned about the inner rail in steps of 60°; the positions before `index` are done."""
+    """Return an event of a unit rotated about the inner rail in 60° steps; positions before `index` are complete."""
     poses = [(0.0, k * SIXTY) for k in range(index)]
     ups = [(axis_rotation(X, outer) @ axis_rotation(Y, inner))[2] for outer, inner in poses]
     at = ups[-2] if state == "enough" else ups[-1]
@@ -70,7 +70,7 @@ def picture(panel: PositionPanel) -> QImage:
 
 
 def painted(image: QImage, colour: str) -> int:
-    """Number of pixels of exactly this colour."""
+    """Return the number of pixels of exactly this colour."""
     wanted = int(colour.removeprefix("#"), 16) | 0xFF000000
     pixels = np.frombuffer(image.convertToFormat(QImage.Format.Format_RGB32).constBits(), np.uint32)
     return int(np.count_nonzero((pixels | 0xFF000000) == wanted))
@@ -97,7 +97,7 @@ def test_every_state_has_a_text_in_both_languages(
     assert panel.count_label.text() == "第 4 个位置，共 38 个"
 
 
-def test_every_state_has_a_shape_of_its_own(panel: PositionPanel) -> None:
+def test_every_state_has_a_distinct_shape(panel: PositionPanel) -> None:
     shapes = set()
     for state in ("waiting", "moving", "still", "enough", "repeat"):
         panel.take(guided(state))
@@ -105,7 +105,7 @@ def test_every_state_has_a_shape_of_its_own(panel: PositionPanel) -> None:
     assert len(shapes) == 5
 
 
-def test_task_names_the_rail_to_turn_and_the_time_to_wait(panel: PositionPanel) -> None:
+def test_instruction_states_the_rail_to_rotate_and_the_waiting_time(panel: PositionPanel) -> None:
     panel.take(guided("enough"))
     assert panel.task_label.text() == "Turn the inner rail to about 180°."
     panel.take(guided("still", rest=4.2))
@@ -114,7 +114,7 @@ def test_task_names_the_rail_to_turn_and_the_time_to_wait(panel: PositionPanel) 
     assert panel.task_label.text() == "Hands off for 7 s."
 
 
-def test_of_two_rails_one_is_turned_at_a_time(panel: PositionPanel) -> None:
+def test_rails_are_rotated_one_at_a_time(panel: PositionPanel) -> None:
     def take(outer: float) -> str:
         event = guided("moving", 2)
         up = tuple(map(float, axis_rotation(X, outer)[2]))
@@ -125,7 +125,7 @@ def test_of_two_rails_one_is_turned_at_a_time(panel: PositionPanel) -> None:
     assert take(0.9 * SIXTY) == "Turn the inner rail to about 60°."
 
 
-def test_ring_fills_during_a_rest(panel: PositionPanel) -> None:
+def test_progress_ring_fills_during_a_rest(panel: PositionPanel) -> None:
     accent, good = theme.colours().accent, theme.colours().good
     ring = []
     for rest in (0.0, 3.5, 7.0):
@@ -149,7 +149,7 @@ def test_drawn_attitude_follows_gravity(panel: PositionPanel) -> None:
     assert attitude == pytest.approx(axis_rotation(Y, SIXTY), abs=1e-9)
 
 
-def test_after_the_last_position_nothing_is_asked_until_verification(panel: PositionPanel) -> None:
+def test_no_instruction_is_shown_between_last_position_and_verification(panel: PositionPanel) -> None:
     panel.take(guided("enough", suffices=True))
     panel.finish_stage()
     assert panel.badge.text() == "All positions done"
@@ -166,7 +166,7 @@ def test_upside_down_unit_is_drawn(panel: PositionPanel) -> None:
     assert not picture(panel).isNull()
 
 
-def test_stage_can_be_finished_once_the_positions_suffice(panel: PositionPanel, qtbot: QtBot) -> None:
+def test_stage_can_be_finished_after_enough_positions(panel: PositionPanel, qtbot: QtBot) -> None:
     panel.take(guided("moving"))
     assert not panel.finish_button.isEnabled()
     assert "not sufficient" in panel.finish_button.toolTip()

@@ -1,4 +1,4 @@
-"""What a production line adds to the operator page, by real clicks: sounds, badges, shift counter, picture, labels."""
+"""Production features of the operator page, operated by real clicks: sounds, badges, shift counter, picture, labels."""
 
 import json
 import socket
@@ -30,7 +30,7 @@ ZPL = "^XA^CI28^FO16,16^FD$serial^FS^FO16,64^FD$product $station $operator $verd
 
 
 def use_station(operator: Operator, product: dict[str, Any] | None = None, **station: Any) -> None:
-    """Let the window use the product and the station with these entries."""
+    """Configure the product and the station of the window with these entries."""
     operator.site_folder.write(product, station)
     operator.window.app.set_station(operator.site_folder.station)
 
@@ -58,13 +58,13 @@ def run_to_pass(operator: Operator) -> None:
 
 @pytest.fixture
 def played(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of the sounds that the page has asked for."""
+    """Names of the sounds that the page has requested."""
     names: list[str] = []
     monkeypatch.setattr(starting, "play", names.append)
     return names
 
 
-def test_a_scan_is_answered_by_a_sound_and_a_symbol_unless_muted(operator: Operator, played: list[str]) -> None:
+def test_scan_gives_a_symbol_and_a_sound_unless_muted(operator: Operator, played: list[str]) -> None:
     operator.scan(SERIAL)
     assert played == [], "the computer of the tests is muted"
     operator.window.show_page("station_page")
@@ -90,7 +90,7 @@ def test_a_scan_is_answered_by_a_sound_and_a_symbol_unless_muted(operator: Opera
 
 
 @pytest.mark.parametrize("name", ["accepted", "refused"])
-def test_the_sounds_can_be_played_and_need_no_device(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sounds_can_be_played_without_an_audio_device(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sound, "_OPEN_S", 0.05)
     sound._play(name)
     monkeypatch.setattr(sound, "_SERVICES", ("NULL",))
@@ -109,7 +109,7 @@ def test_without_sign_in_the_operator_is_optional(operator: Operator) -> None:
 
 
 @pytest.mark.long
-def test_start_needs_a_badge_where_the_station_says_so(operator: Operator) -> None:
+def test_start_requires_a_badge_if_the_station_requires_it(operator: Operator) -> None:
     use_station(operator, ONE_STAGE, sign_in={"badge_pattern": r"B\d{4}", "names": NAMES})
     edit, start = operator.widget("operator_edit", QLineEdit), operator.widget("start_button", QPushButton)
     assert edit.text() == ""
@@ -140,7 +140,7 @@ def test_start_needs_a_badge_where_the_station_says_so(operator: Operator) -> No
     assert result["operator"] == "Wang Wei"
 
 
-def test_a_badge_scanned_into_the_serial_field_signs_in(operator: Operator, played: list[str]) -> None:
+def test_badge_scanned_into_the_serial_field_signs_in(operator: Operator, played: list[str]) -> None:
     operator.window.app.settings.setValue("sounds", True)
     use_station(operator, sign_in={"badge_pattern": r"B\d{4}"})
     operator.scan("B77")
@@ -157,7 +157,7 @@ def test_a_badge_scanned_into_the_serial_field_signs_in(operator: Operator, play
     assert played == ["refused", "accepted", "accepted", "accepted"]
 
 
-def test_a_scan_without_a_focused_field_goes_to_the_badge_first(operator: Operator) -> None:
+def test_scan_without_a_focused_field_goes_to_the_badge_field_first(operator: Operator) -> None:
     use_station(operator, sign_in={"badge_pattern": r"B\d{4}"})
     operator.widget("product_combo").setFocus()
     operator.qtbot.keyClick(operator.widget("product_combo"), "B")
@@ -166,7 +166,7 @@ def test_a_scan_without_a_focused_field_goes_to_the_badge_first(operator: Operat
     assert edit.text().upper() == "B"
 
 
-def test_an_idle_operator_is_signed_out(operator: Operator) -> None:
+def test_idle_operator_is_signed_out(operator: Operator) -> None:
     use_station(operator, sign_in={"badge_pattern": r"B\d{4}", "idle_minutes": 0.002})
     sign_in(operator, "B1234")
     operator.until(lambda: not operator.widget("start_button").isEnabled())
@@ -174,7 +174,7 @@ def test_an_idle_operator_is_signed_out(operator: Operator) -> None:
     assert operator.message == "Scan your badge first."
 
 
-def test_an_answer_after_signing_out_starts_nothing(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_confirmation_after_sign_out_starts_no_run(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     use_station(operator, ONE_STAGE, sign_in={"badge_pattern": r"B\d{4}", "names": NAMES})
     started: list[Any] = []
     monkeypatch.setattr(EngineLink, "start", lambda _, request: started.append(request))
@@ -194,7 +194,7 @@ def test_an_answer_after_signing_out_starts_nothing(operator: Operator, monkeypa
     assert [request.operator for request in started] == ["B5678"]
 
 
-def test_the_engineer_page_starts_no_run_without_a_badge(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_engineer_page_starts_no_run_without_a_badge(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     use_station(operator, ONE_STAGE, sign_in={"badge_pattern": r"B\d{4}", "names": NAMES})
     started: list[Any] = []
     monkeypatch.setattr(EngineLink, "start", lambda _, request: started.append(request))
@@ -215,7 +215,7 @@ def test_the_engineer_page_starts_no_run_without_a_badge(operator: Operator, mon
 # ---- scans at any time
 
 
-def test_a_scan_during_a_run_stops_nothing_and_the_next_one_is_kept(operator: Operator) -> None:
+def test_scan_during_a_run_does_not_stop_it(operator: Operator) -> None:
     use_station(operator, ONE_STAGE)
     operator.scan(SERIAL)
     operator.press("start_button")
@@ -236,7 +236,7 @@ def test_a_scan_during_a_run_stops_nothing_and_the_next_one_is_kept(operator: Op
 
 
 def write_result(folder: Path, serial: str, outcome: str, started: datetime, **more: Any) -> None:
-    """Write the result of a run, as a run leaves it."""
+    """Write the result of a run."""
     folder.mkdir(exist_ok=True)
     name = f"{serial}_{started:%Y%m%dT%H%M%S}"
     result = {
@@ -253,7 +253,7 @@ def write_result(folder: Path, serial: str, outcome: str, started: datetime, **m
 
 
 @pytest.mark.long
-def test_the_shift_counter_counts_while_idle_and_after_a_verdict(operator: Operator) -> None:
+def test_shift_counter_is_updated_while_idle_and_after_a_verdict(operator: Operator) -> None:
     label = operator.widget("shift_label", QLabel)
     operator.until(lambda: label.text() == "Since 00:00  ·  0 done")
     noon = datetime.now().astimezone().replace(hour=0, minute=0, second=1, microsecond=0).astimezone(UTC)
@@ -269,7 +269,7 @@ def test_the_shift_counter_counts_while_idle_and_after_a_verdict(operator: Opera
     assert "完成 3" in label.text()
 
 
-def test_another_shift_starts_the_count_again(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shift_counter_restarts_with_a_new_shift(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     label = operator.widget("shift_label", QLabel)
     operator.until(lambda: label.text())
     began = datetime(2026, 11, 23, 14, 0).astimezone()
@@ -281,7 +281,7 @@ def test_another_shift_starts_the_count_again(operator: Operator, monkeypatch: p
 # ---- picture
 
 
-def test_a_product_shows_its_picture_before_a_run(operator: Operator) -> None:
+def test_product_picture_is_shown_before_a_run(operator: Operator) -> None:
     loading = operator.window.findChild(Loading)
     assert loading is not None
     assert not loading.fixture.isVisible(), "the product has no picture"
@@ -302,7 +302,7 @@ def test_a_product_shows_its_picture_before_a_run(operator: Operator) -> None:
 
 @pytest.fixture
 def printer() -> Iterator[tuple[str, list[bytes]]]:
-    """A label printer on this computer: its address, and what it received."""
+    """A label printer on this computer: its address and the received data."""
     received: list[bytes] = []
     with socket.create_server(("127.0.0.1", 0)) as server:
 
@@ -334,7 +334,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
 
 
 @pytest.mark.long
-def test_a_label_is_printed_on_request_and_again_from_the_history(
+def test_label_is_printed_on_request_and_reprinted_from_the_history(
     operator: Operator, printer: tuple[str, list[bytes]]
 ) -> None:
     address, received = printer
@@ -372,7 +372,7 @@ def test_an_unreachable_printer_is_reported(operator: Operator) -> None:
 
 
 @pytest.mark.long
-def test_a_typst_label_is_a_pdf_beside_the_runs(operator: Operator, opened: list[Path]) -> None:
+def test_typst_label_is_written_as_a_pdf_in_the_runs_folder(operator: Operator, opened: list[Path]) -> None:
     use_station(operator, {**ONE_STAGE, "label": "label.typ"})  # the shipped template
     run_to_pass(operator)
     operator.press("label_button")
@@ -386,7 +386,7 @@ def test_a_typst_label_is_a_pdf_beside_the_runs(operator: Operator, opened: list
 
 @pytest.mark.long
 @pytest.mark.parametrize(("bench", "stages", "verdict"), [({"out_of_limits": True}, None, "FAIL"), ({}, 1, "PARTIAL")])
-def test_no_label_for_a_failed_or_partial_run(
+def test_label_is_not_offered_for_a_failed_or_partial_run(
     operator: Operator, bench: dict[str, Any], stages: int | None, verdict: str
 ) -> None:
     names = ["six_position", "rate"] if stages else ["six_position"]
@@ -406,7 +406,7 @@ def test_no_label_for_a_failed_or_partial_run(
 
 
 @pytest.mark.long
-def test_no_label_for_a_stopped_run(operator: Operator) -> None:
+def test_label_is_not_offered_for_a_stopped_run(operator: Operator) -> None:
     use_station(operator, {**ONE_STAGE, "label": "label.typ"})
     operator.scan(SERIAL)
     operator.press("start_button")

@@ -1,4 +1,4 @@
-"""The Quality page by real clicks: charts and their signals, capability, yield, check standards, repeatability."""
+"""The Quality page operated by real clicks: control charts, capability, yield, check standards, repeatability."""
 
 import json
 import shutil
@@ -62,7 +62,7 @@ def click_tab(operator: Operator, title: str) -> None:
 
 
 def cells(operator: Operator, name: str) -> list[list[str]]:
-    """Texts of a visible table."""
+    """Return the texts of a visible table."""
     table = operator.widget(name, QTableView)
     assert table.isVisible(), name
     model = table.model()
@@ -81,7 +81,7 @@ def choose(operator: Operator, name: str, index: int) -> None:
     operator.widget(name, QComboBox).setCurrentIndex(index)
 
 
-def test_every_quantity_has_charts_and_a_signal_opens_its_run(operator: Operator, page: QualityPage) -> None:
+def test_every_quantity_has_control_charts_and_a_signal_opens_its_run(operator: Operator, page: QualityPage) -> None:
     quantities = cells(operator, "quality_quantities_table")
     assert len(quantities) == 30
     assert all(int(count) > 100 for count, _ in quantities)
@@ -100,7 +100,7 @@ def test_every_quantity_has_charts_and_a_signal_opens_its_run(operator: Operator
 
 
 @pytest.mark.long
-def test_slow_changes_are_charted_by_ewma_or_cusum(operator: Operator, page: QualityPage) -> None:
+def test_slow_changes_are_shown_by_ewma_or_cusum_charts(operator: Operator, page: QualityPage) -> None:
     assert "EWMA, λ = 0.2, L = 3.06" in operator.says()
     choose(operator, "quality_slow_combo", 1)
     assert "CUSUM, k = 0.5 σ, h = 5.35 σ" in operator.says()
@@ -108,7 +108,7 @@ def test_slow_changes_are_charted_by_ewma_or_cusum(operator: Operator, page: Qua
 
 
 @pytest.mark.long
-def test_values_relative_to_their_sigma_mix_schedules(operator: Operator, page: QualityPage) -> None:
+def test_values_divided_by_sigma_combine_different_schedules(operator: Operator, page: QualityPage) -> None:
     before = page.control._charts["gyro_bias_x"].values
     choose(operator, "quality_scale_combo", 1)
     until_read(operator, page)
@@ -120,7 +120,7 @@ def test_values_relative_to_their_sigma_mix_schedules(operator: Operator, page: 
     assert "No limits for the values" in operator.says()
 
 
-def test_capability_and_yield(operator: Operator, page: QualityPage) -> None:
+def test_capability_and_yield_are_shown(operator: Operator, page: QualityPage) -> None:
     click_tab(operator, "Capability")
     rows = cells(operator, "capability_table")
     assert len(rows) == 30
@@ -134,7 +134,7 @@ def test_capability_and_yield(operator: Operator, page: QualityPage) -> None:
     assert sum(int(row[3]) for row in shares if row[0] == "Station") == page._summary.yields.overall.count
 
 
-def test_a_folder_without_runs_says_what_will_be_here(operator: Operator) -> None:
+def test_folder_without_runs_shows_an_explanation(operator: Operator) -> None:
     operator.window.show_page("quality_page")
     page = operator.window.findChild(QualityPage, "quality_page")
     until_read(operator, page)
@@ -148,7 +148,7 @@ def test_a_folder_without_runs_says_what_will_be_here(operator: Operator) -> Non
 
 
 @pytest.mark.long
-def test_an_overdue_instrument_and_a_standard_that_never_passed(operator: Operator, page: QualityPage) -> None:
+def test_overdue_instruments_and_failed_check_standards_are_shown(operator: Operator, page: QualityPage) -> None:
     site = operator.site_folder
     product = library.find("products", "nav_a").read_text(encoding="utf-8")
     own = site.home / "products" / "nav_a.toml"
@@ -173,9 +173,7 @@ def test_an_overdue_instrument_and_a_standard_that_never_passed(operator: Operat
 
 
 @pytest.mark.long
-def test_the_errors_that_a_check_standard_detects_stand_beside_the_limits(
-    operator: Operator, page: QualityPage
-) -> None:
+def test_errors_detectable_by_a_check_standard_are_shown_with_the_limits(operator: Operator, page: QualityPage) -> None:
     site, entry = operator.site_folder, {"value": 0.0, "sigma": 1e-8}
     golden = load_result(next(site.runs.glob("GOLDEN-NAVA_*.json")))
     product = library.find("products", "nav_a").read_text(encoding="utf-8")
@@ -213,7 +211,9 @@ def test_the_errors_that_a_check_standard_detects_stand_beside_the_limits(
 
 @pytest.mark.long
 @pytest.mark.parametrize("later", [0, 20])
-def test_limits_of_the_table_begin_after_its_baseline(operator: Operator, page: QualityPage, later: int) -> None:
+def test_control_limits_of_the_table_start_after_its_baseline(
+    operator: Operator, page: QualityPage, later: int
+) -> None:
     values = np.append(np.zeros(BASELINE), np.full(later, 2e-4))
     alarms = tuple(BASELINE + k for k in (5, 11)[: later // 10])
     names = tuple(f"run {k}" for k in range(len(values)))
@@ -236,7 +236,7 @@ def test_limits_of_the_table_begin_after_its_baseline(operator: Operator, page: 
 
 
 @pytest.mark.long
-def test_a_study_from_its_plan_to_its_verdict(
+def test_gauge_study_is_planned_run_and_judged(
     operator: Operator, page: QualityPage, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     click_tab(operator, "Repeatability")

@@ -10,7 +10,7 @@ from tests.database.result_files import in_database, write_result
 from tests.gui.conftest import SiteFolder
 
 
-def test_the_window_exchanges_its_runs_until_it_closes(site_folder: SiteFolder, qtbot: QtBot, tmp_path: Path) -> None:
+def test_window_exchanges_its_runs_until_it_closes(site_folder: SiteFolder, qtbot: QtBot, tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     site_folder.write(station={"records": {"database": url}})
     site_folder.runs.mkdir()
@@ -29,7 +29,7 @@ def test_the_window_exchanges_its_runs_until_it_closes(site_folder: SiteFolder, 
     qtbot.waitUntil(lambda: [name for name, _ in in_database(url)] == ["a", "c", "d"], timeout=60_000)
 
 
-def test_the_window_without_a_shared_database_starts_no_exchange(site_folder: SiteFolder, qtbot: QtBot) -> None:
+def test_window_without_a_shared_database_starts_no_exchange(site_folder: SiteFolder, qtbot: QtBot) -> None:
     window = create_window(site_folder.station)
     qtbot.addWidget(window)
     assert read_state(site_folder.runs).attempt_utc is None

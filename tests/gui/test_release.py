@@ -1,4 +1,4 @@
-"""A unit that failed is released in the window by one or two engineers; it is never shown as PASS."""
+"""A failed unit is released in the window by one or two engineers; it is never shown as PASS."""
 
 import json
 from pathlib import Path
@@ -19,7 +19,7 @@ PINS = {"B0001": "111111", "B0002": "222222"}
 
 @pytest.fixture
 def failed(operator: Operator) -> Path:
-    """The result of a run that failed, of a product that requires two engineers."""
+    """The result of a failed run of a product that requires two engineers."""
     site = operator.site_folder
     site.write({"confirmation": {"required_for": ["override", "registers"]}}, {"sign_in": ENGINEERS})
     access.set_pin("", "000000")
@@ -66,7 +66,7 @@ def open_history(operator: Operator) -> None:
 
 
 def open_panel(operator: Operator, name: str) -> None:
-    """Press the button once it is laid out, and wait for the panel."""
+    """Press the button once it is visible, and wait for the panel."""
     released = operator.widget(f"{name}_button", QPushButton)
     operator.until(lambda: not released.visibleRegion().isEmpty())
     operator.press(f"{name}_button")
@@ -115,9 +115,7 @@ def test_a_release_can_be_cancelled(operator: Operator, failed: Path) -> None:
     assert failed.read_bytes() == before
 
 
-def test_a_unit_is_released_on_the_engineer_page_and_the_operator_page_follows(
-    operator: Operator, failed: Path
-) -> None:
+def test_release_on_the_engineer_page_updates_the_operator_page(operator: Operator, failed: Path) -> None:
     result = json.loads(failed.read_text("utf-8"))
     link = operator.window.app.engine_link
     link.event.emit(StateChanged("running", "idle"))

@@ -27,7 +27,7 @@ OTHER = "5f0c0a52-6c0e-4c53-9d0e-0c5a52f7a7b1"
 
 @pytest.fixture
 def folder(app: AppContext, tmp_path: Path) -> Path:
-    """The folder of the station of the window, with a run of its own."""
+    """The runs folder of the station of the window, with one run."""
     folder = tmp_path / "line-1"
     folder.mkdir()
     write_run(folder, "SN-000001", "passed", timedelta(hours=2))
@@ -45,7 +45,7 @@ def page(app: AppContext, folder: Path, qtbot: QtBot) -> HistoryPage:
 
 
 def receive(folder: Path, location: str, outcome: str = "passed") -> RunRecord:
-    """Put a run of the other station into the index of a folder, as the exchange does."""
+    """Add a run of the other station to the index of a folder, as the exchange does."""
     record = RunRecord(
         serial="SN-000001",
         started_utc=(NOW - timedelta(hours=1)).isoformat(),
@@ -87,7 +87,7 @@ def test_runs_of_all_stations_are_listed_and_filtered(page: HistoryPage, folder:
     assert len(page.details.trend._runs) == 2
 
 
-def test_a_log_that_is_only_at_its_station_cannot_be_opened(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
+def test_log_stored_only_at_its_station_cannot_be_opened(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
     place = "line2:/home/op/runs/SN-000001_20260101T000000.h5"
     receive(folder, place, outcome="incomplete")
     shown(page, qtbot)
@@ -125,7 +125,7 @@ def test_an_archived_log_is_copied_and_opened(
     assert len(rows(page)) == 2
 
 
-def test_an_archive_that_is_away_is_reported(page: HistoryPage, folder: Path, tmp_path: Path, qtbot: QtBot) -> None:
+def test_unavailable_archive_is_reported(page: HistoryPage, folder: Path, tmp_path: Path, qtbot: QtBot) -> None:
     receive(folder, str(tmp_path / "archive" / "gone.h5"))
     shown(page, qtbot)
     button(page, "history_log_button").click()
@@ -135,7 +135,7 @@ def test_an_archive_that_is_away_is_reported(page: HistoryPage, folder: Path, tm
     assert not list((folder / OTHER).iterdir())
 
 
-def test_quality_counts_the_runs_of_all_stations_and_opens_them(
+def test_quality_page_includes_and_opens_runs_of_all_stations(
     app: AppContext, folder: Path, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
@@ -161,7 +161,7 @@ def test_quality_counts_the_runs_of_all_stations_and_opens_them(
     assert load_result(opened.args[0]).serial == "SN-000002"
 
 
-def test_runs_of_all_stations_are_exported_and_compared_once_they_were_opened(folder: Path, tmp_path: Path) -> None:
+def test_opened_runs_of_all_stations_are_exported_and_compared(folder: Path, tmp_path: Path) -> None:
     own = write_run(folder, "SN-000001", "passed", timedelta(hours=3))
     record = receive(folder, "line2:/home/op/x.h5")
     History(folder).refresh()
@@ -191,5 +191,5 @@ def test_runs_of_all_stations_are_exported_and_compared_once_they_were_opened(fo
         (None, False),
     ],
 )
-def test_locations_in_an_archive_are_told_from_those_at_a_station(location: str | None, archived: bool) -> None:
+def test_archive_locations_are_distinguished_from_station_paths(location: str | None, archived: bool) -> None:
     assert is_archived(location) == archived

@@ -1,4 +1,4 @@
-"""The window on screens of several sizes and scales, each in a process of its own."""
+"""The window on screens of several sizes and scales, each in a separate process."""
 
 import json
 import os
@@ -51,7 +51,7 @@ pytestmark = pytest.mark.long
 
 
 def shown(site_folder: SiteFolder, size: tuple[int, int], scale: float) -> dict[str, Any]:
-    """The window on a screen of this size, px, at this scale."""
+    """Show the window on a screen of this size, px, at this scale."""
     screen = {"name": "one", "x": 0, "y": 0, "width": size[0], "height": size[1], "logicalDpi": 96}
     screens = {"screens": [{**screen, "logicalBaseDpi": 96, "dpr": 1}]}
     (site_folder.folder / "screens.json").write_text(json.dumps(screens), encoding="utf-8")
@@ -65,7 +65,7 @@ def shown(site_folder: SiteFolder, size: tuple[int, int], scale: float) -> dict[
 
 
 def fits(seen: dict[str, Any]) -> bool:
-    """Whether the frame lies in the screen; logical pixels of the platform's frame are rounded up."""
+    """Return whether the frame lies within the screen, with the logical pixels of the frame rounded up."""
     return QRect(*seen["screen"]).adjusted(0, 0, 1, 1).contains(QRect(*seen["frame"]))
 
 
@@ -81,7 +81,7 @@ def fits(seen: dict[str, Any]) -> bool:
         pytest.param((1920, 1080), 1.0, marks=pytest.mark.exhaustive),
     ],
 )
-def test_the_window_fits_the_screen_with_stop_and_status_on_every_page(
+def test_window_fits_the_screen_with_stop_and_status_on_every_page(
     site_folder: SiteFolder, size: tuple[int, int], scale: float
 ) -> None:
     seen = shown(site_folder, size, scale)
@@ -96,7 +96,7 @@ def test_the_window_fits_the_screen_with_stop_and_status_on_every_page(
         assert status, page
 
 
-def test_a_window_saved_on_a_larger_screen_fits_this_one(site_folder: SiteFolder) -> None:
+def test_window_saved_on_a_larger_screen_fits_the_current_screen(site_folder: SiteFolder) -> None:
     shown(site_folder, (3840, 2160), 1.0)
     settings = QSettings(str(site_folder.home / "window.ini"), QSettings.Format.IniFormat)
     assert isinstance(settings.value("geometry"), QByteArray)

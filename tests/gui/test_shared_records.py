@@ -1,4 +1,4 @@
-"""The window of a station that shares records: units at two stations, and what waits to be sent or archived."""
+"""The window of a station that shares records: units claimed by two stations, and records waiting to be sent."""
 
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -29,7 +29,7 @@ def shared(site_folder: SiteFolder, tmp_path: Path) -> str:
 
 @pytest.fixture
 def away(site_folder: SiteFolder, tmp_path: Path) -> None:
-    """The station of the window has a run; its database and its archive are away."""
+    """The station of the window has a run; its database and its archive are unavailable."""
     (tmp_path / "share").write_text("not mounted")
     records = {
         "database": "postgresql+psycopg://station@127.0.0.1:9/calstation",
@@ -41,7 +41,7 @@ def away(site_folder: SiteFolder, tmp_path: Path) -> None:
     (site_folder.runs / "SN-1_20261101T000000.h5").write_bytes(b"samples")
 
 
-def test_a_unit_at_another_station_is_named_and_does_not_block(
+def test_unit_claimed_by_another_station_gives_a_warning_only(
     shared: str, operator: Operator, site_folder: SiteFolder, tmp_path: Path, qtbot: QtBot
 ) -> None:
     folder = tmp_path / "line 2"
@@ -73,7 +73,7 @@ def test_a_unit_at_another_station_is_named_and_does_not_block(
 
 
 @pytest.mark.long
-def test_a_unit_is_claimed_when_the_database_is_back_and_released_when_the_window_closes(
+def test_unit_is_claimed_when_the_database_returns_and_released_on_close(
     away: None, operator: Operator, site_folder: SiteFolder, tmp_path: Path
 ) -> None:
     app = operator.window.app
@@ -93,7 +93,7 @@ def test_a_unit_is_claimed_when_the_database_is_back_and_released_when_the_windo
 
 
 @pytest.mark.long
-def test_a_claim_of_the_last_session_is_not_shown(
+def test_claim_of_the_previous_session_is_not_shown(
     away: None, operator: Operator, site_folder: SiteFolder, tmp_path: Path
 ) -> None:
     app = operator.window.app
@@ -106,7 +106,7 @@ def test_a_claim_of_the_last_session_is_not_shown(
 
 
 @pytest.mark.long
-def test_what_waits_is_shown_until_it_is_sent(
+def test_pending_records_are_shown_until_sent(
     away: None, operator: Operator, site_folder: SiteFolder, tmp_path: Path
 ) -> None:
     label = operator.widget("exchange_label", QLabel)
@@ -135,7 +135,7 @@ def test_what_waits_is_shown_until_it_is_sent(
     operator.until(lambda: list((tmp_path / "share").rglob("*.h5")))
 
 
-def test_nothing_is_shown_for_a_station_that_shares_no_records(operator: Operator) -> None:
+def test_exchange_state_is_hidden_for_a_station_without_shared_records(operator: Operator) -> None:
     operator.scan(SERIAL)
     operator.until_no_job()
     assert operator.window.app.exchange_state is None

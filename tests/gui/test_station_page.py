@@ -1,4 +1,4 @@
-"""The station page, operated by clicks: checks while typing, versions, connection tests, rights of the operator."""
+"""The station page, operated by clicks: validation while typing, versions, connection tests, operator permissions."""
 
 import re
 import tomllib
@@ -53,7 +53,7 @@ LATCHED = DeviceFaultError("table.latched_interlock", fault="interlock", station
 
 @pytest.fixture
 def operator(app: AppContext, site_folder: Any, qtbot: QtBot) -> PageDriver:
-    """The page alone below its header, in the role of an operator."""
+    """The page below its header, without the window, in the role of an operator."""
     return station_page(app, site_folder, qtbot)
 
 
@@ -76,7 +76,7 @@ def whole(window: MainWindow, qtbot: QtBot) -> PageDriver:
 
 @pytest.fixture
 def chinese() -> Iterator[Callable[[], None]]:
-    """Switches to Chinese; back to English afterwards."""
+    """Switch to Chinese, and back to English afterwards."""
     yield lambda: language.use("zh_CN")
     language.use("en")
 
@@ -132,7 +132,7 @@ def test_an_operator_can_change_language_and_theme(whole: PageDriver, window: Ma
 # Checking and saving
 
 
-def test_a_wrong_value_shows_an_error_and_cannot_be_saved(page_driver: PageDriver, site_folder: Any) -> None:
+def test_invalid_value_shows_an_error_and_cannot_be_saved(page_driver: PageDriver, site_folder: Any) -> None:
     page_driver.show_section(SITE)
     before = site_folder.station.read_bytes()
     page_driver.type("site_latitude_deg_edit", "95")
@@ -151,7 +151,7 @@ def test_a_wrong_value_shows_an_error_and_cannot_be_saved(page_driver: PageDrive
     assert site_folder.station.read_bytes() == before
 
 
-def test_saving_makes_a_version_and_keeps_comments(page_driver: PageDriver, site_folder: Any) -> None:
+def test_saving_creates_a_version_and_keeps_comments(page_driver: PageDriver, site_folder: Any) -> None:
     text = "# our line\n" + site_folder.station.read_text(encoding="utf-8")
     site_folder.station.write_text(text, encoding="utf-8")
     page_driver.show_section(SITE)
@@ -172,7 +172,7 @@ def test_saving_makes_a_version_and_keeps_comments(page_driver: PageDriver, site
 
 
 @pytest.mark.long
-def test_the_shared_database_and_the_archive_are_edited(page_driver: PageDriver, site_folder: Any) -> None:
+def test_shared_database_and_archive_can_be_edited(page_driver: PageDriver, site_folder: Any) -> None:
     page_driver.show_section(RECORDS)
     page_driver.type("records_database_edit", "postgresql+psycopg://station:secret@db/calstation")
     assert "contains a password" in page_driver.message("records_database")
@@ -187,14 +187,14 @@ def test_the_shared_database_and_the_archive_are_edited(page_driver: PageDriver,
     assert saved(site_folder.station)["records"] == {"database": url}
 
 
-def test_the_current_station_is_listed_once(page_driver: PageDriver, site_folder: Any) -> None:
+def test_current_station_is_listed_once(page_driver: PageDriver, site_folder: Any) -> None:
     box = page_driver.page.station_box
     listed = [box.itemText(i) for i in range(box.count())]
     assert len(listed) == len(set(listed))
     assert box.currentText() == "test (virtual bench)"
 
 
-def test_a_shipped_file_is_saved_in_the_folder_of_the_site(page_driver: PageDriver, site_folder: Any) -> None:
+def test_edited_shipped_file_is_saved_in_the_site_folder(page_driver: PageDriver, site_folder: Any) -> None:
     page_driver.show_section(TABLE)
     page_driver.type("outer_high_deg_edit", "-2000")
     assert (
@@ -240,7 +240,7 @@ def test_gravity_is_compared_with_normal_gravity_while_typing(page_driver: PageD
     assert not edit.isVisible()
 
 
-def test_sigmas_of_gravity_and_clock_are_saved_and_left_out_again(page_driver: PageDriver, site_folder: Any) -> None:
+def test_sigmas_of_gravity_and_clock_are_saved_and_removed(page_driver: PageDriver, site_folder: Any) -> None:
     page_driver.show_section(SITE)
     page_driver.type("site_gravity_sigma_mps2_edit", "0")
     assert "greater than 0" in page_driver.message("site_gravity_sigma_mps2")
@@ -284,7 +284,7 @@ def test_a_site_is_confirmed_on_this_computer(page_driver: PageDriver) -> None:
     assert not page_driver.find(QPushButton, "confirm_place_button").isVisible(), "a wrong value cannot be confirmed"
 
 
-def test_an_azimuth_found_from_the_data_is_not_in_the_file(page_driver: PageDriver, site_folder: Any) -> None:
+def test_azimuth_estimated_from_the_data_is_not_stored(page_driver: PageDriver, site_folder: Any) -> None:
     page_driver.show_section(SITE)
     page_driver.choose("azimuth_way_combo", "found")
     page_driver.press("save_station_button")
@@ -309,7 +309,7 @@ def test_an_azimuth_found_from_the_data_is_not_in_the_file(page_driver: PageDriv
         *(pytest.param(other, marks=pytest.mark.long) for other in ("discard_and_go_button", "save_and_go_button")),
     ],
 )
-def test_leaving_with_unsaved_changes_asks_first(
+def test_leaving_the_page_with_unsaved_changes_asks_for_confirmation(
     whole: PageDriver, window: MainWindow, site_folder: Any, answer: str
 ) -> None:
     page_driver, tabs = whole, window.page_tabs
@@ -324,7 +324,7 @@ def test_leaving_with_unsaved_changes_asks_first(
 
 
 @pytest.mark.long
-def test_closing_the_window_with_unsaved_changes_asks_first(whole: PageDriver, window: MainWindow) -> None:
+def test_closing_the_window_with_unsaved_changes_asks_for_confirmation(whole: PageDriver, window: MainWindow) -> None:
     page_driver = whole
     page_driver.type("name_edit", "line 7")
     assert not window.close()
@@ -354,7 +354,7 @@ def test_a_new_station_is_a_copy_and_is_remembered(page_driver: PageDriver, site
     assert page_driver.app.station_path == library.find("stations", "virtual_bench")
 
 
-def test_a_file_from_another_folder_is_saved_under_a_free_name(page_driver: PageDriver, tmp_path: Path) -> None:
+def test_file_from_another_folder_is_saved_under_an_unused_name(page_driver: PageDriver, tmp_path: Path) -> None:
     elsewhere = tmp_path / "test.toml"
     elsewhere.write_bytes((tmp_path / "home" / "stations" / "test.toml").read_bytes())
     page_driver.app.set_station(elsewhere)
@@ -521,7 +521,7 @@ def test_a_run_prevents_connection_tests_and_saving(page_driver: PageDriver, mon
     assert save.isEnabled()
 
 
-def test_tab_follows_the_reading_order_and_the_wheel_changes_nothing(page_driver: PageDriver) -> None:
+def test_tab_key_follows_the_reading_order_and_the_wheel_changes_no_value(page_driver: PageDriver) -> None:
     page_driver.show_section(SITE)
     page_driver.choose("gravity_way_combo", "surveyed")
     order = ["site_latitude_deg_edit", "site_longitude_deg_edit", "site_height_m_edit", "azimuth_way_combo"]
@@ -540,7 +540,7 @@ def test_tab_follows_the_reading_order_and_the_wheel_changes_nothing(page_driver
     assert box.currentText().startswith("surveyed")
 
 
-def test_every_finding_is_in_the_catalogue() -> None:
+def test_every_finding_has_a_catalogue_text() -> None:
     source = "".join(
         (Path(page_module.__file__).parents[2] / "connection" / f"{name}.py").read_text(encoding="utf-8")
         for name in ("link_test", "table_test", "imu_test")
@@ -559,7 +559,7 @@ def test_a_problem_without_a_field_message_shows_its_own_message() -> None:
 # Profiles as text
 
 
-def test_files_added_outside_the_window_are_offered(page_driver: PageDriver) -> None:
+def test_files_added_outside_the_window_are_listed(page_driver: PageDriver) -> None:
     page_driver.show_section(PROFILES)
     files = page_driver.page.profiles.file_box
     text = library.find("products", "nav_a").read_text(encoding="utf-8")
@@ -576,7 +576,7 @@ def test_files_added_outside_the_window_are_offered(page_driver: PageDriver) -> 
 
 
 @pytest.mark.long
-def test_a_problem_in_a_text_leads_to_its_line(page_driver: PageDriver) -> None:
+def test_clicking_a_problem_opens_its_line_in_the_text(page_driver: PageDriver) -> None:
     page_driver.show_section(PROFILES)
     profiles = page_driver.page.profiles
     profiles.open("products", "nav_a")
@@ -628,7 +628,7 @@ def test_form_and_text_of_a_file_show_the_same_values(page_driver: PageDriver) -
     assert "latitude_deg = 13.5" in page_driver.page.profiles.editor.toPlainText()
 
 
-def test_a_file_changed_on_another_page_is_read_again(page_driver: PageDriver, site_folder: Any) -> None:
+def test_file_changed_on_another_page_is_reloaded(page_driver: PageDriver, site_folder: Any) -> None:
     page_driver.show_section(PROFILES)
     profiles = page_driver.page.profiles
     profiles.open("products", "short")
@@ -644,7 +644,7 @@ def test_a_file_changed_on_another_page_is_read_again(page_driver: PageDriver, s
     assert saved(site_folder.product)["schedule"]["rate"]["turns"] == 4
 
 
-def test_a_table_open_as_text_and_in_the_form_has_one_draft(page_driver: PageDriver) -> None:
+def test_text_and_form_of_a_table_share_one_draft(page_driver: PageDriver) -> None:
     page_driver.show_section(PROFILES)
     profiles = page_driver.page.profiles
     profiles.open("tables", "cia402_drives")
@@ -660,7 +660,7 @@ def test_a_table_open_as_text_and_in_the_form_has_one_draft(page_driver: PageDri
     assert profiles.editor.toPlainText() == library.find("tables", "cia402_drives").read_text(encoding="utf-8")
 
 
-def test_a_text_that_is_not_valid_toml_can_be_corrected(page_driver: PageDriver) -> None:
+def test_invalid_toml_text_can_be_corrected(page_driver: PageDriver) -> None:
     page_driver.show_section(PROFILES)
     profiles = page_driver.page.profiles
     profiles.open("stations", "test")
@@ -696,7 +696,7 @@ def test_changing_the_pin_requires_the_current_pin(page_driver: PageDriver) -> N
     assert "engineer.json cannot be read" in change("135792", "246813", "246813")
 
 
-def test_an_engineers_own_pin_needs_the_pin_of_the_site_first(page_driver: PageDriver) -> None:
+def test_personal_pin_of_an_engineer_requires_the_site_pin(page_driver: PageDriver) -> None:
     page_driver.show_section(PERSONAL)
     page_driver.type("pin_badge_edit", "B0003")
     old = page_driver.find(QLineEdit, "old_pin_edit")

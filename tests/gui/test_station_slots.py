@@ -1,4 +1,4 @@
-"""The slots of a station with several units, as a form of the Station page: typed, chosen, saved, and taken back."""
+"""The slots of a station as a form on the Station page: edited, saved and removed."""
 
 import tomllib
 from typing import Any
@@ -33,7 +33,7 @@ def stored(name: str) -> str:
     return library.find("stations", name).read_text(encoding="utf-8")
 
 
-def test_a_station_becomes_one_with_slots_and_one_with_a_single_unit_again(forms: FormDriver) -> None:
+def test_station_is_converted_to_slots_and_back_to_a_single_unit(forms: FormDriver) -> None:
     forms.copy_station("line_4")
     before = stored("line_4")
     forms.show_section(IMU_LINK)
@@ -58,7 +58,7 @@ def test_a_station_becomes_one_with_slots_and_one_with_a_single_unit_again(forms
     assert tomllib.loads(stored("line_4")) == tomllib.loads(before)
 
 
-def test_an_operator_reads_the_slots_only(operator: FormDriver) -> None:
+def test_operator_can_only_read_the_slots(operator: FormDriver) -> None:
     operator.show_section(IMU_LINK)
     button = operator.page.imus._several
     assert not button.isEnabled()
@@ -71,7 +71,7 @@ def test_an_operator_reads_the_slots_only(operator: FormDriver) -> None:
     assert not operator.find(QPushButton, "slots_add_button").isEnabled()
 
 
-def test_the_bench_has_a_field_for_the_number_of_its_units(forms: FormDriver) -> None:
+def test_bench_section_has_a_field_for_the_number_of_units(forms: FormDriver) -> None:
     forms.show_section(STATION)
     forms.type("bench_units_edit", "17")
     assert "1 to 16" in forms.message("bench_units")
@@ -84,7 +84,7 @@ def test_the_bench_has_a_field_for_the_number_of_its_units(forms: FormDriver) ->
     assert not draft.problems
 
 
-def test_the_link_of_a_slot_keeps_its_comments_when_it_becomes_that_of_the_only_unit() -> None:
+def test_link_keeps_its_comments_when_converted_to_a_single_unit() -> None:
     text = '[imu] # of the fixture\nport = "COM3" # left\n[imu.serial]\nbaud = 9600 # old\n\n# notes\n'
     slots = with_slots(text)
     assert slots.startswith('[[slots]] # of the fixture\nname = "1"\nport = "COM3" # left\n[slots.serial]\n')

@@ -1,4 +1,4 @@
-"""Several units on one table: scans into slots, tiles during the run, and verdicts; runs are emitted events."""
+"""Several units on one table: scans into slots, tiles during the run, and verdicts; runs consist of emitted events."""
 
 from dataclasses import replace
 from typing import Any
@@ -38,13 +38,13 @@ NO_ANSWER = Fault.of(DeviceFaultError("imu.answer_not_framed", port="socket://10
 
 
 def use_slots(operator: Operator, count: int) -> None:
-    """Use the virtual bench with so many slots."""
+    """Use the virtual bench with this number of slots."""
     operator.site_folder.write(units=count)
     operator.window.app.set_station(operator.site_folder.station)
 
 
 def use_long_names(operator: Operator, count: int) -> list[str]:
-    """Use the virtual bench with so many slots, whose names have 16 characters."""
+    """Use the virtual bench with this number of slots, with names of 16 characters."""
     names = [f"Turntable-upr-{number:02d}" for number in range(1, count + 1)]
     operator.site_folder.write(station={"slots": [{"name": name} for name in names]}, units=count)
     operator.window.app.set_station(operator.site_folder.station)
@@ -64,32 +64,32 @@ def hardware(operator: Operator) -> Operator:
 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[RunRequest]:
-    """The requests of runs, which no engine is started for."""
+    """The requests of runs, recorded instead of starting an engine."""
     requests: list[RunRequest] = []
     monkeypatch.setattr(EngineLink, "start", lambda _, order: requests.append(order))
     return requests
 
 
 def serials(operator: Operator) -> tuple[str, ...]:
-    """The serial numbers in the slots."""
+    """Return the serial numbers in the slots."""
     return operator.window.operator_page._starting.slots.serials
 
 
 def tile(operator: Operator, name: str) -> QAbstractButton:
-    """A visible tile."""
+    """Return a visible tile."""
     found: QAbstractButton = operator.widget(name, QAbstractButton)
     operator.until(found.isVisible, 10.0)
     return found
 
 
 def click(operator: Operator, name: str) -> None:
-    """Click a tile at its left end, away from its button."""
+    """Click a tile at its left end, outside its button."""
     found = tile(operator, name)
     operator.qtbot.mouseClick(found, Qt.MouseButton.LeftButton, pos=found.rect().topLeft() + found.rect().center() / 8)
 
 
 def begin(operator: Operator) -> None:
-    """Begin a run of the units in the slots, up to its first stage."""
+    """Start a run of the units in the slots, up to its first stage."""
     app = operator.window.app
     link, slots = app.engine_link, operator.window.operator_page._starting.slots
     link.request = RunRequest(slots.units[0], app.station_path, app.product_path, serials=slots.serials)
@@ -102,7 +102,7 @@ def begin(operator: Operator) -> None:
 
 
 def end_unit(operator: Operator, slot: str, outcome: str, **result: Any) -> None:
-    """Give a unit its verdict."""
+    """Emit the verdict of a unit."""
     unit = next(unit for unit in operator.run.units if unit.slot == slot)
     ended = {**RESULT, "unit": {"serial": unit.serial}, "outcome": outcome, "attempt": 1, "duration_s": 60.0, **result}
     operator.window.app.engine_link.event.emit(Verdict(outcome, "log.h5", f"{slot}.json", ended, slot=slot))
@@ -116,7 +116,7 @@ FAILED: dict[str, Any] = {
 }
 
 
-def test_virtual_bench_fills_all_slots_and_one_press_starts_them(operator: Operator, started: list[RunRequest]) -> None:
+def test_virtual_bench_suggests_serial_numbers_for_all_slots(operator: Operator, started: list[RunRequest]) -> None:
     use_slots(operator, 6)
     expected = tuple(f"SN-00000{number}" for number in range(1, 7))
     assert serials(operator) == expected
@@ -135,9 +135,7 @@ def test_virtual_bench_fills_all_slots_and_one_press_starts_them(operator: Opera
     assert serials(operator) == ()
 
 
-def test_each_scan_goes_into_the_next_slot_and_all_full_moves_on_to_start(
-    hardware: Operator, started: list[RunRequest]
-) -> None:
+def test_scans_fill_successive_slots_and_then_focus_start(hardware: Operator, started: list[RunRequest]) -> None:
     window, edit, start = hardware.window, hardware.widget("serial_edit", QLineEdit), hardware.widget("start_button")
     assert not start.isEnabled()
     assert start.toolTip() == "No slot has a unit: scan at least one serial number."
@@ -166,7 +164,7 @@ def test_each_scan_goes_into_the_next_slot_and_all_full_moves_on_to_start(
     assert started[0].serials == ("SN-000001", "SN-000004", "SN-000002")
 
 
-def test_scans_fill_the_slots_in_order_after_all_have_been_cleared(operator: Operator) -> None:
+def test_scans_fill_the_slots_in_order_after_clearing_all(operator: Operator) -> None:
     use_slots(operator, 3)
     assert "all slots have a unit" in operator.says()
     for name in ("1", "2", "3"):
@@ -179,7 +177,7 @@ def test_scans_fill_the_slots_in_order_after_all_have_been_cleared(operator: Ope
     assert serials(operator) == ("SN-000007", "SN-000008", "SN-000009")
 
 
-def test_enter_without_a_number_goes_on_to_start_and_slots_may_stay_empty(
+def test_enter_without_a_number_focuses_start_and_slots_may_stay_empty(
     hardware: Operator, started: list[RunRequest]
 ) -> None:
     edit, start = hardware.widget("serial_edit", QLineEdit), hardware.widget("start_button")
@@ -202,7 +200,7 @@ def test_enter_without_a_number_goes_on_to_start_and_slots_may_stay_empty(
     assert serials(hardware)[0] == "SN-000002"
 
 
-def test_wrong_and_repeated_serial_numbers_are_refused_in_the_field(hardware: Operator) -> None:
+def test_invalid_and_repeated_serial_numbers_are_refused_in_the_field(hardware: Operator) -> None:
     hardware.scan("SN-000001")
     hardware.scan("SN-000001")
     assert "SN-000001 is already in slot A" in hardware.says()
@@ -243,7 +241,7 @@ def test_editing_the_slots_removes_the_notice_of_a_refused_scan(hardware: Operat
     assert started == []
 
 
-def test_scans_sound_and_units_are_asked_about_once(
+def test_scans_give_a_sound_and_each_unit_is_confirmed_once(
     hardware: Operator, started: list[RunRequest], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sounds: list[str] = []
@@ -269,7 +267,7 @@ def test_scans_sound_and_units_are_asked_about_once(
 
 
 @pytest.mark.long
-def test_one_more_attempt_of_a_unit_and_the_repetition_of_another_are_asked_one_after_the_other(
+def test_confirmations_for_several_units_are_asked_one_after_another(
     hardware: Operator, started: list[RunRequest]
 ) -> None:
     runs = hardware.site_folder.runs
@@ -298,7 +296,7 @@ def test_one_more_attempt_of_a_unit_and_the_repetition_of_another_are_asked_one_
     assert request.serials == ("SN-000001", "SN-000002", "SN-000003")
 
 
-def test_tiles_show_who_is_where_and_a_click_chooses_the_plots(operator: Operator) -> None:
+def test_tiles_show_unit_and_slot_and_a_click_selects_its_plots(operator: Operator) -> None:
     use_slots(operator, 3)
     begin(operator)
     link, live = operator.window.app.engine_link, operator.window.operator_page._live
@@ -336,7 +334,7 @@ def test_tiles_show_who_is_where_and_a_click_chooses_the_plots(operator: Operato
     assert "done" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole)
 
 
-def test_a_unit_with_a_fault_leaves_and_the_others_go_on(operator: Operator) -> None:
+def test_unit_with_a_fault_is_removed_and_the_others_continue(operator: Operator) -> None:
     use_slots(operator, 3)
     begin(operator)
     link = operator.window.app.engine_link
@@ -361,7 +359,7 @@ def test_a_unit_with_a_fault_leaves_and_the_others_go_on(operator: Operator) -> 
 
 
 @pytest.mark.long
-def test_a_unit_outside_its_limits_keeps_its_registers_while_the_others_are_written(operator: Operator) -> None:
+def test_registers_of_a_failed_unit_are_kept_while_others_are_written(operator: Operator) -> None:
     use_slots(operator, 3)
     begin(operator)
     link = operator.window.app.engine_link
@@ -396,7 +394,7 @@ def test_a_unit_outside_its_limits_keeps_its_registers_while_the_others_are_writ
 
 
 def end_mixed_run(operator: Operator) -> None:
-    """End a run of three units: passed, failed, fault."""
+    """End a run of three units with passed, failed and fault."""
     use_slots(operator, 3)
     begin(operator)
     link = operator.window.app.engine_link
@@ -409,7 +407,7 @@ def end_mixed_run(operator: Operator) -> None:
 
 
 @pytest.mark.long
-def test_all_verdicts_are_shown_and_a_click_opens_one(operator: Operator) -> None:
+def test_all_verdicts_are_shown_and_a_click_opens_its_result(operator: Operator) -> None:
     end_mixed_run(operator)
     says = operator.says()
     assert "1 passed, 1 failed, 1 fault" in says
@@ -482,7 +480,7 @@ def test_a_fault_of_the_table_ends_the_run_of_all_units(operator: Operator) -> N
 
 
 @pytest.mark.long
-def test_units_that_ended_before_a_fault_of_the_table_are_shown_and_not_offered_again(operator: Operator) -> None:
+def test_units_finished_before_a_table_fault_are_not_offered_again(operator: Operator) -> None:
     use_slots(operator, 4)
     begin(operator)
     link = operator.window.app.engine_link
@@ -505,7 +503,7 @@ def test_units_that_ended_before_a_fault_of_the_table_are_shown_and_not_offered_
     assert operator.widget("start_button").isEnabled()
 
 
-def test_an_interrupted_transfer_is_decided_for_its_unit_alone(operator: Operator, started: list[RunRequest]) -> None:
+def test_interrupted_transfer_is_recovered_only_for_its_unit(operator: Operator, started: list[RunRequest]) -> None:
     use_slots(operator, 2)
     begin(operator)
     link = operator.window.app.engine_link
@@ -531,9 +529,7 @@ def test_an_interrupted_transfer_is_decided_for_its_unit_alone(operator: Operato
     assert (request.serial, request.serials, request.unfinished) == ("SN-000002", ("", "SN-000002"), "restore")
 
 
-def test_the_table_is_drawn_with_the_axes_of_the_chosen_unit_in_its_slot(
-    operator: Operator, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_table_is_drawn_with_the_axes_of_the_selected_unit(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[np.ndarray] = []
     monkeypatch.setattr(TablePicture, "axes", lambda _, unit, *__: drawn.append(unit))
     slots = [{"name": name, "orientation": orientation} for name, orientation in (("A", "+x+z"), ("B", "-y+z"))]
@@ -584,7 +580,7 @@ def test_stop_ends_all_units(operator: Operator) -> None:
 
 
 @pytest.mark.long
-def test_units_that_ended_before_a_stop_are_not_offered_again(operator: Operator) -> None:
+def test_units_finished_before_a_stop_are_not_offered_again(operator: Operator) -> None:
     use_slots(operator, 2)
     begin(operator)
     link = operator.window.app.engine_link
@@ -626,7 +622,7 @@ def test_sixteen_units_fit_on_a_small_screen(operator: Operator) -> None:
 
 
 @pytest.mark.long
-def test_sixteen_verdicts_fit_below_the_question_after_a_stop(operator: Operator) -> None:
+def test_sixteen_verdicts_fit_below_the_prompt_after_a_stop(operator: Operator) -> None:
     use_slots(operator, 16)
     begin(operator)
     link = operator.window.app.engine_link
@@ -642,9 +638,7 @@ def test_sixteen_verdicts_fit_below_the_question_after_a_stop(operator: Operator
 
 @pytest.mark.long
 @pytest.mark.parametrize(("width", "height"), [(1366, 768), (1280, 720)])
-def test_slot_names_of_sixteen_characters_leave_notes_and_serial_numbers_readable(
-    operator: Operator, width: int, height: int
-) -> None:
+def test_long_slot_names_leave_notes_and_serial_numbers_readable(operator: Operator, width: int, height: int) -> None:
     names = use_long_names(operator, 16)
     operator.window.resize(width, height)
     for language in (0, 1):
@@ -666,20 +660,20 @@ def test_slot_names_of_sixteen_characters_leave_notes_and_serial_numbers_readabl
 
 
 def uncut(operator: Operator, names: list[str]) -> bool:
-    """Whether all texts of tiles fit into their labels."""
+    """Return whether all texts of tiles fit into their labels."""
     labels = [each for name in names for each in tile(operator, name).findChildren(QLabel) if each.isVisible()]
     return all(each.fontMetrics().horizontalAdvance(each.text()) <= each.width() for each in labels)
 
 
 def whole(operator: Operator, names: list[str]) -> bool:
-    """Whether tiles are visible as a whole, and as high as their contents."""
+    """Return whether tiles are completely visible and as high as their contents."""
     tiles = [tile(operator, name) for name in names]
     QCoreApplication.processEvents()  # lays out the present texts
     operator.until(lambda: all(each.visibleRegion().boundingRect().size() == each.size() for each in tiles), 10.0)
     return all(each.height() >= each.minimumSizeHint().height() for each in tiles)
 
 
-def test_engineer_page_leaves_start_to_the_operator_page(operator: Operator) -> None:
+def test_start_on_the_engineer_page_is_disabled_for_a_batch(operator: Operator) -> None:
     use_slots(operator, 2)
     operator.window.show_page("engineer_page")
     start = operator.widget("engineer_start_button")
@@ -690,7 +684,7 @@ def test_engineer_page_leaves_start_to_the_operator_page(operator: Operator) -> 
 
 
 @pytest.mark.long
-def test_a_batch_on_the_virtual_bench_whose_second_unit_falls_silent(operator: Operator) -> None:
+def test_batch_continues_on_the_virtual_bench_after_one_unit_stops_sending(operator: Operator) -> None:
     folder = operator.site_folder
     plan = folder.folder / "plan.toml"
     fault = {"kind": "silence_imu", "stage": "six_position", "time_s": 3.0, "value": 60.0, "unit": 2}

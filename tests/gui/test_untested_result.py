@@ -1,4 +1,4 @@
-"""A result of parameters only is shown without a verdict, and no register is written from it."""
+"""A parameters-only result is shown without a verdict, and no register is written from it."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.timeout(120)
 
 
 @pytest.mark.long
-def test_parameters_alone_have_no_verdict_on_the_engineer_page(operator: Operator, tmp_path: Path) -> None:
+def test_parameters_only_result_has_no_verdict_on_the_engineer_page(operator: Operator, tmp_path: Path) -> None:
     (log,) = record_logs(ignore_progress, tmp_path / "logs", 1, seed=4)
     file = tmp_path / "alone.json"
     write_json(file, resolve(log, diagnostics=False).result.to_json())

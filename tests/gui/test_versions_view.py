@@ -1,4 +1,4 @@
-"""The comparison of two versions on the history page: choice, changed verdicts, moves of the parameters, export."""
+"""The comparison of two versions on the history page: selection, changed verdicts, parameter changes, export."""
 
 import json
 from pathlib import Path
@@ -22,7 +22,7 @@ WAIT = 60_000
 
 @pytest.fixture
 def page(app: AppContext, site_folder: SiteFolder, tmp_path: Path, qtbot: QtBot) -> HistoryPage:
-    """The page of a station that shares records, shown."""
+    """The visible page of a station that shares records."""
     site_folder.write(station={"records": {"database": f"sqlite:///{tmp_path / 'shared.sqlite'}"}})
     app.runs_folder, app.exchange_state = tmp_path, ExchangeState()
     made = HistoryPage(app)
@@ -55,7 +55,7 @@ def open_versions(page: HistoryPage, qtbot: QtBot) -> None:
 
 
 def filled(tmp_path: Path, **more: object) -> None:
-    """Put two versions of four units into the database."""
+    """Insert two versions of four units into the database."""
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     add(url, *(row(unit, "0.1.0", 0, **more) for unit in UNITS), *(row(unit, "0.1.0+gravity", 1) for unit in UNITS))
 
@@ -112,7 +112,7 @@ def test_a_partial_calibration_is_not_shown_as_a_pass(page: HistoryPage, tmp_pat
     ]
 
 
-def test_the_comparison_and_the_later_version_are_exported(
+def test_comparison_and_later_version_are_exported(
     page: HistoryPage, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     filled(tmp_path)
@@ -129,7 +129,7 @@ def test_the_comparison_and_the_later_version_are_exported(
     assert pq.read_table(tmp_path / "solutions.parquet").num_rows == 4
 
 
-def test_a_long_list_of_changes_is_cut(
+def test_long_list_of_changes_is_truncated(
     page: HistoryPage, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(versions_view, "_MOST", 2)
@@ -141,7 +141,7 @@ def test_a_long_list_of_changes_is_cut(
     assert page.findChild(QTableWidget, "versions_changes_table").rowCount() == 2
 
 
-def test_without_two_versions_the_page_says_how_to_get_them(page: HistoryPage, app: AppContext, qtbot: QtBot) -> None:
+def test_page_explains_how_to_create_two_versions(page: HistoryPage, app: AppContext, qtbot: QtBot) -> None:
     open_versions(page, qtbot)
     assert "There are no two versions to compare yet" in texts(page)
     assert not page.findChild(QPushButton, "versions_compare_button").isEnabled()
@@ -151,7 +151,7 @@ def test_without_two_versions_the_page_says_how_to_get_them(page: HistoryPage, a
     assert "This station shares no records" in texts(page)
 
 
-def test_a_database_that_is_away_is_reported(page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot) -> None:
+def test_unreachable_database_is_reported(page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot) -> None:
     records = {"database": "postgresql+psycopg://station@127.0.0.1:9/calstation"}
     site_folder.write(station={"records": records})
     open_versions(page, qtbot)

@@ -32,7 +32,7 @@ def opened(site_folder: SiteFolder, qtbot: QtBot) -> MainWindow:
     return window
 
 
-def test_order_of_the_pages(window: MainWindow) -> None:
+def test_pages_are_in_the_expected_order(window: MainWindow) -> None:
     tabs = window.findChild(QTabWidget, "page_tabs")
     assert [tabs.widget(i).objectName() for i in range(tabs.count())] == PAGES
 
@@ -50,7 +50,7 @@ def test_stop_has_the_same_position_on_every_page(window: MainWindow, qtbot: QtB
         assert window.childAt(stop.mapTo(window, stop.rect().center())) is stop, page
 
 
-def test_english_is_the_first_language(window: MainWindow) -> None:
+def test_english_is_listed_first(window: MainWindow) -> None:
     combo = window.findChild(QComboBox, "language_combo")
     assert combo.itemText(0) == "English"
 
@@ -70,7 +70,7 @@ def test_language_and_theme_are_restored(site_folder: SiteFolder, qtbot: QtBot) 
     second.close()
 
 
-def test_first_pin_is_set_and_a_wrong_one_refused(window: MainWindow, qtbot: QtBot) -> None:
+def test_first_pin_is_set_and_a_wrong_pin_refused(window: MainWindow, qtbot: QtBot) -> None:
     role, lock = window.app.role, window.findChild(QPushButton, "role_button")
     pin, again = window.findChild(QLineEdit, "pin_edit"), window.findChild(QLineEdit, "pin_again_edit")
 
@@ -106,7 +106,7 @@ def test_first_pin_is_set_and_a_wrong_one_refused(window: MainWindow, qtbot: QtB
     assert role.engineer
 
 
-def test_a_damaged_file_of_the_pin_is_explained(window: MainWindow, qtbot: QtBot, site_folder: SiteFolder) -> None:
+def test_damaged_pin_file_is_explained(window: MainWindow, qtbot: QtBot, site_folder: SiteFolder) -> None:
     (site_folder.home / "engineer.json").write_text("{", encoding="utf-8")
     qtbot.mouseClick(window.findChild(QPushButton, "role_button"), Qt.MouseButton.LeftButton)
     pin = window.findChild(QLineEdit, "pin_edit")
@@ -181,7 +181,7 @@ def test_tab_order_follows_reading_order(window: MainWindow, qtbot: QtBot) -> No
     assert seen == ["operator_edit", "serial_edit", "product_combo", "start_button"]
 
 
-def test_the_window_starts_without_the_solvers() -> None:
+def test_window_starts_without_importing_the_solvers() -> None:
     """Compiled kernels, scipy.stats and the shared database would delay the first paint by more than a second."""
     script = (
         "import sys; from calstation.gui import create_window; from PySide6.QtWidgets import QApplication\n"
@@ -198,7 +198,7 @@ def test_the_window_starts_without_the_solvers() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
-def test_the_fields_above_the_operator_page_are_as_high_as_start(window: MainWindow, qtbot: QtBot, code: str) -> None:
+def test_header_fields_are_as_high_as_the_start_button(window: MainWindow, qtbot: QtBot, code: str) -> None:
     window.app.set_language(code)
     header = RunHeader()
     qtbot.addWidget(header)

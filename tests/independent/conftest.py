@@ -1,4 +1,4 @@
-"""What the tests of the bench use, here as well."""
+"""Fixtures shared with the tests of the bench."""
 
 from tests.bench.conftest import start_bench
 

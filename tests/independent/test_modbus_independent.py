@@ -1,4 +1,4 @@
-"""The Modbus driver against a server of libmodbus, and the bench against mbpoll: parts that are not ours."""
+"""The Modbus driver is tested with a libmodbus server, and the bench with mbpoll: independent implementations."""
 
 import os
 import re
@@ -35,7 +35,7 @@ transports = pytest.mark.parametrize(
 
 @pytest.fixture(scope="module")
 def server_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The compiled server; skips, saying so, where compiler or library are missing."""
+    """Compile the server; skip the tests if the compiler or the library is missing."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None or shutil.which("pkg-config") is None:
         pytest.skip("no C compiler or pkg-config: not tested against libmodbus")
@@ -62,7 +62,7 @@ def server_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @contextmanager
 def crossed_terminals() -> Iterator[tuple[str, str]]:
-    """Two serial lines that end in each other."""
+    """Two pseudo-terminals connected to each other."""
     import tty
 
     (near, near_slave), (far, far_slave) = os.openpty(), os.openpty()
@@ -88,7 +88,7 @@ def crossed_terminals() -> Iterator[tuple[str, str]]:
 
 @contextmanager
 def libmodbus(program: Path, transport: str) -> Iterator[str]:
-    """A running server; the port for our driver."""
+    """Run the server; yield the port for the driver."""
     if transport == "tcp":
         with started([str(program), "tcp"]) as first_line:
             yield f"tcp://127.0.0.1:{first_line}"
@@ -110,7 +110,7 @@ def started(command: list[str]) -> Iterator[str]:
 
 
 @transports
-def test_the_driver_speaks_to_libmodbus(server_program: Path, transport: str) -> None:
+def test_driver_exchanges_registers_with_libmodbus(server_program: Path, transport: str) -> None:
     with libmodbus(server_program, transport) as port:
         table = ModbusTable(port, PROFILE, SERIAL)
         try:
@@ -140,7 +140,7 @@ def test_the_driver_speaks_to_libmodbus(server_program: Path, transport: str) ->
 
 
 @transports
-def test_exceptions_of_libmodbus_are_reported_and_writes_are_made_once(server_program: Path, transport: str) -> None:
+def test_libmodbus_exceptions_are_reported_and_writes_sent_once(server_program: Path, transport: str) -> None:
     with libmodbus(server_program, transport) as port:
         link = ModbusLink(port, 1, 2.0, SERIAL)
         try:
@@ -162,7 +162,7 @@ def test_exceptions_of_libmodbus_are_reported_and_writes_are_made_once(server_pr
 
 
 def mbpoll(bench: Any, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    """Run mbpoll on the bench's table: `arguments` are its options, and the values to write."""
+    """Run mbpoll on the bench's table; `arguments` are its options and the values to write."""
     at = bench.endpoints["table"]
     if bench.endpoints["table_transport"] == "tcp":
         host, port = at.split(":")
@@ -176,7 +176,7 @@ def mbpoll(bench: Any, *arguments: str) -> "subprocess.CompletedProcess[str]":
 
 
 def polled(bench: Any, first: int, count: int, *options: str) -> list[int]:
-    """Registers as mbpoll prints them."""
+    """Return the registers printed by mbpoll."""
     done = mbpoll(bench, "-1", "-r", str(first), "-c", str(count), *options)
     assert done.returncode == 0, done.stdout + done.stderr
     return [int(value) for value in re.findall(r"^\[\d+\]:\s+(-?\d+)", done.stdout, re.MULTILINE)]
@@ -184,7 +184,7 @@ def polled(bench: Any, first: int, count: int, *options: str) -> list[int]:
 
 @needs_mbpoll
 @transports
-def test_mbpoll_reads_and_writes_the_bench(start_bench: Any, transport: str) -> None:
+def test_mbpoll_reads_and_writes_registers_of_the_bench(start_bench: Any, transport: str) -> None:
     with start_bench(table_transport=transport, encoder_sigma_deg=0.0, table_serial="T-42") as bench:
         assert bytes(b for word in polled(bench, 0, 8) for b in word.to_bytes(2, "big")) == b"bench-table".ljust(
             16, b"\0"
@@ -214,7 +214,7 @@ def test_mbpoll_reads_and_writes_the_bench(start_bench: Any, transport: str) -> 
 @needs_mbpoll
 @transports
 def test_mbpoll_and_the_driver_agree_on_two_drives(start_bench: Any, transport: str) -> None:
-    """Low word first, floats, a second unit and counts that fall, as another program reads and writes them."""
+    """Another program reads and writes low-word-first values, floats, a second unit and inverted counts."""
     profile = load_table_profile(DRIVES).at_place(2.0, None)
     with start_bench(table_protocol="drives", table_transport=transport, encoder_sigma_deg=0.0) as bench:
         for unit in ("1", "2"):

@@ -1,4 +1,4 @@
-"""Functions of jobs: the worker process finds them by name."""
+"""Job functions, imported by name in the worker process."""
 
 import os
 import time
@@ -10,33 +10,33 @@ from calstation.jobs.queue import ProgressCallback
 
 
 def add(tell: ProgressCallback, a: int, b: int = 0) -> int:
-    """A sum, with progress on the way."""
+    """Return a sum and report progress."""
     tell(0.5, 10.0, "adding")
     return a + b
 
 
 def complain(tell: ProgressCallback) -> None:
-    """An error that a person can understand."""
+    """Raise an error of the catalogue."""
     raise InputError("entry.not_found", file="log.h5")
 
 
 def blunder(tell: ProgressCallback) -> None:
-    """A mistake of the program."""
+    """Raise an unexpected error."""
     raise ZeroDivisionError("division\nby zero")
 
 
 def unpicklable(tell: ProgressCallback) -> Any:
-    """A result that cannot travel."""
+    """Return a result that cannot be pickled."""
     return lambda: None
 
 
 def die(tell: ProgressCallback) -> None:
-    """The process ends without a word."""
+    """Kill the process."""
     os._exit(7)
 
 
 def wait(tell: ProgressCallback, started: Path, go: Path) -> int:
-    """Create the file `started`, then wait for the file `go`; returns the process's id."""
+    """Create the file `started`, then wait for the file `go`; return the process id."""
     started.write_text(str(os.getpid()), encoding="utf-8")
     while not go.exists():
         tell(0.25)

@@ -1,4 +1,4 @@
-"""Background jobs: progress, results, errors, cancelling, a killed worker, closing."""
+"""Background jobs: progress, results, errors, cancellation, a killed worker, closing."""
 
 import os
 import subprocess
@@ -24,7 +24,7 @@ def job_queue() -> Iterator[JobQueue]:
 
 
 def until(condition: Callable[[], bool]) -> None:
-    """Poll as a window's timer does."""
+    """Poll like the timer of a window."""
     deadline = time.monotonic() + PATIENCE
     while not condition():
         assert time.monotonic() < deadline, "nothing came"
@@ -36,7 +36,7 @@ def ended(job: Job) -> Job:
     return job
 
 
-def test_jobs_are_done_in_order_with_progress_and_result(job_queue: JobQueue) -> None:
+def test_jobs_run_in_order_with_progress_and_result(job_queue: JobQueue) -> None:
     first, second = job_queue.submit(works.add, 1, b=2), job_queue.submit(works.add, 3)
     assert first.state in ("waiting", "running")  # it may have begun already
     assert second.state == "waiting"
@@ -58,7 +58,7 @@ def test_errors_of_jobs_are_reported(job_queue: JobQueue) -> None:
     assert ended(job_queue.submit(works.add, 1)).result == 1
 
 
-def test_cancel_kills_and_the_next_job_still_runs(job_queue: JobQueue, tmp_path: Path) -> None:
+def test_cancelled_job_is_killed_and_the_next_job_runs(job_queue: JobQueue, tmp_path: Path) -> None:
     started, go = tmp_path / "started", tmp_path / "go"
     long, waiting = job_queue.submit(works.wait, started, go), job_queue.submit(works.add, 1)
     following = job_queue.submit(works.wait, tmp_path / "again", go)
@@ -72,7 +72,7 @@ def test_cancel_kills_and_the_next_job_still_runs(job_queue: JobQueue, tmp_path:
     assert following.result != int(started.read_text("utf-8"))
 
 
-def test_work_with_a_device_is_not_cancelled(job_queue: JobQueue, tmp_path: Path) -> None:
+def test_device_job_is_not_cancelled(job_queue: JobQueue, tmp_path: Path) -> None:
     started, go = tmp_path / "started", tmp_path / "go"
     job = job_queue.submit(works.wait, started, go, cancellable=False)
     until(lambda: job.poll() == "running" and started.exists())
@@ -82,7 +82,7 @@ def test_work_with_a_device_is_not_cancelled(job_queue: JobQueue, tmp_path: Path
     assert ended(job).state == "done"
 
 
-def test_closing_lets_work_with_a_device_end(tmp_path: Path) -> None:
+def test_closing_waits_for_a_device_job(tmp_path: Path) -> None:
     job_queue = JobQueue()
     started, go = tmp_path / "started", tmp_path / "go"
     job = job_queue.submit(works.wait, started, go, cancellable=False)
@@ -93,7 +93,7 @@ def test_closing_lets_work_with_a_device_end(tmp_path: Path) -> None:
     assert (job.state, waiting.state) == ("done", "cancelled")
 
 
-def test_progress_and_time_left(job_queue: JobQueue, tmp_path: Path) -> None:
+def test_progress_gives_the_remaining_time(job_queue: JobQueue, tmp_path: Path) -> None:
     go = tmp_path / "go"
     job = job_queue.submit(works.wait, tmp_path / "started", go)
     assert job.remaining is None
@@ -103,7 +103,7 @@ def test_progress_and_time_left(job_queue: JobQueue, tmp_path: Path) -> None:
     assert ended(job).remaining is None
 
 
-def test_a_dying_worker_fails_its_job_only(job_queue: JobQueue) -> None:
+def test_killed_worker_fails_only_its_job(job_queue: JobQueue) -> None:
     dead, alive = job_queue.submit(works.die), job_queue.submit(works.add, 2)
     assert ended(alive).result == 2
     assert dead.state == "failed"
@@ -111,7 +111,7 @@ def test_a_dying_worker_fails_its_job_only(job_queue: JobQueue) -> None:
     assert dead.error.code == "program.worker_ended"
 
 
-def test_a_worker_killed_while_idle_is_replaced(job_queue: JobQueue) -> None:
+def test_idle_worker_that_is_killed_is_replaced(job_queue: JobQueue) -> None:
     ended(job_queue.submit(works.add, 1))
     process = job_queue._process
     assert process is not None
@@ -120,7 +120,7 @@ def test_a_worker_killed_while_idle_is_replaced(job_queue: JobQueue) -> None:
     assert ended(job_queue.submit(works.add, 2)).result == 2
 
 
-def test_closing_ends_everything(tmp_path: Path) -> None:
+def test_closing_ends_all_jobs_and_the_worker(tmp_path: Path) -> None:
     job_queue = JobQueue()
     running = job_queue.submit(works.wait, tmp_path / "started", tmp_path / "go")
     waiting = job_queue.submit(works.add, 1)
@@ -136,8 +136,8 @@ def test_closing_ends_everything(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("state", ["idle", "working"])
-def test_the_worker_ends_with_its_window(tmp_path: Path, state: str) -> None:
-    """A window that is killed leaves no process behind, whether it was working or not."""
+def test_worker_ends_when_its_window_is_killed(tmp_path: Path, state: str) -> None:
+    """A killed window leaves no process, whether busy or idle."""
     started = tmp_path / "started"
     script = tmp_path / "window.py"
     script.write_text(

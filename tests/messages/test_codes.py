@@ -54,7 +54,7 @@ _SHORT = {"Message": "event", "Finding": "finding"}
 
 @dataclass(frozen=True)
 class Site:
-    """A call that makes a message; `codes` is empty if the code is not a literal."""
+    """A call that creates a message; `codes` is empty if the code is not a literal."""
 
     where: str
     kind: str
@@ -70,14 +70,14 @@ class Site:
 
 
 def trees() -> Iterator[tuple[str, ast.Module]]:
-    """All modules of the product with their path below the root."""
+    """Return all modules of the product with their path below the root."""
     for folder in ("calstation", "procedures"):
         for path in sorted((ROOT / folder).rglob("*.py")):
             yield path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
 
 
 def error_classes(modules: list[tuple[str, ast.Module]]) -> set[str]:
-    """Names of all classes that descend from an error of the catalogue."""
+    """Return the names of all subclasses of the catalogue errors."""
     bases = {
         node.name: {base.id for base in node.bases if isinstance(base, ast.Name)}
         for _, tree in modules
@@ -93,7 +93,7 @@ def error_classes(modules: list[tuple[str, ast.Module]]) -> set[str]:
 
 
 def literals(node: ast.expr, function: ast.AST | None = None) -> tuple[str, ...]:
-    """The strings that an expression may be, () if it is not written out.
+    """Return the possible strings of an expression, () if it is not a literal.
 
     An f-string stands for all codes with its beginning, a name for all that `function` assigns to it.
     """
@@ -116,13 +116,13 @@ def literals(node: ast.expr, function: ast.AST | None = None) -> tuple[str, ...]
 
 
 def keywords(call: ast.Call) -> frozenset[str] | None:
-    """Names of the keyword values, None where some are passed on with ``**``."""
+    """Return the names of keyword values, None if some are passed with ``**``."""
     names = [keyword.arg for keyword in call.keywords]
     return None if None in names else frozenset(name for name in names if name is not None)
 
 
 def keys(node: ast.expr | None) -> frozenset[str] | None:
-    """Keys of a dictionary that is written out, None of any other."""
+    """Return the keys of a literal dictionary, None for any other expression."""
     if node is None:
         return frozenset()
     if not isinstance(node, ast.Dict) or None in node.keys:
@@ -131,7 +131,7 @@ def keys(node: ast.expr | None) -> frozenset[str] | None:
 
 
 def calls(tree: ast.AST, function: ast.AST | None = None) -> Iterator[tuple[ast.Call, ast.AST | None]]:
-    """Every call of a module with the innermost function that it stands in."""
+    """Yield every call in a module with its innermost enclosing function."""
     waiting = [(tree, function)]
     while waiting:
         above, function = waiting.pop()
@@ -143,9 +143,9 @@ def calls(tree: ast.AST, function: ast.AST | None = None) -> Iterator[tuple[ast.
 
 @cache
 def sites() -> tuple[Site, ...]:
-    """Every place at which an error or a message is made.
+    """Return every call that creates an error or a message.
 
-    A function that passes a parameter on as the code is no such place; the calls of it are.
+    A function that forwards a parameter as the code is not included; its calls are.
     """
     everything = list(trees())
     errors = error_classes(everything)
@@ -173,7 +173,7 @@ def sites() -> tuple[Site, ...]:
 
 
 def _parameter(node: ast.expr, function: ast.AST | None) -> int | None:
-    """Position, without ``self``, of the parameter that an expression is; None if it is none."""
+    """Return the index, without ``self``, of the parameter that an expression names, or None."""
     if not isinstance(node, ast.Name) or not isinstance(function, ast.FunctionDef):
         return None
     names = [argument.arg for argument in function.args.args if argument.arg not in ("self", "cls")]
@@ -207,27 +207,27 @@ def _site(where: str, call: ast.Call, errors: set[str], function: ast.AST | None
 
 
 def placeholders(text: str) -> set[str]:
-    """Names of the values in a text's braces."""
+    """Return the placeholder names of a text."""
     return {name.split(".")[0].split("[")[0] for _, name, _, _ in string.Formatter().parse(text) if name}
 
 
 def all_placeholders(found: Entry) -> set[str]:
-    """Names of the values of all texts of an entry."""
+    """Return the placeholder names of all texts of an entry."""
     texts = (found.text, found.remedy, found.window, found.zh, found.zh_remedy)
     return set().union(*map(placeholders, texts)) - set(COMMAND_OPTIONS)
 
 
 def all_entries() -> list[Entry]:
-    """The whole catalogue."""
+    """Return all entries of the catalogue."""
     return [found for name in catalogue.families() for found in catalogue.family(name).values()]
 
 
-def test_no_message_is_made_outside_the_catalogue() -> None:
+def test_every_message_code_is_in_the_catalogue() -> None:
     outside = [site for site in sites() if not site.codes or not all(map(known, site.codes))]
     assert not [f"{site.where} {site.kind}" for site in outside if site.where.partition(":")[0] not in COMPUTED]
 
 
-def test_every_message_gets_the_values_that_its_texts_name() -> None:
+def test_every_message_has_the_values_of_its_placeholders() -> None:
     missing = [
         f"{site.where} {code}: {sorted(all_placeholders(entry(code)) - site.names)}"
         for site in sites()
@@ -244,7 +244,7 @@ def test_every_entry_is_in_both_languages() -> None:
     assert not [e.code for e in all_entries() if not e.zh or bool(e.remedy) > bool(e.zh_remedy)]
 
 
-def test_chinese_texts_contain_no_english_sentence_and_no_words_of_a_library() -> None:
+def test_chinese_texts_contain_no_english_sentences_or_library_messages() -> None:
     names = re.compile(r"Modbus (TCP|RTU)|calstation [a-z]+( [a-z]+)?|--stages [a-z,]+")
     for found in all_entries():
         for text in (found.zh, found.zh_remedy):
@@ -254,7 +254,7 @@ def test_chinese_texts_contain_no_english_sentence_and_no_words_of_a_library() -
             assert "detail" not in fields or found.code in _INTERNAL, found.code
 
 
-def test_every_source_and_family_that_an_entry_names_exists() -> None:
+def test_sources_and_families_referenced_by_entries_exist() -> None:
     families = set(catalogue.families())
     for found in all_entries():
         assert found.source in ("", "{device}") or known(f"source.{found.source}"), found.code

@@ -1,4 +1,4 @@
-"""The schedules and plans of every method are worded by the catalogue."""
+"""The catalogue describes the schedules and plans of every method."""
 
 from collections.abc import Iterator
 from itertools import takewhile
@@ -24,7 +24,7 @@ TABLES = (TableGeometry(), TableGeometry(limits=JointLimits(np.deg2rad([-200.0] 
 
 
 def labels(stage: str) -> Iterator[tuple[str, tuple[str | float, ...]]]:
-    """Kind and label of every step that the plan yields on these tables; none of a method that no table can drive."""
+    """Return type and label of every step of the plan on these tables; empty for a method without a table."""
     chosen = method(stage)
     manual = ({"manual": True},) if "manual" in chosen.schedule.model_fields else ()
     for table in TABLES:
@@ -41,7 +41,7 @@ def labels(stage: str) -> Iterator[tuple[str, tuple[str | float, ...]]]:
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_every_field_of_a_schedule_form_has_its_name_and_description_in_the_catalogue(stage: str) -> None:
+def test_every_schedule_field_has_a_name_and_description_in_the_catalogue(stage: str) -> None:
     for field in schedule_fields(stage):
         if field.kind == "other":
             continue  # the form does not show it
@@ -60,6 +60,6 @@ def test_every_step_of_a_plan_is_described_in_both_languages(stage: str) -> None
         assert sentence(step_text(kind, label)) != sentence(step_text(kind, label), "zh_CN")
 
 
-def test_the_plans_on_these_tables_include_steps_that_only_some_tables_need() -> None:
+def test_plans_on_these_tables_include_table_dependent_steps() -> None:
     names = {label[0] for stage in STAGES for _, label in labels(stage)}
     assert {"into_place", "carry", "whole_turns", "position"} <= names

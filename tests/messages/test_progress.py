@@ -1,10 +1,10 @@
-"""Progress events and steps are worded by the catalogue."""
+"""The catalogue describes progress events and steps."""
 
 from calstation.messages.progress import event_text, short_step_text, step_text
 from calstation.messages.rendering import sentence
 
 
-def test_an_event_is_worded_with_the_terms_of_its_values() -> None:
+def test_event_text_translates_its_values() -> None:
     text = event_text("step_repeated", {"reason": "gap", "attempt": 2})
     assert sentence(text) == "Step repeated (samples lost), attempt 2."
     assert sentence(text, "zh_CN") == "重做这一步（丢数），第 2 次。"
@@ -17,7 +17,7 @@ def test_an_unknown_event_is_shown_with_its_values() -> None:
     assert sentence(event_text("something_new", {})) == "something new"
 
 
-def test_a_step_is_worded_by_its_label() -> None:
+def test_step_text_follows_its_label() -> None:
     assert sentence(step_text("move", ("turn_about", "x", 90.0))) == "Turning about x by 90°"
     assert sentence(step_text("carry", ("carry", 90.0, 0.0, 10.0, 1.0, 8.0)), "zh_CN").startswith("外导轨转到 90°")
     assert sentence(step_text("dwell", ("position", 0.0, 90.0))) == "Resting"
@@ -25,7 +25,7 @@ def test_a_step_is_worded_by_its_label() -> None:
     assert sentence(step_text("move", ("third_turn", "x", 1.5))) == "third turn x 1.5"
 
 
-def test_a_move_has_a_short_text() -> None:
+def test_move_has_a_short_text_for_small_displays() -> None:
     assert sentence(short_step_text(("turn_about", "x", -90.0))) == "x -90°"
     assert sentence(short_step_text(("flip", 180.0)), "zh_CN") == "翻转 +180°"
     assert sentence(short_step_text(("carry", 90.0, 0.0, 10.0, 1.0, 8.0))) == "90°, 0°"

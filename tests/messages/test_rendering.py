@@ -1,4 +1,4 @@
-"""Messages become sentences in both languages, with their values, terms and messages inside."""
+"""Messages are rendered as sentences in both languages, with values, terms and nested messages."""
 
 import errno
 import os
@@ -25,7 +25,7 @@ from calstation.messages.rendering import (
 from calstation.schema import EntryError
 
 
-def test_every_family_can_be_read() -> None:
+def test_every_message_family_loads() -> None:
     assert "source" in catalogue.families()
     for name in catalogue.families():
         assert catalogue.family(name)
@@ -48,7 +48,7 @@ def test_an_error_survives_a_process_boundary() -> None:
     assert (error.code, error.values) == ("program.internal", {"detail": "x"})
 
 
-def test_messages_stand_inside_messages_and_travel_as_json() -> None:
+def test_nested_messages_are_rendered_and_survive_json() -> None:
     reason = os_reason(OSError(errno.ENOSPC, "No space left on device"))
     assert reason == Text("os.disk_full")
     values = {"detail": reason, "path": ["a", "b"]}
@@ -57,7 +57,7 @@ def test_messages_stand_inside_messages_and_travel_as_json() -> None:
     assert render("program.internal", values, "zh_CN").text == "程序内部错误：磁盘已满。"
 
 
-def test_a_full_stop_separates_a_reason_at_the_end_from_the_remedy() -> None:
+def test_full_stop_separates_a_final_reason_from_the_remedy() -> None:
     missing = CalstationError("signing.unreadable", file="lab.p12", reason=Text("os.not_found"))
     assert "cannot be read: no such file or folder. " in str(missing)
     assert "文件或文件夹不存在。 " in missing.render("zh_CN").line
@@ -65,7 +65,7 @@ def test_a_full_stop_separates_a_reason_at_the_end_from_the_remedy() -> None:
     assert ". " not in render("database.refused", {"database": "x", "reason": "y"}).text
 
 
-def test_a_reason_that_the_catalogue_lacks_keeps_the_systems_words() -> None:
+def test_reason_missing_from_the_catalogue_keeps_the_system_message() -> None:
     assert render("program.internal", {"detail": os_reason(OSError(9999, "odd"))}).text == "Internal error: odd."
 
 
@@ -77,7 +77,7 @@ def test_every_system_error_has_a_reason_in_chinese() -> None:
         assert sentence(reason).isascii()
 
 
-def test_a_parameter_has_its_display_name_in_the_window_and_its_file_name_elsewhere() -> None:
+def test_parameter_has_a_display_name_in_the_window_and_an_identifier_elsewhere() -> None:
     moves = [Text.of("cause.move", parameter=name, sigmas=size) for name, size in (("gyro_bias_x", -7.0), ("a_b", 4.0))]
     values = {"parameter": "gyro_scale_z", "during": "rate", "size": 1.0, "sigma": 0.1, "unit": "ppm", "moves": moves}
     assert render("cause.drift", values).text.startswith("gyro_scale_z drifted during")
@@ -91,14 +91,14 @@ def test_terms_are_translated_and_unknown_ones_are_readable() -> None:
     assert term("source", "some_thing") == "some thing"
 
 
-def test_a_missing_value_is_a_key_error() -> None:
+def test_missing_value_raises_a_key_error() -> None:
     with pytest.raises(KeyError):
         render("program.internal", {})
 
 
 @pytest.mark.parametrize("kind", [CalstationError, EntryError])
 @pytest.mark.parametrize("code", ["", "the table does not answer", "table.never_written"])
-def test_an_error_needs_a_code_of_the_catalogue(kind: type[CalstationError] | type[EntryError], code: str) -> None:
+def test_error_requires_a_code_of_the_catalogue(kind: type[CalstationError] | type[EntryError], code: str) -> None:
     with pytest.raises(KeyError):
         kind(code)
 
@@ -109,7 +109,7 @@ def test_only_some_faults_are_resettable() -> None:
 
 @pytest.fixture
 def in_china(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The time zone of China as that of this computer."""
+    """Set the time zone of this computer to China."""
     if sys.platform == "win32":
         pytest.skip("the time zone of a process cannot be set")
     else:
@@ -121,7 +121,7 @@ def in_china(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("in_china")
-def test_a_time_is_read_in_the_time_zone_of_the_computer() -> None:
+def test_time_is_shown_in_the_time_zone_of_the_computer() -> None:
     started = "2026-11-22T23:30:05+00:00"
     assert local_time(started) == "2026-11-23 07:30"
     assert local_time(started, zone=True) == "2026-11-23 07:30:05 UTC+08:00"

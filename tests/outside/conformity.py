@@ -1,4 +1,4 @@
-"""Monte Carlo of decisions: units near their limits, calibrated on the bench, and how often a decision is wrong.
+"""Monte Carlo study of decisions: how often decisions about units near their limits are wrong.
 
 python -m tests.outside.conformity --units 400
 """
@@ -43,9 +43,9 @@ class Decision:
 
 
 def calibrate(seed: int, sigmas: dict[str, float] | None = None) -> tuple[list[Decision], dict[str, float]]:
-    """Calibrate a unit whose true values are drawn with `SPREAD` of `sigmas`; return decisions and the sigmas found.
+    """Calibrate a unit with random true values of `SPREAD` times `sigmas`; return decisions and estimated sigmas.
 
-    Without `sigmas`, the unit is the grade's, and there are no decisions.
+    Without `sigmas`, a nominal unit of the grade is calibrated, without decisions.
     """
     resolved = resolve_configuration(RunRequest(f"SN-{seed:06d}", product=PRODUCT))
     meta, settings = resolved.log_meta(), resolved.bench_config()
@@ -101,7 +101,7 @@ def _decisions(job: tuple[int, dict[str, float]]) -> list[Decision]:
 
 @dataclass(frozen=True)
 class Row:
-    """Number of false decisions of a kind by a rule, the number predicted, and its interval of 99.9 %."""
+    """Number of false decisions of a type by a rule, the predicted number, and its 99.9 % interval."""
 
     rule: str
     kind: str
@@ -116,9 +116,9 @@ class Row:
 def summary(found: list[list[Decision]]) -> list[Row]:
     """Compare false decisions with the probabilities of the results.
 
-    Predicted are the global probabilities of the product, and the sum of the specific probabilities of the decisions.
-    The number of one parameter is binomial. The errors of a unit's parameters are correlated, which widens the interval
-    of their sum.
+    The prediction uses the global probabilities of the product, and the sum of the specific probabilities of decisions.
+    The number for one parameter is binomial. The errors of a unit's parameters are correlated, which widens the
+    interval of their sum.
     """
     rows = []
     for rule in RULES:

@@ -1,4 +1,4 @@
-"""Draws cases at random from all effects, tables, grades and simulators: what passes wrong, and what is named wrong.
+"""Random cases from all effects, tables, grades and simulators: false passes and wrong diagnoses.
 
 python -m tests.outside.grid --cases 200 --sizes 1.5 4 --json grid.json
 python -m tests.outside.grid --sound 200 --grade mems
@@ -45,7 +45,7 @@ _LATE = (700.0, 1850.0)
 
 
 def drawn(random: np.random.Generator, sizes: list[float], sample_rate: float) -> Case:
-    """Return a case of a random effect, `sizes` times the size that is found."""
+    """Return a case of a random effect, `sizes` times its detectable size."""
     effect, grade = str(random.choice(list(EFFECTS))), str(random.choice(list(PRODUCTS)))
     size = EFFECTS[effect][0][list(PRODUCTS).index(grade)] * float(random.choice(sizes))
     settings = {"jump_at_s": round(float(random.uniform(*_LATE)))} if "jump" in effect else {}

@@ -1,4 +1,4 @@
-"""Sizes of effects outside the model that the default schedules hide: the table of docs/limits-of-judgement.md.
+"""Sizes of unmodelled effects that the default schedules cannot detect: the table of docs/limits-of-judgement.md.
 
 python -m tests.outside.limits
 """

@@ -1,8 +1,8 @@
-"""Calibrations without a rate table of units with an error outside the model: what passes, and how wrong it is.
+"""Calibrations without a rate table of units with an unmodelled error: which pass, and with which errors.
 
 python -m tests.outside.methods --stage cross_calibration --effect accel_cubic=30,100,300 --seeds 5
 
-The error is added to what the unit measures in a recording of the virtual bench.
+The error is added to the output of the unit in a recording of the virtual bench.
 """
 
 import argparse

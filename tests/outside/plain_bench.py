@@ -1,8 +1,8 @@
-"""A second simulator of a table and a unit in plain NumPy, which shares nothing with the virtual bench or the solvers.
+"""A second simulator of a table and a unit in plain NumPy, independent of the virtual bench and the solvers.
 
-Angles of the joints are closed forms with smooth ramps; attitude, rate and force follow from them at the borders and
-middles of the samples, and Simpson's rule integrates the output. All values are SI, those of the effects in the units
-of their names. Bearings are perfect and bias instability is left out.
+Angles of the joints are closed forms with smooth ramps; attitude, rate and force follow from them at the ends and
+middles of the samples, and Simpson's rule integrates the output. All values are in SI, except effects, which
+have the units of their names. Bearings are perfect and bias instability is left out.
 """
 
 from collections.abc import Iterable, Mapping

@@ -1,4 +1,4 @@
-"""Calibrations of units with an error outside the model: what still passes, and how wrong it is.
+"""Calibrations of units with an unmodelled error: which still pass, and with which errors.
 
 python -m tests.outside.sweep --effect accel_cubic_ug_g3=1,3,10 --grade nav --table quiet --seeds 4
 """
@@ -39,8 +39,8 @@ SOUND = "none"
 class Case:
     """One calibration.
 
-    `effect` is a setting of `[bench.effects]` or else of `[bench]`; with `.x`, `.y` or `.z` it is that axis alone.
-    `settings` are more of them.
+    `effect` is a setting of `[bench.effects]` or of `[bench]`; `.x`, `.y` or `.z` limits it to one axis.
+    `settings` are further settings.
     """
 
     effect: str = SOUND
@@ -55,7 +55,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Verdict of a case; `worst` is the largest error over sigma of the estimated parameters, that of `parameter`."""
+    """Verdict of a case; `worst` is the largest error over sigma of the estimated parameters, for `parameter`."""
 
     case: Case
     passed: bool
@@ -67,7 +67,7 @@ class Outcome:
 
 
 def bench_settings(case: Case, settings: dict[str, Any]) -> dict[str, Any]:
-    """Return the bench's configuration for a case from that of its station."""
+    """Return the bench configuration of a case, derived from its station."""
     chosen = dict(case.settings)
     if case.effect != SOUND:
         name, _, axis = case.effect.partition(".")

@@ -1,4 +1,4 @@
-"""Decisions about units near their limits are wrong as often as the results say, against the bench's truth."""
+"""Decisions about units near their limits are wrong as often as the results predict."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from tests.outside.conformity import decisions, summary
 
 
 @pytest.mark.long
-def test_observed_false_decisions_lie_in_their_intervals() -> None:
+def test_observed_false_decisions_lie_within_predicted_intervals() -> None:
     """60 units with 30 parameters; docs/explanation/conformity.md has the figures of 1000."""
     rows = summary([*decisions(60, workers=1)])
     assert {(row.rule, row.kind) for row in rows} == {

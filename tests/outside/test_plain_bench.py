@@ -1,4 +1,4 @@
-"""The virtual bench and the second simulator agree, sample by sample and in what a calibration makes of them."""
+"""The virtual bench and an independent simulator agree, in samples and in calibration results."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -55,7 +55,7 @@ class Profile:
 @pytest.mark.parametrize(
     "effect", ["all", *(pytest.param(name, marks=[pytest.mark.long]) for name in ("none", *EFFECTS))]
 )
-def test_the_simulators_agree_on_every_sample(effect: str) -> None:
+def test_simulators_agree_on_every_sample(effect: str) -> None:
     assert {*EFFECTS, *OTHERS} == set(Effects.model_fields)
     constants = {name: EFFECTS[name] for name in ("warm_up_s", "jump_at_s")}
     effects = {"none": {}, "all": EFFECTS}.get(effect, {effect: EFFECTS.get(effect), **constants})
@@ -82,21 +82,21 @@ def test_the_simulators_agree_on_every_sample(effect: str) -> None:
 
 
 def plain_at(plain: Any, time: float) -> dict[str, float]:
-    """Parameters of the second simulator at a time."""
+    """Return the parameters of the second simulator at a time."""
     plain.produced = round(time / plain.interval)
     return dict(plain.parameters)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("simulator", ["bench", "plain"])
-def test_sound_units_pass_with_either_simulator(simulator: Any) -> None:
+def test_error_free_units_pass_with_both_simulators(simulator: Any) -> None:
     outcome = run(Case(simulator=simulator, seed=3))
     assert outcome.passed, outcome.failed
     assert outcome.worst < 4.0
 
 
 @pytest.mark.long
-def test_the_simulators_show_the_same_error_of_an_effect() -> None:
+def test_simulators_give_the_same_calibration_error_for_an_effect() -> None:
     case = Case("accel_delay_ms", 1.0, table="quiet", sample_rate_hz=100.0)
     bench, plain = (run(replace(case, simulator=simulator)) for simulator in ("bench", "plain"))
     assert plain.parameter == bench.parameter
@@ -105,7 +105,7 @@ def test_the_simulators_show_the_same_error_of_an_effect() -> None:
 
 
 @pytest.mark.long
-def test_a_run_through_the_protocols_shows_the_effect(site_folder: SiteFolder) -> None:
+def test_run_through_the_protocols_reports_the_effect(site_folder: SiteFolder) -> None:
     site_folder.write(effects={"accel_cubic_ug_g3": [0.0, 3000.0, 0.0]})
     verdict = site_folder.run("rate", "six_position")
     result = load_result(Path(verdict.result_file))

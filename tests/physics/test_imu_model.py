@@ -1,4 +1,4 @@
-"""Compensation inverts the contract's error model, which is written out here."""
+"""Compensation inverts the error model of the contract, which is implemented independently here."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def vectors(limit):
 
 
 def forward(parameters, omega, force):
-    """Raw output at angular rate omega and specific force at the reference point, as the contract writes it."""
+    """Return the raw output at rate omega and specific force at the reference point, by the contract."""
     p = {name: parameters[i] for name, i in INDEX.items()}
     gyro = np.array(
         [
@@ -54,7 +54,7 @@ def forward(parameters, omega, force):
 
 
 @given(PARAMETER_VECTORS, vectors(7.0), vectors(30.0))
-def test_compensation_undoes_the_error_model(parameters, omega, force):
+def test_compensation_inverts_the_error_model(parameters, omega, force):
     gyro, accel = forward(parameters, omega, force)
     found_omega, found_force = compensate(compensation(parameters), gyro[None], accel[None])
     assert found_omega[0] == pytest.approx(omega, abs=1e-12)
@@ -63,7 +63,7 @@ def test_compensation_undoes_the_error_model(parameters, omega, force):
     assert found_force[0] == pytest.approx(force, abs=rest + 1e-12)
 
 
-def test_samples_are_compensated_one_by_one():
+def test_every_sample_is_compensated_independently():
     parameters = 0.5 * np.array([LARGEST[p.group] for p in PARAMETERS])
     gyro, accel = np.random.default_rng(1).normal(0.0, 3.0, (2, 5, 3))
     together = compensate(compensation(parameters), gyro, accel)

@@ -1,4 +1,4 @@
-"""Parameters of the error model against the contract's names, order, units and matrix elements."""
+"""The parameters of the error model have the names, order, units and matrix elements of the contract."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def contract_rows():
         yield from ((group, axis, unit) for axis in axes)
 
 
-def test_names_order_and_units_are_the_contracts():
+def test_names_order_and_units_equal_the_contract():
     rows = list(contract_rows())
     assert len(rows) == COUNT == 30
     assert [f"{group}_{axis}" for group, axis, _ in rows] == list(NAMES)
@@ -50,7 +50,7 @@ def test_names_contain_row_and_column():
         assert parameter.column == "xyz".index(axis[-1])
 
 
-def test_matrices_put_every_value_in_the_row_and_column_of_its_name():
+def test_matrix_elements_are_at_the_row_and_column_of_their_names():
     values = np.arange(1.0, 31.0)
     gyro = group_matrix(values, "gyro_scale", "gyro_misalign")
     accel = group_matrix(values, "accel_scale", "accel_misalign")
@@ -61,7 +61,7 @@ def test_matrices_put_every_value_in_the_row_and_column_of_its_name():
             assert accel[i, j] == (values[INDEX[f"accel_{name}"]] if j <= i else 0.0)
 
 
-def test_vectors_and_indices_of_groups_cover_every_parameter_once():
+def test_groups_cover_every_parameter_once():
     values = np.arange(30.0)
     assert sorted(i for group in GROUPS for i in group_indices(group)) == list(range(30))
     assert group_vector(values, "outer_lever").tolist() == [27.0, 28.0, 29.0]
@@ -78,7 +78,7 @@ def test_vectors_and_indices_of_groups_cover_every_parameter_once():
         ("unknown", None),
     ],
 )
-def test_the_entry_of_a_parameter_is_its_own_else_that_of_its_group(name, entry):
+def test_parameter_entry_takes_precedence_over_its_group(name, entry):
     entries = {"gyro_bias_x": 1, "gyro_bias": 2, "secondary_gyro_matrix": 3, "time_skew": 4}
     assert entry_of(entries, name) == entry
 
@@ -97,9 +97,9 @@ def test_the_entry_of_a_parameter_is_its_own_else_that_of_its_group(name, entry)
         ("outer_lever_z", -0.1, -100.0, "mm"),
     ],
 )
-def test_displayed_units(name, value, shown, unit):
+def test_values_are_converted_to_display_units(name, value, shown, unit):
     assert display(name, value) == (pytest.approx(shown, rel=1e-12), unit)
 
 
-def test_every_group_has_a_displayed_unit():
+def test_every_group_has_a_display_unit():
     assert set(DISPLAY) >= set(GROUPS)

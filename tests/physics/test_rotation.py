@@ -1,4 +1,4 @@
-"""Rotation algebra against scipy and against its own definitions."""
+"""Rotation functions agree with SciPy and with their definitions."""
 
 import numpy as np
 import pytest
@@ -22,20 +22,20 @@ SMALL_TO_LARGE = st.floats(-9.0, 0.0).map(lambda e: np.pi * 10.0**e)
 
 
 @given(DIRECTIONS, SMALL_TO_LARGE)
-def test_rotation_vector_round_trip(axis, angle):
+def test_rotation_vector_survives_conversion_to_a_matrix(axis, angle):
     assume(angle < np.pi - 1e-6)
     vector = axis * angle
     assert rotation_vector(rotation_matrix(vector)) == pytest.approx(vector, abs=1e-9, rel=1e-9)
 
 
 @given(DIRECTIONS, st.floats(0.0, 1e-7))
-def test_rotation_vector_round_trip_near_a_half_turn(axis, short_of_half):
+def test_rotation_vector_near_180_degrees_survives_conversion_to_a_matrix(axis, short_of_half):
     matrix = rotation_matrix(axis * (np.pi - short_of_half))
     assert rotation_matrix(rotation_vector(matrix)) == pytest.approx(matrix, abs=5e-7)
 
 
 @given(VECTORS)
-def test_matrices_are_those_of_scipy_and_proper(vector):
+def test_matrices_agree_with_scipy_and_are_proper_rotations(vector):
     matrix = rotation_matrix(vector)
     assert matrix == pytest.approx(Rotation.from_rotvec(vector).as_matrix(), abs=1e-12)
     assert matrix @ matrix.T == pytest.approx(np.eye(3), abs=1e-12)
@@ -54,7 +54,7 @@ def test_angle_about_recovers_the_rotation(axis, start, angle):
 
 
 @given(DIRECTIONS, st.floats(0.1, 20.0))
-def test_level_attitude_brings_the_given_direction_up(up, length):
+def test_level_attitude_aligns_the_given_direction_with_up(up, length):
     matrix = level_attitude(up * length)
     assert matrix @ up == pytest.approx([0.0, 0.0, 1.0], abs=1e-12)
     assert matrix @ matrix.T == pytest.approx(np.eye(3), abs=1e-12)

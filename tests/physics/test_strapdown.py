@@ -1,4 +1,4 @@
-"""The strapdown kernel against closed forms, finite differences and the bench's own motion."""
+"""The strapdown kernel agrees with closed forms, finite differences and the motion of the bench."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ PERFECT = compensation(np.zeros(COUNT))
 
 
 def navigate(constants, gyro, accel, dt, attitude, velocity=(0.0, 0.0, 0.0), earth=NO_EARTH, gravity=G, span=None):
-    """Output of the kernel after one interval over `span` of the samples, by default all of them."""
+    """Return the output of the kernel after one interval over `span` of the samples, by default all of them."""
     work = interval_work()
     work.attitude[:] = attitude
     work.velocity[:] = velocity
@@ -35,7 +35,7 @@ def still(count, omega=(0.0, 0.0, 0.0), force=(0.0, 0.0, G)):
     return np.tile(np.array(omega, dtype=float), (count, 1)), np.tile(np.array(force, dtype=float), (count, 1))
 
 
-def test_a_body_at_rest_on_the_turning_earth_stays_where_it_is():
+def test_body_at_rest_on_the_rotating_earth_keeps_its_position():
     earth = rotation_rate(0.6)
     attitude = axis_rotation((0.0, 0.6, 0.8), 1.1)
     gyro, accel = still(200 * 600, attitude.T @ earth, attitude.T @ [0.0, 0.0, G])
@@ -55,7 +55,7 @@ def test_free_fall_has_gravity_and_coriolis_acceleration():
 
 
 def turning(omega, dt, count, attitude):
-    """Exact mean rate and specific force of a body that turns steadily on the spot under gravity."""
+    """Return exact mean rate and specific force of a body in steady rotation without translation."""
     gyro = np.tile(omega, (count, 1))
     nodes, weights = np.polynomial.legendre.leggauss(8)
     accel = np.array(
@@ -71,7 +71,7 @@ def turning(omega, dt, count, attitude):
 
 
 @pytest.mark.parametrize("degrees_per_second", [20.0, 200.0])
-def test_steady_turn_under_gravity_has_no_velocity_and_keeps_its_axis(degrees_per_second):
+def test_steady_rotation_under_gravity_gives_no_velocity_and_keeps_its_axis(degrees_per_second):
     omega = np.deg2rad(degrees_per_second) * np.array([0.6, 0.0, 0.8])
     attitude, seconds = axis_rotation((1.0, 0.0, 0.0), 0.4), 8.0
     drifts = []
@@ -91,7 +91,7 @@ def test_steady_turn_under_gravity_has_no_velocity_and_keeps_its_axis(degrees_pe
 
 
 def coning(angle, frequency, dt, count):
-    """Mean rates of pure coning (Savage 1998, part 1) of half angle `angle` (rad) and `frequency` (rad/s)."""
+    """Return mean rates of pure coning (Savage 1998, part 1) with half angle `angle` (rad) and `frequency` (rad/s)."""
     ends = np.arange(count + 1) * dt
     along = -2.0 * frequency * np.sin(0.5 * angle) ** 2 * np.ones(count)
     y = np.sin(angle) * np.diff(np.cos(frequency * ends)) / dt
@@ -100,11 +100,11 @@ def coning(angle, frequency, dt, count):
 
 
 def coned(angle, phase):
-    """Attitude in coning: turned by `angle` about an axis that runs round in the y-z plane."""
+    """Return the attitude in coning: rotated by `angle` about an axis that revolves in the y-z plane."""
     return rotation_matrix(angle * np.array([0.0, np.cos(phase), np.sin(phase)]))
 
 
-def test_coning_drift_is_that_of_the_correction():
+def test_coning_drift_equals_the_residual_of_the_coning_correction():
     angle, frequency, dt, count = np.deg2rad(2.0), 2.0 * np.pi * 5.0, 0.005, 2000
     gyro = coning(angle, frequency, dt, count)
     accel = np.zeros((count, 3))
@@ -122,7 +122,7 @@ def test_coning_drift_is_that_of_the_correction():
 
 @pytest.fixture(scope="module")
 def motion():
-    """Noise-free samples of a unit on a turning table, and the truth at their ends."""
+    """Return noise-free samples of a unit on a rotating table, and the truth at their ends."""
     truth = BenchConfig(grade="mems", seed=11, azimuth_deg=40.0).truth()
     perfect = {"gyro_arw": 0.0, "accel_vrw": 0.0, "gyro_bias_instability": 0.0, "accel_bias_instability": 0.0}
     imu = replace(truth.imu, **perfect, gyro_lsb=1e-13, accel_lsb=1e-12)
@@ -167,7 +167,7 @@ INTERVALS = {
 
 
 def difference(one, other):
-    """Errors φ and δv of the computed navigation `one` relative to the true `other`, shape (6,)."""
+    """Return errors φ and δv of the navigation solution `one` relative to the true `other`, shape (6,)."""
     return np.concatenate([rotation_vector(other.attitude @ one.attitude.T), other.velocity - one.velocity])
 
 
@@ -223,7 +223,7 @@ def test_position_rows_are_the_integral_of_the_velocity_rows(motion):
     assert whole[6:9, 6:9] == pytest.approx(np.eye(3))
 
 
-def test_rate_and_force_derivatives_at_an_instant_are_those_of_compensation(motion):
+def test_instantaneous_rate_and_force_derivatives_agree_with_compensation(motion):
     truth, _, gyro, accel, _ = motion
     omega, force = compensate(compensation(truth.parameters), gyro[600:601], accel[600:601])
     constants = compensation(truth.parameters)

@@ -1,4 +1,4 @@
-"""Two-axis geometry: the contract's closed forms, and properties of any pair of axes within its limits."""
+"""Two-axis geometry: closed forms of the contract, and properties of arbitrary pairs of axes."""
 
 import re
 from dataclasses import replace
@@ -43,7 +43,7 @@ def angle_between(a, b):
 
 @st.composite
 def tables(draw):
-    """Any two axes with 60° to 120° between them."""
+    """Draw two axes with 60° to 120° between them."""
     outer, towards = draw(DIRECTIONS), draw(DIRECTIONS)
     hinge = np.cross(outer, towards)
     assume(np.linalg.norm(hinge) > 0.1)
@@ -53,14 +53,14 @@ def tables(draw):
 
 @st.composite
 def travels(draw):
-    """Limits that contain the home position and at least a whole turn of both joints."""
+    """Draw limits that contain the home position and at least one full turn of both joints."""
     low = tuple(-draw(st.floats(np.pi, 8.0)) for _ in range(2))
     high = tuple(draw(st.floats(np.pi, 8.0)) for _ in range(2))
     return JointLimits(low=low, high=high)
 
 
 @given(ANGLES, ANGLES, ANGLES)
-def test_the_default_table_is_the_contracts_product_of_rotations(outer, inner, azimuth):
+def test_default_table_is_the_product_of_rotations_in_the_contract(outer, inner, azimuth):
     expected = Rotation.from_euler("ZXZ", [-azimuth, outer, inner]).as_matrix()
     assert TableGeometry().body_to_level(outer, inner, azimuth) == pytest.approx(expected, abs=1e-12)
 
@@ -81,13 +81,13 @@ def test_azimuth_is_the_heading_of_y_clockwise_from_north():
         ((-1, 0, 0), (np.pi / 2, -np.pi / 2)),
     ],
 )
-def test_faces_of_the_default_table(direction, pose):
+def test_default_table_points_every_face_up(direction, pose):
     found = TableGeometry().pose_up(np.array(direction, dtype=float), pose)
     assert found == pytest.approx(pose, abs=1e-9)
 
 
 @given(tables(), DIRECTIONS, ANGLES, ANGLES)
-def test_pose_up_points_up_or_is_refused(table, direction, near_outer, near_inner):
+def test_pose_up_points_the_axis_up_or_is_refused(table, direction, near_outer, near_inner):
     try:
         outer, inner = table.pose_up(direction, (near_outer, near_inner))
     except ConfigurationError:
@@ -102,7 +102,7 @@ def test_pose_up_points_up_or_is_refused(table, direction, near_outer, near_inne
 
 
 @given(DIRECTIONS, ANGLES, ANGLES)
-def test_an_orthogonal_table_with_a_level_outer_axis_points_everything_up_exactly(direction, near_outer, near_inner):
+def test_orthogonal_table_with_a_level_outer_axis_points_any_direction_up(direction, near_outer, near_inner):
     table = TableGeometry()
     outer, inner = table.pose_up(direction, (near_outer, near_inner))
     off = angle_between(table.body_to_home(outer, inner) @ direction, UP)
@@ -115,7 +115,7 @@ def test_an_orthogonal_table_with_a_level_outer_axis_points_everything_up_exactl
 
 @pytest.mark.parametrize("axis", BODY_AXES, ids=str)
 @given(near=ANGLES, outer=ANGLES, azimuth=ANGLES, turn=st.floats(0.01, 3.0))
-def test_body_turn_turns_the_body_about_its_own_axis_the_right_way(axis, near, outer, azimuth, turn):
+def test_body_turn_rotates_the_body_about_its_axis_with_the_correct_sign(axis, near, outer, azimuth, turn):
     table = TableGeometry()
     found = table.body_turn(axis, near)
     inner = near if found.inner is None else found.inner
@@ -128,7 +128,7 @@ def test_body_turn_turns_the_body_about_its_own_axis_the_right_way(axis, near, o
 
 
 @given(tables(), DIRECTIONS, ANGLES, st.floats(0.01, 3.0))
-def test_body_turn_holds_for_any_axes_within_its_reach(table, axis, near, turn):
+def test_body_turn_works_for_any_reachable_axes(table, axis, near, turn):
     try:
         found = table.body_turn(axis, near)
     except ConfigurationError:
@@ -147,14 +147,14 @@ def test_body_turn_holds_for_any_axes_within_its_reach(table, axis, near, turn):
 
 
 @pytest.mark.parametrize("near", [-3.0, 0.1, 4.0])
-def test_body_turn_takes_the_sign_whose_inner_angle_lies_nearer(near):
+def test_body_turn_chooses_the_nearer_inner_angle(near):
     found = TableGeometry().body_turn(np.array([0.0, 1.0, 0.0]), near)
     both = [abs(near - (s * np.pi / 2 + 2 * np.pi * k)) for s in (1, -1) for k in (-1, 0, 1)]
     assert abs(found.inner - near) == pytest.approx(min(both), abs=1e-9)
 
 
 @given(travels(), st.integers(0, 1), ANGLES, ANGLES)
-def test_nearest_is_the_closest_whole_turn_inside_the_travel(limits, joint, angle, near):
+def test_nearest_angle_is_the_closest_equivalent_angle_within_the_travel(limits, joint, angle, near):
     found = TableGeometry(limits=limits).nearest(joint, angle, near)
     assert limits.within(joint, found)
     turns = (found - angle) / (2.0 * np.pi)
@@ -164,7 +164,7 @@ def test_nearest_is_the_closest_whole_turn_inside_the_travel(limits, joint, angl
     assert abs(found - near) <= min(abs(o - near) for o in allowed) + 1e-9
 
 
-def test_nearest_finds_the_travel_from_any_distance():
+def test_nearest_angle_lies_within_the_travel_from_any_distance():
     table = TableGeometry(limits=JointLimits((-3.5, -3.5), (3.5, 3.5)))
     assert table.nearest(OUTER, 1.0, 100.0) == pytest.approx(1.0)
 
@@ -190,14 +190,14 @@ def test_poses_stay_within_limits(table, direction):
     assert all(limits.within(joint, pose[joint]) for joint in (OUTER, INNER))
 
 
-def test_parallel_axes_cannot_turn_the_others():
+def test_parallel_axes_cannot_rotate_about_other_axes():
     vertical = TableGeometry((0.0, 0.0, 1.0), (0.0, 0.0, 1.0))
     with raises_code(ConfigurationError, "plan.no_axis_along"):
         vertical.body_turn(np.array([1.0, 0.0, 0.0]), 0.0)
 
 
 @given(tables(), ANGLES, ANGLES)
-def test_level_inner_lays_the_inner_axis_horizontal_where_the_outer_can(table, outer, inner):
+def test_level_inner_makes_the_inner_axis_horizontal_if_possible(table, outer, inner):
     found = table.level_inner((outer, inner))
     w1, w2 = np.array(table.outer_axis), np.array(table.inner_axis)
     height = (table.body_to_home(found, inner) @ w2)[2]
@@ -211,7 +211,7 @@ def test_level_inner_lays_the_inner_axis_horizontal_where_the_outer_can(table, o
         assert found == outer
 
 
-def test_level_inner_of_the_default_table_is_a_quarter_turn_the_nearer_way():
+def test_level_inner_of_the_default_table_is_the_nearer_quarter_turn():
     assert TableGeometry().level_inner((0.0, 0.0)) == pytest.approx(np.pi / 2)
     assert TableGeometry().level_inner((-1.0, 0.0)) == pytest.approx(-np.pi / 2)
     assert TableGeometry().level_inner((4.0, 0.0)) == pytest.approx(1.5 * np.pi)
@@ -225,7 +225,7 @@ def test_level_inner_of_the_default_table_is_a_quarter_turn_the_nearer_way():
         ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)),
     ],
 )
-def test_the_vertical_joint_turns_the_body_about_the_vertical(axes):
+def test_vertical_joint_rotates_the_body_about_the_vertical(axes):
     table = TableGeometry(*axes)
     joint, pose = table.vertical_joint((0.2, 0.0) if axes[0][2] else (0.0, 0.0))
     after = list(pose)
@@ -234,7 +234,7 @@ def test_the_vertical_joint_turns_the_body_about_the_vertical(axes):
     assert rotation_vector(C1 @ C0.T) == pytest.approx(UP, abs=1e-9)
 
 
-def test_there_are_24_orientations_and_each_is_another_rotation():
+def test_all_24_orientations_are_distinct_rotations():
     matrices = [np.array(orientation_matrix(name)) for name in ORIENTATIONS]
     assert len({m.tobytes() for m in matrices}) == 24
     for matrix in matrices:
@@ -243,27 +243,27 @@ def test_there_are_24_orientations_and_each_is_another_rotation():
 
 
 @pytest.mark.parametrize("name", ORIENTATIONS)
-def test_an_orientation_names_the_body_axes_along_platform_x_and_z(name):
+def test_orientation_gives_the_body_axes_along_platform_x_and_z(name):
     along_x, along_z = (AXIS_VECTORS[axis] for axis in (name[:2], name[2:]))
     matrix = np.array(orientation_matrix(name))
     assert matrix @ along_x == pytest.approx([1.0, 0.0, 0.0])
     assert matrix @ along_z == pytest.approx([0.0, 0.0, 1.0])
 
 
-def test_a_unit_in_its_default_orientation_has_the_axes_of_the_platform():
+def test_unit_in_the_default_orientation_is_aligned_with_the_platform():
     assert orientation_matrix(DEFAULT_ORIENTATION) == ALIGNED
     assert TableGeometry() == TableGeometry(orientation=orientation_matrix(DEFAULT_ORIENTATION))
 
 
 @given(tables(), st.sampled_from(ORIENTATIONS), ANGLES, ANGLES, DIRECTIONS)
-def test_a_turned_unit_moves_as_the_platform_does(table, name, outer, inner, direction):
+def test_unit_in_another_orientation_moves_with_the_platform(table, name, outer, inner, direction):
     unit, matrix = replace(table, orientation=orientation_matrix(name)), np.array(orientation_matrix(name))
     on_platform = table.body_to_home(outer, inner) @ matrix @ direction
     assert unit.body_to_home(outer, inner) @ direction == pytest.approx(on_platform, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ORIENTATIONS)
-def test_poses_and_turns_of_a_turned_unit_are_about_its_own_axes(name):
+def test_poses_and_rotations_of_a_reoriented_unit_are_about_its_own_axes(name):
     unit = TableGeometry(orientation=orientation_matrix(name))
     assert unit.vertical_joint((0.3, 0.4)) == TableGeometry().vertical_joint((0.3, 0.4))
     for axis in BODY_AXES:

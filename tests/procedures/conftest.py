@@ -1,4 +1,4 @@
-"""Full chains of simulated stages, one unit per grade, solved once for all tests."""
+"""Complete chains of simulated stages, one unit per grade, solved once for all tests."""
 
 import sys
 from pathlib import Path
@@ -20,7 +20,7 @@ STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
 
 @pytest.fixture(scope="session")
 def solve_chain():
-    """Simulates the four stages of one bench and solves them one after another."""
+    """Simulate the four stages of one bench and solve them in sequence."""
     from simulated_stages import block_of, prior_of, simulate, solved
 
     def chain(grade, seed, **bench):
@@ -40,7 +40,7 @@ def solve_chain():
 
 @pytest.fixture(scope="session")
 def nav_chain(solve_chain):
-    """A navigation-grade unit with white noise only."""
+    """A navigation-grade unit with only white noise."""
     return solve_chain("nav", 31, instability=False)
 
 

@@ -1,4 +1,4 @@
-"""Recordings of the bench's gimbal: the closed loop of method and gimbal, and its samples as the solver takes them."""
+"""Recordings of the simulated gimbal in closed loop with the method, as input of the solver."""
 
 import numpy as np
 from hand_recordings import prior_of
@@ -19,12 +19,12 @@ ENCODER = np.deg2rad(0.002)
 
 
 def unit(seed: int, grade: str = "mems") -> ImuTruth:
-    """One unit."""
+    """Return one unit."""
     return draw_imu(grade, np.random.default_rng(seed), sample_rate=RATE)
 
 
 class Uncorrected(GimbalBench):
-    """A gimbal that does not use the correction K."""
+    """A gimbal that ignores the correction K."""
 
     def hold(self, seconds: float, correction: np.ndarray) -> GimbalSamples:
         return super().hold(seconds, np.zeros((3, 3)))
@@ -36,7 +36,7 @@ class Uncorrected(GimbalBench):
 def recorded(
     imu: ImuTruth, seed: int, corrected: bool = True, **schedule: object
 ) -> tuple[GimbalIteration, SampleBlock]:
-    """Method and gimbal in closed loop from locked joints to the last axis."""
+    """Run method and gimbal in closed loop from locked joints to the last axis."""
     settings, blocks = method("gimbal").schedule(**schedule), []
     gimbal = (GimbalBench if corrected else Uncorrected)(imu, seed, order=settings.order, encoder_sigma=ENCODER)
     iteration = turn_gimbal(gimbal, settings, context_of(imu).imu, blocks.append)
@@ -44,7 +44,7 @@ def recorded(
 
 
 def context_of(imu: ImuTruth) -> SolveContext:
-    """Context with the unit's profile and the gimbal's encoders."""
+    """Return the context with the profile of the unit and the encoders of the gimbal."""
     profile = ImuModel(
         "G",
         imu.sample_rate,
@@ -60,7 +60,7 @@ def context_of(imu: ImuTruth) -> SolveContext:
 
 
 def solved(block: SampleBlock, imu: ImuTruth, grade: str = "mems", **schedule: object) -> Solution:
-    """The block as a gimbal stage."""
+    """Solve the block as a gimbal stage."""
     chosen = method("gimbal")
     solver = chosen.solver(context_of(imu), prior_of(grade), chosen.schedule(**schedule))
     solver.feed(block)
@@ -68,5 +68,5 @@ def solved(block: SampleBlock, imu: ImuTruth, grade: str = "mems", **schedule: o
 
 
 def misalignment(imu: ImuTruth) -> np.ndarray:
-    """M_g off the diagonal, shape (3, 3)."""
+    """Return the off-diagonal part of M_g, shape (3, 3)."""
     return group_matrix(imu.parameters, "gyro_misalign")

@@ -1,4 +1,4 @@
-"""Recordings of the bench's manual rig, with context and prior of the unit."""
+"""Recordings of the simulated manual rig, with context and prior of the unit."""
 
 import numpy as np
 
@@ -17,12 +17,12 @@ STEP = np.deg2rad(60.0)
 
 
 def unit(grade: str, seed: int, **options: object) -> ImuTruth:
-    """One unit at 100 Hz."""
+    """Return one unit at 100 Hz."""
     return draw_imu(grade, np.random.default_rng(seed), sample_rate=100.0, **options)
 
 
 def context_of(imu: ImuTruth, rig: ManualRig = QUICK) -> SolveContext:
-    """Site, profile of the unit, no table."""
+    """Return the context with site and profile of the unit, without a table."""
     return SolveContext(
         Site(rig.latitude, 0.0, rig.height, None, rig.gravity),
         ImuModel(
@@ -41,13 +41,13 @@ def context_of(imu: ImuTruth, rig: ManualRig = QUICK) -> SolveContext:
 
 
 def prior_of(grade: str, factor: float = 2.0) -> Belief:
-    """Zero mean and `factor` of the grade's sigmas."""
+    """Return a prior with zero mean and `factor` times the sigmas of the grade."""
     sigma = factor * np.array([GRADES[grade].sigma[p.group] for p in PARAMETERS])
     return Belief(np.zeros(COUNT), np.diag(sigma**2))
 
 
 def block_of(samples: Simulated) -> SampleBlock:
-    """The samples as one block without a table."""
+    """Return the samples as one block without table angles."""
     valid = np.ones(len(samples.seq), dtype=bool)
     return SampleBlock(
         samples.stage,
@@ -62,12 +62,12 @@ def block_of(samples: Simulated) -> SampleBlock:
 
 
 def recording(imu: ImuTruth, seed: int, rig: ManualRig = QUICK, step: float = STEP) -> SampleBlock:
-    """Recording of a unit moved once through all positions."""
+    """Return the recording of a unit moved once through all positions."""
     return block_of(record(imu, rig, around(step), seed)[0])
 
 
 def solved(block: SampleBlock, context: SolveContext, prior: Belief, **schedule: object) -> Solution:
-    """The block as a multi_position stage."""
+    """Solve the block as a multi_position stage."""
     chosen = method("multi_position")
     solver = chosen.solver(context, prior, chosen.schedule(**schedule))
     solver.feed(block)

@@ -1,4 +1,4 @@
-"""Recordings of the bench's IMUs on one body, with their context."""
+"""Recordings of simulated IMUs on one body, with their context."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ RIG = ManualRig(initial_rest=6.0, rest=2.0, speed=np.deg2rad(120.0))
 
 
 def unit(grade: str, seed: int, **options: object) -> ImuTruth:
-    """A unit without inner lever arms and second-order terms, because a pair has one lever arm."""
+    """Return a unit without inner lever arms and second-order terms, because a pair has one lever arm."""
     imu = draw_imu(grade, np.random.default_rng(seed), sample_rate=RATE, **options)
     parameters = imu.parameters.copy()
     for group in ("inner_lever", "outer_lever", "accel_quadratic"):
@@ -38,7 +38,7 @@ def unit(grade: str, seed: int, **options: object) -> ImuTruth:
 
 
 def model(imu: ImuTruth, serial: str = "P") -> ImuModel:
-    """The unit's profile."""
+    """Return the profile of the unit."""
     return ImuModel(
         serial,
         imu.sample_rate,
@@ -53,7 +53,7 @@ def model(imu: ImuTruth, serial: str = "P") -> ImuModel:
 
 
 def pair(seed: int, grade: str = "mems", **options: object) -> tuple[ImuTruth, SecondaryTruth]:
-    """A primary, and a secondary misaligned by a few degrees and displaced, with a clock offset up to 30 ms."""
+    """Return a primary, and a secondary with misalignment, displacement and a clock offset up to 30 ms."""
     random = np.random.default_rng([seed, 1])
     place = Mounting(rotation(random.standard_normal(3) * 0.03), random.uniform(-0.1, 0.1, 3))
     offset = float(random.uniform(-0.03, 0.03))
@@ -67,7 +67,7 @@ def recording(
     rig: ManualRig = RIG,
     step: float = np.deg2rad(60.0),
 ) -> SampleBlock:
-    """Recording of all units moved through the rig's positions."""
+    """Return the recording of all units moved through the positions of the rig."""
     motion, duration = push(rig, around(step), np.random.default_rng([seed, 2]))
     counts, others = record_pair(primary, secondaries, motion, duration, rig.field, seed)
     seq = np.arange(len(counts))
@@ -87,7 +87,7 @@ def recording(
 def context_of(
     primary: ImuTruth, secondaries: list[SecondaryTruth], stored: dict[int, StoredPair] | None = None
 ) -> SolveContext:
-    """Context with site, profiles and stored calibrations of the secondaries."""
+    """Return the context with site, profiles and stored calibrations of the secondaries."""
     further = tuple(
         Secondary(number, model(s.imu, f"S{number}"), (stored or {}).get(number, StoredPair()))
         for number, s in enumerate(secondaries, 2)
@@ -96,13 +96,13 @@ def context_of(
 
 
 def known(primary: ImuTruth) -> Belief:
-    """The primary's own errors, calibrated before."""
+    """Return the errors of the primary, calibrated before."""
     prior = prior_of("mems")
     return Belief(primary.parameters, 1e-6 * prior.covariance)
 
 
 def truth_of(primary: ImuTruth, secondary: SecondaryTruth) -> np.ndarray:
-    """True pair parameters, shape (28,)."""
+    """Return the true pair parameters, shape (28,)."""
     t = pair_truth(primary, secondary)
     parts = [
         t["gyro_bias"],
@@ -121,14 +121,14 @@ def solver_of(context: SolveContext, prior: Belief, **schedule: object):
 
 
 def solved(block: SampleBlock, context: SolveContext, prior: Belief, **schedule: object) -> Solution:
-    """The block as a cross_calibration stage."""
+    """Solve the block as a cross_calibration stage."""
     solver = solver_of(context, prior, **schedule)
     solver.feed(block)
     return solver.finish()
 
 
 def vector(solution: Solution, key: str = "value") -> np.ndarray:
-    """Values or sigmas of the second IMU, shape (28,), neutral or 0 for parameters not fitted."""
+    """Return values or sigmas of the second IMU, shape (28,), neutral or 0 for parameters not fitted."""
     return np.array(
         [
             getattr(solution.found[p.name], key) if p.name in solution.found else p.neutral * (key == "value")

@@ -1,4 +1,4 @@
-"""Recordings of other authors converted to the contract's CSV and TOML."""
+"""Published recordings converted to the CSV and TOML of the contract."""
 
 import gzip
 from pathlib import Path
@@ -48,7 +48,7 @@ IMU_TK_GYRO_LSB, IMU_TK_ACCEL_LSB = 2.094e-4, 2.415e-3
 
 
 def imu_tk(folder: Path) -> Path:
-    """The Xsens recording of imu_tk: unsigned counts about 32768, no table, no stage."""
+    """Convert the Xsens recording of imu_tk: unsigned counts about 32768, no table, no stages."""
     with gzip.open(IMU_TK / "xsens_acc.txt.gz") as a, gzip.open(IMU_TK / "xsens_gyro.txt.gz") as g:
         accel, gyro = np.loadtxt(a), np.loadtxt(g)
     counts = np.column_stack([gyro[:, 1:], accel[:, 1:]]) - 32768
@@ -63,11 +63,11 @@ def imu_tk(folder: Path) -> Path:
 
 
 def imu_tk_published() -> dict[str, np.ndarray]:
-    """The authors' solution in the contract's model: M and b of accelerometers and gyros.
+    """Return the authors' solution in the model of the contract: M and b of accelerometers and gyros.
 
     They give a = T K (raw − b) with an upper triangular T for the accelerometers; the contract's body frame is the one
-    in which it is lower triangular, which the authors' numbers give too. The rotation between the two turns the gyro's
-    answer.
+    in which it is lower triangular, which the authors' numbers give too. The gyro's result is rotated by
+    the difference of the two frames.
     """
     upper = np.array([[1.0, -0.0033593, -0.00890639], [0.0, 1.0, -0.0213341], [0.0, 0.0, 1.0]])
     upper = upper @ np.diag([2.41278e-3, 2.42712e-3, 2.41168e-3])
@@ -113,7 +113,7 @@ accel_vrw = 4.5e-3
 
 
 def imu_array(folder: Path, secondary: int) -> Path:
-    """IMU 1 of the array as primary and another as secondary; rows in which one of them saturates are not valid."""
+    """Convert IMU 1 of the array as primary and another as secondary; saturated rows are invalid."""
     raw = np.frombuffer((IMU_ARRAY / "exp_1.bin").read_bytes()[4:], np.uint8)
     packets = raw[: len(raw) // 106 * 106].reshape(-1, 106)
     assert np.all(packets[:, 0] == 0xAA)
@@ -144,7 +144,7 @@ ARRAY_3_TO_1 = (
 
 
 def array_lever_mm(number: int) -> np.ndarray:
-    """From IMU 1 to another by the board's drawing, mm."""
+    """Return the lever arm from IMU 1 to another by the drawing of the board, mm."""
     text = (IMU_ARRAY / "imu_positions_m.csv").read_text().splitlines()
     places = np.array([[float(cell) for cell in line.split(",")[1:]] for line in text[1:]])
     return 1e3 * (places[:, number - 1] - places[:, 0])

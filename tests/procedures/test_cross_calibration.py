@@ -1,4 +1,4 @@
-"""Cross-calibration: secondaries against a primary, consistent sigmas, triggers, and unusable recordings."""
+"""Cross-calibration of secondaries against a primary: consistent sigmas, triggers, and unusable recordings."""
 
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -64,7 +64,7 @@ def test_errors_of_many_pairs_agree_with_their_sigmas():
         assert 0.85 * low < np.mean(np.square(np.array(errors)[:, columns])) < 1.15 * high, group
 
 
-def test_the_clock_offset_is_found_far_below_a_sample(mems):
+def test_clock_offset_is_found_with_subsample_accuracy(mems):
     primary, secondary, block = mems
     found = solved(block, context_of(primary, [secondary]), known(primary)).found["clock_offset"]
     assert abs(found.value - secondary.offset) < 4.0 * found.sigma
@@ -72,7 +72,7 @@ def test_the_clock_offset_is_found_far_below_a_sample(mems):
     assert abs(secondary.offset) > 1e-3
 
 
-def test_a_bias_that_changes_within_the_recording_fails_and_is_named(mems):
+def test_bias_change_during_the_recording_fails_and_is_reported(mems):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
     sound = solved(block, context, known(primary))
@@ -90,7 +90,7 @@ def test_a_bias_that_changes_within_the_recording_fails_and_is_named(mems):
 def with_error(
     block: SampleBlock, context: SolveContext, error: Callable[[np.ndarray, np.ndarray], np.ndarray]
 ) -> SampleBlock:
-    """A recording whose secondary has a further error of its rate and force, SI, as a function of what it measures."""
+    """Return a recording whose secondary has an additional error in SI, a function of its measured rate and force."""
     imu = context.secondaries[0].imu
     unit = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * imu.rate_factor
     others = block.others.astype(np.float64)
@@ -118,7 +118,7 @@ FAST, G = np.deg2rad(100.0), 9.8
         ("time_skew", 2e-4, lambda w, f: accel(-np.gradient(f, 1.0 / RATE, axis=0))),
     ],
 )
-def test_an_effect_outside_the_model_fails_and_is_named(mems, effect, size, error):
+def test_unmodelled_effect_fails_and_is_reported(mems, effect, size, error):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
     (_, test) = solved(with_error(block, context, lambda w, f: size * error(w, f)), context, known(primary)).tests
@@ -129,7 +129,7 @@ def test_an_effect_outside_the_model_fails_and_is_named(mems, effect, size, erro
     )  # what it measures is filtered
 
 
-def test_a_drift_during_the_recording_fails_and_is_named(mems):
+def test_drift_during_the_recording_fails_and_is_reported(mems):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
     course = np.linspace(0.0, 1e-3, len(block))[:, None]
@@ -140,7 +140,7 @@ def test_a_drift_during_the_recording_fails_and_is_named(mems):
 
 
 @pytest.mark.long
-def test_effects_are_along_the_axes_of_a_rotated_secondary():
+def test_effects_are_reported_in_the_axes_of_a_rotated_secondary():
     primary, secondary = pair(3)
     turned = replace(secondary, mounting=Mounting(rotation(np.array([0.0, 0.0, 0.5 * np.pi])), np.zeros(3)))
     block, context = recording(primary, [turned], 3), context_of(primary, [turned])
@@ -153,7 +153,7 @@ def test_effects_are_along_the_axes_of_a_rotated_secondary():
     assert (test.misfit.values["effect"], test.misfit.values["component"]) == ("gyro_cubic", "x")
 
 
-def test_an_effect_that_equals_a_parameter_in_the_recording_is_not_found(mems):
+def test_effect_indistinguishable_from_a_parameter_is_not_reported(mems):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
     upright = block.part(0, 4000)  # an axis that stays upward: |f| is f
@@ -174,7 +174,7 @@ def test_an_effect_that_equals_a_parameter_in_the_recording_is_not_found(mems):
 
 @pytest.mark.long
 @pytest.mark.parametrize("choice", [{"model": "bias"}, {"model": "scale"}, {"clock_offset": False}])
-def test_terms_that_are_not_fitted_are_no_effects(mems, choice):
+def test_terms_excluded_from_the_fit_are_not_reported_as_effects(mems, choice):
     primary, secondary, block = mems
     found = solved(block, context_of(primary, [secondary]), known(primary), **choice)
     named = [test.misfit for test in (*found.tests, found.explanation) if test is not None and test.kind == "effects"]
@@ -183,7 +183,7 @@ def test_terms_that_are_not_fitted_are_no_effects(mems, choice):
     assert "time_skew" not in [misfit.values.get("effect") for misfit in named]
 
 
-def test_an_effect_that_moves_nothing_is_harmless(mems):
+def test_effect_without_influence_on_the_parameters_passes(mems):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
     found = solved(with_error(block, context, lambda w, f: gyro(1e-5 * f)), context, known(primary))
@@ -191,7 +191,7 @@ def test_an_effect_that_moves_nothing_is_harmless(mems):
     assert found.explanation.misfit.values["effect"] == "g_sensitivity"
 
 
-def test_a_unit_mounted_upside_down_is_no_error():
+def test_secondary_mounted_upside_down_is_calibrated():
     primary, secondary = pair(4)
     turned = replace(secondary, mounting=Mounting(rotation(np.array([np.pi, 0.02, 0.01])), secondary.mounting.arm))
     found = solved(recording(primary, [turned], 4), context_of(primary, [turned]), known(primary))
@@ -221,7 +221,7 @@ def test_partial_models_are_fitted(what):
 
 
 @pytest.mark.long
-def test_several_secondaries_have_names_of_their_own():
+def test_parameters_of_several_secondaries_have_distinct_names():
     primary, first = pair(6)
     _, second = pair(7)
     block = recording(primary, [first, second], 6)
@@ -235,7 +235,7 @@ def test_several_secondaries_have_names_of_their_own():
             assert further_parameter(pair_name(p.name, number)) is p
 
 
-def test_secondary_data_are_compensated_with_the_stored_error_and_then_with_the_primarys_own(mems):
+def test_secondary_data_are_compensated_by_the_pair_and_then_the_primary(mems):
     primary, secondary, _ = mems
     random = np.random.default_rng(3)
     omega, force = random.standard_normal((5, 3)), 5.0 * random.standard_normal((5, 3))
@@ -252,7 +252,7 @@ def test_secondary_data_are_compensated_with_the_stored_error_and_then_with_the_
     assert back[1] == pytest.approx(force, abs=1e-12)
 
 
-def test_a_threshold_is_fixed_or_follows_the_last_calibration():
+def test_threshold_is_fixed_or_relative_to_the_last_calibration():
     assert Threshold(fixed=0.1).limit(0.04) == 0.1
     assert Threshold(fixed=0.1, offset=0.02).limit(0.04) == pytest.approx(0.06)
     assert Threshold(fixed=0.1, ratio=3.0).limit(0.04) == pytest.approx(0.12)
@@ -307,7 +307,7 @@ def test_period_and_command_trigger_a_check(mems):
     assert [e.kind for e in run(silent, block.part(half, len(block)))][:2] == ["triggered", "checked"]
 
 
-def test_primary_out_of_tolerance_calibrates_nothing(mems):
+def test_out_of_tolerance_primary_prevents_calibration(mems):
     primary, secondary, block = mems
     watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, primary_accel={"fixed": 1e-6})
     assert [e.kind for e in run(watch, block)] == ["triggered", "checked", "primary_off"]
@@ -329,7 +329,7 @@ def test_primary_out_of_tolerance_calibrates_nothing(mems):
     assert set(both.verdicts[2].values()) == {"out_of_tolerance"}
 
 
-def test_figure_of_the_last_calibration_is_kept_where_a_sensor_is_not_calibrated(mems):
+def test_static_error_of_an_uncalibrated_sensor_is_kept(mems):
     primary, secondary, block = mems
     before = {2: StoredPair({}, 1e-4, 2e-3)}
     ratio = {"secondary_gyro": {"fixed": 1e-3, "ratio": 3.0}, "primary_gyro": {"fixed": 1e-6}}
@@ -343,7 +343,7 @@ def test_figure_of_the_last_calibration_is_kept_where_a_sensor_is_not_calibrated
 
 
 @pytest.mark.long
-def test_a_calibration_that_stays_out_of_tolerance_does_not_loosen_the_next_threshold(mems):
+def test_out_of_tolerance_calibration_does_not_loosen_the_next_threshold(mems):
     primary, secondary, block = mems
     limits = {"secondary_gyro": {"fixed": 2e-6, "ratio": 3.0}, "secondary_accel": {"fixed": 5e-3, "ratio": 3.0}}
     first = watch_of(primary, [secondary], **limits)
@@ -364,7 +364,7 @@ def test_a_calibration_that_stays_out_of_tolerance_does_not_loosen_the_next_thre
     assert last.stored[2].accel_static == 0.002
 
 
-def test_silence_of_the_primary_is_reported_until_it_sends_again(mems):
+def test_silent_primary_is_reported_until_it_sends_again(mems):
     primary, secondary, block = mems
     watch = watch_of(primary, [secondary], trigger="command")
     counts = block.counts.copy()
@@ -382,7 +382,7 @@ def without_secondary(block, start, stop=None):
     return replace(block, others=others)
 
 
-def test_silence_of_a_secondary_is_reported_until_it_sends_again(mems):
+def test_silent_secondary_is_reported_until_it_sends_again(mems):
     primary, secondary, block = mems
     watch = watch_of(primary, [secondary], trigger="command")
     silent = without_secondary(block.part(0, 600), 200, 400)
@@ -393,7 +393,7 @@ def test_silence_of_a_secondary_is_reported_until_it_sends_again(mems):
     assert not watch.silent
 
 
-def test_a_primary_out_of_tolerance_remains_so_until_it_is_checked(mems):
+def test_primary_stays_out_of_tolerance_until_the_next_check(mems):
     primary, secondary, block = mems
     still = block.part(0, 550)
     watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, primary_valid="both_sensors")
@@ -407,7 +407,7 @@ def test_a_primary_out_of_tolerance_remains_so_until_it_is_checked(mems):
 
 
 class Held:
-    """Executes a fit when it is asked for."""
+    """An executor that runs a fit only when its result is requested."""
 
     def __init__(self):
         self.done, self.work, self.started = False, [], 0
@@ -423,7 +423,7 @@ class Held:
         future.set_result(work())
 
 
-def test_motion_before_an_alignment_is_not_used_even_by_a_fit_that_runs(mems):
+def test_motion_before_a_realignment_is_discarded_even_during_a_fit(mems):
     primary, secondary, block = mems
     kept: dict[int, StoredPair] = {}
     fits = Held()
@@ -451,7 +451,7 @@ def test_motion_before_an_alignment_is_not_used_even_by_a_fit_that_runs(mems):
     assert watch.progress > 0.0 or fits.started > 1
 
 
-def test_a_sensor_whose_calibration_no_rest_proves_stays_out_of_tolerance(mems, monkeypatch):
+def test_sensor_stays_out_of_tolerance_if_no_rest_verifies_its_calibration(mems, monkeypatch):
     primary, secondary, block = mems
     watch = watch_of(primary, [secondary])
     found = PairCalibration.calibrate
@@ -464,7 +464,7 @@ def test_a_sensor_whose_calibration_no_rest_proves_stays_out_of_tolerance(mems, 
     assert set(watch.verdicts[2].values()) == {"out_of_tolerance"}
 
 
-def test_a_calibration_that_cannot_be_stored_is_reported_and_used(mems):
+def test_calibration_that_cannot_be_stored_is_reported_and_used(mems):
     primary, secondary, block = mems
 
     class Full(dict):
@@ -587,7 +587,7 @@ def test_too_little_motion_is_refused(mems):
         solved(block, replace(context, secondaries=()), prior)
 
 
-def test_gaps_and_missing_cells_cost_only_their_rows(mems):
+def test_gaps_and_missing_values_exclude_only_their_rows(mems):
     primary, secondary, block = mems
     others = block.others.copy()
     others[3000:3050, 0, 2] = np.nan
@@ -606,7 +606,7 @@ def test_gaps_and_missing_cells_cost_only_their_rows(mems):
     assert np.abs((vector(found) - truth_of(primary, secondary)) / vector(found, "sigma")).max() < 5.0
 
 
-def test_a_run_on_the_table_is_refused():
+def test_cross_calibration_on_a_table_is_refused():
     chosen = method("cross_calibration")
     with raises_code(ConfigurationError, "plan.needs_joint_recording"):
         list(chosen.plan(TableGeometry(), chosen.schedule()))
@@ -615,7 +615,7 @@ def test_a_run_on_the_table_is_refused():
 @pytest.mark.exhaustive
 @pytest.mark.skipif(not real.IMU_ARRAY.exists(), reason="the real recordings are not beside the project")
 @pytest.mark.parametrize("number", [3, 8])
-def test_the_array_recording_agrees_with_its_references(number: int, tmp_path: Path) -> None:
+def test_array_recording_agrees_with_its_references(number: int, tmp_path: Path) -> None:
     result = resolve(real.imu_array(tmp_path, number)).result.to_json()
     parameters = result["parameters"]
     assert result["stages"] == ["cross_calibration"]

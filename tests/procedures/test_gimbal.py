@@ -1,4 +1,4 @@
-"""Gimbal: the joints' drifts give the gyro misalignment with consistent sigmas and the convergence of the gain."""
+"""Gimbal method: joint drifts give the gyro misalignment with consistent sigmas; the gain determines convergence."""
 
 from dataclasses import replace
 
@@ -58,7 +58,7 @@ def test_errors_of_many_gimbals_agree_with_their_sigmas(grade, seeds):
 
 
 @pytest.mark.long
-def test_a_return_from_a_small_drift_does_not_disturb_the_rotation_of_the_turn_before_it():
+def test_return_to_zero_does_not_affect_the_previous_rotation():
     # the return by 71 arcsec stands inside a rest: its rotation is no part of the gyros' mean at rest
     imu = unit(11, "nav")
     iteration, block = recorded(imu, 11)
@@ -66,7 +66,7 @@ def test_a_return_from_a_small_drift_does_not_disturb_the_rotation_of_the_turn_b
     assert [axis["turns"] for axis in axes] == [len(course.drifts) for course in iteration.courses]
 
 
-def test_a_recording_replays_to_the_corrections_that_were_used(loop):
+def test_replayed_recording_gives_the_applied_corrections(loop):
     imu, iteration, block = loop
     found = solved(block, imu)
     for axis, course in zip(found.details["axes"], iteration.courses, strict=True):
@@ -76,7 +76,7 @@ def test_a_recording_replays_to_the_corrections_that_were_used(loop):
     assert found.messages == ()
 
 
-def test_drifts_shrink_as_predicted_and_the_solution_agrees_with_least_squares(loop):
+def test_drifts_converge_as_predicted_and_agree_with_least_squares(loop):
     imu, _, block = loop
     found = solved(block, imu)
     for axis in found.details["axes"]:
@@ -92,7 +92,7 @@ def test_drifts_shrink_as_predicted_and_the_solution_agrees_with_least_squares(l
 
 
 @pytest.mark.parametrize("angle", [10.0, 30.0, 60.0])
-def test_the_stable_range_of_the_gain_in_closed_form(angle):
+def test_stable_gain_range_matches_the_closed_form(angle):
     A = np.deg2rad(angle)
     for order in ("zxy", "xyz", "yzx", "zyx"):
         first, middle, last = ("xyz".index(name) for name in order)
@@ -107,7 +107,7 @@ def test_the_stable_range_of_the_gain_in_closed_form(angle):
 
 
 @pytest.mark.parametrize(("share", "converges"), [(0.8, True), (1.3, False)])
-def test_the_bench_converges_within_the_range_and_diverges_beyond(share, converges):
+def test_iteration_converges_within_the_gain_range_and_diverges_beyond(share, converges):
     imu = unit(12, "tactical")
     most = largest_gain("zxy", 2, np.deg2rad(30.0))
     iteration, _ = recorded(imu, 12, gain=share * most, iterations=6, threshold_arcsec=0.0)
@@ -125,7 +125,7 @@ def test_unstable_gain_is_reported(loop):
     assert [t["axis"] for t in told] == ["x"]  # the middle joint's range ends at 2.73, the others' at 3.73
 
 
-def test_the_axes_are_done_one_after_another_until_the_count_or_the_threshold():
+def test_axes_are_calibrated_in_turn_until_the_count_or_threshold():
     iteration = GimbalIteration(1.0, 0.5, 3, 1e-4)
     command = iteration.next_turn()
     assert (command.axis, command.angle, command.home) == (0, 0.5, False)
@@ -146,7 +146,7 @@ def test_the_axes_are_done_one_after_another_until_the_count_or_the_threshold():
     assert iteration.done
 
 
-def test_one_way_turns_return_to_zero_before_the_end_of_the_travel():
+def test_one_way_rotations_return_to_zero_before_the_travel_limit():
     iteration = GimbalIteration(1.0, np.deg2rad(30.0), 5, 0.0, alternate=False)
     homes = []
     for _ in range(5):
@@ -159,7 +159,7 @@ def test_one_way_turns_return_to_zero_before_the_end_of_the_travel():
 
 
 @pytest.mark.parametrize("order", ["zxy", "xyz"])
-def test_the_drift_does_not_depend_on_the_angles_at_which_a_turn_starts(order):
+def test_drift_does_not_depend_on_the_start_angles_of_a_rotation(order):
     tilt, bias, angle, seconds = np.array([2e-4, -1e-4, 3e-4]), np.array([1e-5, -2e-5, 1e-5]), -0.5, 1.0
     for axis in range(3):
         for begin in (-0.6, 0.0, 0.9):
@@ -182,7 +182,7 @@ def test_the_drift_does_not_depend_on_the_angles_at_which_a_turn_starts(order):
         ({"iterations": 5, "alternate": False}, 5),
     ],
 )
-def test_every_turn_of_a_series_counts(sequence, turns, grade):
+def test_every_rotation_of_a_series_is_used(sequence, turns, grade):
     imu = unit(21, grade)
     settings = {"threshold_arcsec": 0.0, **sequence}
     iteration, block = recorded(imu, 21, **settings)
@@ -194,7 +194,7 @@ def test_every_turn_of_a_series_counts(sequence, turns, grade):
     assert np.abs(error).max() < 4.0
 
 
-def test_a_replay_with_another_gain_is_refused():
+def test_replay_with_another_gain_is_refused():
     imu = unit(22)
     imu.parameters[PLACES] = 2e-3
     _, block = recorded(imu, 22, iterations=4, threshold_arcsec=0.0)
@@ -202,7 +202,7 @@ def test_a_replay_with_another_gain_is_refused():
         solved(block, imu, gain=1.0, iterations=4, threshold_arcsec=0.0)
 
 
-def test_a_turn_without_rests_is_missed_and_reported():
+def test_rotation_without_rests_is_reported_as_missing():
     imu = unit(23)
     _, block = recorded(imu, 23, iterations=3, threshold_arcsec=0.0, alternate=False, angle_deg=25.0)
     cut = np.flatnonzero(np.diff(block.step) == 1)[1] + 1  # the second turn begins
@@ -212,7 +212,7 @@ def test_a_turn_without_rests_is_missed_and_reported():
         solved(altered(block, valid=spoilt), imu, iterations=3, threshold_arcsec=0.0, alternate=False, angle_deg=25.0)
 
 
-def test_joints_and_attitudes_are_each_others_inverse():
+def test_joint_angles_and_attitudes_convert_in_both_directions():
     joints = np.array([0.3, -0.4, 0.7])
     for order in ("xyz", "zxy", "yzx", "zyx", "xzy", "yxz"):
         assert gimbal_joints(order, gimbal_attitude(order, joints)) == pytest.approx(joints)
@@ -255,7 +255,7 @@ def test_uncorrected_rates_are_refused():
         solved(block, imu, iterations=5)
 
 
-def test_polled_joints_are_sufficient(loop):
+def test_polled_joint_angles_are_sufficient(loop):
     imu, _, block = loop
     polled = block.joints.copy()
     polled[np.arange(len(polled)) % 5 > 0] = np.nan
@@ -264,7 +264,7 @@ def test_polled_joints_are_sufficient(loop):
     assert np.abs(error).max() < 4.0
 
 
-def test_a_rate_table_is_no_gimbal():
+def test_rate_table_is_refused_as_a_gimbal():
     chosen = method("gimbal")
     with raises_code(ConfigurationError, "plan.needs_gimbal"):
         list(chosen.plan(TableGeometry(), chosen.schedule()))

@@ -1,4 +1,4 @@
-"""An error of gravity is in the posterior: solved with a wrong gravity, a stage moves as predicted."""
+"""The posterior includes the gravity uncertainty: a gravity error changes a solution as predicted."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from calstation.physics.parameters import COUNT, NAMES, group_indices, group_mat
 SCALE = list(group_indices("accel_scale"))
 
 
-def test_scaled_forces_and_parameters_leave_the_output_as_it_is():
+def test_scaling_forces_and_parameters_leaves_the_output_unchanged():
     p = 1e-3 * np.arange(1.0, COUNT + 1.0)
     f, step = np.array([3.0, -5.0, 8.0]), 1e-6
     q = p + step * force_scaling(p)
@@ -27,7 +27,7 @@ def test_scaled_forces_and_parameters_leave_the_output_as_it_is():
 
 
 @pytest.mark.parametrize("tight", [1.0, 0.01])
-def test_a_stage_solved_with_a_wrong_gravity_moves_as_predicted(nav_chain, tight):
+def test_wrong_gravity_changes_the_solution_as_predicted(nav_chain, tight):
     # the tight prior of the scale factors (9 ppm) resists the error
     prior = Belief(nav_chain.prior.mean, tight**2 * nav_chain.prior.covariance)
     context, block, off = context_of(nav_chain.truth), block_of(nav_chain.samples["six_position"]), 5e-6
@@ -41,7 +41,7 @@ def test_a_stage_solved_with_a_wrong_gravity_moves_as_predicted(nav_chain, tight
     assert np.flatnonzero(predicted).size == 6  # what the stage estimates
 
 
-def test_the_error_of_gravity_is_common_to_the_scale_factors_and_not_reduced_by_more_stages(nav_chain):
+def test_gravity_error_is_common_to_scale_factors_and_not_averaged_out(nav_chain):
     belief, sensitivity = nav_chain.prior, np.zeros(COUNT)
     for stage in ("rate", "six_position", "excitation"):
         solution = nav_chain.solutions[stage]
@@ -55,7 +55,7 @@ def test_the_error_of_gravity_is_common_to_the_scale_factors_and_not_reduced_by_
     assert variance / np.outer(whole.sigma[SCALE], whole.sigma[SCALE]) == pytest.approx(1.0, abs=0.03)
 
 
-def test_gravity_is_known_as_well_as_the_site_says():
+def test_gravity_sigma_is_taken_from_the_site():
     normal = Site(0.6, 1.9, 400.0)
     for site, sigma in (
         (normal, 5e-4),

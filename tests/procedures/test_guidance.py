@@ -1,4 +1,4 @@
-"""Guidance reports still, moving, enough and repeat as the operator moves the unit, and the solver agrees."""
+"""Guidance reports the states still, moving, enough and repeat, in agreement with the solver."""
 
 from dataclasses import replace
 
@@ -41,7 +41,7 @@ def test_every_rest_and_every_motion_is_reported(mems):
     assert np.abs(guide.now.positions[: len(ups)] - ups).max() < 0.05
 
 
-def test_moving_too_soon_asks_for_a_repetition(mems):
+def test_too_short_rest_requests_a_repetition(mems):
     imu, block = mems
     guide, told = followed(block, imu, wanted=8.0)
     assert told.count("repeat") > 5
@@ -55,7 +55,7 @@ def test_guidance_does_not_depend_on_the_blocks(mems):
     assert np.array_equal(a.positions, b.positions)
 
 
-def test_a_result_applied_to_data_brings_force_to_gravity(mems):
+def test_result_applied_to_data_gives_the_magnitude_of_gravity(mems):
     imu, block = mems
     found = solved(block, context_of(imu), prior_of("mems")).belief.mean
     shown = before_after(
@@ -67,7 +67,7 @@ def test_a_result_applied_to_data_brings_force_to_gravity(mems):
     assert np.abs(shown.rate_before.mean(axis=0)).max() > 5e-4
 
 
-def test_neither_a_knock_nor_a_gap_counts_as_a_position(mems):
+def test_shocks_and_gaps_do_not_count_as_positions(mems):
     imu, block = mems
     guide, _ = followed(block.part(0, 800), imu)
     (first,) = guide.now.positions
@@ -82,7 +82,7 @@ def test_neither_a_knock_nor_a_gap_counts_as_a_position(mems):
     assert np.array_equal(guide.now.positions[0], first)
 
 
-def test_positions_suffice_when_well_spread_and_turned_about_every_axis(mems):
+def test_positions_are_sufficient_if_well_distributed_and_rotated_about_all_axes(mems):
     imu, block = mems
     guide = PositionGuide(context_of(imu).imu, 1.0)
     begun = []

@@ -1,4 +1,4 @@
-"""Multi-position: recordings by hand give matrices and biases with consistent sigmas; unusable ones are refused."""
+"""Multi-position method: manual recordings give matrices and biases with consistent sigmas."""
 
 import itertools
 from dataclasses import replace
@@ -76,7 +76,7 @@ def test_every_sigma_is_much_smaller_than_the_prior(mems):
 
 
 @pytest.mark.long
-def test_a_stream_before_any_calibration_may_have_large_biases(mems):
+def test_uncalibrated_stream_may_have_large_biases(mems):
     imu, _ = mems
     far = imu.parameters.copy()
     far[group_indices("gyro_bias")] = [0.05, -0.08, 0.06]
@@ -90,7 +90,7 @@ def test_a_stream_before_any_calibration_may_have_large_biases(mems):
 
 
 @pytest.mark.long
-def test_noise_beyond_the_profile_enlarges_the_sigmas(mems):
+def test_noise_above_the_profile_enlarges_the_sigmas(mems):
     imu, _ = mems
     rough = replace(QUICK, velocity_sigma=8e-3)
     context = context_of(imu)
@@ -117,7 +117,7 @@ OCTANT = np.deg2rad(45.0)
         pytest.param("gyro_cubic", 1e-3, 0, marks=pytest.mark.long),
     ],
 )
-def test_an_effect_outside_the_model_is_named_though_it_looks_like_noise(mems, cause, size, component):
+def test_unmodelled_effect_that_resembles_noise_is_reported(mems, cause, size, component):
     imu, _ = mems
     prior, context = prior_of("mems"), context_of(imu)
     recorded = recording(imu, 5, step=OCTANT)
@@ -135,7 +135,7 @@ def test_an_effect_outside_the_model_is_named_though_it_looks_like_noise(mems, c
     assert changed[INDEX[worst]] == pytest.approx(-first.moves[worst], abs=1.0 + 0.1 * abs(first.moves[worst]))
 
 
-def test_a_drift_during_the_recording_is_named(mems):
+def test_drift_during_the_recording_is_reported(mems):
     imu, recorded = mems
     prior, context = prior_of("mems"), context_of(imu)
     counts = recorded.counts.astype(np.float64)
@@ -146,13 +146,13 @@ def test_a_drift_during_the_recording_is_named(mems):
 
 
 def effects_of(solution: Solution, prior: Belief) -> list[EffectFound]:
-    """What the tests find in a solution, the most significant first."""
+    """Return the effects found in a solution, the most significant first."""
     tests = EffectTests(prior.sigma)
     tests.add(solution.stage, solution.sensitivity, solution.estimated)
     return [found for found in tests.found(solution.belief) if found.excess > MOST_EXCESS]
 
 
-def test_the_plan_runs_on_a_motorised_table_too():
+def test_plan_also_runs_on_a_motorised_table():
     truth = BenchConfig(grade="tactical", seed=8, sample_rate_hz=100.0, instability=False).truth()
     chosen = method("multi_position")
     schedule = chosen.schedule(step_deg=90.0, rest_s=4.0, initial_rest_s=5.0, rate_dps=60.0, acceleration_dps2=60.0)
@@ -168,7 +168,7 @@ def test_the_plan_runs_on_a_motorised_table_too():
     )
 
 
-def test_the_plan_goes_around_and_back_and_turns_every_body_axis_about_the_horizontal():
+def test_plan_covers_full_turns_in_both_directions_about_every_body_axis():
     geometry = TableGeometry(inner_axis=(0.0, 1.0, 0.0))
     chosen = method("multi_position")
     steps = list(chosen.plan(geometry, chosen.schedule()))
@@ -186,7 +186,7 @@ def test_the_plan_goes_around_and_back_and_turns_every_body_axis_about_the_horiz
     assert np.all(turned > 5.0)
 
 
-def test_a_manual_rig_moves_nothing_by_itself():
+def test_plan_for_a_manual_rig_contains_only_manual_moves():
     chosen = method("multi_position")
     steps = list(chosen.plan(TableGeometry(inner_axis=(0.0, 1.0, 0.0)), chosen.schedule(manual=True)))
     assert {type(s) for s in steps} == {Carry}
@@ -241,7 +241,7 @@ def freeze(column: int, first: int, last: int):
 
 
 def deaf(counts):
-    """Gyros whose output is noise at rest throughout."""
+    """Replace the gyro output by noise at rest."""
     counts[:, :3] = np.resize(counts[:800, :3], counts[:, :3].shape)
     return counts
 
@@ -270,7 +270,7 @@ def test_unusable_recording_is_refused_with_its_fault(mems, change, code, words)
 
 
 @pytest.mark.long
-def test_motion_that_contradicts_gravity_is_left_out_and_reported(mems):
+def test_motion_that_contradicts_gravity_is_excluded_and_reported(mems):
     imu, block = mems
     found = solved(block, context_of(imu), prior_of("mems"))
     motion = found.details["motions"][7]
@@ -296,7 +296,7 @@ def test_recordings_without_rest_or_motion_are_refused(mems):
 
 
 @pytest.mark.long
-def test_motions_across_cuts_are_not_used(mems):
+def test_motions_across_gaps_are_not_used(mems):
     imu, block = mems
     found = solved(block, context_of(imu), prior_of("mems"))
     positions = found.details["positions"]
@@ -318,7 +318,7 @@ def test_motions_across_cuts_are_not_used(mems):
 
 
 @pytest.mark.skipif(not real.HAND.exists(), reason="the real recordings are not beside the project")
-def test_the_hand_recording_agrees_with_its_authors():
+def test_manual_recording_agrees_with_its_authors():
     result = resolve(real.HAND, ("multi_position",)).result.to_json()
     for name, faces, modulus in (
         ("accel_scale", (-1.399e-3, -4.007e-3, 2.848e-2), (-1.227e-3, -4.232e-3, 2.861e-2)),
@@ -335,7 +335,7 @@ def test_the_hand_recording_agrees_with_its_authors():
 
 
 @pytest.mark.skipif(not real.IMU_TK.exists(), reason="the real recordings are not beside the project")
-def test_the_xsens_recording_agrees_with_its_authors(tmp_path: Path):
+def test_xsens_recording_agrees_with_its_authors(tmp_path: Path):
     result = resolve(real.imu_tk(tmp_path), ("multi_position",)).result.to_json()
     published = real.imu_tk_published()
     value, sigma = (

@@ -1,4 +1,4 @@
-"""Excitation and azimuth flips of simulated units: truth, effect of the flips, gyro z."""
+"""Excitation and azimuth flips of simulated units: agreement with the truth, benefit of the flips, gyro z."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ Z = NAMES.index("gyro_bias_z")
 
 
 @pytest.mark.parametrize("stage", ["excitation", "azimuth_flip"])
-def test_every_parameter_of_every_grade_agrees_with_its_sigma(chain, stage):
+def test_every_parameter_of_every_grade_agrees_with_the_truth(chain, stage):
     errors = errors_in_sigma(chain.solutions[stage].belief, chain.truth)
     assert np.abs(errors).max() < 4.0
     assert chain.solutions[stage].consistency.passed
@@ -33,12 +33,12 @@ def test_short_excitation_approaches_the_accuracy_of_a_long_one(nav_chain):
     assert 0.5e-4 < found["outer_lever_x"] < 4e-4
 
 
-def test_the_excitation_improves_on_everything_before_it(nav_chain):
+def test_excitation_reduces_every_sigma(nav_chain):
     before, after = nav_chain.priors["excitation"].sigma, nav_chain.solutions["excitation"].belief.sigma
     assert np.all(after < before)
 
 
-def test_flips_never_make_a_bias_worse(chain):
+def test_flips_never_increase_a_bias_sigma(chain):
     before, after = (chain.solutions[s].belief.sigma for s in ("excitation", "azimuth_flip"))
     assert np.all(after[BIASES] <= before[BIASES] * (1.0 + 1e-9))
 
@@ -60,7 +60,7 @@ def test_flips_alone_determine_gyro_z_poorly(nav_chain):
     assert alone.belief.sigma[Z] > 10.0 * nav_chain.solutions["azimuth_flip"].belief.sigma[Z]
 
 
-def test_flips_keep_all_consider_parameters(chain):
+def test_flips_do_not_change_consider_parameters(chain):
     before, after = (chain.solutions[s].belief for s in ("excitation", "azimuth_flip"))
     assert np.array_equal(after.mean[OTHERS], before.mean[OTHERS])
     assert after.sigma[OTHERS] == pytest.approx(before.sigma[OTHERS], rel=1e-12)

@@ -1,4 +1,4 @@
-"""Units in other orientations and away from the platform's centre: the plan is the platform's, the truth the unit's."""
+"""Units in other orientations and off the platform centre are calibrated in their own axes."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -30,7 +30,7 @@ STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
 
 
 def unit(orientation: str, **bench: object) -> tuple[BenchTruth, SolveContext]:
-    """A tactical unit in an orientation on the platform, with a mounting error, and its solvers' context."""
+    """Return a tactical unit in an orientation with a mounting error, and the context of its solvers."""
     truth = BenchConfig(grade="tactical", seed=31, sample_rate_hz=100.0, **bench).truth()
     turned = np.array(orientation_matrix(orientation))
     mount = rotation_vector(rotation_matrix(np.asarray(truth.table.mount)) @ turned)
@@ -40,7 +40,7 @@ def unit(orientation: str, **bench: object) -> tuple[BenchTruth, SolveContext]:
 
 
 def calibrated(truth: BenchTruth, context: SolveContext, prior: Belief, stages: tuple[str, ...]) -> SimpleNamespace:
-    """The belief after the stages, and what every stage reports."""
+    """Return the belief after the stages and the solution of every stage."""
     simulator, belief, solutions = Simulator(truth, 131), prior, {}
     for stage in stages:
         solutions[stage] = solved(truth, belief, [block_of(simulate(simulator, truth, stage))], context)
@@ -56,7 +56,7 @@ def aligned() -> SimpleNamespace:
 
 
 @pytest.mark.parametrize("orientation", sampled(8, ORIENTATIONS))
-def test_the_truth_of_a_turned_unit_is_found_as_well_as_that_of_an_aligned_one(
+def test_reoriented_unit_is_calibrated_as_accurately_as_an_aligned_unit(
     aligned: SimpleNamespace, orientation: str
 ) -> None:
     truth, context = unit(orientation)
@@ -75,7 +75,7 @@ def test_the_truth_of_a_turned_unit_is_found_as_well_as_that_of_an_aligned_one(
 
 @pytest.mark.long
 @pytest.mark.parametrize("orientation", ORIENTATIONS)
-def test_whole_turns_and_positions_are_found_in_every_orientation(orientation: str) -> None:
+def test_rotations_and_positions_are_found_in_every_orientation(orientation: str) -> None:
     truth, context = unit(orientation)
     prior = prior_of(truth)
     found = calibrated(truth, context, prior, ("rate", "six_position"))
@@ -85,7 +85,7 @@ def test_whole_turns_and_positions_are_found_in_every_orientation(orientation: s
 
 
 @pytest.mark.parametrize("orientation", ["+x+z", "-y+z", "+z-x"])
-def test_turns_without_encoders_are_those_of_the_joint_that_turned(orientation: str) -> None:
+def test_rotations_without_encoders_are_assigned_to_the_correct_joint(orientation: str) -> None:
     truth, context = unit(orientation)
     block = block_of(simulate(Simulator(truth, 131), truth, "rate"))
     blind = replace(block, angles=np.full_like(block.angles, np.nan))
@@ -98,7 +98,7 @@ def test_turns_without_encoders_are_those_of_the_joint_that_turned(orientation: 
 
 
 @pytest.mark.parametrize("orientation", ORIENTATIONS)
-def test_planned_samples_of_a_turned_unit_are_those_of_the_platform_in_its_axes(orientation: str) -> None:
+def test_preview_of_a_reoriented_unit_is_the_platform_motion_in_unit_axes(orientation: str) -> None:
     matrix, lever = np.array(orientation_matrix(orientation)), np.array([0.1, -0.2, 0.3])
     samples = []
     for name, arm in ((DEFAULT_ORIENTATION, lever), (orientation, matrix.T @ lever)):

@@ -1,4 +1,4 @@
-"""Geometry of plans: faces up, turns about the right axis in the right direction, within the table's limits."""
+"""The geometry of plans: faces point up, rotations have the correct axis and sign, and moves stay within limits."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -27,7 +27,7 @@ BODY = dict(zip("xyz", np.eye(3), strict=True))
 
 
 def steps_of(stage, table, rounds=None, **schedule):
-    """The plan's steps; an endless one up to the end of `rounds`."""
+    """Return the steps of a plan, of an unlimited plan up to the end of `rounds`."""
     chosen = method(stage)
     steps = []
     for step in chosen.plan(table, chosen.schedule(**schedule)):
@@ -42,14 +42,14 @@ def moves_of(steps):
 
 
 def turned(table, before, after):
-    """Rotation vector of the body, in the body, from one pose to the next."""
+    """Return the rotation vector in body axes from one pose to the next."""
     C0, C1 = table.body_to_home(before.outer, before.inner), table.body_to_home(after.outer, after.inner)
     return rotation_vector(C0.T @ C1)
 
 
 @st.composite
 def limits(draw):
-    """Travel of at least half a turn either way from home."""
+    """Draw a travel of at least half a turn in both directions from home."""
     low = tuple(-draw(st.floats(np.pi, 12.0)) for _ in range(2))
     high = tuple(draw(st.floats(np.pi, 12.0)) for _ in range(2))
     return JointLimits(low=low, high=high)
@@ -61,13 +61,13 @@ def assert_within(found, steps):
         assert found.within(1, move.inner)
 
 
-def test_every_file_is_a_method_of_its_own_name():
+def test_every_procedure_file_defines_a_method_of_its_name():
     names = {path.stem for path in Path(procedures.__file__).parent.glob("*.py")} - {"__init__"}
     assert set(DEFAULT_STAGES) <= names
     assert all(method(name).name == name for name in names)
 
 
-def test_unknown_stage_is_refused_with_the_known_ones():
+def test_error_for_an_unknown_stage_lists_the_known_stages():
     with raises_code(ConfigurationError, "plan.no_such_stage") as caught:
         method("rates")
     assert caught.value.values["stage"] == "rates"
@@ -75,7 +75,7 @@ def test_unknown_stage_is_refused_with_the_known_ones():
 
 
 @pytest.mark.parametrize("stage", DEFAULT_STAGES)
-def test_a_schedule_refuses_unknown_keys_and_senseless_values(stage):
+def test_schedule_refuses_unknown_keys_and_invalid_values(stage):
     schedule = method(stage).schedule
     with pytest.raises(ValidationError, match="extra"):
         schedule(dwel_s=10.0)
@@ -94,7 +94,7 @@ def test_every_move_is_followed_by_its_rest(stage):
 
 
 @pytest.mark.parametrize("table", TABLES, ids=IDS)
-def test_six_positions_bring_each_face_up_once_and_the_first_again(table):
+def test_six_positions_point_each_face_up_once_and_repeat_the_first(table):
     found = [move for move in moves_of(steps_of("six_position", table)) if move.label[0] == "face_up"]
     faces = [move.label[1] for move in found]
     assert faces == ["+z", "-z", "+y", "-y", "+x", "-x", "+z"]
@@ -115,17 +115,17 @@ def test_oblique_positions_cancel_biases_and_misalignments(table):
 
 
 @given(limits())
-def test_six_positions_stay_within_any_travel_of_half_a_turn_either_way(travel):
+def test_six_positions_fit_any_travel_of_half_a_turn_in_both_directions(travel):
     assert_within(travel, steps_of("six_position", TableGeometry(limits=travel)))
 
 
-def test_vertical_outer_axis_cannot_reach_the_faces():
+def test_table_with_a_vertical_outer_axis_cannot_reach_the_faces():
     with raises_code(ConfigurationError, "plan.direction_not_upward"):
         steps_of("six_position", TableGeometry((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
 
 
 @pytest.mark.parametrize("table", TABLES, ids=IDS)
-def test_excitation_turns_y_x_z_z_x_y_once_round_and_a_joint_back_the_next_time(table):
+def test_excitation_rotates_about_y_x_z_z_x_y_and_then_reverses(table):
     turns = [pair for pair in pairwise(moves_of(steps_of("excitation", table, 2))) if pair[1].label[0] == "turn_about"]
     order = "".join(after.label[1] for _, after in turns)
     assert order == 2 * "yyyyxxxxxzzzzzzzzzxxxxyyyyy"
@@ -153,7 +153,7 @@ def test_excitation_rests_between_body_axes_in_every_second_revolution(table):
 
 
 @pytest.mark.parametrize("table", TABLES[:2], ids=IDS[:2])
-def test_excitation_turns_every_axis_both_ways(table):
+def test_excitation_rotates_about_every_axis_in_both_directions(table):
     ways = {axis: set() for axis in "xyz"}
     for move in moves_of(steps_of("excitation", table, 1)):
         if move.label[0] == "turn_about":
@@ -162,12 +162,12 @@ def test_excitation_turns_every_axis_both_ways(table):
 
 
 @pytest.mark.parametrize("table", TABLES, ids=IDS)
-def test_excitation_does_not_wind_up(table):
+def test_excitation_angles_do_not_accumulate(table):
     angles = np.array([(move.outer, move.inner) for move in moves_of(steps_of("excitation", table, 5))])
     assert np.abs(angles).max() <= 3.0 * np.pi + 1e-9
 
 
-def test_excitation_turns_the_inner_axis_horizontally():
+def test_excitation_rotates_about_the_inner_axis_while_horizontal():
     for before, after in pairwise(moves_of(steps_of("excitation", TableGeometry(), 1))):
         if after.label[:2] == ("turn_about", "z"):
             z_n = TableGeometry().body_to_home(before.outer, before.inner)[:, 2]
@@ -175,7 +175,7 @@ def test_excitation_turns_the_inner_axis_horizontally():
 
 
 @given(limits())
-def test_excitation_stays_within_any_travel_of_half_a_turn_either_way(travel):
+def test_excitation_fits_any_travel_of_half_a_turn_in_both_directions(travel):
     table = TableGeometry(limits=travel)
     steps = steps_of("excitation", table, 2)
     assert_within(travel, steps)
@@ -186,14 +186,14 @@ def test_excitation_stays_within_any_travel_of_half_a_turn_either_way(travel):
 
 
 @pytest.mark.parametrize("low", [-10.0, -350.0, -137.0])
-def test_excitation_fits_into_any_travel_of_a_revolution(low):
+def test_excitation_fits_any_travel_of_one_revolution(low):
     outer = np.deg2rad([low, low + 360.0])
     travel = JointLimits((outer[0], -4.0), (outer[1], 4.0))
     steps = steps_of("excitation", TableGeometry(limits=travel), 2)
     assert_within(travel, steps)
 
 
-def test_excitation_refuses_a_travel_without_room_for_a_revolution():
+def test_excitation_refuses_a_travel_below_one_revolution():
     with raises_code(ConfigurationError, "plan.revolution_exceeds_travel") as caught:
         steps_of("excitation", TableGeometry(limits=JointLimits((-1.0, -4.0), (5.2, 4.0))), 1)
     assert caught.value.values["axis"] == "outer"
@@ -222,7 +222,7 @@ def test_whole_turns_start_within_a_short_travel():
 
 @pytest.mark.parametrize("table", TABLES, ids=IDS)
 @pytest.mark.parametrize("turns", [1, 3])
-def test_rate_turns_each_axis_both_ways_by_whole_turns(table, turns):
+def test_rate_stage_rotates_each_axis_by_whole_turns_in_both_directions(table, turns):
     found = moves_of(steps_of("rate", table, turns=turns))
     seen = {}
     for before, after in pairwise(found):
@@ -239,7 +239,7 @@ def test_rate_turns_each_axis_both_ways_by_whole_turns(table, turns):
 
 
 @pytest.mark.parametrize("table", TABLES[:2], ids=IDS[:2])
-def test_azimuth_flips_are_half_turns_about_the_vertical_plus_minus_minus_plus(table):
+def test_azimuth_flips_alternate_half_turns_about_the_vertical(table):
     steps = steps_of("azimuth_flip", table, 2)
     found = moves_of(steps)[1:]
     ways = []
@@ -253,7 +253,7 @@ def test_azimuth_flips_are_half_turns_about_the_vertical_plus_minus_minus_plus(t
     assert (found[-1].outer, found[-1].inner) == pytest.approx((moves_of(steps)[0].outer, moves_of(steps)[0].inner))
 
 
-def test_azimuth_flips_need_half_a_turn_either_way():
+def test_azimuth_flips_require_half_a_turn_in_both_directions():
     narrow = TableGeometry(limits=JointLimits((-4.0, -3.0), (4.0, 3.0)))
     with raises_code(ConfigurationError, "plan.flips_exceed_travel") as caught:
         steps_of("azimuth_flip", narrow, 1)

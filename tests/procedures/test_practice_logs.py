@@ -1,4 +1,4 @@
-"""The practice logs, simulated by independent code, solve to their truth."""
+"""The solutions of the practice logs, simulated by independent code, agree with their truth."""
 
 import json
 from dataclasses import replace
@@ -46,13 +46,13 @@ def blind(log, keep=lambda block: True):
 
 
 def worst(log, chain):
-    """Largest error in sigma, with its parameter."""
+    """Return the largest error in sigma with its parameter."""
     errors = np.abs(chain.belief.mean - log.truth) / chain.belief.sigma
     return errors.max(), NAMES[int(errors.argmax())]
 
 
 @pytest.mark.parametrize("name", [pytest.param("nav", marks=pytest.mark.long), "mems"])
-def test_every_parameter_is_within_four_sigma_of_its_truth(name, request):
+def test_every_parameter_is_within_four_sigma_of_the_truth(name, request):
     log = request.getfixturevalue(name)
     chain = solve(lambda: log.blocks, log.meta)
     assert [s.stage for s in chain.solutions] == ["rate", "six_position", "excitation", "azimuth_flip"]
@@ -71,7 +71,7 @@ def test_solution_without_azimuth_and_encoders_is_as_accurate(nav):
 
 
 @pytest.mark.long
-def test_solution_from_any_attitude_with_an_ambiguous_heading(nav):
+def test_excitation_is_solved_from_any_attitude_with_unknown_heading(nav):
     # on its side, from the middle of the excitation, nothing known of a bias a hundred times the earth's rate
     log = blind(nav, lambda block: block.stage == "excitation")
     first = int(log.blocks[0].step[0]) + 18

@@ -1,4 +1,4 @@
-"""The rate stage: scale factors agree with their sigma, which follows from the encoder; missing turns are named."""
+"""The rate stage: scale factors agree with the sigma given by the encoder; missing rotations are reported."""
 
 from dataclasses import replace
 
@@ -15,12 +15,12 @@ SCALE = group_indices("gyro_scale")
 
 
 def moves(chain):
-    """Step numbers of the stage in order: into place, one way, back, for x, y and z."""
+    """Return the step numbers of the stage in order: positioning, forward, back, for x, y and z."""
     return sorted({int(s) for s in chain.samples["rate"].step if s > 0})
 
 
 def without(chain, *steps):
-    """The stage without the samples of some steps."""
+    """Return the stage without the samples of some steps."""
     samples = chain.samples["rate"]
     return block_of(samples, ~np.isin(samples.step, steps))
 
@@ -31,7 +31,7 @@ def test_scale_factors_agree_with_their_sigma(chain):
     assert chain.solutions["rate"].consistency.passed
 
 
-def test_sigma_is_that_of_the_encoder_over_the_angle(nav_chain):
+def test_sigma_is_the_encoder_sigma_over_the_angle(nav_chain):
     encoder, angle = np.deg2rad(0.05), 2.0 * np.pi * SCHEDULES["rate"]["turns"]
     # from rests 0, 1, 2: ((e1 − e0) − (e2 − e1)) over both ways' angle
     by_encoder = np.sqrt(6.0) * encoder / (2.0 * angle)
@@ -57,13 +57,13 @@ def test_all_other_parameters_are_consider_parameters(chain):
     assert np.linalg.eigvalsh(found.belief.covariance / np.outer(found.belief.sigma, found.belief.sigma)).min() > -1e-9
 
 
-def test_six_turns_are_found_each_with_its_joint_and_angle(nav_chain):
+def test_six_rotations_are_found_with_their_joints_and_angles(nav_chain):
     turns = nav_chain.solutions["rate"].details["turns"]
     assert [turn["joint"] for turn in turns] == ["outer"] * 4 + ["inner"] * 2
     assert np.rad2deg([turn["angle"] for turn in turns]) == pytest.approx([360.0, -360.0] * 3, abs=0.3)
 
 
-def test_without_encoders_turns_are_assumed_whole_and_reported(nav_chain):
+def test_without_encoders_rotations_are_assumed_whole_turns_and_reported(nav_chain):
     block = block_of(nav_chain.samples["rate"])
     blind = replace(block, angles=np.full_like(block.angles, np.nan))
     found = solved(nav_chain.truth, nav_chain.prior, [blind])
@@ -73,12 +73,12 @@ def test_without_encoders_turns_are_assumed_whole_and_reported(nav_chain):
 
 
 def blind_block(chain):
-    """The stage without encoder angles."""
+    """Return the stage without encoder angles."""
     block = block_of(chain.samples["rate"])
     return replace(block, angles=np.full_like(block.angles, np.nan))
 
 
-def test_without_encoders_a_turn_that_misses_its_start_is_refused(nav_chain):
+def test_without_encoders_an_incomplete_turn_is_refused(nav_chain):
     block, counts = blind_block(nav_chain), block_of(nav_chain.samples["rate"]).counts.copy()
     after = block.step > moves(nav_chain)[1]  # from the second turn on, as if the first had ended 4° early
     counts[after, 3:] = counts[after, 3:] @ rotation_matrix(np.array([np.deg2rad(4.0), 0.0, 0.0])).T
@@ -87,7 +87,7 @@ def test_without_encoders_a_turn_that_misses_its_start_is_refused(nav_chain):
     assert caught.value.values["away_deg"] == pytest.approx(4.0, abs=0.3)
 
 
-def test_without_encoders_a_turn_about_the_vertical_must_agree_with_the_prior(nav_chain):
+def test_without_encoders_a_vertical_rotation_must_agree_with_the_prior(nav_chain):
     block = blind_block(nav_chain)
     counts = block.counts.copy()
     counts[:, 2] *= 0.92  # 3.68 turns taken for 4
@@ -97,7 +97,7 @@ def test_without_encoders_a_turn_about_the_vertical_must_agree_with_the_prior(na
     assert caught.value.values["away_deg"] == pytest.approx(360.0 * 0.08, abs=1.0)
 
 
-def test_without_encoders_a_wide_prior_proves_no_turn_about_the_vertical(nav_chain):
+def test_without_encoders_a_vertical_rotation_requires_a_tight_prior(nav_chain):
     wide = nav_chain.prior.covariance.copy()
     wide[SCALE[2], SCALE[2]] = 0.2**2
     with raises_code(InsufficientDataError, "solve.turn_unproven"):
@@ -105,14 +105,14 @@ def test_without_encoders_a_wide_prior_proves_no_turn_about_the_vertical(nav_cha
 
 
 @pytest.mark.parametrize(("lost", "missing"), [((1,), ["+x", "-x"]), ((5,), ["-y"]), ((7, 8), ["+z", "-z"])])
-def test_missing_turn_is_named_and_a_missing_rest_invalidates_both_its_turns(nav_chain, lost, missing):
+def test_missing_rotation_is_reported_and_missing_rest_invalidates_both_neighbours(nav_chain, lost, missing):
     steps = [moves(nav_chain)[i] for i in lost]
     with raises_code(InsufficientDataError, "solve.no_whole_turn") as caught:
         solved(nav_chain.truth, nav_chain.prior, [without(nav_chain, *steps)])
     assert caught.value.values["missing"] == missing
 
 
-def test_stage_without_samples_lacks_every_turn(nav_chain):
+def test_stage_without_samples_reports_every_rotation_missing(nav_chain):
     with raises_code(InsufficientDataError, "solve.no_whole_turn") as caught:
         solved(nav_chain.truth, nav_chain.prior, [without(nav_chain, *moves(nav_chain), 0)])
     assert caught.value.values["missing"] == ["+x", "-x", "+y", "-y", "+z", "-z"]

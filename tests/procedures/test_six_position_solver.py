@@ -1,4 +1,4 @@
-"""The six-position stage: accelerometer scale and bias from the modulus of gravity, real recording included."""
+"""The six-position stage: accelerometer scale factors and biases from the magnitude of gravity."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,20 +29,20 @@ def without_face(chain, place):
 
 
 def faces_only(chain):
-    """The stage's samples up to the end of the sixth face, as earlier logs have them."""
+    """Return the samples up to the end of the sixth face, as in logs of earlier versions."""
     samples = chain.samples["six_position"]
     return block_of(samples, samples.step < sorted({int(s) for s in samples.step})[6])
 
 
 def with_force_error(chain, error):
-    """The stage's samples, with an error of the accelerometers, m/s², that depends on the specific force."""
+    """Return the samples with an accelerometer error, m/s², that depends on the specific force."""
     block, size = block_of(chain.samples["six_position"]), context_of(chain.truth).imu.count_size[3:]
     counts = block.counts.astype(float)
     counts[:, 3:] += error(counts[:, 3:] * size) / size
     return replace(block, counts=counts)
 
 
-def test_six_faces_alone_have_nothing_to_test(nav_chain):
+def test_six_faces_alone_have_no_redundancy(nav_chain):
     prior = nav_chain.priors["six_position"]
     found = solved(nav_chain.truth, prior, [faces_only(nav_chain)])
     assert found.consistency.count == 0
@@ -51,17 +51,17 @@ def test_six_faces_alone_have_nothing_to_test(nav_chain):
     assert unseen.consistency.count == 0
 
 
-def test_oblique_positions_test_the_modulus(chain):
+def test_oblique_positions_test_the_magnitude_of_gravity(chain):
     assert chain.solutions["six_position"].consistency.count == 2
 
 
-def test_oblique_positions_find_a_cubic_term(chain):
+def test_oblique_positions_detect_a_cubic_term(chain):
     large = {"nav": 1e-4, "tactical": 2e-4, "mems": 5e-4}[chain.truth.grade]
     wrong = with_force_error(chain, lambda f: large * G * (f / G) ** 3)
     assert not solved(chain.truth, chain.priors["six_position"], [wrong]).consistency.passed
 
 
-def test_oblique_positions_find_a_scale_asymmetry_if_the_other_errors_are_known(nav_chain):
+def test_oblique_positions_detect_a_scale_asymmetry_with_other_errors_known(nav_chain):
     prior = nav_chain.priors["six_position"]
     known = np.isin(np.arange(30), (*MISALIGN, *QUADRATIC))
     keep = np.where(known, 0.003, 1.0)
@@ -75,13 +75,13 @@ def test_oblique_positions_find_a_scale_asymmetry_if_the_other_errors_are_known(
     assert not wrong.consistency.passed
 
 
-def test_scale_and_bias_agree_with_their_sigma(chain):
+def test_scale_factor_and_bias_agree_with_their_sigma(chain):
     errors = errors_in_sigma(chain.solutions["six_position"].belief, chain.truth)
     assert np.abs(errors).max() < 4.0
     assert chain.solutions["six_position"].consistency.passed
 
 
-def test_scale_and_bias_have_much_smaller_sigmas_than_before(chain):
+def test_scale_factor_and_bias_sigmas_decrease_strongly(chain):
     before, after = (chain.priors["six_position"].sigma, chain.solutions["six_position"].belief.sigma)
     assert np.all(after[SCALE] < 0.05 * before[SCALE])
     assert np.all(after[BIAS] < 0.5 * before[BIAS])
@@ -102,7 +102,7 @@ def test_bias_keeps_the_uncertainty_of_the_second_order_term(nav_chain):
     assert np.abs(errors_in_sigma(certain.belief, nav_chain.truth)[BIAS]).max() < 4.0
 
 
-def test_mount_error_of_a_degree_does_not_affect_the_scale(solve_chain):
+def test_mounting_error_of_one_degree_does_not_affect_the_scale_factor(solve_chain):
     tilted = solve_chain("nav", 33, instability=False, mount_deg=(0.99, 1.0))
     errors = errors_in_sigma(tilted.solutions["six_position"].belief, tilted.truth)
     assert np.abs(errors[SCALE]).max() < 4.0
@@ -110,7 +110,7 @@ def test_mount_error_of_a_degree_does_not_affect_the_scale(solve_chain):
     assert np.abs(errors * tilted.solutions["six_position"].belief.sigma)[SCALE].max() < 5e-5
 
 
-def test_it_works_without_encoder_angles(nav_chain):
+def test_six_positions_are_solved_without_encoder_angles(nav_chain):
     block = block_of(nav_chain.samples["six_position"])
     blind = replace(block, angles=np.full_like(block.angles, np.nan))
     found = solved(nav_chain.truth, nav_chain.priors["six_position"], [blind])
@@ -118,7 +118,7 @@ def test_it_works_without_encoder_angles(nav_chain):
     assert np.all(found.belief.sigma[SCALE] < 0.1 * nav_chain.prior.sigma[SCALE])
 
 
-def test_wrong_gravity_enters_the_scale_one_to_one(nav_chain):
+def test_wrong_gravity_changes_the_scale_factor_one_to_one(nav_chain):
     context, block = context_of(nav_chain.truth), block_of(nav_chain.samples["six_position"])
     heavy = replace(context, site=replace(context.site, gravity=9.8))
     light = replace(context, site=replace(context.site, gravity=9.8 * (1.0 - 1e-4)))
@@ -135,7 +135,7 @@ def test_all_other_parameters_are_consider_parameters(chain):
 
 
 @pytest.mark.parametrize(("place", "face"), [(0, "+z"), (1, "-z"), (2, "+y"), (3, "-y"), (4, "+x"), (5, "-x")])
-def test_a_missing_face_is_named(nav_chain, place, face):
+def test_missing_face_is_reported(nav_chain, place, face):
     with raises_code(InsufficientDataError, "solve.missing_faces") as caught:
         solved(nav_chain.truth, nav_chain.prior, [without_face(nav_chain, place)])
     assert caught.value.values["missing"] == [face]
@@ -158,12 +158,12 @@ def recording():
     ],
     ids=["by modulus", "faces assumed exact"],
 )
-def test_recording_by_hand_agrees_with_its_authors(recording, scale, bias):
+def test_manual_recording_agrees_with_its_authors(recording, scale, bias):
     assert recording.mean[SCALE] == pytest.approx(scale, abs=5e-4)
     assert recording.mean[BIAS] == pytest.approx(bias, abs=5e-3)
 
 
-def test_the_recordings_sigmas_cover_its_authors_answer_by_modulus(recording):
+def test_sigmas_of_the_manual_recording_cover_its_authors_result(recording):
     published = {"accel_scale_x": -1.227e-3, "accel_scale_y": -4.232e-3, "accel_bias_x": -0.0290}
     for name, value in published.items():
         assert abs(recording.mean[INDEX[name]] - value) < 3.0 * recording.sigma[INDEX[name]]

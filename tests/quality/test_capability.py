@@ -1,4 +1,4 @@
-"""Capability indices and their intervals agree with published examples and cover what they promise."""
+"""Capability indices agree with published examples, and their intervals have the stated coverage."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from calstation.quality.capability import capability, cp_interval, cpk_interval,
 from calstation.quality.charts import D2
 
 
-def test_indices_and_intervals_of_the_r_package_qcc() -> None:
+def test_indices_and_intervals_agree_with_the_r_package_qcc() -> None:
     # qcc 3.0, processCapability of the first 25 samples of `pistonrings`, limits 73.95 and 74.05
     center, sigma, count = 74.00118, 0.009785039, 125
     cp = cp_interval(0.1 / (6 * sigma), count - 1, 0.95)
@@ -18,7 +18,7 @@ def test_indices_and_intervals_of_the_r_package_qcc() -> None:
     assert (cpk.value, cpk.low, cpk.high) == pytest.approx((1.663, 1.448, 1.878), abs=6e-4)
 
 
-def test_indices_of_the_nist_handbook() -> None:
+def test_indices_agree_with_the_nist_handbook() -> None:
     # e-Handbook 6.1.6: limits 8 and 20, mean 16 and sigma 2: Cp 1.0, Cpk 0.6667
     values = 16.0 + 2.0 * np.array([-1.0, 1.0]) * np.sqrt(0.5)
     values = np.concatenate([values, [16.0]])  # standard deviation of three values: 2 sqrt(0.5)
@@ -27,7 +27,7 @@ def test_indices_of_the_nist_handbook() -> None:
     assert (found.pp.value, found.ppk.value) == pytest.approx((1.0, 2.0 / 3.0))
 
 
-def test_the_nearer_limit_decides_and_values_beyond_both_are_counted() -> None:
+def test_nearer_limit_determines_ppk_and_values_outside_limits_are_counted() -> None:
     values = np.random.default_rng(3).normal(0.0, 1.0, 200)
     upper, lower = capability(values, -9.0, 3.0), capability(-values, -3.0, 9.0)
     assert upper.ppk.value == pytest.approx(lower.ppk.value)
@@ -35,7 +35,7 @@ def test_the_nearer_limit_decides_and_values_beyond_both_are_counted() -> None:
     assert capability(values, -1.0, 1.0).outside == np.count_nonzero(np.abs(values) > 1.0)
 
 
-def test_a_slow_drift_lowers_the_overall_indices_alone() -> None:
+def test_slow_drift_lowers_only_the_overall_indices() -> None:
     values = np.random.default_rng(4).normal(0.0, 1.0, 400) + np.linspace(-3.0, 3.0, 400)
     found = capability(values, -6.0, 6.0)
     assert found.cp.value == pytest.approx(2.0, rel=0.15)
@@ -52,7 +52,7 @@ def test_degrees_of_freedom_of_moving_ranges_match_their_spread() -> None:
 
 
 @pytest.mark.long
-def test_intervals_contain_the_true_index_as_often_as_they_promise() -> None:
+def test_intervals_contain_the_true_index_with_the_stated_probability() -> None:
     random, runs = np.random.default_rng(8), 3000
     inside = dict.fromkeys(("cp", "cpk", "pp", "ppk"), 0)
     for _ in range(runs):
@@ -64,7 +64,7 @@ def test_intervals_contain_the_true_index_as_often_as_they_promise() -> None:
         assert count / runs == pytest.approx(0.95, abs=0.012), name  # 3 sigma of the count
 
 
-def test_the_normality_hint_tells_normal_from_exponential_values() -> None:
+def test_normality_hint_distinguishes_normal_and_exponential_values() -> None:
     random = np.random.default_rng(9)
     assert capability(random.normal(size=300), -4.0, 4.0).normal
     assert not capability(random.exponential(size=300), -4.0, 4.0).normal

@@ -1,4 +1,4 @@
-"""Control charts give published limits and sums, and signal as often as published."""
+"""Control charts reproduce published limits, sums and signal rates."""
 
 import math
 
@@ -25,7 +25,7 @@ from calstation.quality.charts import (
 
 
 def numbers(text: str) -> FloatArray:
-    """An array of numbers separated by blanks."""
+    """Return an array from numbers separated by spaces."""
     return np.array(text.split(), dtype=float)
 
 
@@ -74,11 +74,11 @@ RINGS = numbers(
 )
 
 
-def test_constants_are_those_of_two_values() -> None:
+def test_chart_constants_are_valid_for_ranges_of_two_values() -> None:
     assert pytest.approx((1.128, 2.660, 3.267), abs=1.5e-3) == (D2, E2, D4)
 
 
-def test_individuals_chart_of_the_nist_handbook() -> None:
+def test_individuals_chart_agrees_with_the_nist_handbook() -> None:
     process = Process.estimated(FLOW)
     assert (process.baseline, process.source) == (10, "retrospective")
     chart = individuals_chart(FLOW, process.center, process.sigma)
@@ -90,7 +90,7 @@ def test_individuals_chart_of_the_nist_handbook() -> None:
     assert chart.ranges == pytest.approx([2.0, 2.3, 1.4, 3.5, 3.4, 1.4, 0.2, 1.2, 1.5])
 
 
-def test_cusum_of_the_nist_handbook() -> None:
+def test_cusum_agrees_with_the_nist_handbook() -> None:
     chart = cusum_chart(CUSUM_VALUES, 325.0, 1.0, allowance=0.3175, decision=4.1959)
     assert chart.upper == pytest.approx(CUSUM_HIGH, abs=6e-3)
     assert chart.lower == pytest.approx(CUSUM_LOW, abs=6e-3)
@@ -98,7 +98,7 @@ def test_cusum_of_the_nist_handbook() -> None:
     assert chart.signals_low.tolist() == []
 
 
-def test_ewma_of_the_nist_handbook() -> None:
+def test_ewma_agrees_with_the_nist_handbook() -> None:
     chart = ewma_chart(EWMA_VALUES, 50.0, 2.0539, weight=0.3, width=3.0)
     assert chart.average == pytest.approx(EWMA_AVERAGE, abs=6e-3)
     assert (chart.low[-1], chart.high[-1]) == pytest.approx((47.4115, 52.5884), abs=2e-3)
@@ -106,7 +106,7 @@ def test_ewma_of_the_nist_handbook() -> None:
     assert chart.signals.tolist() == []
 
 
-def test_charts_of_the_r_package_qcc() -> None:
+def test_charts_agree_with_the_r_package_qcc() -> None:
     process = Process.estimated(VISCOSITY[:20])
     assert (process.center, process.sigma) == pytest.approx((34.088, 0.5076521), rel=4e-4)  # qcc has 1.128 for d2
     ewma = ewma_chart(VISCOSITY, process.center, process.sigma, width=2.7)
@@ -143,7 +143,7 @@ NELSON = {
 
 @pytest.mark.parametrize("rule", NELSON)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_each_nelson_rule_signals_at_the_point_that_completes_it(rule: int, sign: float) -> None:
+def test_each_nelson_rule_signals_at_the_point_that_completes_its_pattern(rule: int, sign: float) -> None:
     signalling, quiet = (10.0 + sign * 2.0 * np.array(series) for series in NELSON[rule])
     found = nelson_signals(signalling, 10.0, 2.0)
     assert found.index[found.rule == rule].tolist() == [len(signalling) - 1]
@@ -157,7 +157,7 @@ def test_signals_are_in_order_of_their_points() -> None:
     assert list(zip(found.index.tolist(), found.rule.tolist(), strict=True)) == [(1, 1), (3, 5), (4, 1), (4, 5)]
 
 
-def test_few_or_equal_values() -> None:
+def test_too_few_values_are_refused_and_equal_values_are_charted() -> None:
     with pytest.raises(InputError) as caught:
         Process.estimated(np.array([1.0]))
     assert caught.value.code == "quality.too_few"
@@ -168,7 +168,7 @@ def test_few_or_equal_values() -> None:
     assert len(nelson_signals(np.array([]), 0.0, 1.0).index) == 0
 
 
-def test_limits_stay_those_of_the_first_values() -> None:
+def test_limits_are_estimated_from_the_baseline_values() -> None:
     values = np.random.default_rng(3).normal(5.0, 2.0, 400)
     process = Process.estimated(values[:BASELINE])
     moved = np.append(values[:BASELINE], values[BASELINE:] + 100.0)
@@ -178,7 +178,7 @@ def test_limits_stay_those_of_the_first_values() -> None:
     assert (Process(0.0, 1.0).source, Process(0.0, 1.0).widths) == ("stated", KNOWN)
 
 
-def test_a_restarted_chart_begins_again_after_each_signal() -> None:
+def test_restarted_chart_begins_again_after_each_signal() -> None:
     random = np.random.default_rng(9)
     values = np.concatenate([random.standard_normal(1500), 2.0 + random.standard_normal(300)])
     chart = restarted_ewma_chart(values, 0.0, 1.0, weight=0.1, width=3.0)
@@ -196,7 +196,7 @@ def test_a_restarted_chart_begins_again_after_each_signal() -> None:
 
 
 def run_length(first: list[int | None], length: int) -> tuple[float, float]:
-    """Average run length from the first signals of series of a length, and its standard error.
+    """Return the average run length from first signals of series of equal length, and its standard error.
 
     Run lengths in control are nearly geometric, so that series without a signal are censored ones.
     """
@@ -205,7 +205,7 @@ def run_length(first: list[int | None], length: int) -> tuple[float, float]:
     return arl, arl / len(ended) ** 0.5
 
 
-def test_each_nelson_rule_signals_by_chance_as_often_as_its_pattern_occurs() -> None:
+def test_false_alarm_rate_of_each_nelson_rule_is_its_pattern_probability() -> None:
     p = {k: float(stats.norm.sf(k)) for k in (1, 2, 3)}  # beyond k sigma on one side
     alternating = 199360981  # alternating permutations of 14 values that begin upwards (OEIS A000111)
     rates = {
@@ -225,7 +225,7 @@ def test_each_nelson_rule_signals_by_chance_as_often_as_its_pattern_occurs() -> 
         assert found.count(rule) == pytest.approx(count * rate, abs=4.0 * (5.0 * count * rate) ** 0.5), rule
 
 
-def test_false_alarm_rates_are_those_published() -> None:
+def test_false_alarm_rates_agree_with_published_values() -> None:
     random = np.random.default_rng(11)
     alarms = nelson_signals(random.normal(size=1_000_000), 0.0, 1.0).count(1)
     rate = 0.0026998  # beyond 3 sigma: ARL 370.4
@@ -244,8 +244,8 @@ def test_false_alarm_rates_are_those_published() -> None:
         assert arl == pytest.approx(published, abs=3.0 * error + 0.02 * published)
 
 
-def test_the_moving_range_signals_more_often_than_the_other_charts() -> None:
-    """Average run length of docs/how-to/quality.md; a single range exceeds D4 once in 1 / P(|x| > D4 d2 / sqrt 2)."""
+def test_moving_range_chart_signals_more_often_than_the_other_charts() -> None:
+    """The average run length is documented in docs/how-to/quality.md; P(range > D4) = P(|x| > D4 d2 / sqrt 2)."""
     random, length = np.random.default_rng(12), 2000
     found = [individuals_chart(random.standard_normal(length), 0.0, 1.0) for _ in range(3000)]
     first = [int(chart.range_signals[0]) if len(chart.range_signals) else None for chart in found]
@@ -254,8 +254,8 @@ def test_the_moving_range_signals_more_often_than_the_other_charts() -> None:
 
 
 @pytest.mark.long
-def test_limits_from_the_first_values_keep_the_false_alarm_rate_on_average() -> None:
-    """One false alarm in 370 values, as for a known process: figures of docs/how-to/quality.md."""
+def test_baseline_limits_keep_the_average_false_alarm_rate() -> None:
+    """One false alarm in 370 values, as for a known process; documented in docs/how-to/quality.md."""
     random, length, series = np.random.default_rng(13), 1200, 1500
     counts = dict.fromkeys(("individuals", "ewma", "cusum", "range"), 0)
     for _ in range(series):

@@ -1,4 +1,4 @@
-"""Check standards: the tests of a run against the reference, when one is due, and what it refuses."""
+"""Check standards: tests of a run against the reference, due dates, and refused production."""
 
 import json
 from dataclasses import replace
@@ -37,7 +37,7 @@ OF_THE_UNIT = [p.name for p in PARAMETERS if p.group != "outer_lever"]
 
 @pytest.fixture(scope="module")
 def stable() -> ImuProfile:
-    """A profile of units that never change."""
+    """A profile of units without drift."""
     never = {"power_up": 0.0, "year": 0.0}
     profile = load_imu_profile(library.find("imus", "bench_mems"))
     groups = {p.group: never for p in PARAMETERS}
@@ -52,7 +52,7 @@ def standard(values: FloatArray, sigma: float | FloatArray = 0.0, **more: Any) -
 
 
 def random_covariance(random: np.random.Generator) -> FloatArray:
-    """A covariance with strong correlations and sigmas over five decades."""
+    """Return a covariance with strong correlations and sigmas over five decades."""
     mixed = random.standard_normal((COUNT, 12)) @ random.standard_normal((12, COUNT)) + 0.3 * np.eye(COUNT)
     scale = 10.0 ** random.uniform(-6.0, -1.0, COUNT)
     covariance = mixed @ mixed.T
@@ -61,7 +61,7 @@ def random_covariance(random: np.random.Generator) -> FloatArray:
 
 
 @pytest.mark.long
-def test_t_squared_of_correct_runs_is_chi_square_and_both_tests_keep_the_stated_probability(stable: ImuProfile) -> None:
+def test_t_squared_of_correct_runs_is_chi_squared_with_the_stated_alarm_rate(stable: ImuProfile) -> None:
     random, verdicts = np.random.default_rng(7), []
     for _ in range(40):
         covariance = random_covariance(random)
@@ -78,7 +78,7 @@ def test_t_squared_of_correct_runs_is_chi_square_and_both_tests_keep_the_stated_
     assert failed <= stats.binom.ppf(0.999, len(verdicts), FALSE_ALARM)
 
 
-def test_an_error_of_the_stated_size_is_detected_with_the_stated_probability(stable: ImuProfile) -> None:
+def test_detectable_error_is_detected_with_the_stated_probability(stable: ImuProfile) -> None:
     """Monte Carlo: run and reference are drawn around true values that differ by the detectable error."""
     random, runs, name = np.random.default_rng(11), 1500, "accel_bias_y"
     covariance, at = random_covariance(random), NAMES.index(name)
@@ -99,7 +99,7 @@ def test_an_error_of_the_stated_size_is_detected_with_the_stated_probability(sta
     assert low <= detected <= high
 
 
-def test_normalised_error_and_t_squared_of_one_parameter(stable: ImuProfile) -> None:
+def test_normalised_error_and_t_squared_match_a_hand_calculation(stable: ImuProfile) -> None:
     """|x - ref| = 5 mm, sigmas 3 and 4 mm: E_n = 5 / (2 sqrt(9 + 16)) = 0.5, and T2 = 1."""
     known = CheckStandardSection.model_validate(
         {"serial": "G", "interval_days": 7, "reference": {"inner_lever_x": {"value": 0.1, "sigma": 0.004}}}
@@ -120,7 +120,7 @@ def test_normalised_error_and_t_squared_of_one_parameter(stable: ImuProfile) -> 
     assert not judge_standard(known, stable, NOW, Belief(mean, covariance), ["gyro_bias_x"]).passed
 
 
-def test_the_reference_ages_and_the_mounting_does_not_count() -> None:
+def test_reference_uncertainty_includes_drift_and_excludes_the_mounting() -> None:
     imu = load_imu_profile(library.find("imus", "bench_mems"))
     true, small = np.zeros(COUNT), 1e-18 * np.eye(COUNT)
     changed = 4.0 * imu.change_sigmas(1.0)
@@ -134,8 +134,8 @@ def test_the_reference_ages_and_the_mounting_does_not_count() -> None:
 
 
 @pytest.mark.long
-def test_t_squared_of_simulated_runs_of_many_units_is_chi_square(stable: ImuProfile) -> None:
-    """Over many units, as the prior of each unit's solver is that of the grade and not of the unit."""
+def test_t_squared_of_simulated_runs_of_many_units_is_chi_squared(stable: ImuProfile) -> None:
+    """Many units are needed, because the prior of the solver describes the grade and not a single unit."""
     found = []
     for unit in range(60):
         true, run = golden_unit(unit)[0].parameters, golden_run(0, unit)
@@ -150,7 +150,7 @@ def test_t_squared_of_simulated_runs_of_many_units_is_chi_square(stable: ImuProf
 
 
 @pytest.mark.long
-def test_golden_runs_agree_with_a_reference_from_earlier_ones(stable: ImuProfile) -> None:
+def test_check_standard_runs_agree_with_a_reference_from_earlier_runs(stable: ImuProfile) -> None:
     runs = [golden_run(number, 3) for number in range(40)]
     earlier = [run.belief.mean for run in runs[:10]]
     known = standard(np.mean(earlier, axis=0), np.std(earlier, axis=0, ddof=1) / np.sqrt(10.0))
@@ -164,14 +164,14 @@ STAGES = ("rate", "six_position")
 
 @pytest.fixture
 def site(site_folder: SiteFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SiteFolder:
-    """A station whose product has a check standard with the bench's true values as reference."""
+    """A station whose product has a check standard with the true values of the bench as reference."""
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
     write(site_folder)
     return site_folder
 
 
 def write(site: SiteFolder, interval_days: float = 7.0, off: float = 0.0) -> None:
-    """Write the product; `off` is the error of a reference value in gyro scale factors, and so of the station."""
+    """Write the product; `off` is the error of the reference gyro scale factors, equivalent to a station error."""
     site.write({"stages": list(STAGES)})
     request = replace(site.request(), serial=GOLDEN)
     true = BenchConfig.model_validate(resolve_configuration(request).bench_config()).truth().parameters
@@ -192,14 +192,14 @@ def refused(site: SiteFolder, code: str, **changes: Any) -> ConfigurationError:
 
 
 def allowed(site: SiteFolder, **changes: Any) -> str | None:
-    """Prepare a run; the override in its log's configuration."""
+    """Prepare a run; return the override in the configuration of its log."""
     meta, _ = prepare(replace(site.request(), **changes), site.events.append, Control(), BenchHooks())[0].meta(None)
     assert meta.run is not None
     return meta.run.standard_override
 
 
 @pytest.mark.long
-def test_production_waits_for_the_check_standard(site: SiteFolder, capsys: pytest.CaptureFixture[str]) -> None:
+def test_production_requires_a_passed_check_standard(site: SiteFolder, capsys: pytest.CaptureFixture[str]) -> None:
     assert refused(site, "quality.standard_never").values["name"] == GOLDEN
     assert allowed(site, serial=GOLDEN) is None
 
@@ -258,7 +258,7 @@ def test_production_waits_for_the_check_standard(site: SiteFolder, capsys: pytes
 
 
 @pytest.mark.long
-def test_a_check_standard_off_its_reference_fails_and_stops_production(site: SiteFolder) -> None:
+def test_check_standard_that_disagrees_with_its_reference_stops_production(site: SiteFolder) -> None:
     write(site, off=0.01)
     request = replace(site.request(), serial=GOLDEN)
     site.request = lambda *stages, **more: request  # type: ignore[method-assign,assignment]
@@ -273,7 +273,7 @@ def test_a_check_standard_off_its_reference_fails_and_stops_production(site: Sit
 
 
 @pytest.mark.long
-def test_a_check_standard_that_ends_early_is_recognised_in_its_result(site_folder: SiteFolder) -> None:
+def test_check_standard_run_that_ends_early_is_marked_in_its_result(site_folder: SiteFolder) -> None:
     reference = {"accel_scale_x": {"value": 0.0, "sigma": 1.0}}
     standards = [{"serial": "SN-000042", "interval_days": 7.0, "reference": reference}]
     entries = {"end_on_failure": True, "stages": ["six_position", "azimuth_flip"], "check_standards": standards}
@@ -287,7 +287,7 @@ def test_a_check_standard_that_ends_early_is_recognised_in_its_result(site_folde
 
 
 @pytest.mark.long
-def test_the_end_of_a_run_compares_no_parameter_that_its_data_do_not_determine(
+def test_unobservable_parameters_are_not_compared_at_the_end_of_a_run(
     site: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write(site, off=0.01)
@@ -313,7 +313,7 @@ def site_history(site: SiteFolder) -> History:
     return history
 
 
-def test_an_overdue_certificate_refuses_production_of_the_station(site_folder: SiteFolder) -> None:
+def test_overdue_certificate_stops_production_at_the_station(site_folder: SiteFolder) -> None:
     assert allowed(site_folder) is None
     text = site_folder.station.read_text(encoding="utf-8")
     due = date.today() - timedelta(days=1)
@@ -343,10 +343,10 @@ def test_an_overdue_certificate_refuses_production_of_the_station(site_folder: S
 
 
 @pytest.mark.parametrize(("hour", "overdue"), [(15, []), (17, ["rate table"])])
-def test_an_instrument_is_due_until_the_end_of_the_day_in_utc(
+def test_instrument_is_valid_until_the_end_of_its_due_date_in_utc(
     site_folder: SiteFolder, hour: int, overdue: list[str]
 ) -> None:
-    """As in a certificate, whatever the time zone of the computer."""
+    """The date is independent of the time zone of the computer, as in a certificate."""
     text = site_folder.station.read_text(encoding="utf-8")
     instruments = [{"name": "rate table", "kind": "table", "due": date(2026, 11, 23)}]
     site_folder.station.write_text(tomli_w.dumps({"instruments": instruments}) + text, encoding="utf-8")
@@ -355,7 +355,7 @@ def test_an_instrument_is_due_until_the_end_of_the_day_in_utc(
     assert [each.name for each in found] == overdue
 
 
-def test_an_override_without_need_is_not_recorded(site_folder: SiteFolder) -> None:
+def test_unnecessary_override_is_not_recorded(site_folder: SiteFolder) -> None:
     assert allowed(site_folder, override_standard="just in case") is None
 
 
@@ -367,7 +367,7 @@ def test_an_override_without_need_is_not_recorded(site_folder: SiteFolder) -> No
         ({"interval_days": 0}, None),
     ],
 )
-def test_wrong_entries_of_a_check_standard_are_refused(
+def test_invalid_entries_of_a_check_standard_are_refused(
     site_folder: SiteFolder, entries: dict[str, Any], code: str | None
 ) -> None:
     section = {"serial": "G", "interval_days": 7, "reference": {"gyro_bias_x": {"value": 0.0, "sigma": 1.0}}, **entries}
@@ -378,7 +378,7 @@ def test_wrong_entries_of_a_check_standard_are_refused(
         assert code in json.dumps(caught.value.values, default=repr)
 
 
-def test_a_check_standard_is_listed_once(site_folder: SiteFolder) -> None:
+def test_duplicate_check_standard_is_refused(site_folder: SiteFolder) -> None:
     section = {"serial": "G", "interval_days": 7, "reference": {"gyro_bias_x": {"value": 0.0, "sigma": 1.0}}}
     site_folder.write({"check_standards": [section, section]})
     with pytest.raises(ConfigurationError) as caught:
@@ -386,7 +386,7 @@ def test_a_check_standard_is_listed_once(site_folder: SiteFolder) -> None:
     assert "product.standard_twice" in json.dumps(caught.value.values, default=repr)
 
 
-def test_check_of_a_station_file_names_overdue_certificates(
+def test_check_of_a_station_file_lists_overdue_certificates(
     site_folder: SiteFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = site_folder.station.read_text(encoding="utf-8")
@@ -397,7 +397,7 @@ def test_check_of_a_station_file_names_overdue_certificates(
 
 
 @pytest.mark.long
-def test_runs_of_the_fast_product_through_the_real_protocols_agree_with_the_truth(
+def test_runs_of_the_fast_product_agree_with_the_truth(
     site_folder: SiteFolder, stable: ImuProfile, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The sum of T² of independent units is χ² with the sum of their degrees of freedom."""

@@ -30,7 +30,7 @@ UNIT, WHO, CELL, ERROR = (frozenset(term) for term in (("unit",), ("operator",),
 HOUF = {UNIT: (437.3284, 9), WHO: (19.6333, 2), CELL: (2.6951, 18), ERROR: (0.5111, 60)}
 
 
-def test_study_of_the_aiag_manual() -> None:
+def test_study_agrees_with_the_aiag_manual() -> None:
     study = gauge_study(BOTH, AIAG, tolerance=4.0)
     expected = [  # table A 3 of the manual, and the F ratios after pooling of Minitab's gauge study of the same data
         ("unit", 9, 88.3619, 9.81799, 245.614),
@@ -54,7 +54,7 @@ def test_study_of_the_aiag_manual() -> None:
     assert gauge_study(BOTH, AIAG).verdict == "marginal"
 
 
-def test_an_interaction_that_matters_is_a_component_of_its_own() -> None:
+def test_significant_interaction_is_a_separate_component() -> None:
     random = np.random.default_rng(2)
     p, o, r = 10, 3, 3
     values = random.normal(0, 5, (p, 1, 1)) + random.normal(0, 2, (p, o, 1)) + random.normal(0, 0.5, (p, o, r))
@@ -69,7 +69,7 @@ def test_an_interaction_that_matters_is_a_component_of_its_own() -> None:
     assert part.f == pytest.approx(part.mean_square / interaction.mean_square)
 
 
-def test_confidence_intervals_of_a_published_study() -> None:
+def test_confidence_intervals_agree_with_a_published_study() -> None:
     # R. K. Burdick, C. M. Borror and D. C. Montgomery, Journal of Quality Technology 35(4), 2003, 342-354: modified
     # large sample intervals of 95 % of the variances of the parts and of the measurement; generalised ones are close
     model = _Model(
@@ -84,7 +84,7 @@ def test_confidence_intervals_of_a_published_study() -> None:
     assert model.interval([variances[ERROR]], 0.025) == pytest.approx(exact, rel=0.01)
 
 
-def test_the_limits_of_a_difference_are_0_where_the_f_test_says() -> None:
+def test_variance_interval_includes_zero_if_the_f_test_is_not_significant() -> None:
     for first, second in ((9, 18), (2, 78)):
         ratio = float(stats.f.isf(0.025, first, second))
         for factor in (0.97, 1.03):
@@ -94,7 +94,7 @@ def test_the_limits_of_a_difference_are_0_where_the_f_test_says() -> None:
 
 
 def draw(random: np.random.Generator, sigmas: dict[str, float], shape: tuple[int, ...]) -> FloatArray:
-    """Values of a crossed design of units, operators, stations and trials; `sigmas` are by the letters of a term."""
+    """Draw values of a crossed design of units, operators, stations and trials; `sigmas` by the letters of a term."""
     values = random.normal(0.0, sigmas[""], shape)
     for term, sigma in sigmas.items():
         levels = [n if axis in term else 1 for axis, n in zip("uos", shape[:-1], strict=False)]
@@ -102,7 +102,7 @@ def draw(random: np.random.Generator, sigmas: dict[str, float], shape: tuple[int
     return values
 
 
-def test_variances_of_units_operators_and_stations_are_those_of_the_model() -> None:
+def test_estimated_variance_components_agree_with_the_model() -> None:
     """Means over many studies without pooling; the mean squares have their expectations."""
     random, shape, runs = np.random.default_rng(3), (5, 4, 3, 2), 3000
     sigmas = {"": 1.0, "u": 3.0, "o": 1.5, "s": 2.0, "uo": 1.2, "us": 0.8, "os": 0.7, "uos": 0.5}
@@ -121,7 +121,7 @@ def test_variances_of_units_operators_and_stations_are_those_of_the_model() -> N
         assert found == pytest.approx(sigma**2, rel=0.1, abs=0.03), text
 
 
-def test_a_study_of_operators_and_stations_names_what_varies() -> None:
+def test_study_of_operators_and_stations_identifies_the_varying_factor() -> None:
     random = np.random.default_rng(5)
     values = draw(random, {"": 0.3, "u": 5.0, "s": 2.0, "us": 1.0}, (10, 3, 4, 3))
     study = gauge_study(("unit", "operator", "station"), values)
@@ -143,8 +143,8 @@ def test_a_study_of_operators_and_stations_names_what_varies() -> None:
     assert study.total.sigma**2 == pytest.approx(study.gauge.sigma**2 + study.part.sigma**2)
 
 
-def test_three_factors_with_one_level_less_agree_with_two() -> None:
-    """Mean squares of a term do not depend on a factor that the values do not depend on."""
+def test_three_factor_model_with_an_inactive_factor_equals_two_factor_model() -> None:
+    """Mean squares of a term do not depend on a factor without influence on the values."""
     random = np.random.default_rng(7)
     two = draw(random, {"": 1.0, "u": 5.0, "o": 2.0, "uo": 2.0}, (10, 3, 3))
     squares, dofs = _sums_of_squares({"unit": 10, "operator": 3}, two)
@@ -156,7 +156,7 @@ def test_three_factors_with_one_level_less_agree_with_two() -> None:
 
 
 @pytest.mark.long
-def test_intervals_contain_the_true_variation_as_often_as_they_promise() -> None:
+def test_intervals_contain_the_true_variation_with_the_stated_probability() -> None:
     random, runs = np.random.default_rng(4), 800
     p, o, r = 10, 4, 3
     true = {"repeatability": 1.0, "reproducibility": 1.5, "interaction": 1.2, "part": 4.0}
@@ -174,7 +174,7 @@ def test_intervals_contain_the_true_variation_as_often_as_they_promise() -> None
         assert 0.925 < count / runs < 0.985, (name, count / runs)  # the method is slightly conservative
 
 
-def test_a_crossed_design_is_read_in_any_order_and_an_unbalanced_one_refused() -> None:
+def test_crossed_design_is_read_in_any_order_and_an_unbalanced_design_refused() -> None:
     rows = [
         ((f"SN-{p}", who), float(AIAG[p, o, r])) for r in range(3) for o, who in enumerate("ABC") for p in range(10)
     ]
@@ -200,7 +200,7 @@ def test_equal_repetitions_are_refused() -> None:
     assert caught.value.code == "quality.no_repeatability"
 
 
-def test_verdicts_are_those_of_aiag() -> None:
+def test_verdicts_follow_the_aiag_criteria() -> None:
     assert [verdict(share) for share in (9.0, 10.0, 29.0, 31.0)] == [
         "acceptable",
         "acceptable",

@@ -24,7 +24,7 @@ def plan(seed: int = 1, by: str = "operator") -> GaugePlan:
 
 
 def stored(order: list[Measurement], **changes: object) -> RunColumns:
-    """Runs of measurements in order, an hour apart, with the values of the AIAG study in two parameters."""
+    """Store runs of measurements in order, one hour apart, with values of the AIAG study in two parameters."""
     n = len(order)
     values = [AIAG[UNITS.index(m.unit), WHO.index((m.operator or m.station or "")[0]), m.trial - 1] for m in order]
     started = [(BEGIN + timedelta(hours=k)).timestamp() for k in range(n)]
@@ -49,7 +49,7 @@ def stored(order: list[Measurement], **changes: object) -> RunColumns:
     return RunColumns(**{**columns, **changes, **coded})  # type: ignore[arg-type]
 
 
-def test_every_trial_has_every_appraiser_with_every_unit_in_an_order_of_its_own() -> None:
+def test_every_trial_contains_every_combination_in_random_order() -> None:
     order = plan().order
     assert len(order) == 90
     assert set(Counter((m.trial, m.appraiser, m.unit) for m in order).values()) == {1}
@@ -60,7 +60,7 @@ def test_every_trial_has_every_appraiser_with_every_unit_in_an_order_of_its_own(
     assert plan().order == order != plan(seed=2).order
 
 
-def test_a_stored_plan_is_read_back(tmp_path: Path) -> None:
+def test_stored_plan_is_read_back(tmp_path: Path) -> None:
     plan().save(tmp_path / "plan.json")
     assert GaugePlan.load(tmp_path / "plan.json") == plan()
     (tmp_path / "other.json").write_text('{"schema": "calstation.result/1"}')
@@ -70,7 +70,7 @@ def test_a_stored_plan_is_read_back(tmp_path: Path) -> None:
         assert caught.value.code == code
 
 
-def test_the_values_are_those_of_the_runs_that_follow_the_plan() -> None:
+def test_values_come_from_the_runs_that_follow_the_plan() -> None:
     order = [*plan().order]
     found = plan().values(stored(order))
     assert found.keys() == {"gyro_bias_x"}  # a run of the study lacks the other
@@ -81,7 +81,7 @@ def test_the_values_are_those_of_the_runs_that_follow_the_plan() -> None:
     assert gauge_study(by_station.factors, values).gauge.sigma == pytest.approx(0.302373, abs=1e-5)
 
 
-def test_a_plan_of_operators_at_stations_crosses_both() -> None:
+def test_plan_with_operators_and_stations_crosses_both() -> None:
     both = GaugePlan.random("nav", UNITS[:3], ("A", "B"), ("s1", "s2"), 2, 4, BEGIN)
     assert both.factors == ("unit", "operator", "station")
     assert set(Counter((m.trial, m.operator, m.station, m.unit) for m in both.order).values()) == {1}
@@ -97,7 +97,7 @@ def test_a_plan_of_operators_at_stations_crosses_both() -> None:
     assert values[(*at, 0)] == runs.values["gyro_bias_x"][0]
 
 
-def test_runs_of_another_product_do_not_count() -> None:
+def test_runs_of_another_product_are_ignored() -> None:
     order = [*plan().order]
     other = stored(order, products=("mems",) + ("nav",) * 89)
     assert len(plan().remaining(other)) == 1
@@ -113,7 +113,7 @@ def test_runs_out_of_the_planned_order_are_counted() -> None:
     assert plan().out_of_order(stored(sorted(order, key=lambda m: (m.trial, m.appraiser, m.unit)))) > 30
 
 
-def test_runs_before_the_plan_of_others_stopped_partial_or_too_many_do_not_count() -> None:
+def test_earlier_stopped_partial_and_surplus_runs_are_ignored() -> None:
     order = [*plan().order]
     extra = [order[0], *order, order[0]]
     runs = stored(extra)
@@ -131,7 +131,7 @@ def test_runs_before_the_plan_of_others_stopped_partial_or_too_many_do_not_count
         assert (left[0].unit, left[0].appraiser) == (order[0].unit, order[0].appraiser)
 
 
-def test_an_incomplete_study_says_what_comes_next() -> None:
+def test_incomplete_study_states_the_next_measurement() -> None:
     order = [*plan().order]
     assert plan().remaining(stored(order[:88])) == order[88:]
     with pytest.raises(InputError) as caught:
@@ -142,7 +142,7 @@ def test_an_incomplete_study_says_what_comes_next() -> None:
     )
 
 
-def test_a_study_needs_two_of_everything() -> None:
+def test_study_requires_two_of_each_factor() -> None:
     with pytest.raises(InputError) as caught:
         GaugePlan.random("nav", UNITS, ("A",), (), 3, 1, BEGIN)
     assert caught.value.code == "quality.small_study"
@@ -152,8 +152,8 @@ def test_a_study_needs_two_of_everything() -> None:
 
 
 @pytest.mark.parametrize(("units", "who"), [((*UNITS, "SN-3"), WHO), (UNITS, (*WHO, "B"))])
-def test_a_plan_that_names_something_twice_is_refused(units: tuple[str, ...], who: tuple[str, ...]) -> None:
-    """Its runs would never be complete: those of the second name count for the first."""
+def test_plan_with_duplicate_names_is_refused(units: tuple[str, ...], who: tuple[str, ...]) -> None:
+    """Such a plan would never be complete, because runs of the second name count for the first."""
     with pytest.raises(InputError) as caught:
         GaugePlan.random("nav", units, who, (), 3, 1, BEGIN)
     assert caught.value.code == "quality.named_twice"

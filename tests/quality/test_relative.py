@@ -1,4 +1,4 @@
-"""Deviations in standard deviations keep the false alarm rate where runs of several schedules are mixed."""
+"""Deviations in sigmas keep the false alarm rate when runs of several schedules are mixed."""
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -40,13 +40,13 @@ BCG = np.array(
 )
 
 
-def test_random_effects_of_a_published_study() -> None:
+def test_random_effects_agree_with_a_published_study() -> None:
     found = random_effects(BCG[:, 0], np.sqrt(BCG[:, 1]))
     assert (found.between**2, found.mean) == pytest.approx((0.3181, -0.715), abs=5e-4)
     assert float(np.sum(found.scores(BCG[:, 0], np.sqrt(BCG[:, 1])) ** 2)) == pytest.approx(12.0)
 
 
-def test_random_effects_of_known_spreads() -> None:
+def test_random_effects_agree_with_known_variances() -> None:
     random = np.random.default_rng(2)
     sigmas = 1e-6 * np.resize(SIGMAS, 200)
     found = [random_effects(random.normal(3e-6, np.hypot(sigmas, 2e-6)), sigmas) for _ in range(300)]
@@ -56,7 +56,7 @@ def test_random_effects_of_known_spreads() -> None:
 
 
 def store(folder: Path, product: str, values: FloatArray, sigmas: FloatArray, serial: str | None = None) -> None:
-    """Index runs of different units, or of one, an hour apart; both arrays have shape (n, 30)."""
+    """Store runs of different units, or of one unit, one hour apart; both arrays have shape (n, 30)."""
     runs = []
     for k, (value, sigma) in enumerate(zip(values.tolist(), sigmas.tolist(), strict=True)):
         name = f"{serial or 'SN'}_{k}"
@@ -79,7 +79,7 @@ def store(folder: Path, product: str, values: FloatArray, sigmas: FloatArray, se
 
 
 def alarms_per_1000(parameters: tuple[ParameterQuality, ...], first: int = BASELINE) -> float:
-    """Signals of rule 1 after the baseline; the parameters are as many independent series."""
+    """Return the signals of rule 1 per 1000 values after the baseline, over all parameters as independent series."""
     signals = [each.charts().signals()["nelson_1"] for each in parameters]
     count = sum(int(np.count_nonzero(found >= first)) for found in signals)
     return 1000.0 * count / sum(len(each.values) - first for each in parameters)
@@ -87,12 +87,12 @@ def alarms_per_1000(parameters: tuple[ParameterQuality, ...], first: int = BASEL
 
 @pytest.fixture
 def mixed() -> tuple[FloatArray, FloatArray]:
-    """Values of 2000 units with a spread of 1 about 5, and sigmas of the schedules."""
+    """Values of 2000 units with mean 5 and standard deviation 1, and sigmas of the schedules."""
     sigmas = np.repeat(np.resize(SIGMAS, 2000)[:, None], len(NAMES), axis=1)
     return np.random.default_rng(6).normal(5.0, np.hypot(1.0, sigmas)), sigmas
 
 
-def test_all_units_of_two_schedules(tmp_path: Path, mixed: tuple[FloatArray, FloatArray]) -> None:
+def test_units_of_two_schedules_keep_the_false_alarm_rate(tmp_path: Path, mixed: tuple[FloatArray, FloatArray]) -> None:
     values, sigmas = mixed
     name = load_product(library.find("products", "nav_a"))[1].name
     store(tmp_path, name, values, sigmas)
@@ -110,8 +110,10 @@ def test_all_units_of_two_schedules(tmp_path: Path, mixed: tuple[FloatArray, Flo
     assert 1000.0 * sum(rule_1) / values.size > 6.0, "the deviation over the run's sigma alone is not comparable"
 
 
-def test_a_check_standard_in_two_schedules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """True values differ from the references by their errors and the expected change, other ones for each parameter."""
+def test_check_standard_in_two_schedules_keeps_the_false_alarm_rate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """True values differ from the references by reference errors and expected drift, independently per parameter."""
     random = np.random.default_rng(8)
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
     text = library.find("products", "nav_a").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""State of a check standard from stored runs: the latest whole run decides, and odd results do no harm."""
+"""The state of a check standard follows from its latest full run; irregular results are tolerated."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -30,7 +30,7 @@ IMU = load_imu_profile(library.find("imus", "bench_nav"))
 
 @pytest.fixture
 def runs(site_folder: SiteFolder) -> Path:
-    """A folder for runs, whose latest run so far passed and agrees."""
+    """A folder of runs whose latest run passed and agrees with the reference."""
     site_folder.write({"check_standards": [STANDARD.model_dump(exclude_none=True)]})
     folder = site_folder.folder / "runs"
     folder.mkdir()
@@ -49,7 +49,7 @@ def state(runs: Path) -> StandardState:
     return found
 
 
-def test_a_latest_run_that_failed_stops_production_even_if_its_values_agree(runs: Path) -> None:
+def test_failed_latest_run_stops_production_even_if_its_values_agree(runs: Path) -> None:
     assert state(runs).wrong is None
     store(runs, "second", 21, "failed")
     found = state(runs)
@@ -60,7 +60,7 @@ def test_a_latest_run_that_failed_stops_production_even_if_its_values_agree(runs
     assert state(runs).wrong is None
 
 
-def test_a_run_with_a_start_in_the_future_does_not_count(runs: Path) -> None:
+def test_run_with_a_start_time_in_the_future_is_ignored(runs: Path) -> None:
     store(runs, "second", 21, "failed")
     store(runs, "future", 1, "passed", started_utc="2036-11-22T08:00:00+00:00")
     found = state(runs)
@@ -69,7 +69,7 @@ def test_a_run_with_a_start_in_the_future_does_not_count(runs: Path) -> None:
 
 
 @pytest.mark.parametrize("started", [None, "", "yesterday"])
-def test_a_result_without_a_time_of_start_stops_nothing(runs: Path, started: str | None) -> None:
+def test_result_without_a_start_time_does_not_stop_production(runs: Path, started: str | None) -> None:
     path = store(runs, "odd", 21, "failed", started_utc=started)
     assert state(runs).wrong is None
     station, product = runs.parent / "station.toml", runs.parent / "product.toml"
@@ -81,7 +81,7 @@ def test_a_result_without_a_time_of_start_stops_nothing(runs: Path, started: str
     assert caught.value.code == "quality.no_start"
 
 
-def test_parameters_that_the_data_do_not_determine_are_not_compared(runs: Path) -> None:
+def test_unobservable_parameters_are_not_compared(runs: Path) -> None:
     values = {"gyro_bias_x": 0.5, "gyro_bias_y": 0.0}
     path = store(runs, "second", 21, "passed", values=values, unobservable=["gyro_bias_y"])
     result = Result.model_validate_json(path.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""The summary of a folder's runs has charts, capability and yield of the selected runs."""
+"""The summary of a folder contains charts, capability and yield of the selected runs."""
 
 import json
 from datetime import UTC, datetime, timedelta
@@ -23,7 +23,7 @@ def ignore(fraction: float, remaining_s: float | None = None, note: str = "") ->
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """30 units, one of which was run again, a golden unit of 15 runs with a step, and runs that are not judged."""
+    """30 units, one of them run twice, a check standard of 15 runs with a step, and runs without a verdict."""
     folder = tmp_path_factory.mktemp("runs")
     random = np.random.default_rng(1)
 
@@ -43,7 +43,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_every_unit_counts_with_its_last_judged_full_run(folder: Path) -> None:
+def test_every_unit_counts_once_with_its_last_judged_full_run(folder: Path) -> None:
     history = History(folder)
     history.refresh()
     runs = history.columns()
@@ -56,7 +56,7 @@ def test_every_unit_counts_with_its_last_judged_full_run(folder: Path) -> None:
     assert np.all(np.diff(runs.started[index]) > 0)
 
 
-def test_charts_and_capability_of_a_product(folder: Path) -> None:
+def test_summary_contains_charts_and_capability_of_a_product(folder: Path) -> None:
     found = summarise_quality(ignore, folder, library.find("products", "nav_a"))
     assert [each.parameter for each in found.parameters] == ["gyro_bias_x"]  # the other is the same in every run
     (bias,) = found.parameters
@@ -72,7 +72,7 @@ def test_charts_and_capability_of_a_product(folder: Path) -> None:
     json.dumps(every.to_json(), allow_nan=False)
 
 
-def test_a_check_standard_does_not_count_although_no_product_names_it_any_more(tmp_path: Path) -> None:
+def test_former_check_standard_is_excluded(tmp_path: Path) -> None:
     for k in range(12):
         values = {"gyro_bias_x": 1e-6 * (k % 5)}
         write(tmp_path, f"SN-{k}", f"SN-{k}", "passed", 1, values=values)
@@ -87,7 +87,7 @@ def test_a_check_standard_does_not_count_although_no_product_names_it_any_more(t
     assert len(golden.names) == 12
 
 
-def test_the_runs_of_one_unit_show_a_step(folder: Path) -> None:
+def test_step_in_the_runs_of_one_unit_is_detected(folder: Path) -> None:
     found = summarise_quality(ignore, folder, serial="GOLD")
     (bias,) = found.golden
     assert (len(bias.names), bias.capability) == (15, None)
@@ -101,7 +101,7 @@ def test_the_runs_of_one_unit_show_a_step(folder: Path) -> None:
     assert found.yields.overall.count == 32
 
 
-def test_a_parameter_and_a_date_can_be_chosen(folder: Path) -> None:
+def test_summary_is_filtered_by_parameter_and_date(folder: Path) -> None:
     assert summarise_quality(ignore, folder, parameter="accel_bias_x").parameters == ()
     later = summarise_quality(ignore, folder, since=BEGIN + timedelta(hours=25))
     assert later.yields.overall is not None
@@ -109,7 +109,7 @@ def test_a_parameter_and_a_date_can_be_chosen(folder: Path) -> None:
     assert summarise_quality(ignore, folder, since=BEGIN + timedelta(days=99)).yields.overall is None
 
 
-def test_limits_of_a_parameter_are_its_own_before_those_of_its_group() -> None:
+def test_limits_of_a_parameter_take_precedence_over_its_group() -> None:
     _, product = load_product(library.find("products", "nav_a"))
     assert limit_interval(product, "gyro_bias_x") == (-1.5e-5, 1.5e-5)
     limit = product.limits["gyro_bias"].model_copy(update={"within": [0.0, 1.0]})

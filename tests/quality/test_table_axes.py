@@ -1,4 +1,4 @@
-"""The table's geometry from gravity at the rests: closed form, and the bench's independent truth."""
+"""Table geometry from gravity at the rests agrees with the closed form and the independent truth of the bench."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -44,7 +44,7 @@ def rests(table: TableTruth, poses: FloatArray = POSES) -> TableRests:
 
 
 def truth_of(table: TableTruth) -> FloatArray:
-    """Non-orthogonality, and tilt about x and y at home: the base is tilted in n, home is turned by the azimuth."""
+    """Return non-orthogonality, and the tilt about x and y at home; the base tilt in n is rotated by the azimuth."""
     cosine, sine = np.cos(table.azimuth), np.sin(table.azimuth)
     east, north, _ = table.base_tilt
     return np.array([table.non_orthogonality, cosine * east - sine * north, sine * east + cosine * north])
@@ -54,7 +54,7 @@ AXES = [((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)), 
 
 
 @pytest.mark.parametrize(("outer", "inner"), AXES)
-def test_the_fit_of_exact_rests_is_exact_for_any_axes_azimuth_and_mounting(
+def test_fit_of_exact_rests_is_exact_for_any_axes_azimuth_and_mounting(
     outer: tuple[float, float, float], inner: tuple[float, float, float]
 ) -> None:
     table = TableTruth(
@@ -72,7 +72,7 @@ def test_the_fit_of_exact_rests_is_exact_for_any_axes_azimuth_and_mounting(
 
 
 @pytest.mark.parametrize("orientation", ORIENTATIONS)
-def test_the_fit_is_in_platform_axes_whatever_the_orientation_of_the_unit(orientation: str) -> None:
+def test_fit_is_in_platform_axes_for_any_orientation_of_the_unit(orientation: str) -> None:
     turned = orientation_matrix(orientation)
     mount = rotation_vector(rotation_matrix(np.array([0.01, -0.02, 0.03])) @ np.array(turned))
     table = TableTruth(0.6, 0.0, azimuth=0.7, base_tilt=(1e-3, -2e-3, 0.0), non_orthogonality=3e-4, mount=tuple(mount))
@@ -82,8 +82,8 @@ def test_the_fit_is_in_platform_axes_whatever_the_orientation_of_the_unit(orient
     assert [found[name].value for name in TABLE_QUANTITIES] == pytest.approx(truth_of(table), abs=1e-7)
 
 
-def test_orthogonality_from_two_opposite_pairs_of_rests() -> None:
-    """With the inner axis up and down, half the change of the tilt along the outer axis is the error between them."""
+def test_orthogonality_equals_the_estimate_from_two_opposite_pairs_of_rests() -> None:
+    """The orthogonality error is half the change of tilt along the outer axis with the inner axis up and down."""
     table = TableTruth(0.6, 0.0, non_orthogonality=2e-4)
     poses = np.deg2rad([(o, i) for o in (0.0, 180.0) for i in (0.0, 90.0, 180.0, 270.0)])
     measured = rests(table, poses)
@@ -95,7 +95,7 @@ def test_orthogonality_from_two_opposite_pairs_of_rests() -> None:
     assert abs(up - down) / 2.0 == pytest.approx(abs(found["orthogonality"].value), rel=2e-3)
 
 
-def test_only_what_the_rests_determine_is_given() -> None:
+def test_only_quantities_determined_by_the_rests_are_estimated() -> None:
     table = TableTruth(0.6, 0.0)
     one_axis = np.deg2rad([(0.0, float(i)) for i in range(0, 360, 30)])
     assert set(table_axes([rests(table, one_axis)], context(), EXACT)) == {"tilt_x"}  # the inner axis remains upright
@@ -103,7 +103,7 @@ def test_only_what_the_rests_determine_is_given() -> None:
     assert table_axes([], context(), EXACT) == {}
 
 
-def test_a_wrong_encoder_sigma_widens_the_sigmas_to_the_scatter() -> None:
+def test_sigmas_grow_with_the_scatter_if_the_encoder_sigma_is_too_small() -> None:
     random, table = np.random.default_rng(1), TableTruth(0.6, 0.0)
     exact = rests(table)
     wrong = TableRests(exact.force, POSES + 0.01 * random.standard_normal(POSES.shape), exact.variance)
@@ -113,7 +113,7 @@ def test_a_wrong_encoder_sigma_widens_the_sigmas_to_the_scatter() -> None:
 
 
 def fitted(grade: str, seed: int, stages: list[str]) -> tuple[BenchTruth, FloatArray, FloatArray]:
-    """Truth, errors and sigmas of a simulated calibration."""
+    """Return truth, errors and sigmas of a simulated calibration."""
     truth, setup = draw_unit(grade, seed, "estimated", instability=True)  # type: ignore[arg-type]
     belief, found = study_prior(truth.grade, "estimated"), []
     data = simulate_stages(truth, seed, stages, {})
@@ -130,18 +130,18 @@ def fitted(grade: str, seed: int, stages: list[str]) -> tuple[BenchTruth, FloatA
 
 @pytest.mark.long
 @pytest.mark.parametrize(("grade", "stages"), [("mems", ["rate", "six_position"]), ("nav", ["six_position"])])
-def test_errors_of_whole_calibrations_agree_with_their_sigmas(grade: str, stages: list[str]) -> None:
+def test_errors_of_complete_calibrations_agree_with_their_sigmas(grade: str, stages: list[str]) -> None:
     scores = np.array([error / sigma for _, error, sigma in (fitted(grade, seed, stages) for seed in range(20))])
     assert np.abs(scores).max() < 4.0
     assert 0.4 < np.sqrt(np.mean(scores**2)) < 1.3
 
 
-def test_home_of_the_shipped_table_is_that_of_the_bench() -> None:
+def test_default_table_and_bench_have_the_same_home_orientation() -> None:
     assert TableGeometry().outer_axis == TableTruth(0.0, 0.0).outer_axis
 
 
 @pytest.mark.long
-def test_a_run_measures_the_table_and_its_log_gives_the_same_again(site_folder: SiteFolder) -> None:
+def test_run_and_re_solved_log_give_the_same_table_geometry(site_folder: SiteFolder) -> None:
     verdict = site_folder.run("rate", "six_position")
     result = load_result(Path(verdict.result_file))
     assert set(result.table) == set(TABLE_QUANTITIES)

@@ -1,4 +1,4 @@
-"""Charts of the table's geometry, and their demonstration on the bench."""
+"""Control charts of the table geometry, and their demonstration on the bench."""
 
 import json
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ from tests.results.test_history import refreshed, write
 from tests.site_folder import BENCH, STATION, SiteFolder
 
 
-def test_a_chart_starts_again_after_each_alarm() -> None:
+def test_chart_restarts_after_each_alarm() -> None:
     values = np.concatenate([np.zeros(5), np.full(40, 3.0)])
     found = alarms(values, 0.0, 1.0)
     assert found[0] == ewma_chart(values, 0.0, 1.0, weight=WEIGHT, width=WIDTH).signals[0]
@@ -34,8 +34,8 @@ def test_a_chart_starts_again_after_each_alarm() -> None:
     assert alarms(np.zeros(50), 0.0, 1.0) == ()
 
 
-def test_resampled_probabilities_of_normal_values_are_those_of_the_charts_themselves() -> None:
-    """The side-by-side charts of the resampling and the chart of a station give the same average run length."""
+def test_resampled_alarm_rates_agree_with_simulated_charts() -> None:
+    """Vectorised resampling and the chart of a station give the same average run length."""
     random = np.random.default_rng(5)
     rates = false_alarms(random.standard_normal((20_000, 3)), 600, 1)
     count = 0
@@ -47,8 +47,8 @@ def test_resampled_probabilities_of_normal_values_are_those_of_the_charts_themse
 
 
 @pytest.mark.long
-def test_a_shift_of_an_axis_on_the_bench_moves_its_quantity_alone() -> None:
-    """The shifts are 30 times the standard deviations of a run; equal numbers have equal noise."""
+def test_axis_shift_on_the_bench_changes_only_its_quantity() -> None:
+    """The shifts are 30 standard deviations of a run; equal run numbers have equal noise."""
     for i, name in enumerate(TABLE_QUANTITIES):
         shift = [0.0, 0.0, 0.0]
         shift[i] = 3e-3
@@ -56,8 +56,8 @@ def test_a_shift_of_an_axis_on_the_bench_moves_its_quantity_alone() -> None:
         assert moved == pytest.approx(shift, abs=1e-4), name
 
 
-def test_the_charts_keep_the_documented_probabilities() -> None:
-    """Normal values, `BASELINE` runs of baseline: figures of docs/how-to/check-standards.md."""
+def test_charts_have_the_documented_alarm_probabilities() -> None:
+    """Normal values with `BASELINE` baseline runs; documented in docs/how-to/check-standards.md."""
     values = np.random.default_rng(11).standard_normal((20_000, 3))
     rates = false_alarms(values, 5 * 370, 3)
     assert rates["run_length"] == pytest.approx(2450, rel=0.25)
@@ -78,7 +78,7 @@ def charts(site: SiteFolder, **instrument: object) -> Mapping[str, TableChart]:
 
 
 def store(site: SiteFolder, first: int, values: FloatArray, folder: Path | None = None) -> None:
-    """Store runs, a day apart, from the first day of the year."""
+    """Store runs one day apart from the first day of the year."""
     for k, value in enumerate(values.tolist(), first):
         started = (datetime(2026, 1, 1, 12, tzinfo=UTC) + timedelta(days=k)).isoformat()
         table = {"orthogonality": {"value": value, "sigma": 1e-5}}
@@ -86,7 +86,7 @@ def store(site: SiteFolder, first: int, values: FloatArray, folder: Path | None 
         write(folder or site.folder, f"run{k}", "SN-000042", "passed", 1, **own)
 
 
-def test_the_baseline_stays_and_is_not_tested(site_folder: SiteFolder) -> None:
+def test_baseline_is_fixed_and_not_tested(site_folder: SiteFolder) -> None:
     random = np.random.default_rng(3)
     first, later = 1e-4 * random.standard_normal(BASELINE), 1e-4 * (1.5 + random.standard_normal(40))
     assert charts(site_folder) == {}
@@ -104,7 +104,7 @@ def test_the_baseline_stays_and_is_not_tested(site_folder: SiteFolder) -> None:
     assert ewma.average[after] == pytest.approx(chart.center + WEIGHT * step)
 
 
-def test_the_baseline_begins_again_after_the_calibration_of_the_table(
+def test_baseline_restarts_after_a_calibration_of_the_table(
     site_folder: SiteFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
     values = 1e-4 * np.random.default_rng(4).standard_normal(BASELINE + 20)
@@ -118,7 +118,7 @@ def test_the_baseline_begins_again_after_the_calibration_of_the_table(
     assert f"39 of {BASELINE} runs of the baseline, not tested yet" in capsys.readouterr().out
 
 
-def test_an_alarm_of_the_table_ends_with_exit_code_1_and_says_what_to_do(
+def test_table_alarm_gives_exit_code_1_and_a_remedy(
     site_folder: SiteFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
     values = 1e-4 * np.random.default_rng(4).standard_normal(BASELINE + 5)
@@ -138,8 +138,8 @@ def test_an_alarm_of_the_table_ends_with_exit_code_1_and_says_what_to_do(
 
 
 @pytest.mark.long
-def test_the_run_at_which_a_chart_alarms_says_so(site_folder: SiteFolder) -> None:
-    """The bench's axes are 60″ from a right angle, and the earlier runs measured a right angle."""
+def test_run_that_causes_a_chart_alarm_reports_it(site_folder: SiteFolder) -> None:
+    """The axes of the bench deviate 60″ from a right angle, while the earlier runs measured a right angle."""
     runs = site_folder.folder / "runs"
     runs.mkdir()
     site_folder.write({"stages": ["rate", "six_position"]})
@@ -158,7 +158,7 @@ def test_the_run_at_which_a_chart_alarms_says_so(site_folder: SiteFolder) -> Non
 
 
 @pytest.mark.long
-def test_the_demonstration_finds_a_large_shift_and_nothing_before(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_demonstration_detects_a_large_shift_without_false_alarms(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(golden, "BASELINE", 30)
     monkeypatch.setattr(golden, "WITHIN", 4)
     monkeypatch.setattr(golden, "_TRIALS", 100)
@@ -173,7 +173,7 @@ def test_the_demonstration_finds_a_large_shift_and_nothing_before(monkeypatch: p
 
 
 @pytest.mark.long
-def test_the_station_locks_and_unlocks(tmp_path: Path) -> None:
+def test_demonstration_locks_and_unlocks_the_station(tmp_path: Path) -> None:
     before = site_folder()
     steps = [*lock_demo(tmp_path, 1)]
     assert [step.code.removeprefix("lock_") for step in steps] == [
@@ -184,6 +184,6 @@ def test_the_station_locks_and_unlocks(tmp_path: Path) -> None:
     assert site_folder() == before, "the site's own folder stays as it is"
 
 
-def test_the_demonstration_refuses_an_unknown_quantity(capsys: pytest.CaptureFixture[str]) -> None:
+def test_demonstration_refuses_an_unknown_quantity(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_app(["quality", "golden-demo", "--quantity", "azimuth"]) == 2
     assert "tilt_y" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Yield counts the runs that ended with PASS or FAIL, and the first run of each unit."""
+"""Yield is the fraction of passed runs, overall and for the first run of each unit."""
 
 from datetime import UTC, datetime, timedelta
 
@@ -25,7 +25,7 @@ ROWS = [
 
 
 def columns(rows: list[tuple[int, str, str, bool, str | None, str | None, tuple[str, ...]]]) -> RunColumns:
-    """Runs of one product in columns."""
+    """Return the runs of one product in columns."""
     days, serials, verdicts, partial, stations, operators, failed = zip(*rows, strict=True)
     started = [(BEGIN + timedelta(days=day, minutes=k)).timestamp() for k, day in enumerate(days)]
     names = tuple(f"run {k}" for k in range(len(rows)))
@@ -46,7 +46,7 @@ def counts(found: object) -> dict[str, tuple[int, int]]:
     return {name: (share.passed, share.count) for name, share in found.items()}  # type: ignore[attr-defined]
 
 
-def test_yield_counts_full_runs_that_were_judged() -> None:
+def test_yield_includes_only_judged_full_runs() -> None:
     found = count_yields(columns(ROWS))
     assert (found.overall.passed, found.overall.count) == (3, 6)
     assert (found.first_pass.passed, found.first_pass.count) == (2, 4)  # B and D, not A and C
@@ -57,24 +57,24 @@ def test_yield_counts_full_runs_that_were_judged() -> None:
     assert found.failed_checks == (FailedCheck("x", 2, 2 / 3), FailedCheck("y", 2, 1.0))
 
 
-def test_runs_of_check_standards_do_not_count() -> None:
+def test_runs_of_check_standards_are_excluded() -> None:
     golden = [(day, "GOLD", verdict, False, "s3", "xu", ("g",)) for day in range(3) for verdict in ("failed", "passed")]
     assert count_yields(columns([*ROWS, *golden])) == count_yields(columns(ROWS))
 
 
-def test_first_runs_before_the_date_do_not_count_later() -> None:
+def test_runs_after_the_date_are_not_first_runs_if_a_unit_ran_before() -> None:
     found = count_yields(columns(ROWS), since=(BEGIN + timedelta(days=1)).timestamp())
     assert (found.overall.passed, found.overall.count) == (1, 3)
     assert (found.first_pass.passed, found.first_pass.count) == (1, 2)  # D passed, C did not; B came before
 
 
-def test_runs_that_are_not_judged_have_no_yield() -> None:
+def test_runs_without_a_verdict_have_no_yield() -> None:
     found = count_yields(columns([ROWS[4]]))
     assert found.overall is found.first_pass is None
     assert (found.days, found.failed_checks) == ({}, ())
 
 
-def test_wilson_intervals_are_those_published() -> None:
+def test_wilson_intervals_agree_with_published_values() -> None:
     # R. G. Newcombe, Statistics in Medicine 17, 1998, 857-872, table I, method 3 without continuity correction
     for passed, count, low, high in ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611)):
         share = Share.of(passed, count)

@@ -1,4 +1,4 @@
-"""Samples and configuration that the records tests share."""
+"""Samples and configuration shared by the tests of records."""
 
 from pathlib import Path
 
@@ -53,7 +53,7 @@ def make_block(stage: str, first: int, count: int, seed: int = 0, step: int = 0)
 
 
 def joined(parts: list[SampleBlock]) -> dict[str, np.ndarray]:
-    """Columns of consecutive blocks, stage names included."""
+    """Return the columns of consecutive blocks, including stage names."""
     columns = {
         name: np.concatenate([getattr(b, name) for b in parts])
         for name in ("seq", "time", "counts", "angles", "step", "valid", "temperature")
@@ -63,7 +63,7 @@ def joined(parts: list[SampleBlock]) -> dict[str, np.ndarray]:
 
 
 def assert_same(left: list[SampleBlock], right: list[SampleBlock]) -> None:
-    """Equal to the last bit, however the blocks are cut."""
+    """Assert bit-identical samples, however the blocks are split."""
     a, b = joined(left), joined(right)
     for name in a:
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
@@ -73,7 +73,7 @@ CSV_HEADER = "seq,time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z,outer_deg,
 
 
 def write_csv_log(folder: Path, rows: list[str], header: str = CSV_HEADER, rate: float = 100.0) -> Path:
-    """A CSV beside its TOML."""
+    """Write a CSV log with its TOML file."""
     path = folder / "log.csv"
     path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
     meta = LogMeta.model_validate(
@@ -84,5 +84,5 @@ def write_csv_log(folder: Path, rows: list[str], header: str = CSV_HEADER, rate:
 
 
 def csv_rows(count: int, first: int = 0) -> list[str]:
-    """Rows of a quiet unit at 100 Hz."""
+    """Return rows of a unit at rest at 100 Hz."""
     return [f"{first + i},{(first + i + 1) / 100:.4f},1,-2,3,4,5,98000,0.5,,rate,0" for i in range(count)]

@@ -1,4 +1,4 @@
-"""An interrupted write leaves the whole old file or the whole new one."""
+"""An interrupted write leaves the complete old file or the complete new one."""
 
 import os
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 from calstation.records.files import write_atomic
 
 
-def test_content_is_replaced_and_nothing_else_remains(tmp_path: Path) -> None:
+def test_content_is_replaced_and_no_temporary_file_remains(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     write_atomic(path, "old")
     write_atomic(path, "new °")
@@ -17,7 +17,7 @@ def test_content_is_replaced_and_nothing_else_remains(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fails", ["fsync", "replace"])
-def test_a_failure_leaves_the_old_file_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: str) -> None:
+def test_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: str) -> None:
     path = tmp_path / "a.json"
     write_atomic(path, b"old")
 
@@ -32,6 +32,6 @@ def test_a_failure_leaves_the_old_file_alone(tmp_path: Path, monkeypatch: pytest
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_folder_that_is_missing_is_an_error(tmp_path: Path) -> None:
+def test_missing_folder_is_reported(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         write_atomic(tmp_path / "none" / "a.json", "x")

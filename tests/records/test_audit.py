@@ -1,4 +1,4 @@
-"""The audit trail is chained, shows every later change, and survives a program that is killed while it writes."""
+"""The audit trail is a hash chain that reveals later changes and survives a process killed while writing."""
 
 import hashlib
 import json
@@ -22,7 +22,7 @@ def trail(tmp_path: Path) -> Path:
     return audit_path(tmp_path)
 
 
-def test_an_event_reads_as_it_was_written(trail: Path) -> None:
+def test_event_is_read_as_written(trail: Path) -> None:
     found = read_audit(trail)
     assert (found.first_bad, found.interrupted, len(found.events)) == (None, (), 3)
     last = found.events[-1]
@@ -31,7 +31,7 @@ def test_an_event_reads_as_it_was_written(trail: Path) -> None:
     assert found.digest == last.digest
 
 
-def test_the_digest_is_the_sha_256_of_the_line_without_it(trail: Path) -> None:
+def test_digest_is_the_sha_256_of_the_rest_of_the_line(trail: Path) -> None:
     previous = "0" * 64
     for line in trail.read_text("utf-8").splitlines():
         rest = re.sub(r', "digest": "[0-9a-f]{64}"\}$', "}", line)
@@ -40,12 +40,12 @@ def test_the_digest_is_the_sha_256_of_the_line_without_it(trail: Path) -> None:
         assert previous == hashlib.sha256(rest.encode()).hexdigest()
 
 
-def test_a_missing_trail_is_empty(tmp_path: Path) -> None:
+def test_missing_trail_is_empty(tmp_path: Path) -> None:
     assert read_audit(audit_path(tmp_path)).events == ()
 
 
 @pytest.mark.parametrize("line", [0, 1, 2])
-def test_a_change_of_any_line_is_found(trail: Path, line: int) -> None:
+def test_change_of_any_line_is_detected(trail: Path, line: int) -> None:
     lines = trail.read_bytes().splitlines(keepends=True)
     for i in range(len(lines[line]) - 1):
         changed = bytearray(lines[line])
@@ -54,14 +54,14 @@ def test_a_change_of_any_line_is_found(trail: Path, line: int) -> None:
         assert read_audit(trail).first_bad == line + 1
 
 
-def test_a_removed_or_moved_line_is_found_at_the_next(trail: Path) -> None:
+def test_removed_or_moved_line_is_detected_at_the_next_line(trail: Path) -> None:
     one, two, three = trail.read_bytes().splitlines(keepends=True)
     for lines, bad in (([two, three], 1), ([one, three], 2), ([one, three, two], 2), ([one, one, two, three], 2)):
         trail.write_bytes(b"".join(lines))
         assert read_audit(trail).first_bad == bad
 
 
-def test_a_recomputed_line_is_found_at_the_next(tmp_path: Path, trail: Path) -> None:
+def test_line_with_a_recomputed_digest_is_detected_at_the_next_line(tmp_path: Path, trail: Path) -> None:
     lines = trail.read_text("utf-8").splitlines(keepends=True)
     rest = re.sub(r', "digest": "[0-9a-f]{64}"\}\n$', "}", lines[1]).replace("new limits", "none")
     digest = hashlib.sha256(rest.encode()).hexdigest()
@@ -70,7 +70,7 @@ def test_a_recomputed_line_is_found_at_the_next(tmp_path: Path, trail: Path) -> 
     assert read_audit(trail).first_bad == 3
 
 
-def test_a_line_cut_at_any_byte_is_reported_and_the_chain_continues_after_it(tmp_path: Path, trail: Path) -> None:
+def test_truncated_line_is_reported_and_the_chain_continues_after_it(tmp_path: Path, trail: Path) -> None:
     whole = trail.read_bytes()
     start = whole.rstrip(b"\n").rindex(b"\n") + 1
     for end in range(start + 1, len(whole) - 1):
@@ -83,21 +83,21 @@ def test_a_line_cut_at_any_byte_is_reported_and_the_chain_continues_after_it(tmp
         assert trail.read_bytes().startswith(whole[:end])
 
 
-def test_a_line_without_its_newline_is_whole(tmp_path: Path, trail: Path) -> None:
+def test_line_without_its_newline_is_complete(tmp_path: Path, trail: Path) -> None:
     trail.write_bytes(trail.read_bytes()[:-1])
     append_audit(tmp_path, "pin_changed", "li")
     found = read_audit(trail)
     assert (found.interrupted, found.first_bad, len(found.events)) == ((), None, 4)
 
 
-def test_an_altered_last_line_is_never_excused_as_incomplete(tmp_path: Path, trail: Path) -> None:
+def test_modified_last_line_is_not_treated_as_incomplete(tmp_path: Path, trail: Path) -> None:
     trail.write_bytes(trail.read_bytes()[:-1].replace(b"SN-1", b"SN-2"))
     assert read_audit(trail).first_bad == 3
     append_audit(tmp_path, "pin_changed", "li")
     assert read_audit(trail).first_bad == 3
 
 
-def test_the_remainder_of_an_incomplete_line_cannot_be_changed_later(tmp_path: Path, trail: Path) -> None:
+def test_change_of_an_incomplete_line_is_detected(tmp_path: Path, trail: Path) -> None:
     trail.write_bytes(trail.read_bytes()[:-60])
     append_audit(tmp_path, "pin_changed", "li")
     trail.write_bytes(trail.read_bytes().replace(b"SN-1", b"SN-2"))
@@ -109,7 +109,7 @@ def _append_many(folder: Path) -> None:
         append_audit(folder, "file_saved", "wang")
 
 
-def test_programs_that_append_at_the_same_time_form_one_chain(tmp_path: Path) -> None:
+def test_concurrent_processes_append_to_one_chain(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     processes = [context.Process(target=_append_many, args=(tmp_path,)) for _ in range(2)]
     for process in processes:
@@ -121,7 +121,7 @@ def test_programs_that_append_at_the_same_time_form_one_chain(tmp_path: Path) ->
     assert (len(found.events), found.first_bad) == (40, None)
 
 
-def test_a_trail_that_another_program_keeps_locked_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_trail_locked_by_another_process_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calstation.records.audit._LOCKED_WITHIN", 0.0)
     with files.locked(tmp_path / ".audit.lock", 1.0), raises_code(ConfigurationError, "audit.unwritable"):
         append_audit(tmp_path, "pin_set", "wang")

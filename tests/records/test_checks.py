@@ -1,4 +1,4 @@
-"""Acceptance checks: compared values, margins and near-misses; no check without data."""
+"""Acceptance checks: compared values, margins and values near limits; no check without data."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +33,7 @@ def rest(force, angles=None, duration=5.0) -> RestEvidence:
 
 
 def motion(angle: float, scale: float = 0.0, before: int = 0, after: int = 1) -> MotionEvidence:
-    """A turn about x whose gyro reads `scale` too much; the derivative is that of a turn about x."""
+    """Return a rotation about x whose gyro has a scale factor error `scale`, with its derivative."""
     derivative = np.zeros((3, 12))
     derivative[0, 3] = -angle
     seen = axis_rotation(X, angle * (1.0 + scale))
@@ -61,7 +61,7 @@ def rests(*forces) -> Evidence:
     return Evidence("multi_position", tuple(rest(f) for f in forces), ())
 
 
-def test_gravity_at_rest_is_the_worst_rest_after_compensation():
+def test_gravity_check_uses_the_worst_compensated_rest():
     # z reads 0.03 too much, which the bias found takes away but for 0.001; x is off by 0.004
     evidence = rests([0.0, 0.0, G + 0.031], [0.0, 0.0, -G + 0.03], [G + 0.004, 0.0, 0.03])
     check = checked({"gravity_at_rest": {"within": 5e-3}}, solution(evidence, accel_bias_z=0.03))
@@ -79,12 +79,12 @@ def test_gravity_at_rest_is_the_worst_rest_after_compensation():
     assert missed["gravity_at_rest"].margin < 0.0
 
 
-def test_a_pause_is_no_rest_to_judge_by():
+def test_short_pause_is_not_judged_as_a_rest():
     evidence = Evidence("rate", (rest([0, 0, G + 1.0], duration=1.2), rest([0, 0, G])), ())
     assert checked({"gravity_at_rest": {"within": 1e-3}}, solution(evidence))["gravity_at_rest"].passed
 
 
-def test_improvement_is_decided_by_its_factor():
+def test_improvement_is_judged_by_its_ratio():
     evidence = rests([0.0, 0.0, G + 0.030], [0.0, 0.0, -G + 0.030], [0.0, G, 0.0])
     better = solution(evidence, accel_bias_z=0.02)
     rule = {"improvement_at_rest": {"below": 0.5}}
@@ -100,7 +100,7 @@ def test_improvement_is_decided_by_its_factor():
     assert told.where == Where(stage="multi_position", rest=2)
 
 
-def test_a_floor_decides_only_where_there_was_little_to_improve_and_is_shown():
+def test_improvement_floor_applies_only_to_small_errors_and_is_shown():
     evidence = rests([0.0, 0.0, G + 0.030], [0.0, 0.0, -G + 0.030], [0.0, G, 0.0])
     rule = {"improvement_at_rest": {"below": 0.5, "or_within": 1e-4}}
     told = checked(rule, solution(evidence, accel_bias_z=0.02))
@@ -116,7 +116,7 @@ def test_a_floor_decides_only_where_there_was_little_to_improve_and_is_shown():
     assert not checked(rule, solution(evidence, accel_bias_z=-0.02))["improvement_at_rest_floor"].passed
 
 
-def test_improvement_is_over_the_uncalibrated_output_even_if_the_prior_was_good():
+def test_improvement_is_relative_to_the_uncalibrated_output():
     evidence = rests([0.0, 0.0, G + 0.030])
     mean = np.zeros(COUNT)
     mean[INDEX["accel_bias_z"]] = 0.03
@@ -146,7 +146,7 @@ def test_level_is_judged_in_the_axes_of_the_platform():
     assert told["level_vertical"].value == pytest.approx(0.0045)
 
 
-def test_compares_motions_with_the_encoder_if_there_is_one():
+def test_motions_are_compared_with_the_encoder_if_available():
     turn = np.pi / 2.0
     angles = (np.array([0.0, 0.0]), np.array([turn, 0.0]))
     evidence = Evidence(
@@ -167,7 +167,7 @@ def test_compares_motions_with_the_encoder_if_there_is_one():
     assert not untouched["motion_improvement"].passed
 
 
-def test_motions_by_hand_are_compared_with_gravity():
+def test_manual_motions_are_compared_with_gravity():
     turn = np.pi / 2.0
     evidence = Evidence("multi_position", (rest([0.0, 0.0, G]), rest([0.0, G, 0.0])), (motion(turn, scale=2e-3),))
     rule = {"motion_angle": {"within": 1e-3, "below": 0.5}}
@@ -178,7 +178,7 @@ def test_motions_by_hand_are_compared_with_gravity():
 
 
 def chain(reference: str = "encoders", broken: bool = False) -> Evidence:
-    """Three turns of 60° about x, whose gyro reads 1e-3 too much, with rests at 0, 60, 120 and 180°."""
+    """Return three 60° rotations about x with a gyro scale factor error of 1e-3, and rests at 0, 60, 120 and 180°."""
     turn = np.pi / 3.0
     places = [k * turn for k in range(4)]
     rests = tuple(
@@ -217,7 +217,7 @@ def test_any_two_positions_are_compared_with_all_motions_between_them(reference)
         ({"motion_angle": {"within": 1.0, "below": 0.9, "positions": [0, 7]}}, "multi_position rest 0 to 7"),
     ],
 )
-def test_a_named_rest_that_is_missing_fails_its_checks(rules, where):
+def test_missing_rest_named_in_a_rule_fails_its_checks(rules, where):
     told = checked(rules, solution(chain()))
     assert told
     for check in told.values():
@@ -227,7 +227,7 @@ def test_a_named_rest_that_is_missing_fails_its_checks(rules, where):
     assert checked(other, solution(chain())) == {}
 
 
-def test_gravity_may_be_the_reference_although_there_are_encoders():
+def test_gravity_can_be_the_reference_despite_encoders():
     wrong = Evidence("multi_position", tuple(replace(r, angles=np.zeros(2)) for r in chain().rests), chain().motions)
     found = solution(wrong, gyro_scale_x=1e-3)
     assert checked({"motion_angle": {"within": 1.0}}, found)["motion_angle"].value > 1.0
@@ -235,7 +235,7 @@ def test_gravity_may_be_the_reference_although_there_are_encoders():
 
 
 @pytest.mark.parametrize("turns", [0.2, 0.9, 1.0, 2.5])
-def test_angle_between_positions_excludes_the_earth_rate(turns):
+def test_angle_between_positions_excludes_earth_rate(turns):
     angle, duration, earth = 2.0 * np.pi * turns, 10.0, np.array([0.0, 3e-5, 6e-5])
     inertial = axis_rotation(tuple(earth / np.linalg.norm(earth)), float(np.linalg.norm(earth)) * duration)
     seen = inertial @ axis_rotation(X, angle)
@@ -246,7 +246,7 @@ def test_angle_between_positions_excludes_the_earth_rate(turns):
     assert checked({"motion_angle": {"within": 1e-8}}, solution(evidence))["motion_angle"].passed
 
 
-def test_change_since_last_calibration_names_the_worst_parameter():
+def test_change_since_the_last_calibration_reports_the_worst_parameter():
     rule = {"previous": {"change_within": {"gyro_bias": 1e-6, "accel_scale_z": 1e-5}}}
     found = solution(gyro_bias_x=1e-6, gyro_bias_y=-3e-6, accel_scale_z=1e-5)
     told = checked(rule, found, {"gyro_bias_x": 9e-7, "gyro_bias_y": -1e-6, "accel_scale_z": 8e-6})
@@ -257,14 +257,14 @@ def test_change_since_last_calibration_names_the_worst_parameter():
     assert checked(rule, found) == {}
 
 
-def test_excitation_must_be_enough_for_what_is_claimed():
+def test_excitation_check_requires_sufficient_sigma_reduction():
     told = checked({"excitation": {"sigma_ratio_below": 0.05}}, solution(estimated=("gyro_bias_x",)))
     assert told["excitation"].value == pytest.approx(0.01)
     assert told["excitation"].passed
     assert not checked({"excitation": {"sigma_ratio_below": 0.005}}, solution())["excitation"].passed
 
 
-def test_offline_must_be_online():
+def test_offline_result_must_equal_the_online_result():
     row = {"value": 1.0, "sigma": 0.1, "stage": "rate"}
     section = ChecksSection.model_validate({"offline_online": {"within_sigmas": 0.0}})
     assert offline_online(section, {"a": row}, {"a": row})[0].passed
@@ -276,7 +276,7 @@ def test_offline_must_be_online():
     assert (told.passed, told.where) == (False, Where("b"))
 
 
-def test_no_check_without_evidence():
+def test_no_check_is_made_without_data():
     rules = {
         "gravity_at_rest": {"within": 1.0},
         "level": {"vertical_within": 1.0},
@@ -288,7 +288,7 @@ def test_no_check_without_evidence():
     assert not ChecksSection.model_validate({"excitation": {"sigma_ratio_below": 0.5}}).need_samples
 
 
-def test_a_misspelt_rule_is_refused():
+def test_misspelled_rule_is_refused():
     for wrong, told in (
         ({"gravity_at_rst": {"within": 1.0}}, "Did you mean 'gravity_at_rest'"),
         ({"previous": {"change_within": {"gyro_bais": 1.0}}}, "Did you mean 'gyro_bias'"),
@@ -304,7 +304,7 @@ def test_a_misspelt_rule_is_refused():
             validate(ChecksSection, wrong, Path("unit.toml"))
 
 
-def test_a_check_knows_margin_and_near_miss():
+def test_check_has_its_margin_and_a_near_limit_flag():
     def check(value, limit, **more):
         return Check.compare("within", value, limit, "m", subject="accel_bias_x", **more)
 
@@ -330,7 +330,7 @@ def test_a_check_knows_margin_and_near_miss():
         ("a check of the future", "other", "a check of the future"),
     ],
 )
-def test_a_check_is_read_back_from_the_result_json(name, kind, subject):
+def test_check_is_read_back_from_the_result_json(name, kind, subject):
     row = {"name": name, "value": 1.0, "limit": [0.0, 2.0], "unit": "1", "passed": True, "margin": 1.0}
     row |= {"near_miss": False, "where": "rate rest 3 to 17"}
     check = Check.from_json(row)
@@ -339,7 +339,7 @@ def test_a_check_is_read_back_from_the_result_json(name, kind, subject):
     assert check.to_json() == row
 
 
-def test_a_check_of_a_result_without_numbers_is_read():
+def test_check_without_numbers_is_read_from_a_result():
     row = {"name": "rate consistency", "value": None, "limit": None, "unit": "1", "passed": False}
     check = Check.from_json(row)
     assert np.isnan(check.value)

@@ -1,4 +1,4 @@
-"""Import and export lose nothing: not a bit of a sample, a stage or the configuration."""
+"""Import and export preserve samples, stages and configuration exactly."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -41,7 +41,7 @@ def test_export_and_import_give_the_same_log(
         assert_same(list(log.blocks()), blocks)
 
 
-def test_part_of_a_log_is_exported(tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]) -> None:
+def test_part_of_a_log_can_be_exported(tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]) -> None:
     source, target = tmp_path / "run.h5", tmp_path / "part.csv"
     write_log(source, meta, blocks)
     first, last = int(blocks[0].seq[3]), int(blocks[-1].seq[-2])
@@ -51,7 +51,7 @@ def test_part_of_a_log_is_exported(tmp_path: Path, meta: LogMeta, blocks: list[S
     assert_same(list(part.blocks()), list(open_log(source).blocks(first, last)))
 
 
-def test_further_imus_joints_and_station_times_travel_too(tmp_path: Path) -> None:
+def test_additional_imus_joint_angles_and_station_times_are_preserved(tmp_path: Path) -> None:
     imu = {key: value for key, value in META["imu"].items() if key != "serial"}
     further = {
         **imu,
@@ -95,7 +95,7 @@ def test_further_imus_joints_and_station_times_travel_too(tmp_path: Path) -> Non
     assert other.close("passed").sha256 != digest
 
 
-def test_columns_and_tables_of_further_imus_belong_together(tmp_path: Path) -> None:
+def test_columns_of_additional_imus_require_their_configuration(tmp_path: Path) -> None:
     header = CSV_HEADER + "," + ",".join(further_channels(2))
     path = write_csv_log(tmp_path, [row + ",1,2,3,4,5,6" for row in csv_rows(3)], header)
     with raises_code(InputError, "csv.imu_not_configured"):
@@ -114,13 +114,13 @@ def test_columns_and_tables_of_further_imus_belong_together(tmp_path: Path) -> N
 
 
 @given(st.floats(-1e3, 1e3))
-def test_angles_on_the_grid_survive_degrees(angle: float) -> None:
+def test_angles_on_the_grid_survive_conversion_to_degrees(angle: float) -> None:
     snapped = snap_angles(np.array([angle]))
     text = repr(float(np.rad2deg(snapped)[0]))
     assert snap_angles(np.deg2rad(np.array([float(text)])))[0] == snapped[0]
 
 
-def test_unusable_csv_leaves_no_log(tmp_path: Path) -> None:
+def test_invalid_csv_leaves_no_log(tmp_path: Path) -> None:
     rows = csv_rows(3000)
     rows[2500] = rows[2500].replace("98000", "nan")
     with raises_code(InputError, "csv.cell_nan") as caught:
@@ -131,7 +131,7 @@ def test_unusable_csv_leaves_no_log(tmp_path: Path) -> None:
         import_csv(tmp_path / "log.csv", tmp_path / "log.raw")
 
 
-def test_an_export_neither_overwrites_its_source_nor_leaves_half_a_file(tmp_path: Path) -> None:
+def test_export_neither_overwrites_its_source_nor_leaves_a_partial_file(tmp_path: Path) -> None:
     path = write_csv_log(tmp_path, csv_rows(3))
     with raises_code(InputError, "csv.export_onto_itself"):
         export_csv(path, path)
@@ -145,7 +145,7 @@ def test_an_export_neither_overwrites_its_source_nor_leaves_half_a_file(tmp_path
         export_csv(path, tmp_path / "absent" / "other.csv")
 
 
-def test_a_column_with_decimals_has_no_quantisation_unless_one_is_given(tmp_path: Path) -> None:
+def test_column_with_decimals_has_no_quantisation_unless_configured(tmp_path: Path) -> None:
     rows = [row.split(",") for row in csv_rows(400)]
     for row in rows:
         row[5:8] = [f"{float(value) + 0.25}" for value in row[5:8]]
@@ -157,7 +157,7 @@ def test_a_column_with_decimals_has_no_quantisation_unless_one_is_given(tmp_path
     assert open_log(path).meta.imu.accel_quantisation == 1e-3
 
 
-def test_a_log_without_station_times_continues_in_one_that_has_them(tmp_path: Path) -> None:
+def test_blocks_without_station_times_can_precede_blocks_with_them(tmp_path: Path) -> None:
     meta = LogMeta.model_validate(META)
     writer = RawLogWriter(tmp_path / "run.h5", meta, station=True)
     blocks = [make_block("rate", 0, 50), make_block("rate", 50, 50)]

@@ -1,4 +1,4 @@
-"""CSV reading: any column order, exact values, and one clear sentence for whatever is wrong."""
+"""CSV logs are read in any column order with exact values; every problem gives one clear error."""
 
 import gzip
 from pathlib import Path
@@ -14,7 +14,7 @@ from tests.helpers import raises_code
 PRACTICE = Path(__file__).parents[3] / "shared" / "data" / "practice"
 
 
-def test_columns_may_come_in_any_order_and_optional_ones_may_be_there(tmp_path: Path) -> None:
+def test_columns_may_be_in_any_order_and_include_optional_columns(tmp_path: Path) -> None:
     header = "valid,step,stage,temp_c,inner_deg,outer_deg,accel_z,accel_y,accel_x,gyro_z,gyro_y,gyro_x,time_s,seq"
     rows = ["1,4,rate,25.5,90,,6,5,4,3,2,1,0.01,0", "0,4,,,,45,6,5,4,3,2,1.5,0.02,1"]
     columns = joined(list(open_log(write_csv_log(tmp_path, rows, header)).blocks()))
@@ -52,7 +52,7 @@ def test_line_ends_quotes_and_a_byte_order_mark_do_not_matter(tmp_path: Path) ->
         (",0.5,", ",abc,", "csv.cell_not_number", "outer_deg = 'abc' is not a number."),
     ],
 )
-def test_a_wrong_row_is_reported_with_line_and_column(
+def test_invalid_row_is_reported_with_line_and_column(
     tmp_path: Path, old: str, new: str, code: str, sentence: str
 ) -> None:
     rows = csv_rows(10)
@@ -65,7 +65,7 @@ def test_a_wrong_row_is_reported_with_line_and_column(
     assert "\n" not in str(caught.value)
 
 
-def test_a_wrong_row_deep_in_a_long_file_is_reported_with_its_line(tmp_path: Path) -> None:
+def test_invalid_row_late_in_a_long_file_is_reported_with_its_line(tmp_path: Path) -> None:
     rows = csv_rows(9000)
     rows[8000] = rows[8000].replace(",98000,", ",nan,")
     with raises_code(InputError, "csv.cell_nan") as caught:
@@ -74,7 +74,7 @@ def test_a_wrong_row_deep_in_a_long_file_is_reported_with_its_line(tmp_path: Pat
 
 
 @pytest.mark.parametrize("cell", ["", " ", "nan", "inf"])
-def test_only_an_invalid_row_may_hold_what_is_not_a_number(tmp_path: Path, cell: str) -> None:
+def test_only_rows_marked_invalid_may_contain_nan(tmp_path: Path, cell: str) -> None:
     rows = [f"{row},{int(k != 3)}" for k, row in enumerate(csv_rows(6))]
     rows[3] = rows[3].replace(",98000,", f",{cell},")
     columns = joined(list(open_log(write_csv_log(tmp_path, rows, f"{CSV_HEADER},valid")).blocks()))
@@ -96,7 +96,7 @@ def test_a_malformed_quoted_line_is_reported(tmp_path: Path, row: str) -> None:
 
 
 @pytest.mark.parametrize("column", CSV_HEADER.split(","))
-def test_a_missing_column_is_named(tmp_path: Path, column: str) -> None:
+def test_missing_column_is_reported(tmp_path: Path, column: str) -> None:
     header = CSV_HEADER.replace(column, "other")
     with pytest.raises(InputError) as caught:
         list(open_log(write_csv_log(tmp_path, csv_rows(3), header)).blocks())
@@ -104,14 +104,14 @@ def test_a_missing_column_is_named(tmp_path: Path, column: str) -> None:
     assert caught.value.values["column"] == column
 
 
-def test_a_misspelt_column_is_named(tmp_path: Path) -> None:
+def test_misspelled_column_is_reported(tmp_path: Path) -> None:
     header = CSV_HEADER.replace("time_s", "times")
     with raises_code(InputError, "csv.column_misspelt") as caught:
         list(open_log(write_csv_log(tmp_path, csv_rows(3), header)).blocks())
     assert caught.value.values["near"] == "times"
 
 
-def test_a_recording_made_by_hand_has_no_table_columns(tmp_path: Path) -> None:
+def test_manual_recording_needs_no_table_columns(tmp_path: Path) -> None:
     header = "seq,time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z,stage,step"
     rows = [row.replace(",0.5,,rate,0", ",,0") for row in csv_rows(5)]
     columns = joined(list(open_log(write_csv_log(tmp_path, rows, header)).blocks()))
@@ -119,7 +119,7 @@ def test_a_recording_made_by_hand_has_no_table_columns(tmp_path: Path) -> None:
     assert columns["stage"].tolist() == [""] * 5
 
 
-def test_swapped_rows_repeated_logs_and_empty_logs_are_errors(tmp_path: Path) -> None:
+def test_swapped_rows_repeated_logs_and_empty_logs_are_reported(tmp_path: Path) -> None:
     rows = csv_rows(600)
     with raises_code(InputError, "csv.sequence"):
         list(open_log(write_csv_log(tmp_path, [*rows[:5], rows[6], rows[5], *rows[7:]])).blocks())
@@ -133,7 +133,7 @@ def test_swapped_rows_repeated_logs_and_empty_logs_are_errors(tmp_path: Path) ->
         list(open_log(tmp_path / "log.csv").blocks())
 
 
-def test_a_rate_that_contradicts_the_clock_is_reported(tmp_path: Path) -> None:
+def test_sample_rate_that_contradicts_the_timestamps_is_reported(tmp_path: Path) -> None:
     path = write_csv_log(tmp_path, csv_rows(50), rate=200.0)
     with raises_code(InputError, "csv.wrong_rate") as caught:
         list(open_log(path).blocks())
@@ -158,7 +158,7 @@ def test_files_that_are_not_logs_are_reported(tmp_path: Path) -> None:
         open_log(path)
 
 
-def test_a_range_of_unwrapped_counts_is_cut_out(tmp_path: Path) -> None:
+def test_range_of_unwrapped_counts_is_selected(tmp_path: Path) -> None:
     rows = csv_rows(400)
     wrapped = [f"{i % 256},{row.split(',', 1)[1]}" for i, row in enumerate(rows)]
     log = open_log(write_csv_log(tmp_path, wrapped))
@@ -175,7 +175,7 @@ def test_a_range_of_unwrapped_counts_is_cut_out(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not PRACTICE.is_dir(), reason="the practice logs are not beside the project")
 @pytest.mark.parametrize("name", ["nav_full", pytest.param("mems_full", marks=pytest.mark.long)])
-def test_practice_logs_are_read_whole(name: str) -> None:
+def test_practice_logs_are_read_completely(name: str) -> None:
     log = open_log(PRACTICE / f"{name}.csv.gz")
     count = sum(len(block) for block in log.blocks())
     assert count == 205_200

@@ -1,4 +1,4 @@
-"""A log with wrong bytes, closed or not, is read or refused with one message, and never blocks the reader."""
+"""A log with damaged bytes, closed or not, is read or refused with one message, and never blocks the reader."""
 
 import os
 from pathlib import Path
@@ -19,7 +19,7 @@ ROWS = 650
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """A log that was closed, and the same one a moment before."""
+    """A closed log, and the same log just before closing."""
     path = tmp_path_factory.mktemp("logs") / "run.h5"
     writer = RawLogWriter(path, LogMeta.model_validate(META))
     for block in (make_block("", 0, 50), make_block("rate", 50, 400), make_block("excitation", 460, 200)):
@@ -32,7 +32,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 def rows(path: Path) -> int:
-    """Samples that can be read, -1 where the log is told to be damaged."""
+    """Return the number of readable samples, -1 if the log is reported as damaged."""
     try:
         return sum(len(block) for block in open_log(path).blocks())
     except InputError as error:
@@ -40,13 +40,13 @@ def rows(path: Path) -> int:
 
 
 def write(path: Path, data: bytes) -> Path:
-    """An old file: nobody is writing it."""
+    """Write a file with an old modification time, so that it counts as not being written."""
     path.write_bytes(data)
     os.utime(path, (0.0, 0.0))
     return path
 
 
-def test_what_was_left_open_reads_as_if_it_had_been_closed(tmp_path: Path, logs: dict[str, bytes]) -> None:
+def test_unclosed_log_reads_like_a_closed_log(tmp_path: Path, logs: dict[str, bytes]) -> None:
     for name, data in logs.items():
         assert left_open(data) is (name == "left open")
         assert sound(data[:SUPERBLOCK])
@@ -59,7 +59,7 @@ def test_what_was_left_open_reads_as_if_it_had_been_closed(tmp_path: Path, logs:
 @pytest.mark.parametrize("name", ["closed", "left open"])
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_wrong_bytes_never_block_reading(
+def test_damaged_bytes_never_block_the_reader(
     tmp_path: Path, logs: dict[str, bytes], name: str, data: st.DataObject
 ) -> None:
     spoilt = bytearray(logs[name])
@@ -82,5 +82,5 @@ def test_truncated_log_never_blocks_the_reader(tmp_path: Path, logs: dict[str, b
     ("data", "expected"),
     [(b"", 0xDEADBEEF), (b"Four score and seven years ago", 0x17770551)],
 )
-def test_the_check_gives_its_authors_answers(data: bytes, expected: int) -> None:
+def test_checksum_agrees_with_its_published_values(data: bytes, expected: int) -> None:
     assert _lookup3(data) == expected

@@ -1,4 +1,4 @@
-"""Damage in a raw log costs only the damaged rows: the others are read and the damaged ones are reported."""
+"""Damage in a raw log affects only the damaged rows: the others are read and the damaged rows are reported."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -28,7 +28,7 @@ FIRST = 7
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """A log that was closed, and the same one a moment before."""
+    """A closed log, and the same log just before closing."""
     path = tmp_path_factory.mktemp("logs") / "run.h5"
     writer = RawLogWriter(path, LogMeta.model_validate(META))
     for start in range(0, ROWS, STEP):
@@ -42,7 +42,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 def offset_of(data: bytes, row: int) -> int:
-    """Offset of a row in the file, found by its number and time."""
+    """Return the offset of a row in the file, found by its number and time."""
     (offset,) = [
         at
         for at in _found(data, np.int64(FIRST + row).tobytes())
@@ -60,7 +60,7 @@ def _found(data: bytes, part: bytes) -> list[int]:
 
 
 def read(path: Path) -> tuple[list[int], tuple[DamagedRows, ...]]:
-    """Sequence numbers and damaged rows of a log."""
+    """Return sequence numbers and damaged rows of a log."""
     log = open_log(path)
     seq: list[int] = joined(list(log.blocks()))["seq"].tolist()
     assert log.facts().samples == len(seq)
@@ -80,7 +80,7 @@ def test_page_of_zeros_damages_only_its_rows(tmp_path: Path, logs: dict[str, byt
     assert part == DamagedRows(row, lost, FIRST + row - 1 if row else None, FIRST + row + lost)
 
 
-def test_check_value_covers_every_bit_of_a_row() -> None:
+def test_checksum_covers_every_bit_of_a_row() -> None:
     rows = np.zeros(1, row_dtype(1, True))
     rows["seq"], rows["time"], rows["counts"], rows["angles"] = 70000, 350.005, 48977.0, np.nan
     rows["temperature"], rows["step"], rows["stage"], rows["valid"] = 23.5, 12, 1, 1
@@ -94,7 +94,7 @@ def test_check_value_covers_every_bit_of_a_row() -> None:
     assert row_checks(np.zeros(1, rows.dtype))[0] != 0, "never written"
 
 
-def test_missing_end_counts_as_damaged_only_in_a_closed_log(tmp_path: Path, logs: dict[str, bytes]) -> None:
+def test_missing_end_counts_as_damage_only_in_a_closed_log(tmp_path: Path, logs: dict[str, bytes]) -> None:
     for name, damaged in (
         ("left open", ()),
         ("closed", (DamagedRows(ROWS - 30, 30, FIRST + ROWS - 31, None),)),
@@ -107,7 +107,7 @@ def test_missing_end_counts_as_damaged_only_in_a_closed_log(tmp_path: Path, logs
 
 
 @pytest.mark.parametrize("share", [0.1, 0.37, 0.5, 0.83, 0.99])
-def test_reads_all_rows_of_a_truncated_log(tmp_path: Path, logs: dict[str, bytes], share: float) -> None:
+def test_all_rows_of_a_truncated_log_are_read(tmp_path: Path, logs: dict[str, bytes], share: float) -> None:
     length = int(share * len(logs["closed"]))
     (tmp_path / "run.h5").write_bytes(logs["closed"][:length])
     seq, (part,) = read(tmp_path / "run.h5")
@@ -131,7 +131,7 @@ def test_chunks_missing_from_the_index_are_damaged_rows(tmp_path: Path, logs: di
     assert (part.after, part.before) == (FIRST + part.row - 1, FIRST + part.row + part.count)
 
 
-def test_leaves_out_rows_with_falling_sequence_numbers(tmp_path: Path, logs: dict[str, bytes]) -> None:
+def test_rows_with_decreasing_sequence_numbers_are_skipped(tmp_path: Path, logs: dict[str, bytes]) -> None:
     data = bytearray(logs["closed"])
     size = row_dtype(0, False).itemsize
     early, late = (offset_of(logs["closed"], row) for row in (100, 2000))
@@ -142,7 +142,7 @@ def test_leaves_out_rows_with_falling_sequence_numbers(tmp_path: Path, logs: dic
     assert seq == [n for n in range(FIRST, FIRST + ROWS) if not 2000 <= n - FIRST < 2003]
 
 
-def test_refuses_a_damaged_configuration(tmp_path: Path, logs: dict[str, bytes]) -> None:
+def test_damaged_configuration_is_refused(tmp_path: Path, logs: dict[str, bytes]) -> None:
     data = logs["closed"].replace(b'"latitude_deg":34', b'"latitude_deg":35')
     assert data != logs["closed"]
     (tmp_path / "run.h5").write_bytes(data)
@@ -151,7 +151,7 @@ def test_refuses_a_damaged_configuration(tmp_path: Path, logs: dict[str, bytes])
 
 
 def without_checks(source: Path, target: Path, spoil: Callable[[np.ndarray], None]) -> None:
-    """Write a log of the early version, whose rows have no check values."""
+    """Write a log of the first version, whose rows have no checksums."""
     with h5py.File(source, "r") as old, h5py.File(target, "w", libver="latest") as new:
         new.attrs["format"] = old.attrs["format"]
         for name in ("meta", "stages", "events", "results", "closing"):
@@ -164,7 +164,7 @@ def without_checks(source: Path, target: Path, spoil: Callable[[np.ndarray], Non
         new["samples"] = plain
 
 
-def test_reads_logs_without_check_values(tmp_path: Path, logs: dict[str, bytes]) -> None:
+def test_log_without_checksums_is_read(tmp_path: Path, logs: dict[str, bytes]) -> None:
     (tmp_path / "run.h5").write_bytes(logs["closed"])
 
     def spoil(rows: np.ndarray) -> None:
@@ -177,7 +177,7 @@ def test_reads_logs_without_check_values(tmp_path: Path, logs: dict[str, bytes])
         read(tmp_path / "spoilt.h5")
 
 
-def test_reads_stored_rows_after_damaged_ones(tmp_path: Path, logs: dict[str, bytes]) -> None:
+def test_rows_after_damaged_rows_are_read(tmp_path: Path, logs: dict[str, bytes]) -> None:
     data = bytearray(logs["closed"])
     for row in (10, 12, 3000):
         data[offset_of(logs["closed"], row) + 30] ^= 4
@@ -189,7 +189,7 @@ def test_reads_stored_rows_after_damaged_ones(tmp_path: Path, logs: dict[str, by
 
 
 @given(kept=st.lists(st.booleans(), max_size=40), start=st.integers(0, 45), length=st.integers(0, 45))
-def test_numbers_of_sound_rows(kept: list[bool], start: int, length: int) -> None:
+def test_undamaged_row_numbers_exclude_damaged_rows(kept: list[bool], start: int, length: int) -> None:
     flags = np.array(kept, bool)
     edges = np.flatnonzero(np.diff(np.concatenate([[True], flags, [True]]).astype(int)))
     damaged = np.column_stack([edges[::2], edges[1::2] - edges[::2]]).astype(np.int64)

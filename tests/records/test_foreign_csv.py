@@ -1,4 +1,4 @@
-"""CSV files of other programs: columns, units, separators, header lines, and times of arrival."""
+"""CSV files of other programs: columns, units, separators, header lines, and arrival times."""
 
 import gzip
 from collections.abc import Callable
@@ -28,7 +28,7 @@ NAMES = ["t [ms]", "AccX", "AccY", "AccZ", "GyrX", "GyrY", "GyrZ", "note"]
 def foreign(
     folder: Path, text: str, columns: dict[str, str] | None = None, imu: str = IMU, name: str = "a.csv"
 ) -> Path:
-    """A file of another program beside its TOML."""
+    """Write a file of another program with its TOML file."""
     path = folder / name
     path.write_text(text, encoding="utf-8")
     entries = "".join(f"{key} = {value}\n" for key, value in (COLUMNS if columns is None else columns).items())
@@ -37,7 +37,7 @@ def foreign(
 
 
 def sample_rows(count: int = 300) -> np.ndarray:
-    """Time in ms, accelerometers in mg and gyros in °/s."""
+    """Return rows with time in ms, accelerometers in mg and gyros in °/s."""
     random = np.random.default_rng(1)
     values = np.round(random.normal(0.0, 100.0, (count, 6)), 2)
     return np.column_stack([1e6 + 10.0 * np.arange(count), values])
@@ -57,7 +57,9 @@ def rates_and_forces(path: Path) -> np.ndarray:
 @pytest.mark.parametrize(
     ("separator", "mark"), [(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","), (" ", "."), ("   ", ",")]
 )
-def test_separators_decimal_marks_units_and_lines_before_the_header(tmp_path: Path, separator: str, mark: str) -> None:
+def test_separators_decimal_marks_units_and_leading_lines_are_configurable(
+    tmp_path: Path, separator: str, mark: str
+) -> None:
     rows = sample_rows()
     names = [n.replace(" ", "") for n in NAMES] if separator.isspace() else NAMES
     columns = {**COLUMNS, "time_s": f'{{ from = "{names[0]}", unit = "ms" }}'}
@@ -81,7 +83,7 @@ def test_separators_decimal_marks_units_and_lines_before_the_header(tmp_path: Pa
     ],
 )
 @pytest.mark.parametrize("output", ["rate", "increment"])
-def test_units_become_counts_of_the_configured_size(
+def test_values_with_units_become_counts_of_the_configured_size(
     tmp_path: Path, sensor: str, unit: str, factor: float, output: str
 ) -> None:
     imu = f'{IMU}output = "{output}"\ngyro_lsb = 1e-5\naccel_lsb = 1e-4\n'
@@ -95,7 +97,7 @@ def test_units_become_counts_of_the_configured_size(
     np.testing.assert_array_equal(counts[:, 5], rows[:, 3])
 
 
-def test_increments_may_be_in_units_of_angle(tmp_path: Path) -> None:
+def test_increments_may_be_in_angle_units(tmp_path: Path) -> None:
     columns = COLUMNS | {f"gyro_{a}": f'{{ from = "Gyr{a.upper()}", unit = "arcsec" }}' for a in "xyz"}
     columns |= {f"accel_{a}": f'{{ from = "Acc{a.upper()}", unit = "m/s" }}' for a in "xyz"}
     path = foreign(tmp_path, text_of(sample_rows(20)), columns)
@@ -105,7 +107,7 @@ def test_increments_may_be_in_units_of_angle(tmp_path: Path) -> None:
     np.testing.assert_allclose(rates_and_forces(path)[:, :3], expected, rtol=1e-12)
 
 
-def test_a_count_is_the_smallest_step_where_no_size_is_given(tmp_path: Path) -> None:
+def test_count_size_defaults_to_the_smallest_step(tmp_path: Path) -> None:
     imu = open_log(foreign(tmp_path, text_of(sample_rows()))).meta.imu
     assert imu.output == "rate"
     assert imu.gyro_lsb == pytest.approx(np.deg2rad(0.01), rel=1e-5)
@@ -145,7 +147,7 @@ def test_a_row_of_units_after_the_header_is_skipped(tmp_path: Path) -> None:
         ({"time_s": '{ form = "t [ms]" }'}, "entry.in_file", "columns.time_s.form: The entry is unknown."),
     ],
 )
-def test_what_is_wrong_with_the_map_is_said_in_a_sentence(
+def test_invalid_column_map_is_reported_in_one_sentence(
     tmp_path: Path, change: dict[str, str], code: str, message: str
 ) -> None:
     with pytest.raises(InputError) as caught:
@@ -155,7 +157,7 @@ def test_what_is_wrong_with_the_map_is_said_in_a_sentence(
     assert "\n" not in str(caught.value)
 
 
-def test_a_stage_may_be_given_for_the_whole_recording_and_all_of_it_is_imported(tmp_path: Path) -> None:
+def test_stage_can_be_configured_for_the_whole_recording(tmp_path: Path) -> None:
     path = foreign(tmp_path, text_of(sample_rows()), COLUMNS | {"stage": '{ value = "six_position" }'})
     facts = import_csv(path, tmp_path / "a.h5")
     assert facts.sha256 == open_log(path).facts().sha256
@@ -164,7 +166,7 @@ def test_a_stage_may_be_given_for_the_whole_recording_and_all_of_it_is_imported(
     assert import_csv(tmp_path / "b.csv", tmp_path / "b.h5").sha256 == facts.sha256
 
 
-def test_a_recording_without_gyros_keeps_its_values(tmp_path: Path) -> None:
+def test_recording_without_gyros_keeps_its_values(tmp_path: Path) -> None:
     columns = {name: entry for name, entry in COLUMNS.items() if not name.startswith("gyro")}
     imu = IMU.replace("gyro_arw = 1e-4\n", "")
     path = foreign(tmp_path, text_of(sample_rows()), columns, imu)
@@ -182,7 +184,7 @@ def test_a_recording_without_gyros_keeps_its_values(tmp_path: Path) -> None:
 
 
 def clock(count: int, rate: float, lost: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Counter and clock of samples of which some are lost before a row, s."""
+    """Return counter and clock, s, of samples with losses before some rows."""
     steps = np.ones(count, np.int64)
     for row, missing in lost.items():
         steps[row] += missing
@@ -191,7 +193,7 @@ def clock(count: int, rate: float, lost: dict[int, int]) -> tuple[np.ndarray, np
 
 
 def in_bursts(time: np.ndarray, seconds: float) -> np.ndarray:
-    """Times at which samples arrive that are sent on in bursts."""
+    """Return the arrival times of samples that are forwarded in bursts."""
     return np.asarray(np.ceil(time / seconds) * seconds)
 
 
@@ -206,7 +208,9 @@ def delayed(time: np.ndarray, seconds: float) -> np.ndarray:
     ids=["bursts", "late", "very late"],
 )
 @pytest.mark.parametrize("lost", [{}, {1500: 20, 2400: 300}], ids=["whole", "gaps"])
-def test_jitter_is_neither_a_rate_nor_a_gap(late: Callable[[np.ndarray], np.ndarray], lost: dict[int, int]) -> None:
+def test_jitter_changes_neither_the_rate_nor_the_gaps(
+    late: Callable[[np.ndarray], np.ndarray], lost: dict[int, int]
+) -> None:
     seq, time = clock(4000, 200.0 * (1.0 + 3e-4), lost)
     arrived = late(time)
     found = sample_times(arrived, 1.0 / 200.0)
@@ -217,7 +221,7 @@ def test_jitter_is_neither_a_rate_nor_a_gap(late: Callable[[np.ndarray], np.ndar
     assert rate == pytest.approx(200.0 * (1.0 + 3e-4), rel=2e-3 if lost else 2e-4)
 
 
-def test_a_clock_is_kept_as_it_is_and_its_gaps_are_counted() -> None:
+def test_sample_clock_is_kept_unchanged_and_its_gaps_are_counted() -> None:
     seq, time = clock(3000, 204.8 * (1.0 - 2e-3), {10: 1, 11: 1, 700: 40})
     found = sample_times(time, 1.0 / 204.8)
     np.testing.assert_array_equal(found.seq, seq)
@@ -235,7 +239,7 @@ def csv_of(folder: Path, seq: np.ndarray | None, time: np.ndarray, rate: float) 
 
 
 @pytest.mark.parametrize("counted", [True, False])
-def test_times_of_arrival_are_read_with_and_without_a_counter(tmp_path: Path, counted: bool) -> None:
+def test_arrival_times_are_read_with_and_without_a_counter(tmp_path: Path, counted: bool) -> None:
     seq, time = clock(9000, 200.0, {4981: 20})
     log = open_log(csv_of(tmp_path, seq % 256 if counted else None, in_bursts(time, 0.1), 200.0))
     found = joined(list(log.blocks()))
@@ -245,7 +249,7 @@ def test_times_of_arrival_are_read_with_and_without_a_counter(tmp_path: Path, co
     assert log.facts().gaps == 1
 
 
-def test_times_of_another_rate_are_refused(tmp_path: Path) -> None:
+def test_times_that_contradict_the_sample_rate_are_refused(tmp_path: Path) -> None:
     for counted in (True, False):
         seq, time = clock(1000, 100.0, {})
         with raises_code(InputError, "csv.wrong_rate") as caught:
@@ -253,7 +257,7 @@ def test_times_of_another_rate_are_refused(tmp_path: Path) -> None:
         assert caught.value.values["found"] == pytest.approx(100.0, rel=0.01)
 
 
-def test_a_compressed_text_file_is_read_beside_its_toml(tmp_path: Path) -> None:
+def test_compressed_text_file_is_read_with_its_toml(tmp_path: Path) -> None:
     path = foreign(tmp_path, text_of(sample_rows(20), "\t"), name="a.tsv")
     (tmp_path / "a.tsv.gz").write_bytes(gzip.compress(path.read_bytes()))
     assert open_log(tmp_path / "a.tsv.gz").facts().samples == 20

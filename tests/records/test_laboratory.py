@@ -1,4 +1,4 @@
-"""Laboratory and instruments are stored in the log, and dates survive it."""
+"""Laboratory and instruments, including dates, are stored in the log."""
 
 from datetime import date
 from pathlib import Path
@@ -13,7 +13,7 @@ from tests.reports.certificates import LABORATORY, with_laboratory
 from tests.site_folder import STATION, SiteFolder
 
 
-def test_the_log_has_the_laboratory_of_the_station(site_folder: SiteFolder) -> None:
+def test_log_contains_the_laboratory_of_the_station(site_folder: SiteFolder) -> None:
     plain = resolve_configuration(site_folder.request()).log_meta()
     assert "laboratory" not in plain.to_json().partition('"profiles"')[0]
     assert '"instruments"' not in plain.to_json()  # the digest of logs without them stays the same
@@ -26,7 +26,7 @@ def test_the_log_has_the_laboratory_of_the_station(site_folder: SiteFolder) -> N
 
 
 @pytest.mark.parametrize("due", ["soon", 5, True])
-def test_a_wrong_date_names_its_entry(tmp_path: Path, due: object) -> None:
+def test_invalid_date_is_reported_by_its_entry(tmp_path: Path, due: object) -> None:
     path = tmp_path / "station.toml"
     entries = {"bench": {}, "instruments": [{"name": "table", "due": due}]}
     path.write_text(tomli_w.dumps({**STATION, **entries}), encoding="utf-8")

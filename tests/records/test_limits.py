@@ -1,4 +1,4 @@
-"""A product's limits become checks; parameters that the data did not determine are listed."""
+"""The limits of a product become checks; unobservable parameters are listed."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def limit(**fields: object) -> Limit:
     return validate(Limit, fields, "product")
 
 
-def test_value_and_sigma_are_compared_and_a_parameter_goes_before_its_group() -> None:
+def test_value_and_sigma_are_compared_and_a_parameter_precedes_its_group() -> None:
     found = solution(
         "rate",
         ("gyro_scale_x", "gyro_scale_y"),
@@ -52,18 +52,18 @@ def test_value_and_sigma_are_compared_and_a_parameter_goes_before_its_group() ->
     assert checks["unobservable parameters"].passed
 
 
-def test_a_parameter_that_kept_its_prior_sigma_is_named_and_fails() -> None:
+def test_parameter_that_kept_its_prior_sigma_is_unobservable_and_fails() -> None:
     found = solution("rate", ("gyro_bias_x", "gyro_scale_x"), {"gyro_scale_x": (0.0, 1e-3), "gyro_bias_x": (0.0, 0.95)})
     assert unobservable(PRIOR, [found]) == ["gyro_bias_x"]
     assert not check_limits({"gyro_bias": limit(within=1.0)}, PRIOR, [found])[-1].passed
 
 
 def ranked(found: Solution, **steps: int | None) -> Solution:
-    """The solution with an observability analysis, in which these states became observable in these steps."""
+    """Return the solution with an observability analysis in which these states become observable in these steps."""
     return replace(found, observability={"states": {name: {"step": step} for name, step in steps.items()}})
 
 
-def test_a_parameter_outside_the_observable_subspace_is_named_even_if_a_correlation_reduced_its_sigma() -> None:
+def test_unobservable_parameter_is_listed_even_if_correlation_reduced_its_sigma() -> None:
     names = ("gyro_bias_x", "gyro_bias_y")
     sharp = dict.fromkeys(names, (0.0, 0.1))
     found = ranked(solution("excitation", names, sharp), gyro_bias_x=None, gyro_bias_y=3)
@@ -72,7 +72,7 @@ def test_a_parameter_outside_the_observable_subspace_is_named_even_if_a_correlat
     assert unobservable(PRIOR, [solution("rate", names, sharp), found]) == []
 
 
-def test_nothing_is_claimed_about_a_parameter_that_the_data_do_not_determine() -> None:
+def test_limits_of_unobservable_parameters_are_not_checked() -> None:
     names = ("gyro_bias_x", "gyro_bias_y")
     values = dict.fromkeys(names, (0.0, 0.1))
     found = ranked(solution("excitation", names, values), gyro_bias_x=None, gyro_bias_y=3)
@@ -84,7 +84,7 @@ def test_nothing_is_claimed_about_a_parameter_that_the_data_do_not_determine() -
     assert not_compared(limits, PRIOR, [found]) == ["gyro_bias_x", "gyro_bias_z", "accel_bias_x"]
 
 
-def test_a_stage_with_nothing_to_test_has_no_check_of_consistency() -> None:
+def test_stage_without_redundancy_has_no_consistency_check() -> None:
     found = Solution("six_position", PRIOR, (), Consistency(0.0, 0.0, 0.0, 0))
     assert [c.kind for c in check_limits({}, PRIOR, [found])] == ["unobservable"]
     assert StageConsistency.of(found.consistency).passed is None
@@ -93,13 +93,13 @@ def test_a_stage_with_nothing_to_test_has_no_check_of_consistency() -> None:
     assert solved.consistency["passed"] is None
 
 
-def test_innovations_above_their_band_fail_and_below_it_pass() -> None:
+def test_innovations_above_their_bounds_fail_and_below_them_pass() -> None:
     for mean, passed in ((1.2, False), (0.8, True)):
         found = Solution("rate", PRIOR, (), Consistency(mean, 0.9, 1.1, 100))
         assert check_limits({}, PRIOR, [found])[0].passed is passed
 
 
-def test_the_last_stage_that_estimated_a_parameter_owns_it() -> None:
+def test_parameter_is_assigned_to_the_last_stage_that_estimated_it() -> None:
     chain = [
         solution("rate", ("gyro_scale_x",), {}),
         solution("excitation", ("gyro_bias_x", "gyro_scale_x"), {}),
@@ -109,6 +109,6 @@ def test_the_last_stage_that_estimated_a_parameter_owns_it() -> None:
 
 
 @pytest.mark.parametrize("fields", [{"within": -1.0}, {"within": [1.0, 0.0]}, {"sigma_below": 0.0}, {"whithin": 1.0}])
-def test_limits_that_make_no_sense_are_refused(fields: dict[str, object]) -> None:
+def test_contradictory_limits_are_refused(fields: dict[str, object]) -> None:
     with pytest.raises(ConfigurationError, match="product: "):
         limit(**fields)

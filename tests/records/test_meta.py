@@ -1,4 +1,4 @@
-"""The configuration of a log: exact through TOML and JSON, in SI for the solvers, clear errors."""
+"""The configuration of a log survives TOML and JSON exactly and is in SI for the solvers."""
 
 import copy
 import tomllib
@@ -15,13 +15,13 @@ from calstation.physics.table import ALIGNED
 from calstation.records.meta import LogMeta, context_from_meta, load_meta, meta_from_json, prior_from_meta
 
 
-def test_meta_survives_toml_and_json(meta: LogMeta) -> None:
+def test_configuration_survives_toml_and_json(meta: LogMeta) -> None:
     assert LogMeta.model_validate(tomllib.loads(meta.to_toml())) == meta
     assert meta_from_json(meta.to_json(), "log") == meta
     assert LogMeta.model_validate(tomllib.loads(meta.to_toml())).to_json() == meta.to_json()
 
 
-def test_context_is_in_si(meta: LogMeta) -> None:
+def test_solver_context_is_in_si(meta: LogMeta) -> None:
     context = context_from_meta(meta)
     assert context.site.latitude == np.deg2rad(34.25)
     assert context.site.azimuth == np.deg2rad(12.5)
@@ -31,7 +31,7 @@ def test_context_is_in_si(meta: LogMeta) -> None:
     assert context.table.mount_sigma == np.deg2rad(1.0)
 
 
-def test_prior_is_as_stated_and_otherwise_wide(meta: LogMeta) -> None:
+def test_prior_is_as_configured_and_wide_by_default(meta: LogMeta) -> None:
     belief = prior_from_meta(meta)
     assert belief.mean[INDEX["gyro_bias_x"]] == 1e-7
     assert belief.sigma[INDEX["gyro_bias_x"]] == pytest.approx(1e-5)
@@ -39,7 +39,7 @@ def test_prior_is_as_stated_and_otherwise_wide(meta: LogMeta) -> None:
     assert belief.covariance.shape == (COUNT, COUNT)
 
 
-def test_a_fixed_outer_lever_is_zero_and_certain() -> None:
+def test_fixed_outer_lever_arm_is_zero_and_exactly_known() -> None:
     data = {
         **META,
         "table": {"outer_lever": "fixed"},
@@ -50,7 +50,7 @@ def test_a_fixed_outer_lever_is_zero_and_certain() -> None:
     assert not belief.mean[group_indices("outer_lever")].any()
 
 
-def test_the_default_orientation_is_not_stored_and_any_other_is(meta: LogMeta) -> None:
+def test_only_a_non_default_orientation_is_stored(meta: LogMeta) -> None:
     assert "orientation" not in meta.to_toml()
     assert "orientation" not in meta.to_json()
     assert context_from_meta(meta).table.geometry.orientation == ALIGNED
@@ -60,7 +60,7 @@ def test_the_default_orientation_is_not_stored_and_any_other_is(meta: LogMeta) -
     assert (along_x, along_z) == ((0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-def test_a_nominal_lever_arm_is_a_prior_mean() -> None:
+def test_nominal_lever_arm_is_the_prior_mean() -> None:
     meta = LogMeta.model_validate({**META, "prior": {"outer_lever_x": {"value": 0.3}}})
     belief, plain = prior_from_meta(meta), prior_from_meta(LogMeta.model_validate({**META, "prior": {}}))
     assert belief.mean[INDEX["outer_lever_x"]] == 0.3
@@ -83,7 +83,7 @@ def test_a_nominal_lever_arm_is_a_prior_mean() -> None:
         ("product.limits", {"gyro_bia": {"within": 1.0}}, "Did you mean 'gyro_bias'?"),
     ],
 )
-def test_wrong_field_is_reported_with_file_and_remedy(tmp_path: Path, field: str, value: Any, message: str) -> None:
+def test_invalid_field_is_reported_with_file_and_remedy(tmp_path: Path, field: str, value: Any, message: str) -> None:
     data: dict[str, Any] = copy.deepcopy(META)
     section, name = field.split(".")
     data[section][name] = value
@@ -98,7 +98,7 @@ def test_wrong_field_is_reported_with_file_and_remedy(tmp_path: Path, field: str
     assert "\n" not in text
 
 
-def test_reports_missing_fields_and_files(tmp_path: Path) -> None:
+def test_missing_fields_and_files_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "log.toml"
     with pytest.raises(InputError, match="No such file"):
         load_meta(path)

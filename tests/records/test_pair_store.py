@@ -12,7 +12,7 @@ from tests.helpers import raises_code
 FIRST = StoredPair({"secondary_gyro_bias_x": 0.1 + 0.2, "clock_offset": 1e-3}, 1e-3, 0.02)
 
 
-def test_newest_calibration_replaces_the_last(tmp_path: Path) -> None:
+def test_newest_calibration_replaces_the_previous_one(tmp_path: Path) -> None:
     folder = tmp_path / "pairs"
     assert load_pair(folder, "P 1", "S/2") == StoredPair()
     path = store_pair(folder, "P 1", "S/2", FIRST)
@@ -24,7 +24,7 @@ def test_newest_calibration_replaces_the_last(tmp_path: Path) -> None:
     assert load_pair(folder, "P 1", "S/3") == StoredPair()
 
 
-def test_reports_a_damaged_file_and_a_folder_that_cannot_be_created(tmp_path: Path) -> None:
+def test_damaged_file_and_uncreatable_folder_are_reported(tmp_path: Path) -> None:
     pair_path(tmp_path, "P", "S").write_text("values = { secondary_gyro_bais_x = 1.0 }\n")
     with pytest.raises(InputError, match="Did you mean 'secondary_gyro_bias_x'"):
         load_pair(tmp_path, "P", "S")

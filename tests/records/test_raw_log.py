@@ -28,7 +28,7 @@ from calstation.records.raw_read import being_written, raw_blocks
 from tests.helpers import raises_code
 
 
-def test_a_log_gives_back_what_was_written(tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]) -> None:
+def test_log_is_read_as_written(tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]) -> None:
     path = tmp_path / "run.h5"
     writer = RawLogWriter(path, meta)
     for block in blocks:
@@ -47,7 +47,7 @@ def test_a_log_gives_back_what_was_written(tmp_path: Path, meta: LogMeta, blocks
     assert (facts.first_seq, facts.last_seq, facts.gaps) == (0, 4384, 1)
 
 
-def test_a_running_log_can_be_read_and_has_no_outcome_yet(tmp_path: Path, meta: LogMeta) -> None:
+def test_log_can_be_read_during_the_run_without_an_outcome(tmp_path: Path, meta: LogMeta) -> None:
     writer = RawLogWriter(tmp_path / "sub.h5", meta)
     writer.append(make_block("rate", 0, 50))
     writer.flush()
@@ -58,7 +58,7 @@ def test_a_running_log_can_be_read_and_has_no_outcome_yet(tmp_path: Path, meta: 
     assert open_log(tmp_path / "sub.h5").outcome == "stopped"
 
 
-def test_a_log_is_being_written_from_its_first_byte_until_it_is_closed(tmp_path: Path, meta: LogMeta) -> None:
+def test_log_counts_as_being_written_until_it_is_closed(tmp_path: Path, meta: LogMeta) -> None:
     path = tmp_path / "run.h5"
     writer = RawLogWriter(path, meta)
     for touched in (0.0, 4e9):
@@ -74,7 +74,7 @@ def test_a_log_is_being_written_from_its_first_byte_until_it_is_closed(tmp_path:
         being_written(tmp_path / "none.h5")
 
 
-def test_the_digest_covers_samples_and_configuration_but_not_results(
+def test_digest_covers_samples_and_configuration_but_not_results(
     tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]
 ) -> None:
     def digest(name: str, meta: LogMeta, blocks: list[SampleBlock], result: str = "") -> str:
@@ -101,7 +101,9 @@ def test_the_digest_covers_samples_and_configuration_but_not_results(
     assert digest("e.h5", meta, blocks) != reference
 
 
-def test_reports_altered_truncated_and_foreign_files(tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]) -> None:
+def test_modified_truncated_and_foreign_files_are_reported(
+    tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]
+) -> None:
     path = tmp_path / "run.h5"
     writer = RawLogWriter(path, meta)
     for block in blocks:
@@ -180,7 +182,7 @@ while True:
 @pytest.mark.parametrize(
     "after", [0.81, *(pytest.param(after, marks=pytest.mark.exhaustive) for after in (0.35, 1.23, 1.64))]
 )
-def test_a_kill_costs_less_than_half_a_second(tmp_path: Path, meta: LogMeta, after: float) -> None:
+def test_killed_process_loses_less_than_half_a_second(tmp_path: Path, meta: LogMeta, after: float) -> None:
     path = tmp_path / "run.h5"
     child = subprocess.Popen(
         [sys.executable, "-c", _CHILD, str(path), meta.to_json()], stdout=subprocess.PIPE, text=True
@@ -201,9 +203,7 @@ def test_a_kill_costs_less_than_half_a_second(tmp_path: Path, meta: LogMeta, aft
     assert log.outcome is None
 
 
-def test_a_power_cut_costs_less_than_two_seconds(
-    tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_power_cut_loses_less_than_two_seconds(tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch) -> None:
     path, synced = tmp_path / "run.h5", tmp_path / "synced.h5"
     now = 0.0
     snapshots: list[float] = []
@@ -213,7 +213,7 @@ def test_a_power_cut_costs_less_than_two_seconds(
         snapshots.append(now)
 
     class AtOnce:
-        """Does in this thread what is submitted."""
+        """Run submitted work in this thread."""
 
         def submit(self, work: Callable[..., None], *values: object) -> Future[None]:
             done: Future[None] = Future()
@@ -221,7 +221,7 @@ def test_a_power_cut_costs_less_than_two_seconds(
             return done
 
         def shutdown(self) -> None:
-            """Nothing runs."""
+            """Do nothing, because nothing runs."""
 
     monkeypatch.setattr(raw_log.os, "fsync", fsync)
     monkeypatch.setattr(raw_log.time, "monotonic", lambda: now)
@@ -241,7 +241,7 @@ def test_a_power_cut_costs_less_than_two_seconds(
     assert open_log(synced).facts().samples == 2000
 
 
-def test_rows_that_never_reached_the_disk_are_left_off(tmp_path: Path, meta: LogMeta) -> None:
+def test_rows_not_written_to_disk_are_removed(tmp_path: Path, meta: LogMeta) -> None:
     path = tmp_path / "run.h5"
     writer = RawLogWriter(path, meta)
     block = make_block("rate", 5, 100)
@@ -255,7 +255,7 @@ def test_rows_that_never_reached_the_disk_are_left_off(tmp_path: Path, meta: Log
     writer.close("passed")
 
 
-def test_memory_and_time_stay_flat_while_the_log_grows(tmp_path: Path, meta: LogMeta) -> None:
+def test_memory_and_time_do_not_grow_with_the_log(tmp_path: Path, meta: LogMeta) -> None:
     import tracemalloc
 
     path = tmp_path / "run.h5"
@@ -277,7 +277,7 @@ def test_memory_and_time_stay_flat_while_the_log_grows(tmp_path: Path, meta: Log
     assert path.stat().st_size < 150_000 * raw_log.row_dtype(0, False).itemsize * 1.05 + 1e5
 
 
-def test_full_disk_is_reported_once_and_loses_no_recorded_sample(
+def test_full_disk_is_reported_once_and_keeps_recorded_samples(
     tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = RawLogWriter(tmp_path / "a.h5", meta)
@@ -342,7 +342,7 @@ def test_slow_disk_does_not_block_and_its_errors_are_reported(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be moved there")
-def test_reports_a_removed_folder(tmp_path: Path, meta: LogMeta) -> None:
+def test_removed_folder_is_reported(tmp_path: Path, meta: LogMeta) -> None:
     folder = tmp_path / "runs"
     folder.mkdir()
     log = RawLogWriter(folder / "a.h5", meta)
@@ -357,7 +357,7 @@ def test_reports_a_removed_folder(tmp_path: Path, meta: LogMeta) -> None:
 
 @pytest.fixture
 def tiny_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 600 kB, where the system lets us have one."""
+    """Mount a file system of 600 kB, or skip the test if not permitted."""
     place = tmp_path / "tiny"
     place.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=600k", "tmpfs", str(place)]
@@ -391,7 +391,7 @@ print(kept, flush=True)
 """
 
 
-def test_log_on_a_disk_filled_by_others_is_reported_and_readable(tiny_disk: Path, meta: LogMeta) -> None:
+def test_full_disk_caused_by_other_files_is_reported_and_the_log_readable(tiny_disk: Path, meta: LogMeta) -> None:
     path = tiny_disk / "a.h5"
     command = [sys.executable, "-c", _FILLS_ITS_DISK, str(path), str(Path(__file__).parent)]
     told = subprocess.run(command, input=meta.to_json(), capture_output=True, text=True, check=False).stdout
@@ -402,7 +402,7 @@ def test_log_on_a_disk_filled_by_others_is_reported_and_readable(tiny_disk: Path
     assert sum(len(block) for block in log.blocks()) >= int(kept)
 
 
-def test_nearly_full_disk_is_reported_in_time_for_the_closing_record(
+def test_nearly_full_disk_is_reported_while_the_log_can_still_be_closed(
     tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = RawLogWriter(tmp_path / "a.h5", meta)

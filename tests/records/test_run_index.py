@@ -1,4 +1,4 @@
-"""Conditions of a run filter are combined in the index, and its values are offered as choices."""
+"""The run index combines filter conditions and lists the available values."""
 
 import math
 import sqlite3
@@ -20,7 +20,7 @@ BEGIN = datetime(2026, 11, 1, tzinfo=UTC)
 
 
 def run(name: str, day: int, **changes: object) -> IndexedRun:
-    """A run that passed at midnight UTC of a day of November."""
+    """Return a run that passed at midnight UTC on a day of November."""
     record = RunRecord(
         serial=name.upper(),
         started_utc=(BEGIN + timedelta(days=day - 1)).isoformat(),
@@ -52,7 +52,7 @@ def index(tmp_path: Path) -> RunIndex:
     return made
 
 
-def test_the_units_of_a_batch_are_found_by_it(index: RunIndex) -> None:
+def test_units_of_a_batch_are_found_by_its_id(index: RunIndex) -> None:
     index.put([run("e", 5, batch="B-7", slot="1"), run("f", 6, batch="B-7", slot="2"), run("g", 7, batch="B-70")])
     assert [each.name for each in index.find(RunFilter(batch="B-7"))] == ["f", "e"]
     assert [each.record.slot for each in index.find(RunFilter(batch="B-7"))] == ["2", "1"]
@@ -80,7 +80,7 @@ def test_the_units_of_a_batch_are_found_by_it(index: RunIndex) -> None:
         (RunFilter(verdict="passed", station="bench 2"), ""),
     ],
 )
-def test_all_conditions_hold_for_what_is_found_and_counted(index: RunIndex, wanted: RunFilter, found: str) -> None:
+def test_found_and_counted_runs_meet_all_conditions(index: RunIndex, wanted: RunFilter, found: str) -> None:
     assert "".join(each.name for each in index.find(wanted)) == found
     assert index.count(wanted) == len(found)
     assert [each.name for each in index.find(wanted, 1)] == list(found[:1])
@@ -97,13 +97,13 @@ def test_choices_are_the_values_of_the_runs(index: RunIndex, tmp_path: Path) -> 
     assert RunIndex(tmp_path / "empty").choices() == RunChoices()
 
 
-def test_only_a_partial_run_that_passed_has_a_verdict_of_its_own() -> None:
+def test_passed_partial_run_has_a_separate_verdict() -> None:
     outcomes = ("passed", "failed", "stopped")
     assert [verdict_of(outcome, partial=True) for outcome in outcomes] == ["partial", "failed", "stopped"]
     assert [verdict_of(outcome, partial=False) for outcome in outcomes] == list(outcomes)
 
 
-def test_values_sigmas_and_failed_checks_come_back_exactly(index: RunIndex, tmp_path: Path) -> None:
+def test_values_sigmas_and_failed_checks_are_read_back_exactly(index: RunIndex, tmp_path: Path) -> None:
     kept = replace(
         run("e", 5, outcome="failed"),
         values={"gyro_bias_x": 0.1 + 0.2, "accel_bias_x": -1e-300},
@@ -116,7 +116,7 @@ def test_values_sigmas_and_failed_checks_come_back_exactly(index: RunIndex, tmp_
     assert found == replace(kept, record=replace(kept.record, log=log))
 
 
-def test_columns_have_the_runs_with_a_time_the_oldest_first(index: RunIndex) -> None:
+def test_columns_contain_runs_with_a_start_time_oldest_first(index: RunIndex) -> None:
     both, one = {"gyro_bias_x": 1e-6, "accel_bias_x": 2e-3}, {"gyro_bias_x": 3e-6}
     index.put(
         [
@@ -144,7 +144,7 @@ def test_columns_have_the_runs_with_a_time_the_oldest_first(index: RunIndex) -> 
     assert (nothing.names, nothing.started.tolist(), nothing.values) == ((), [], {})
 
 
-def test_runs_of_other_folders_are_found_with_those_of_the_folder(index: RunIndex, tmp_path: Path) -> None:
+def test_runs_of_other_folders_are_found_with_local_runs(index: RunIndex, tmp_path: Path) -> None:
     there = run("a", 5, outcome="failed", station="bench 9", serial="A", origin="other", location="bench9:/runs/a.h5")
     index.receive([there], "db", 1)
     assert index.received() == ("db", 1)
@@ -164,7 +164,7 @@ def test_runs_of_other_folders_are_found_with_those_of_the_folder(index: RunInde
     assert RunIndex(tmp_path).received() == ("db", 2)
 
 
-def test_runs_of_another_database_replace_those_received(index: RunIndex) -> None:
+def test_runs_of_another_database_replace_received_runs(index: RunIndex) -> None:
     index.receive([run("x", 5, origin="other")], "db", 7)
     index.receive([run("y", 6, origin="third")], "restored", 3)
     assert [each.name for each in index.find(RunFilter(), 2)] == ["y", "d"]
@@ -173,7 +173,7 @@ def test_runs_of_another_database_replace_those_received(index: RunIndex) -> Non
 
 @contextmanager
 def busy(folder: Path) -> Iterator[None]:
-    """The file of an index while another program has locked it."""
+    """Lock the file of an index as another program would."""
     with closing(sqlite3.connect(folder / FILE, isolation_level=None)) as other:
         other.execute("PRAGMA locking_mode=EXCLUSIVE")
         other.execute("BEGIN EXCLUSIVE")
@@ -181,7 +181,7 @@ def busy(folder: Path) -> Iterator[None]:
         other.execute("ROLLBACK")
 
 
-def test_a_locked_index_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_locked_index_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calstation.records.run_index._BUSY_S", 0.05)
     monkeypatch.setattr("calstation.records.run_index._RETRY_S", 0.0)
     index = RunIndex(tmp_path)
@@ -201,7 +201,7 @@ def test_a_locked_index_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert index.received() == ("db", 7)
 
 
-def test_a_full_disk_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_loses_no_received_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calstation.records.run_index._RETRY_S", 0.0)
     index = RunIndex(tmp_path)
     index.receive([run("x", 5, origin="other")], "db", 7)

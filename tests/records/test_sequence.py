@@ -1,4 +1,4 @@
-"""Counters made continuous: wraps, resets and gaps distinguished from rows that are out of order."""
+"""Sample counters are unwrapped; wraps, resets and gaps are distinguished from rows out of order."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ PERIOD = 0.01
     steps=st.lists(st.integers(1, 20), min_size=1, max_size=150),
     cut=st.integers(0, 150),
 )
-def test_wraps_and_lost_samples_leave_the_count_true(bits: int, before: int, steps: list[int], cut: int) -> None:
+def test_count_is_correct_across_wraps_and_lost_samples(bits: int, before: int, steps: list[int], cut: int) -> None:
     true = (1 << bits) - 1 - before + np.concatenate(([0], np.cumsum(steps)))
     time = (true + 1) * PERIOD
     unwrapper = SequenceUnwrapper(PERIOD)
@@ -26,7 +26,7 @@ def test_wraps_and_lost_samples_leave_the_count_true(bits: int, before: int, ste
     np.testing.assert_array_equal(np.concatenate([p[1] for p in parts]), time)
 
 
-def test_a_reset_with_a_jump_in_time_carries_on_by_the_time_lost() -> None:
+def test_count_after_a_reset_continues_by_the_lost_time() -> None:
     seq = np.array([500, 501, 0, 1, 2])
     time = np.array([5.01, 5.02, 7.02, 7.03, 7.04])
     count, clock, restarts = SequenceUnwrapper(PERIOD).feed(seq, time)
@@ -35,7 +35,7 @@ def test_a_reset_with_a_jump_in_time_carries_on_by_the_time_lost() -> None:
     assert restarts == []
 
 
-def test_a_reset_that_restarts_the_clock_as_well_keeps_time_rising() -> None:
+def test_time_keeps_increasing_after_a_reset_of_counter_and_clock() -> None:
     seq = np.array([498, 499, 500, 0, 1])
     count, clock, restarts = SequenceUnwrapper(PERIOD).feed(seq, (seq + 1) * PERIOD)
     assert count.tolist() == [498, 499, 500, 502, 503]
@@ -54,7 +54,7 @@ def test_a_reset_that_restarts_the_clock_as_well_keeps_time_rising() -> None:
         ([-1, 0, 1], [0.01, 0.02, 0.03]),
     ],
 )
-def test_anything_else_that_does_not_rise_is_an_error(seq: list[int], time: list[float]) -> None:
+def test_other_non_increasing_sequences_are_refused(seq: list[int], time: list[float]) -> None:
     with pytest.raises(InputError):
         SequenceUnwrapper(PERIOD).feed(np.array(seq), np.array(time))
 
@@ -65,7 +65,7 @@ def test_anything_else_that_does_not_rise_is_an_error(seq: list[int], time: list
     steps=st.lists(st.integers(1, 100), max_size=200),
     cut=st.integers(0, 200),
 )
-def test_a_live_counter_continues(bits: int, first: int, steps: list[int], cut: int) -> None:
+def test_live_counter_continues_across_blocks(bits: int, first: int, steps: list[int], cut: int) -> None:
     true = first + np.concatenate(([0], np.cumsum(np.array(steps, np.int64))))
     raw = true % (1 << bits)
     head = unwrap_counter(raw[:cut], None, bits)
@@ -74,5 +74,5 @@ def test_a_live_counter_continues(bits: int, first: int, steps: list[int], cut: 
     np.testing.assert_array_equal(found - found[0], true - true[0])
 
 
-def test_a_live_counter_that_restarts_counts_one_lost_sample() -> None:
+def test_restarted_live_counter_counts_one_lost_sample() -> None:
     assert unwrap_counter([10, 11, 0, 1], None, 16).tolist() == [10, 11, 13, 14]

@@ -1,4 +1,4 @@
-"""Errands at a unit's registers as a test asks for them, and what they told."""
+"""Run register operations in tests and record their events."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -12,19 +12,19 @@ from calstation.sequencer.events import Event, Fault, Message, Settled, StepStar
 
 
 @dataclass
-class Errands:
-    """Errands of one place, one after another; `events` and `control` are the last one's.
+class RegisterOperations:
+    """Register operations of one site in sequence; `events` and `control` belong to the last one.
 
-    on_event : is told every event
+    on_event : called with every event
     """
 
     request: RunRequest
-    on_event: Callable[["Errands", Event], None] = lambda errands, event: None
+    on_event: Callable[["RegisterOperations", Event], None] = lambda operations, event: None
     events: list[Event] = field(default_factory=list)
     control: Control = field(default_factory=Control)
 
     def do(self, what: Any, values: Mapping[str, float] | None = None, **more: Any) -> Settled:
-        """One errand; its answer. A fault is raised as what it was."""
+        """Run one operation and return its result; raise its fault."""
         self.events, self.control = [], Control()
 
         def emit(event: Event) -> None:
@@ -39,13 +39,13 @@ class Errands:
         raise getattr(errors, fault.kind)(fault.code or fault.text, **fault.values)
 
     def write(self, values: Mapping[str, float], *, at_rest: bool = False) -> Settled:
-        """Write by hand."""
+        """Write values manually."""
         return self.do("write", values, source="x.h5", at_rest=at_rest)
 
-    def told(self) -> list[str]:
-        """Ids of the messages."""
+    def message_ids(self) -> list[str]:
+        """Return the ids of the messages."""
         return [event.id for event in self.events if isinstance(event, Message)]
 
     def moves(self) -> list[str]:
-        """What the moves were for."""
+        """Return the purposes of the moves."""
         return [str(event.label[0]) for event in self.events if isinstance(event, StepStarted)]

@@ -1,4 +1,4 @@
-"""A register write outside a run is in the audit trail; where the product requires it, a second engineer confirms."""
+"""Register writes outside a run are audited and confirmed by a second engineer if the product requires it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +13,7 @@ from calstation.records import audit_path, read_audit
 from calstation.registers import journal, wanted_registers
 from calstation.results import Result
 from tests.helpers import ignore_progress, raises_code
-from tests.registers.operations import Errands
+from tests.registers.operations import RegisterOperations
 from tests.site_folder import SiteFolder
 
 SERIAL = "SN-000042"
@@ -26,9 +26,9 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
 
 
-def test_a_write_by_hand_is_in_the_audit_trail(site_folder: SiteFolder) -> None:
-    errands = Errands(replace(site_folder.request(), operator="wang"))
-    errands.write(VALUES, at_rest=True)
+def test_manual_write_is_in_the_audit_trail(site_folder: SiteFolder) -> None:
+    operations = RegisterOperations(replace(site_folder.request(), operator="wang"))
+    operations.write(VALUES, at_rest=True)
     (event,) = read_audit(audit_path(site())).events
     assert (event.event, event.by, event.confirmed_by) == ("registers", "wang", None)
     assert event.values == {"serial": SERIAL, "what": "write", "source": "x.h5", "station": "test bench", "pin": None}
@@ -38,10 +38,10 @@ def test_without_the_second_engineer_nothing_is_written(site_folder: SiteFolder)
     site_folder.write({"confirmation": {"required_for": ["registers"]}})
     request = replace(site_folder.request(), operator="B0001")
     with raises_code(ConfigurationError, "confirmation.registers_required"):
-        Errands(request).write(VALUES, at_rest=True)
+        RegisterOperations(request).write(VALUES, at_rest=True)
     assert not journal.history(request.out, SERIAL)
     assert not read_audit(audit_path(site())).events
-    Errands(request).do("write", VALUES, at_rest=True, people=BOTH)
+    RegisterOperations(request).do("write", VALUES, at_rest=True, people=BOTH)
     assert journal.history(request.out, SERIAL)[-1].closing == "done"
     (event,) = read_audit(audit_path(site())).events
     assert (event.by, event.confirmed_by, event.values["pin"]) == ("B0001", "B0002", "personal")
@@ -56,22 +56,22 @@ def another_product(site_folder: SiteFolder) -> Path:
     return lenient
 
 
-def test_another_product_does_not_spare_the_second_engineer(
+def test_choosing_another_product_does_not_bypass_the_second_engineer(
     site_folder: SiteFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
     site_folder.write({"confirmation": {"required_for": ["registers"]}})
     request = site_folder.request()
-    Errands(request).do("write", VALUES, at_rest=True, people=BOTH)
+    RegisterOperations(request).do("write", VALUES, at_rest=True, people=BOTH)
     lenient = another_product(site_folder)
     with raises_code(InputError, "transfer.other_product"):
-        Errands(replace(request, product=lenient)).do("restore", at_rest=True)
+        RegisterOperations(replace(request, product=lenient)).do("restore", at_rest=True)
     files = ["--station", str(site_folder.station), "--product", str(lenient), "--out", str(request.out)]
     assert run_app(["registers", "restore", SERIAL, *files, "--at-rest", "--yes"]) == InputError.exit_code
     assert "was made with product 'short', not with 'lenient'" in capsys.readouterr().err
     journal.begin(request.out, SERIAL, VALUES, VALUES, journal.Purpose("li", "run", "", transfer(request).unit_type))
     for what in ("finish", "restore"):
         with raises_code(InputError, "transfer.other_product"):
-            Errands(replace(request, product=lenient)).do(what, at_rest=True)
+            RegisterOperations(replace(request, product=lenient)).do(what, at_rest=True)
     assert [event.event for event in read_audit(audit_path(site())).events] == ["registers"]
 
 
@@ -79,7 +79,7 @@ def transfer(request: RunRequest) -> journal.Transfer:
     return journal.history(request.out, SERIAL)[-1]
 
 
-def test_a_result_of_another_product_is_not_written(site_folder: SiteFolder) -> None:
+def test_result_of_another_product_is_not_written(site_folder: SiteFolder) -> None:
     result = {
         "unit": {"serial": SERIAL},
         "product": "short",

@@ -1,4 +1,4 @@
-"""Verification on a gimbal: its drifts follow from the joint axes, whatever the mounting of the unit."""
+"""Verification on a gimbal: the expected drifts follow from the joint axes for any mounting of the unit."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ CONTEXT = SolveContext(
 
 
 @pytest.mark.parametrize(("written", "holds", "passed"), [(0.6e-3, 0.6e-3, True), (0.6e-3, 0.0, False)])
-def test_the_drift_expected_is_that_of_the_registers_written(written: float, holds: float, passed: bool) -> None:
+def test_expected_drift_follows_from_the_written_registers(written: float, holds: float, passed: bool) -> None:
     J = drift_matrix("zxy", 0, np.deg2rad(30.0))
     drift = TurnDrift(0, J, -J @ np.full(2, TRUE - holds), 1.5, 3.0)
     mounted = np.eye(COUNT) * np.deg2rad(0.1) ** 2

@@ -1,4 +1,4 @@
-"""Interrupted transfers at the next start: run, workshop and command line, on a unit that keeps its flash."""
+"""Recovery of interrupted transfers by a run, the job queue and the command line, on a unit with persistent flash."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -20,7 +20,7 @@ from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Message, StageStarted, StepStarted, Verdict
 from tests.helpers import ignore_progress, raises_code
-from tests.registers.operations import Errands
+from tests.registers.operations import RegisterOperations
 from tests.site_folder import SiteFolder
 
 pytestmark = pytest.mark.long
@@ -30,20 +30,20 @@ VALUES = {"gyro_bias_x": 2e-6, "accel_scale_y": 3e-4}
 
 
 class Workbench:
-    """A place whose unit keeps its flash, and a transfer to it that can be cut short."""
+    """A site whose unit keeps its flash, with a transfer that can be interrupted."""
 
     def __init__(self, site_folder: SiteFolder) -> None:
         self.site_folder = site_folder
         self.runs = site_folder.folder / "runs"
         self.request = site_folder.request("six_position")
-        self.errands = Errands(site_folder.request())
+        self.operations = RegisterOperations(site_folder.request())
         self.healthy()
 
     def healthy(self, **bench: Any) -> None:
         self.site_folder.write(flash_file=str(self.site_folder.folder / "flash.bin"), **bench)
 
     def interrupt(self, *, committed: bool, values: Mapping[str, float] = VALUES) -> register_journal.Transfer:
-        """A transfer whose station lost its power, before or behind the commit."""
+        """Simulate a transfer during which the station lost power, before or after the commit."""
         setup = resolve_configuration(self.request)
 
         def begin(old: Any, new: Any) -> register_journal.Transfer:
@@ -81,14 +81,14 @@ def bench(site_folder: SiteFolder) -> Workbench:
     return Workbench(site_folder)
 
 
-def told(events: list[Event], ident: str) -> list[Any]:
+def message_values(events: list[Event], ident: str) -> list[Any]:
     return [event.values for event in events if isinstance(event, Message) and event.id == ident]
 
 
-def test_a_unit_that_kept_its_registers_is_calibrated_normally(bench: Workbench) -> None:
+def test_unit_with_unchanged_registers_is_calibrated_normally(bench: Workbench) -> None:
     bench.interrupt(committed=False)
     events = bench.run()
-    assert told(events, "transfer_kept")[0]["holds"] == "old"
+    assert message_values(events, "transfer_kept")[0]["holds"] == "old"
     assert isinstance(events[-1], Verdict)
     assert events[-1].outcome == "passed"
     first, second = register_journal.history(bench.runs, SERIAL)
@@ -98,46 +98,48 @@ def test_a_unit_that_kept_its_registers_is_calibrated_normally(bench: Workbench)
 def test_unverified_registers_block_a_run_until_a_decision(bench: Workbench) -> None:
     bench.interrupt(committed=True)
     events = bench.run()
-    (offer,) = told(events, "transfer_open")
+    (offer,) = message_values(events, "transfer_open")
     assert (offer["holds"], offer["offers"], offer["serial"]) == ("new", ["finish", "restore"], SERIAL)
     (fault,) = [event for event in events if isinstance(event, Fault)]
     assert fault.code == "transfer.interrupted"
     assert isinstance(events[-1], Verdict)
     assert events[-1].outcome == "fault"
     with raises_code(DeviceFaultError, "transfer.interrupted"):
-        bench.errands.write(VALUES)
-    assert bench.errands.moves() == []
+        bench.operations.write(VALUES)
+    assert bench.operations.moves() == []
     assert register_journal.interrupted(bench.runs, SERIAL) is not None
 
     events = bench.run(unfinished="restore")
-    assert told(events, "transfer_settled")[0]["closing"] == "restored"
+    assert message_values(events, "transfer_settled")[0]["closing"] == "restored"
     assert isinstance(events[-1], Verdict)
     assert events[-1].outcome == "passed"
 
 
 @pytest.mark.parametrize(("choice", "committed"), [("finish", False), ("restore", True)])
-def test_finished_or_restored_without_a_run(bench: Workbench, committed: bool, choice: str) -> None:
+def test_interrupted_transfer_is_finished_or_restored_without_a_run(
+    bench: Workbench, committed: bool, choice: str
+) -> None:
     entry = bench.interrupt(committed=committed)
     if choice == "finish":
-        settled = bench.errands.do("finish")
+        settled = bench.operations.do("finish")
         assert settled.closing == "done"
     else:
-        settled = bench.errands.do("restore")
+        settled = bench.operations.do("restore")
         assert settled.closing == "restored"
     assert settled.proof == "turn"
     assert UnitRegisters.of(settled.unit).values == dict(entry.new if choice == "finish" else entry.old)
     assert register_journal.interrupted(bench.runs, SERIAL) is None
     assert register_journal.cycles(bench.runs, SERIAL) == 2
     with raises_code(InputError, "transfer.nothing_to_finish"):
-        bench.errands.do("finish")
+        bench.operations.do("finish")
 
 
-def test_new_registers_finished_before_a_run_are_verified_before_its_first_stage(bench: Workbench) -> None:
+def test_finished_registers_are_verified_before_the_first_stage_of_a_run(bench: Workbench) -> None:
     bench.interrupt(committed=True)
     events = bench.run(unfinished="finish")
     assert isinstance(events[-1], Verdict)
     assert events[-1].outcome == "passed"
-    assert told(events, "transfer_settled")[0]["closing"] == "done"
+    assert message_values(events, "transfer_settled")[0]["closing"] == "done"
     begun = [i for i, event in enumerate(events) if isinstance(event, StageStarted)]
     turns = [i for i, e in enumerate(events) if isinstance(e, StepStarted) and e.label == ("verify",)]
     assert sum(i < begun[0] for i in turns) == 11, "twice around, then to the load position"
@@ -146,7 +148,7 @@ def test_new_registers_finished_before_a_run_are_verified_before_its_first_stage
     assert (first.closing, first.steps[-1]) == (second.closing, second.steps[-1]) == ("done", "turned")
 
 
-def test_new_registers_that_fail_verification_are_restored_and_nothing_is_calibrated(bench: Workbench) -> None:
+def test_registers_that_fail_verification_are_restored_and_the_run_ends(bench: Workbench) -> None:
     entry = bench.interrupt(committed=True, values={"gyro_scale_x": 0.05})
     events = bench.run(unfinished="finish")
     (fault,) = [event for event in events if isinstance(event, Fault)]
@@ -157,7 +159,7 @@ def test_new_registers_that_fail_verification_are_restored_and_nothing_is_calibr
     assert closed.closing == "restored"
 
 
-def test_a_run_does_not_finish_a_transfer_if_the_table_may_not_move(bench: Workbench) -> None:
+def test_run_does_not_finish_a_transfer_if_the_table_may_not_move(bench: Workbench) -> None:
     bench.interrupt(committed=True)
     bench.healthy(interlock_closed=False)
     events = bench.run(unfinished="finish")
@@ -167,7 +169,7 @@ def test_a_run_does_not_finish_a_transfer_if_the_table_may_not_move(bench: Workb
     assert register_journal.interrupted(bench.runs, SERIAL) is not None
 
 
-def test_a_run_stopped_before_verification_reports_it(bench: Workbench) -> None:
+def test_run_stopped_before_verification_reports_an_unverified_transfer(bench: Workbench) -> None:
     bench.interrupt(committed=True)
     control = Control()
     events: list[Event] = []
@@ -180,36 +182,38 @@ def test_a_run_stopped_before_verification_reports_it(bench: Workbench) -> None:
     execute(replace(bench.request, unfinished="finish"), emit, control)
     assert isinstance(events[-1], Verdict)
     assert events[-1].outcome == "stopped"
-    assert len(told(events, "transfer_unproved")) == 1
+    assert len(message_values(events, "transfer_unproved")) == 1
     assert register_journal.interrupted(bench.runs, SERIAL) is not None
 
 
-def test_any_earlier_set_can_be_restored_by_its_transfer(bench: Workbench) -> None:
+def test_any_earlier_register_set_can_be_restored(bench: Workbench) -> None:
     for value in (1e-6, 2e-6):
-        bench.errands.write({"gyro_bias_x": value}, at_rest=True)
+        bench.operations.write({"gyro_bias_x": value}, at_rest=True)
     known = register_journal.history(bench.runs, SERIAL)
-    settled = bench.errands.do("restore", transfer=known[1].id)
+    settled = bench.operations.do("restore", transfer=known[1].id)
     assert (settled.closing, settled.proof) == ("done", "turn")
     assert bench.holds()["gyro_bias_x"] == np.float32(1e-6)
     assert [t.why for t in register_journal.history(bench.runs, SERIAL)] == ["hand", "hand", "restore"]
     with raises_code(InputError, "transfer.unknown_id"):
-        bench.errands.do("restore", transfer="x")
+        bench.operations.do("restore", transfer="x")
     with raises_code(InputError, "transfer.none_known_here"):
-        Errands(replace(bench.request, serial="SN-000007")).do("restore")
+        RegisterOperations(replace(bench.request, serial="SN-000007")).do("restore")
 
 
 @pytest.mark.parametrize("at_rest", [False, True])
-def test_registers_with_a_wrong_output_are_restored(bench: Workbench, at_rest: bool) -> None:
+def test_registers_that_give_wrong_output_are_restored(bench: Workbench, at_rest: bool) -> None:
     before = bench.holds()
     with raises_code(DeviceFaultError, "verification.wrong"):
-        bench.errands.write({"accel_scale_z": 0.05}, at_rest=at_rest)
+        bench.operations.write({"accel_scale_z": 0.05}, at_rest=at_rest)
     assert bench.holds() == before
     (entry,) = register_journal.history(bench.runs, SERIAL)
     assert entry.closing == "restored"
     assert "refuted" in entry.steps
 
 
-def test_the_command_line_lists_finishes_and_restores(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_line_lists_finishes_and_restores_transfers(
+    bench: Workbench, capsys: pytest.CaptureFixture[str]
+) -> None:
     entry = bench.interrupt(committed=True)
     files = [
         "--out",

@@ -1,4 +1,4 @@
-"""The journal of a unit's registers: on disk before it returns, and believed only where it reads as it was written."""
+"""The register journal is on disk before a call returns, and is used only if it reads back undamaged."""
 
 import json
 import os
@@ -22,7 +22,7 @@ def begin(runs: Path, serial: str = "SN-1") -> journal.Transfer:
     return journal.begin(runs, serial, OLD, NEW, journal.Purpose("wang", "run", "a.h5"))
 
 
-def test_a_transfer_is_read_back_with_every_bit(tmp_path: Path) -> None:
+def test_transfer_is_read_back_bit_identical(tmp_path: Path) -> None:
     made = begin(tmp_path)
     for step in (Step.WRITTEN, Step.COMMITTING):
         made.note(step)
@@ -50,7 +50,7 @@ def test_every_line_is_on_disk_when_it_is_acknowledged(tmp_path: Path, monkeypat
     assert synced[-1] == made.path.stat().st_size
 
 
-def test_units_do_not_share_a_journal_whatever_their_numbers(tmp_path: Path) -> None:
+def test_units_never_share_a_journal(tmp_path: Path) -> None:
     names = ["SN-1", "SN/1", "SN%2F1", "../SN", "Ж 1"]
     for name in names:
         begin(tmp_path, name)
@@ -60,7 +60,7 @@ def test_units_do_not_share_a_journal_whatever_their_numbers(tmp_path: Path) -> 
     assert all(path.parent == tmp_path / journal.FOLDER for path in tmp_path.rglob("*.jsonl"))
 
 
-def test_the_latest_intention_is_the_one_that_may_be_open(tmp_path: Path) -> None:
+def test_only_the_latest_entry_can_be_open(tmp_path: Path) -> None:
     begin(tmp_path)
     second = begin(tmp_path)
     found = journal.interrupted(tmp_path, "SN-1")
@@ -78,7 +78,7 @@ def test_an_unwritable_journal_is_reported_with_a_remedy(tmp_path: Path) -> None
 
 
 def begun(runs: Path) -> journal.Transfer:
-    """A transfer that went as far as its commit."""
+    """Return a transfer that reached its commit."""
     made = begin(runs)
     for step in (Step.WRITTEN, Step.COMMITTING):
         made.note(step)
@@ -86,7 +86,7 @@ def begun(runs: Path) -> journal.Transfer:
 
 
 def told(runs: Path) -> str:
-    """What is said of a damaged journal, "" where it is believed; every reader says the same."""
+    """Return the error for a damaged journal, "" for a valid one; all readers agree."""
     said = set()
     for ask in (journal.history, journal.interrupted, journal.cycles):
         try:
@@ -100,7 +100,7 @@ def told(runs: Path) -> str:
 
 
 @pytest.mark.parametrize("apart", [11, pytest.param(1, marks=pytest.mark.exhaustive)])
-def test_no_byte_can_be_wrong_unseen(tmp_path: Path, apart: int) -> None:
+def test_every_wrong_byte_is_detected(tmp_path: Path, apart: int) -> None:
     made = begun(tmp_path)
     whole = made.path.read_bytes()
     for position in range(0, len(whole), apart):
@@ -116,7 +116,7 @@ def test_no_byte_can_be_wrong_unseen(tmp_path: Path, apart: int) -> None:
     [((0, 2), 2), ((0, 1, 1, 2), 3), ((0, 2, 1), 2), ((1, 2), 1), ((0, 1, 2, 2), 4)],
     ids=["missing", "doubled", "exchanged", "first missing", "last doubled"],
 )
-def test_every_line_has_its_position(tmp_path: Path, order: tuple[int, ...], line: int) -> None:
+def test_reordered_lines_are_detected(tmp_path: Path, order: tuple[int, ...], line: int) -> None:
     made = begun(tmp_path)
     lines = made.path.read_bytes().splitlines(keepends=True)
     assert len(lines) == 3
@@ -138,7 +138,7 @@ Spoil = Callable[[bytes], bytes]
         pytest.param(lambda data: data[:40], 1, id="a torn intention"),
     ],
 )
-def test_a_damaged_journal_refuses_its_unit_with_file_line_and_remedy(tmp_path: Path, spoil: Spoil, line: int) -> None:
+def test_damaged_journal_blocks_its_unit_with_file_line_and_remedy(tmp_path: Path, spoil: Spoil, line: int) -> None:
     path = begun(tmp_path).path
     path.write_bytes(spoil(path.read_bytes()))
     words = told(tmp_path)
@@ -171,14 +171,14 @@ def test_a_damaged_journal_refuses_its_unit_with_file_line_and_remedy(tmp_path: 
         {},
     ],
 )
-def test_an_unknown_journal_line_refuses_the_unit(tmp_path: Path, content: dict[str, object]) -> None:
+def test_unknown_journal_line_blocks_the_unit(tmp_path: Path, content: dict[str, object]) -> None:
     made = begun(tmp_path)
     append_line(made.path, {"id": made.id, "utc": "", **content})
     assert told(tmp_path).startswith(f"Data: {made.path}, line 4: its content is unknown to this program")
 
 
 def before_checks(path: Path) -> None:
-    """Make a journal one of the time when lines had no check."""
+    """Convert a journal to the first version without checksums."""
     lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
     for line in lines:
         for later in ("chain", "model", "profile", "product", "map"):
@@ -186,7 +186,7 @@ def before_checks(path: Path) -> None:
     path.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
 
 
-def test_a_journal_without_checks_is_read_and_continued(tmp_path: Path) -> None:
+def test_journal_without_checksums_is_read_and_continued(tmp_path: Path) -> None:
     made = begun(tmp_path)
     before_checks(made.path)
     found = journal.interrupted(tmp_path, "SN-1")
@@ -202,7 +202,7 @@ def test_a_journal_without_checks_is_read_and_continued(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("right", "wrong"), [("1e-06", "1" + "0" * 400), ('"old"', '"olc"'), ('"committing"', '"comitting"')]
 )
-def test_a_journal_without_checks_is_still_validated(tmp_path: Path, right: str, wrong: str) -> None:
+def test_journal_without_checksums_is_validated(tmp_path: Path, right: str, wrong: str) -> None:
     made = begun(tmp_path)
     before_checks(made.path)
     text = made.path.read_text(encoding="utf-8")
@@ -240,7 +240,7 @@ def test_a_journal_is_continued_after_a_power_cut(tmp_path_factory: pytest.TempP
     assert [t.id for t in journal.history(runs, "SN-1")] == [first.id, later.id]
 
 
-def test_a_unit_on_hardware_has_one_journal_whatever_the_folder_of_its_runs(tmp_path: Path) -> None:
+def test_unit_on_hardware_has_one_journal_for_all_runs_folders(tmp_path: Path) -> None:
     site, monday, tuesday = tmp_path / "site", tmp_path / "monday", tmp_path / "tuesday"
     made = journal.begin(monday, "SN-1", OLD, NEW, journal.Purpose(None, "run", ""), site=site)
     made.note(Step.COMMITTING)
@@ -252,7 +252,7 @@ def test_a_unit_on_hardware_has_one_journal_whatever_the_folder_of_its_runs(tmp_
     assert journal.serials(site) == ["SN-1"]
 
 
-def test_transfers_from_before_the_site_journals_are_found_beside_the_runs(tmp_path: Path) -> None:
+def test_transfers_of_earlier_versions_are_found_in_the_runs_folder(tmp_path: Path) -> None:
     site = tmp_path / "site"
     virtual = begun(tmp_path)
     assert journal.interrupted(tmp_path, "SN-1", site) is None, "a virtual unit of the same number"

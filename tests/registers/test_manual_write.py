@@ -1,4 +1,4 @@
-"""Registers by hand on the bench's own IMU: read, set beside a result, written, journaled."""
+"""Manual register operations on the simulated IMU: read, compare with a result, write, journal."""
 
 import json
 from dataclasses import replace
@@ -13,7 +13,7 @@ from calstation.registers.journal import FOLDER, history
 from calstation.registers.unit_registers import UnitRegisters, compose, read_unit, wanted_registers
 from calstation.results.result import Result
 from tests.helpers import ignore_progress, raises_code
-from tests.registers.operations import Errands
+from tests.registers.operations import RegisterOperations
 from tests.site_folder import SiteFolder
 
 SERIAL = "SN-000042"
@@ -21,13 +21,13 @@ SERIAL = "SN-000042"
 
 @pytest.fixture
 def unit(site_folder: SiteFolder) -> SiteFolder:
-    """A place whose unit keeps its flash."""
+    """A site whose unit keeps its flash."""
     site_folder.write(flash_file=str(site_folder.folder / "flash.bin"))
     return site_folder
 
 
 def result_of(site_folder: SiteFolder, **values: float) -> Result:
-    """A result with these parameters."""
+    """Write a result with these parameters."""
     return Result.from_json(
         {
             "schema": "calstation.result/1",
@@ -41,7 +41,7 @@ def result_of(site_folder: SiteFolder, **values: float) -> Result:
 
 
 @pytest.mark.long
-def test_the_unit_holds_what_was_written(unit: SiteFolder) -> None:
+def test_unit_contains_the_written_values(unit: SiteFolder) -> None:
     runs = unit.folder / "runs"
     before = read_unit(ignore_progress, unit.request(), runs)
     assert (before.serial, before.commits, before.virtual) == (SERIAL, 0, True)
@@ -51,7 +51,7 @@ def test_the_unit_holds_what_was_written(unit: SiteFolder) -> None:
     assert wanted.registers[0].value == np.float32(1e-6)
     assert bytes.fromhex(wanted.registers[0].raw) == np.array([1e-6], ">f4").tobytes()
 
-    after = UnitRegisters.of(Errands(unit.request()).write(wanted.values, at_rest=True).unit)
+    after = UnitRegisters.of(RegisterOperations(unit.request()).write(wanted.values, at_rest=True).unit)
     again = read_unit(ignore_progress, unit.request(), runs)
     assert again.values == after.values == before.values | wanted.values
     assert again.commits == 1
@@ -62,7 +62,7 @@ def test_the_unit_holds_what_was_written(unit: SiteFolder) -> None:
 
 
 def test_the_command_line_reads_the_registers_of_a_unit(unit: SiteFolder, capsys: pytest.CaptureFixture[str]) -> None:
-    Errands(unit.request()).write({"gyro_bias_x": 1e-6, "accel_scale_y": 3e-4}, at_rest=True)
+    RegisterOperations(unit.request()).write({"gyro_bias_x": 1e-6, "accel_scale_y": 3e-4}, at_rest=True)
     flash = (unit.folder / "flash.bin").read_bytes()
     where = [
         "--station",
@@ -87,33 +87,33 @@ def test_the_command_line_reads_the_registers_of_a_unit(unit: SiteFolder, capsys
     assert f"Unit '{SERIAL}' is in the fixture, not 'SN-000043'" in capsys.readouterr().err
 
 
-def test_another_unit_than_meant_is_refused(unit: SiteFolder) -> None:
+def test_write_to_a_different_unit_is_refused(unit: SiteFolder) -> None:
     unit.write(serial=SERIAL)
     runs = unit.folder / "runs"
     with pytest.raises(DeviceFaultError, match=r"'SN-000042' is in the fixture.*nothing was written"):
-        Errands(unit.request(serial="SN-000043")).write({"gyro_bias_x": 1e-6})
+        RegisterOperations(unit.request(serial="SN-000043")).write({"gyro_bias_x": 1e-6})
     assert history(runs, "SN-000043") == []
 
 
-def test_a_value_that_does_not_fit_is_refused(unit: SiteFolder) -> None:
+def test_value_outside_the_register_range_is_refused(unit: SiteFolder) -> None:
     runs = unit.folder / "runs"
     with pytest.raises(DeviceFaultError, match="does not fit register 0"):
-        Errands(unit.request()).write({"gyro_bias_x": 7.0}, at_rest=True)
+        RegisterOperations(unit.request()).write({"gyro_bias_x": 7.0}, at_rest=True)
     assert read_unit(ignore_progress, unit.request(), runs).values["gyro_bias_x"] != 7.0
 
 
-def test_no_journal_no_write(unit: SiteFolder) -> None:
+def test_write_is_refused_without_a_journal(unit: SiteFolder) -> None:
     runs = unit.folder / "runs"
     runs.mkdir()
     (runs / FOLDER).write_text("a file where the folder should be", encoding="utf-8")
     with raises_code(ConfigurationError, "journal.unwritable"):
-        Errands(unit.request()).write({"gyro_bias_x": 1e-6}, at_rest=True)
+        RegisterOperations(unit.request()).write({"gyro_bias_x": 1e-6}, at_rest=True)
     (runs / FOLDER).unlink()
     assert read_unit(ignore_progress, unit.request(), runs).values["gyro_bias_x"] == 0.0
 
 
 @pytest.mark.long
-def test_a_result_after_the_registers_is_composed_with_them(behind: SiteFolder) -> None:
+def test_result_from_corrected_output_is_composed_with_the_registers(behind: SiteFolder) -> None:
     result = dict(behind.run("six_position").result)
     wanted = wanted_registers(ignore_progress, behind.request(), Result.from_json(result))
     found = {name: row["value"] for name, row in result["parameters"].items()}

@@ -1,4 +1,4 @@
-"""Registers outside a run: the table is made ready before they are written, turns behind them, and is left at rest."""
+"""Register operations outside a run: the table is prepared first, moves for verification, and is left at rest."""
 
 import json
 import os
@@ -21,7 +21,7 @@ from calstation.registers.unit_registers import UnitRegisters
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Event, Message, StateChanged, StepStarted
 from tests.helpers import raises_code, sampled
-from tests.registers.operations import Errands
+from tests.registers.operations import RegisterOperations
 from tests.site_folder import STATION, SiteFolder
 
 pytestmark = pytest.mark.long
@@ -33,12 +33,12 @@ SCALE = 0.02
 
 
 class Floor:
-    """A place whose unit keeps its flash and whose bench says how it was left."""
+    """A site whose unit keeps its flash, with access to the final state of the bench."""
 
     def __init__(self, site_folder: SiteFolder) -> None:
         self.site_folder = site_folder
         self.runs = site_folder.folder / "runs"
-        self.errands = Errands(site_folder.request())
+        self.operations = RegisterOperations(site_folder.request())
         self.write_station()
 
     def write_station(self, profile: str = "bench", **bench: Any) -> None:
@@ -54,17 +54,17 @@ class Floor:
 
     @property
     def report(self) -> dict[str, Any]:
-        """How the bench was left."""
+        """Return the final state of the bench."""
         found: dict[str, Any] = json.loads((self.site_folder.folder / "bench.json").read_text(encoding="utf-8"))
         return found
 
     @property
     def entry(self) -> register_journal.Transfer:
-        """The latest transfer."""
+        """Return the latest transfer."""
         return register_journal.history(self.runs, SERIAL)[-1]
 
     def left_alone(self) -> bool:
-        """At rest, axes off."""
+        """Return whether the table is at rest with its axes off."""
         return not self.report["enabled"] and not self.report["moving"]
 
 
@@ -73,54 +73,52 @@ def floor(site_folder: SiteFolder) -> Floor:
     return Floor(site_folder)
 
 
-def verifying(errands: Errands, event: Event) -> bool:
-    """Whether it is a move of the restarted unit."""
-    return isinstance(event, StepStarted) and event.label[:1] == ("verify",) and "verifying" in errands.told()
+def verifying(operations: RegisterOperations, event: Event) -> bool:
+    """Return whether an event is a verification move of the restarted unit."""
+    return isinstance(event, StepStarted) and event.label[:1] == ("verify",) and "verifying" in operations.message_ids()
 
 
 def stop_at(moment: str) -> Any:
-    """Stop at a message, or at the first move for something, of the restarted unit where it is to verify."""
+    """Stop at a message, or at the first move with a purpose; for verification, of the restarted unit."""
 
-    def watch(errands: Errands, event: Event) -> None:
+    def watch(operations: RegisterOperations, event: Event) -> None:
         move = isinstance(event, StepStarted) and event.label[:1] == (moment,)
         if moment == "verify":
-            move = verifying(errands, event)
+            move = verifying(operations, event)
         if move or (isinstance(event, Message) and event.id == moment):
-            errands.control.send(Command.STOP)
+            operations.control.send(Command.STOP)
 
     return watch
 
 
-def test_a_wrong_sign_invisible_at_rest_fails_the_turn(floor: Floor) -> None:
+def test_wrong_sign_that_is_invisible_at_rest_fails_the_rotation_test(floor: Floor) -> None:
     floor.write_station(parameters={"gyro_scale_x": SCALE})
-    floor.errands.write({"gyro_scale_x": SCALE})
+    floor.operations.write({"gyro_scale_x": SCALE})
     assert floor.entry.steps[-1] == "turned"
     with raises_code(DeviceFaultError, "verification.wrong"):
-        floor.errands.write({"gyro_scale_x": -SCALE})
+        floor.operations.write({"gyro_scale_x": -SCALE})
     assert (floor.entry.closing, "refuted" in floor.entry.steps) == ("restored", True)
     assert floor.left_alone()
-    settled = floor.errands.write({"gyro_scale_x": -SCALE}, at_rest=True)
+    settled = floor.operations.write({"gyro_scale_x": -SCALE}, at_rest=True)
     assert (settled.closing, settled.proof) == ("done", "rest")
     assert floor.entry.steps[-1] == "at_rest"
-    assert floor.errands.moves() == []
+    assert floor.operations.moves() == []
     assert UnitRegisters.of(settled.unit).values["gyro_scale_x"] == pytest.approx(-SCALE)
 
 
 @pytest.mark.parametrize("profile", ["bench", pytest.param("indexing_unit", marks=pytest.mark.exhaustive)])
-def test_the_table_is_prepared_before_the_write_turned_after_it_and_left_at_its_load_angle(
-    floor: Floor, profile: str
-) -> None:
+def test_table_is_prepared_moved_for_verification_and_returned_to_load_position(floor: Floor, profile: str) -> None:
     floor.write_station(profile)
-    settled = floor.errands.write(VALUES)
+    settled = floor.operations.write(VALUES)
     assert (settled.closing, settled.proof) == ("done", "turn")
-    told = floor.errands.told()
+    told = floor.operations.message_ids()
     order = ["identified", "homing", "checking_mounting", "registers_writing", "verifying", "registers_proved"]
     assert [ident for ident in told if ident in order] == order
-    moves = floor.errands.moves()
+    moves = floor.operations.moves()
     assert moves.count("verify") >= 11, "twice around"
     assert set(moves[-12:]) <= {"verify", "load"}
     assert "verify" not in moves[moves.index("load") :] if "load" in moves else True, "loaded at the end"
-    states = [event.state for event in floor.errands.events if isinstance(event, StateChanged)]
+    states = [event.state for event in floor.operations.events if isinstance(event, StateChanged)]
     assert states == ["preparing", "running", "done"], "what is no calibration has not passed"
     assert floor.left_alone()
 
@@ -139,17 +137,15 @@ def test_the_table_is_prepared_before_the_write_turned_after_it_and_left_at_its_
         ),
     ],
 )
-def test_a_table_that_cannot_turn_refuses_before_anything_is_written(
-    floor: Floor, bench: dict[str, Any], words: str
-) -> None:
+def test_table_that_cannot_move_is_reported_before_any_write(floor: Floor, bench: dict[str, Any], words: str) -> None:
     floor.write_station(**bench)
     with pytest.raises(CalstationError, match=words) as refused:
-        floor.errands.write(VALUES)
+        floor.operations.write(VALUES)
     assert str(refused.value).endswith(" Or leave the table alone: --at-rest.")
     assert register_journal.history(floor.runs, SERIAL) == []
     assert floor.report["flash_cycles"] == 0
     assert floor.left_alone()
-    assert floor.errands.write(VALUES, at_rest=True).proof == "rest"
+    assert floor.operations.write(VALUES, at_rest=True).proof == "rest"
 
 
 @pytest.mark.long
@@ -161,34 +157,34 @@ def test_a_table_that_cannot_turn_refuses_before_anything_is_written(
         ["identified", "homing", "check", "reference", "registers_writing", "verifying", "verify"],
     ),
 )
-def test_a_stop_works_at_every_moment(floor: Floor, profile: str, moment: str) -> None:
+def test_stop_is_safe_at_every_step(floor: Floor, profile: str, moment: str) -> None:
     written = moment in ("registers_writing", "verifying", "verify")
     floor.write_station(profile)
-    floor.errands.on_event = stop_at(moment)
-    assert floor.errands.write(VALUES).closing == "stopped"
+    floor.operations.on_event = stop_at(moment)
+    assert floor.operations.write(VALUES).closing == "stopped"
     assert floor.left_alone()
     assert bool(register_journal.interrupted(floor.runs, SERIAL)) is written
-    assert ("transfer_unproved" in floor.errands.told()) is written
-    assert ("transfer_finished" in floor.errands.told()) is (moment == "registers_writing")
+    assert ("transfer_unproved" in floor.operations.message_ids()) is written
+    assert ("transfer_finished" in floor.operations.message_ids()) is (moment == "registers_writing")
     if written:
-        floor.errands.on_event = lambda errands, event: None
-        settled = floor.errands.do("finish")
+        floor.operations.on_event = lambda operations, event: None
+        settled = floor.operations.do("finish")
         assert (settled.closing, settled.proof) == ("done", "turn")
         assert floor.entry.cycles == 1, "what was in flash already is not written again"
 
 
 @pytest.mark.long
-def test_a_stop_without_the_table(floor: Floor) -> None:
-    floor.errands.on_event = stop_at("verifying")
-    assert floor.errands.write(VALUES, at_rest=True).closing == "stopped"
-    assert floor.errands.told()[-1] == "transfer_unproved"
-    floor.errands.on_event = lambda errands, event: None
-    assert floor.errands.do("restore", at_rest=True).closing == "restored"
+def test_stop_without_a_table_leaves_the_transfer_unverified(floor: Floor) -> None:
+    floor.operations.on_event = stop_at("verifying")
+    assert floor.operations.write(VALUES, at_rest=True).closing == "stopped"
+    assert floor.operations.message_ids()[-1] == "transfer_unproved"
+    floor.operations.on_event = lambda operations, event: None
+    assert floor.operations.do("restore", at_rest=True).closing == "restored"
 
 
 @pytest.fixture
-def clock_at_hand(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The clock of the bench in use, which takes orders."""
+def current_clock(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The clock of the current bench, which accepts fault orders."""
     clocks: list[Any] = []
     connected = register_errand.connected
 
@@ -211,34 +207,34 @@ def clock_at_hand(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         ("jam", "did not reach"),
     ],
 )
-def test_a_table_that_fails_in_the_turn_leaves_the_registers_written_and_open(
-    floor: Floor, clock_at_hand: list[Any], order: str, words: str
+def test_table_fault_during_verification_leaves_the_transfer_open(
+    floor: Floor, current_clock: list[Any], order: str, words: str
 ) -> None:
-    def spoil(errands: Errands, event: Event) -> None:
-        if verifying(errands, event):
-            clock_at_hand[-1].order({"order": order, "value": 0.0, "after": 0.5})
+    def spoil(operations: RegisterOperations, event: Event) -> None:
+        if verifying(operations, event):
+            current_clock[-1].order({"order": order, "value": 0.0, "after": 0.5})
 
-    floor.errands.on_event = spoil
+    floor.operations.on_event = spoil
     with pytest.raises(DeviceFaultError, match=words) as fault:
-        floor.errands.write(VALUES)
+        floor.operations.write(VALUES)
     assert "--at-rest" not in str(fault.value)
-    assert "transfer_unproved" in floor.errands.told()
+    assert "transfer_unproved" in floor.operations.message_ids()
     assert floor.left_alone()
     assert register_journal.interrupted(floor.runs, SERIAL) is not None
-    floor.errands.on_event = lambda errands, event: None
-    assert floor.errands.do("restore").closing == "restored"
+    floor.operations.on_event = lambda operations, event: None
+    assert floor.operations.do("restore").closing == "restored"
 
 
 @pytest.mark.long
-def test_a_table_that_fails_before_the_write_leaves_the_unit_untouched(floor: Floor, clock_at_hand: list[Any]) -> None:
-    def spoil(errands: Errands, event: Event) -> None:
+def test_table_fault_before_the_write_leaves_the_registers_unchanged(floor: Floor, current_clock: list[Any]) -> None:
+    def spoil(operations: RegisterOperations, event: Event) -> None:
         if isinstance(event, StepStarted) and event.label[:1] == ("verify",):
-            clock_at_hand[-1].order({"order": "drive_fault", "after": 0.5})
+            current_clock[-1].order({"order": "drive_fault", "after": 0.5})
 
-    floor.errands.on_event = spoil
+    floor.operations.on_event = spoil
     with pytest.raises(DeviceFaultError, match=r"fault 'drive'.*--at-rest"):
-        floor.errands.write(VALUES)
-    assert "transfer_unproved" not in floor.errands.told()
+        floor.operations.write(VALUES)
+    assert "transfer_unproved" not in floor.operations.message_ids()
     assert floor.left_alone()
     assert register_journal.interrupted(floor.runs, SERIAL) is None
 
@@ -246,49 +242,49 @@ def test_a_table_that_fails_before_the_write_leaves_the_unit_untouched(floor: Fl
 @pytest.mark.exhaustive
 def test_restored_registers_are_verified(floor: Floor) -> None:
     floor.write_station(parameters={"gyro_scale_x": SCALE})
-    floor.errands.write({"gyro_scale_x": -SCALE}, at_rest=True)
-    floor.errands.on_event = stop_at("verifying")
-    floor.errands.write({"gyro_scale_x": 0.0})
-    floor.errands.on_event = lambda errands, event: None
+    floor.operations.write({"gyro_scale_x": -SCALE}, at_rest=True)
+    floor.operations.on_event = stop_at("verifying")
+    floor.operations.write({"gyro_scale_x": 0.0})
+    floor.operations.on_event = lambda operations, event: None
     with raises_code(DeviceFaultError, "verification.old_wrong"):
-        floor.errands.do("restore")
+        floor.operations.do("restore")
     assert (floor.entry.closing, floor.entry.steps[-1]) == ("restored", "refuted")
 
-    floor.errands.write({"gyro_scale_x": SCALE})
-    floor.errands.on_event = stop_at("verifying")
-    floor.errands.write({"gyro_scale_x": 0.0})
-    floor.errands.on_event = lambda errands, event: None
-    settled = floor.errands.do("restore")
+    floor.operations.write({"gyro_scale_x": SCALE})
+    floor.operations.on_event = stop_at("verifying")
+    floor.operations.write({"gyro_scale_x": 0.0})
+    floor.operations.on_event = lambda operations, event: None
+    settled = floor.operations.do("restore")
     assert (settled.closing, settled.proof) == ("restored", "turn")
     assert UnitRegisters.of(settled.unit).values["gyro_scale_x"] == pytest.approx(SCALE)
 
 
 @pytest.mark.long
-def test_a_unit_with_its_old_registers_is_not_moved(floor: Floor) -> None:
-    floor.errands.on_event = stop_at("verifying")
-    floor.errands.write(VALUES)
+def test_unit_with_its_old_registers_needs_no_verification_motion(floor: Floor) -> None:
+    floor.operations.on_event = stop_at("verifying")
+    floor.operations.write(VALUES)
     entry = floor.entry
-    floor.errands.on_event = lambda errands, event: None
-    floor.errands.do("restore", at_rest=True)
+    floor.operations.on_event = lambda operations, event: None
+    floor.operations.do("restore", at_rest=True)
     register_journal.begin(floor.runs, SERIAL, entry.old, entry.new, register_journal.Purpose("li", "hand", "y.h5"))
-    settled = floor.errands.do("restore")
+    settled = floor.operations.do("restore")
     assert (settled.closing, settled.proof) == ("kept", "")
-    assert floor.errands.moves() == []
+    assert floor.operations.moves() == []
     assert floor.entry.closing == "kept"
 
 
 @pytest.mark.long
-def test_a_manual_rig_is_not_tested(floor: Floor) -> None:
+def test_manual_rig_needs_no_motion_test(floor: Floor) -> None:
     floor.write_station("hand_rails", parameters={})
-    floor.errands.request = replace(floor.errands.request, product=library.find("products", "mems_hand"))
-    settled = floor.errands.write({"gyro_bias_x": 1e-4})
+    floor.operations.request = replace(floor.operations.request, product=library.find("products", "mems_hand"))
+    settled = floor.operations.write({"gyro_bias_x": 1e-4})
     assert (settled.closing, settled.proof) == ("done", "rest")
-    assert floor.errands.moves() == []
+    assert floor.operations.moves() == []
 
 
 @pytest.mark.long
-def test_the_command_line_reports_motion_and_verification(floor: Floor, capsys: pytest.CaptureFixture[str]) -> None:
-    floor.errands.write(VALUES, at_rest=True)
+def test_command_line_reports_motion_and_verification(floor: Floor, capsys: pytest.CaptureFixture[str]) -> None:
+    floor.operations.write(VALUES, at_rest=True)
     files = ["--out", str(floor.runs), "--station", str(floor.site_folder.station)]
     files += ["--product", str(floor.site_folder.product)]
     assert run_app(["registers", "restore", SERIAL, *files]) == 0
@@ -312,9 +308,9 @@ def test_the_command_line_reports_motion_and_verification(floor: Floor, capsys: 
 
 @pytest.mark.exhaustive
 @pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
-def test_ctrl_c_in_the_turn_stops_the_table(floor: Floor) -> None:
-    floor.errands.on_event = stop_at("verifying")
-    floor.errands.write(VALUES)
+def test_ctrl_c_during_verification_stops_the_table(floor: Floor) -> None:
+    floor.operations.on_event = stop_at("verifying")
+    floor.operations.write(VALUES)
     floor.write_station(speed=5.0)
     command = [sys.executable, "-m", "calstation", "registers", "finish", SERIAL, "--out", str(floor.runs)]
     command += ["--station", str(floor.site_folder.station), "--product", str(floor.site_folder.product)]

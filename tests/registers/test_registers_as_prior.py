@@ -1,4 +1,4 @@
-"""What a run takes from a unit's registers before it begins."""
+"""The prior that a run takes from the registers of its unit."""
 
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -17,20 +17,20 @@ def meta_of(setup, registers):
     return setup.log_meta(NOW, 1, registers)
 
 
-def test_a_stream_before_the_registers_starts_from_their_values():
+def test_prior_of_an_uncorrected_stream_is_the_register_values():
     setup = prepare_run(RunRequest("SN-1"))
     belief = prior_from_meta(meta_of(setup, {"accel_scale_x": 4e-4, "gyro_bias_z": 0.0}))
     assert belief.mean[INDEX["accel_scale_x"]] == 4e-4
     assert belief.mean[INDEX["accel_scale_y"]] == 0.0
 
 
-def test_registers_that_hold_no_calibration_are_no_prior():
+def test_implausible_register_values_give_no_prior():
     setup = prepare_run(RunRequest("SN-1"))
     belief = prior_from_meta(meta_of(setup, {"accel_scale_x": 0.5, "gyro_bias_z": float("nan")}))
     assert not belief.mean.any()
 
 
-def test_after_the_registers_the_prior_is_zero_and_they_are_kept_for_composition():
+def test_prior_of_a_corrected_stream_is_zero_and_registers_are_kept():
     setup = prepare_run(RunRequest("SN-1"))
     stream = setup.imu.stream.model_copy(update={"order": "after_registers"})
     setup = replace(setup, imu=setup.imu.model_copy(update={"stream": stream}))

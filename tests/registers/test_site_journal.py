@@ -1,4 +1,4 @@
-"""A unit on hardware has one journal in the site's folder, and a flash that wears out."""
+"""A unit on hardware has one journal in the site folder, and its flash wears out."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -23,7 +23,7 @@ from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Message, Verdict
 from tests.helpers import ignore_progress, raises_code
-from tests.registers.operations import Errands
+from tests.registers.operations import RegisterOperations
 from tests.site_folder import STATION, SiteFolder
 
 SERIAL = "SN-000042"
@@ -32,7 +32,7 @@ VALUES = {"gyro_bias_x": 2e-6, "accel_scale_y": 3e-4}
 
 @pytest.fixture(autouse=True)
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The site's folder."""
+    """The site folder."""
     folder = tmp_path / "home"
     monkeypatch.setenv("CALSTATION_HOME", str(folder))
     return folder
@@ -40,7 +40,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def hardware(site_folder: SiteFolder) -> Iterator[RunRequest]:
-    """A request to a unit and a table that are there on ports of this computer, for anybody."""
+    """Request a unit and a table on hardware ports that exist on every computer."""
     setup = resolve_configuration(site_folder.request())
     config = setup.bench_config()
     assert config is not None
@@ -54,10 +54,10 @@ def hardware(site_folder: SiteFolder) -> Iterator[RunRequest]:
 
 
 @pytest.mark.exhaustive
-def test_another_folder_of_runs_has_the_same_journal(
+def test_different_runs_folders_share_the_journal(
     hardware: RunRequest, site_folder: SiteFolder, home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Errands(hardware).write(VALUES, at_rest=True)
+    RegisterOperations(hardware).write(VALUES, at_rest=True)
     tuesday = site_folder.folder / "tuesday"
     assert read_unit(ignore_progress, hardware, tuesday).commits == 1
     assert not (hardware.out / register_journal.FOLDER).exists()
@@ -81,12 +81,12 @@ def test_another_folder_of_runs_has_the_same_journal(
     assert run_app(["registers", "list", SERIAL, "--out", str(tuesday)]) == 0
     assert f"unit {SERIAL} on hardware, 1 flash cycles" in capsys.readouterr().out
     with raises_code(InputError, "transfer.none_known") as unknown:
-        Errands(replace(hardware, serial="SN-000077")).do("restore")
+        RegisterOperations(replace(hardware, serial="SN-000077")).do("restore")
     assert unknown.value.values == {"folder": str(home), "serial": "SN-000077"}
 
 
 class Worn:
-    """A place whose product's units have a flash of ten cycles."""
+    """A site whose units have a flash with ten write cycles."""
 
     def __init__(self, site_folder: SiteFolder, home: Path) -> None:
         profile = (shipped_folder() / "imus" / "bench_nav.toml").read_text(encoding="utf-8")
@@ -97,14 +97,14 @@ class Worn:
         self.runs = self.request.out
 
     def wear(self, cycles: int) -> None:
-        """Have the flash written so often."""
+        """Use this number of flash write cycles."""
         entry = register_journal.begin(self.runs, SERIAL, {}, {}, register_journal.Purpose(None, "hand", ""))
         for _ in range(cycles):
             entry.note(Step.COMMITTING)
         entry.close(Closing.DONE)
 
     def run(self) -> list[Event]:
-        """What a run told."""
+        """Run and return the ids of the messages."""
         events: list[Event] = []
         execute(self.request, events.append, Control())
         return events
@@ -130,8 +130,8 @@ def test_a_nearly_worn_flash_is_reported(worn: Worn) -> None:
 
 def test_a_worn_flash_is_not_written(worn: Worn) -> None:
     worn.wear(10)
-    errands = Errands(worn.request)
-    uses: list[Any] = [worn.run, lambda: errands.write(VALUES), lambda: errands.do("restore")]
+    operations = RegisterOperations(worn.request)
+    uses: list[Any] = [worn.run, lambda: operations.write(VALUES), lambda: operations.do("restore")]
     for use in uses:
         with raises_code(ConfigurationError, "transfer.flash_worn"):
             use()
@@ -139,13 +139,13 @@ def test_a_worn_flash_is_not_written(worn: Worn) -> None:
 
 
 @pytest.mark.long
-def test_an_interrupted_transfer_is_still_restored(worn: Worn) -> None:
+def test_interrupted_transfer_is_restored_despite_worn_flash(worn: Worn) -> None:
     worn.wear(10)
     register_journal.begin(worn.runs, SERIAL, {}, {}, register_journal.Purpose(None, "run", ""))
-    assert Errands(worn.request).do("restore").closing in ("kept", "restored")
+    assert RegisterOperations(worn.request).do("restore").closing in ("kept", "restored")
 
 
-def test_a_damaged_journal_ends_a_run_before_anything_is_opened(worn: Worn) -> None:
+def test_damaged_journal_ends_a_run_before_any_device_is_opened(worn: Worn) -> None:
     worn.wear(1)
     (journal,) = (worn.runs / register_journal.FOLDER).iterdir()
     data = journal.read_bytes()

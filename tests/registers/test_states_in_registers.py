@@ -1,4 +1,4 @@
-"""An effect in the model of the unit is written to its register, or estimated only where the unit has none."""
+"""A modelled effect is written to its register, or only estimated if the unit has no register for it."""
 
 from collections.abc import Callable
 from typing import Any
@@ -25,7 +25,7 @@ range = [-1e-2, 1e-2]
 
 
 def prepare(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, change: Callable[[str], str]) -> None:
-    """A unit with the effect, and the site's own copy of its profile with the state in its model."""
+    """Create a unit with the effect, and a site copy of its profile with the state in its model."""
     home = site_folder.folder / "home"
     (home / "imus").mkdir(parents=True)
     text = library.find("imus", "dsp_modbus").read_text("utf-8")
@@ -39,12 +39,12 @@ def prepare(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, change: Ca
 
 
 def with_register(profile: str) -> str:
-    """The profile with the register of the state."""
+    """Return the profile with the register of the state."""
     return profile.replace("\n[prior.gyro_bias]", REGISTER, 1)
 
 
 @pytest.mark.parametrize("register", [True, False], ids=["with a register", "without"])
-def test_the_size_of_an_effect_is_written_where_there_is_a_register(
+def test_effect_is_written_to_its_register_if_available(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, register: bool
 ) -> None:
     prepare(site_folder, monkeypatch, with_register if register else str)
@@ -62,9 +62,7 @@ def test_the_size_of_an_effect_is_written_where_there_is_a_register(
     assert register or not set(CUBIC) & set(new)
 
 
-def test_what_the_registers_leave_of_an_effect_is_added_to_them(
-    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_residual_effect_is_added_to_the_register(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     prepare(site_folder, monkeypatch, lambda profile: with_register(behind(profile)))
     first, second = (site_folder.run("rate", "six_position") for _ in range(2))
     assert (first.outcome, second.outcome) == ("passed", "passed")
@@ -77,5 +75,5 @@ def test_what_the_registers_leave_of_an_effect_is_added_to_them(
 
 
 def behind(profile: str) -> str:
-    """The profile of a unit whose one stream has its registers applied."""
+    """Return the profile of a unit whose only stream is corrected by its registers."""
     return behind_registers(profile).replace("before_registers", "after_registers")

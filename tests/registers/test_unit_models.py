@@ -1,4 +1,4 @@
-"""Registers of one sort of unit are never put into another, and the list shows which is which."""
+"""Registers of one type of unit are never written to another, and the list shows the types."""
 
 import json
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ from calstation.results.result import Result
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from tests.helpers import ignore_progress, raises_code
-from tests.registers.operations import Errands
+from tests.registers.operations import RegisterOperations
 from tests.site_folder import SiteFolder
 
 SERIAL = "SN-000042"
@@ -32,12 +32,12 @@ NAV, MEMS = "Bench IMU, navigation grade", "Bench IMU, MEMS grade"
 
 
 def registers() -> list[RegisterEntry]:
-    """Of the bench's units, which are the same in every grade."""
+    """Return the register map of the simulated units, which is equal for all grades."""
     return load_imu_profile(library.find("imus", "bench_nav")).registers
 
 
 class Known:
-    """A site whose journal holds a transfer to a type of unit."""
+    """A site whose journal contains a transfer to a type of unit."""
 
     def __init__(self, site_folder: SiteFolder) -> None:
         self.site_folder = site_folder
@@ -64,7 +64,7 @@ class Known:
         return made
 
     def restores(self) -> bool:
-        """Whether the latest set may be put back, as the command line asks before it opens anything."""
+        """Return whether the latest set may be restored, as the command line checks before it opens a device."""
         return moves_table(RegisterOperation(self.site_folder.request(), "restore"))
 
 
@@ -73,15 +73,15 @@ def known(site_folder: SiteFolder) -> Known:
     return Known(site_folder)
 
 
-def test_a_register_set_records_its_type_of_unit(known: Known) -> None:
-    settled = Errands(known.site_folder.request()).write({"gyro_bias_x": 2e-6}, at_rest=True)
+def test_register_set_records_its_type_of_unit(known: Known) -> None:
+    settled = RegisterOperations(known.site_folder.request()).write({"gyro_bias_x": 2e-6}, at_rest=True)
     (entry,) = register_journal.history(known.runs, SERIAL)
     assert entry.unit_type == UnitType(settled.unit["model"], NAV, "short", known.own.map)
     assert known.restores()
 
 
 @pytest.mark.exhaustive
-def test_a_run_records_the_type_of_unit_that_it_wrote(known: Known) -> None:
+def test_run_records_the_type_of_unit_that_it_wrote(known: Known) -> None:
     assert known.site_folder.run("rate").outcome == "passed"
     (entry,) = register_journal.history(known.runs, SERIAL)
     assert (entry.unit_type.profile, entry.unit_type.product, entry.unit_type.map) == (NAV, "short", known.own.map)
@@ -96,7 +96,7 @@ def test_a_run_records_the_type_of_unit_that_it_wrote(known: Known) -> None:
     ],
 )
 @pytest.mark.parametrize("open_", [False, True])
-def test_a_set_of_another_register_map_is_refused_before_anything_is_opened(
+def test_register_set_of_another_map_is_refused_before_any_device_is_opened(
     known: Known, sort: UnitType, code: str, open_: bool
 ) -> None:
     known.transfer(sort, open_=open_)
@@ -104,7 +104,7 @@ def test_a_set_of_another_register_map_is_refused_before_anything_is_opened(
         known.restores()
     for what in ("finish", "restore"):
         with raises_code(InputError, code if open_ or what == "restore" else "transfer.nothing_to_finish"):
-            Errands(known.site_folder.request()).do(what)
+            RegisterOperations(known.site_folder.request()).do(what)
     if open_:
         with raises_code(InputError, code):
             execute(known.site_folder.request("rate"), lambda event: None, Control())
@@ -112,10 +112,10 @@ def test_a_set_of_another_register_map_is_refused_before_anything_is_opened(
 
 
 @pytest.mark.parametrize("open_", [False, True])
-def test_a_set_of_another_model_is_not_written(known: Known, open_: bool) -> None:
+def test_register_set_of_another_model_is_not_written(known: Known, open_: bool) -> None:
     known.transfer(UnitType("other-imu", NAV, "short", known.own.map), open_=open_)
     with raises_code(DeviceFaultError, "transfer.other_model"):
-        Errands(known.site_folder.request()).do("restore", at_rest=True)
+        RegisterOperations(known.site_folder.request()).do("restore", at_rest=True)
     assert len(register_journal.history(known.runs, SERIAL)) == 1
 
 
@@ -127,7 +127,7 @@ def test_a_register_set_without_a_type_is_compared_by_its_parameters(known: Know
         known.restores()
 
 
-def test_a_tolerance_does_not_change_the_meaning_of_a_register(known: Known) -> None:
+def test_tolerance_does_not_change_the_identity_of_a_register_map(known: Known) -> None:
     entries = registers()
     near = [entry.model_copy(update={"tolerance": 1e-9}) for entry in entries]
     turned = [entry.model_copy(update={"scale": -entry.scale}) for entry in entries]
@@ -150,7 +150,7 @@ def test_a_result_of_another_profile_is_not_offered_to_the_unit(known: Known) ->
         wanted_registers(ignore_progress, known.site_folder.request(), Result.from_json(result))
 
 
-def test_registers_are_not_written_from_parameters_that_were_not_judged(known: Known) -> None:
+def test_registers_are_not_written_from_unjudged_parameters(known: Known) -> None:
     result = {
         "unit": {"serial": SERIAL},
         "parameters": {"gyro_bias_x": {"value": 1e-6, "sigma": 0.0}},
@@ -164,7 +164,7 @@ def test_registers_are_not_written_from_parameters_that_were_not_judged(known: K
         wanted_registers(ignore_progress, known.site_folder.request(), Result.from_json(result))
 
 
-def test_the_largest_change_is_the_largest_part_of_what_is_expected(known: Known) -> None:
+def test_largest_change_is_relative_to_the_expected_change(known: Known) -> None:
     old = {"gyro_bias_x": 0.0, "gyro_scale_x": 0.0, "accel_bias_x": 1e-3}
     new = {"gyro_bias_x": 2e-5, "gyro_scale_x": 2e-3, "accel_bias_x": 1.1e-3}
 
@@ -184,7 +184,7 @@ def test_the_largest_change_is_the_largest_part_of_what_is_expected(known: Known
     assert largest(NAV) is None
 
 
-def test_units_of_hardware_and_bench_are_listed_apart(
+def test_hardware_and_simulated_units_are_listed_separately(
     known: Known, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     home = tmp_path / "home"

@@ -1,4 +1,4 @@
-"""Verification of a transfer: right registers pass on every unit, wrong conventions of a profile are refuted."""
+"""Verification of a transfer: correct registers pass on every unit, wrong profile conventions fail."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ UNITS = {
 
 
 def failed_comparisons(protocol: str, grade: str, seed: int, changed: Any = None, larger: float = 1.0) -> list[str]:
-    """Names of the comparisons that failed after the true parameters were written by a (changed) profile."""
+    """Return the failed comparisons after the true parameters were written with a (changed) profile."""
     name, output = UNITS[protocol]
     data = profile_data(name)
     if changed is not None:
@@ -29,24 +29,24 @@ def failed_comparisons(protocol: str, grade: str, seed: int, changed: Any = None
 
 
 @pytest.mark.parametrize(("protocol", "grade"), sampled(4, UNITS, GRADES))
-def test_right_registers_pass(protocol: str, grade: str) -> None:
+def test_correct_registers_pass_verification(protocol: str, grade: str) -> None:
     for seed in range(10):
         assert failed_comparisons(protocol, grade, seed) == [], seed
 
 
 def swap(names: list[str], first: str, second: str) -> list[str]:
-    """Names with two exchanged."""
+    """Return the names with two of them swapped."""
     return [second if n == first else first if n == second else n for n in names]
 
 
 def entry(data: dict[str, Any], holds: str) -> dict[str, Any]:
-    """The register entry that holds something."""
+    """Return the register entry that contains a name."""
     found: dict[str, Any] = next(e for e in data["registers"] if any(holds in n for n in e["parameters"]))
     return found
 
 
 def convention(holds: str, **changes: Any) -> Any:
-    """Change a convention of a whole sensor's registers."""
+    """Change a convention of all registers of a sensor."""
 
     def change(data: dict[str, Any]) -> None:
         sensor = holds.split("_")[0]
@@ -58,7 +58,7 @@ def convention(holds: str, **changes: Any) -> Any:
 
 
 def reorder(holds: str, first: str, second: str) -> Any:
-    """Exchange two numbers of an entry."""
+    """Swap two numbers of an entry."""
 
     def change(data: dict[str, Any]) -> None:
         e = entry(data, holds)
@@ -68,7 +68,7 @@ def reorder(holds: str, first: str, second: str) -> Any:
 
 
 def negate(holds: str) -> Any:
-    """The opposite scale."""
+    """Invert the sign of the scale."""
 
     def change(data: dict[str, Any]) -> None:
         e = entry(data, holds)
@@ -78,7 +78,7 @@ def negate(holds: str) -> Any:
 
 
 def transpose(holds: str, sensor: str) -> Any:
-    """Rows for columns."""
+    """Swap rows and columns."""
 
     def change(data: dict[str, Any]) -> None:
         e = entry(data, holds)
@@ -94,7 +94,7 @@ def transpose(holds: str, sensor: str) -> Any:
 
 
 def as_correction(data: dict[str, Any]) -> None:
-    """The framed unit's error matrix taken for a correction without its ones."""
+    """Interpret the error matrix of the framed unit as a correction without the identity."""
     matrix = entry(data, "gyro_scale")
     matrix |= {"parameters": ["gyro_matrix"], "convention": {"matrix": "correction", "identity": False}}
     bias = entry(data, "gyro_bias")
@@ -102,7 +102,7 @@ def as_correction(data: dict[str, Any]) -> None:
 
 
 def axes_of_offset(data: dict[str, Any]) -> None:
-    """The z axis first."""
+    """Put the z axis first."""
     entry(data, "gyro_offset")["parameters"] = ["gyro_offset_z", "gyro_offset_y", "gyro_offset_x"]
 
 
@@ -137,8 +137,8 @@ def test_a_wrong_convention_fails_verification(protocol: str, what: str) -> None
 
 
 @pytest.mark.parametrize("protocol", ["modbus", "vectornav"])
-def test_a_bias_before_instead_of_after_the_matrix_fails_verification(protocol: str) -> None:
-    """The two differ by the product of bias and matrix, which only large errors make visible."""
+def test_wrong_order_of_bias_and_matrix_fails_verification(protocol: str) -> None:
+    """The orders differ by the product of bias and matrix, which is visible only for large errors."""
     other = "before" if protocol == "modbus" else "after"
     change = convention("gyro_offset", offset=other)
     failed = failed_comparisons(protocol, "mems", 3, change, larger=12.0)
@@ -146,8 +146,8 @@ def test_a_bias_before_instead_of_after_the_matrix_fails_verification(protocol: 
     assert failed_comparisons(protocol, "mems", 3, larger=12.0) == []
 
 
-def test_the_verification_resolves_its_stated_errors() -> None:
-    """Navigation grade: errors of that size in one register are refuted wherever they stand."""
+def test_verification_detects_errors_of_the_stated_size() -> None:
+    """At navigation grade, errors of that size in any single register are detected."""
     resolved = {
         "gyro_bias": 1.6e-6,
         "gyro_scale": 3.7e-5,

@@ -1,4 +1,4 @@
-"""A profile that misreads its unit's registers, on the bench: refuted by the unit's own output, old ones put back."""
+"""A profile that misinterprets registers fails verification by the unit's output; the old registers are restored."""
 
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from calstation.errors import DeviceFaultError
 from calstation.registers import journal as register_journal
 from calstation.sequencer.events import Message
 from tests.helpers import raises_code, sampled
-from tests.registers.operations import Errands
+from tests.registers.operations import RegisterOperations
 from tests.site_folder import SiteFolder
 
 pytestmark = pytest.mark.long
@@ -37,7 +37,7 @@ WRONG = {
 
 
 def misread(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, name: str, right: str, wrong: str) -> None:
-    """The site's own copy of a profile, with a mistake."""
+    """Write a site copy of a profile with a mistake."""
     home = site_folder.folder / "home"
     (home / "imus").mkdir(parents=True)
     shipped = library.find("imus", name).read_text("utf-8")
@@ -52,7 +52,7 @@ def misread(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, name: str,
 @pytest.mark.parametrize(
     "what", [pytest.param(what, marks=[pytest.mark.long] if "of" not in what else []) for what in WRONG]
 )
-def test_a_run_that_fails_verification_restores_the_old_registers(
+def test_failed_verification_restores_the_old_registers(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
     misread(site_folder, monkeypatch, *WRONG[what])
@@ -78,10 +78,10 @@ def test_manually_written_registers_are_verified_at_rest(
         'scale = -1.0\nparameters = ["accel_bias_x", ',
     )
     with raises_code(DeviceFaultError, "verification.differs"):
-        Errands(site_folder.request()).write({"accel_bias_x": 5e-3}, at_rest=True)
+        RegisterOperations(site_folder.request()).write({"accel_bias_x": 5e-3}, at_rest=True)
 
 
-def test_a_unit_without_corrected_output_is_only_read_back(
+def test_registers_of_a_unit_without_corrected_output_are_only_read_back(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     misread(site_folder, monkeypatch, "bench_nav", "[corrected]\nstream = 2", "# none")
@@ -98,7 +98,7 @@ def test_a_unit_without_corrected_output_is_only_read_back(
 
 
 @pytest.mark.parametrize("at", sampled(3, [60.0, 75.0, 100.0]))
-def test_frames_dropped_during_verification_cost_one_repeated_turn(site_folder: SiteFolder, at: float) -> None:
+def test_frames_dropped_during_verification_repeat_one_rotation(site_folder: SiteFolder, at: float) -> None:
     site_folder.write(orders=[{"order": "drop_frames", "at": at, "value": 3}])
     verdict = site_folder.run("six_position")
     assert verdict.outcome == "passed", site_folder.fault().text

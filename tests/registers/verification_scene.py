@@ -1,4 +1,4 @@
-"""A unit on the bench's truth, its registers written by a profile that may be wrong, captured before and after."""
+"""A simulated unit whose registers are written by a possibly wrong profile, with captures before and after."""
 
 import struct
 import tomllib
@@ -39,13 +39,13 @@ RATE = 200.0
 
 
 def profile_data(name: str) -> dict[str, Any]:
-    """A shipped profile, to be changed."""
+    """Return the data of a shipped profile, to be changed."""
     data: dict[str, Any] = tomllib.loads((IMUS / f"{name}.toml").read_text(encoding="utf-8"))
     return data
 
 
 def profile(data: dict[str, Any]) -> ImuProfile:
-    """A changed profile, whose prior keeps no value out of any range."""
+    """Return a changed profile whose prior allows every register value."""
     wide = {**data, "prior": {g: {"sigma": 1e-3 if "lever" in g else 1e-5} for g in data["prior"]}}
     for entry in wide["registers"]:
         entry["range"] = [-1.9, 1.9] if str(entry.get("type", "")).startswith("q") else [-0.9, 1.9]
@@ -55,14 +55,14 @@ def profile(data: dict[str, Any]) -> ImuProfile:
 
 
 def truth(grade: str, seed: int, output: str, larger: float = 1.0) -> BenchTruth:
-    """A drawn bench; its unit's errors `larger` times."""
+    """Return the truth of a random bench with unit errors multiplied by `larger`."""
     site = {"latitude_deg": float(np.rad2deg(SITE.latitude)), "height_m": SITE.height}
     drawn = BenchConfig.model_validate({"grade": grade, "seed": seed, "output": output, **site}).truth()
     return replace(drawn, imu=replace(drawn.imu, parameters=larger * drawn.parameters))
 
 
 class Recording:
-    """What a bench's unit puts out along the verification path, turn after turn, simulated once for all tests."""
+    """The output of a simulated unit along the verification path, simulated once for all tests."""
 
     def __init__(self, bench: BenchTruth, seed: int) -> None:
         self.bench = bench
@@ -76,7 +76,7 @@ class Recording:
                 self._steps.append([Dwell(SHORT_REST)])
 
     def capture(self, number: int) -> list[FloatArray]:
-        """Counts of each part of capture `number`, counted from 0."""
+        """Return the counts of each part of capture `number`, starting at 0."""
         while len(self._captures) <= number:
             self._captures.append([self._simulator.run(steps, "look").counts for steps in self._steps])
         return self._captures[number]
@@ -84,12 +84,12 @@ class Recording:
 
 @cache
 def recording(grade: str, seed: int, output: str, larger: float = 1.0) -> Recording:
-    """The recording of a drawn bench."""
+    """Return the recording of a random bench."""
     return Recording(truth(grade, seed, output, larger), seed)
 
 
 class Captures:
-    """One bench and a unit on it, captured along the same path again and again."""
+    """One bench and its unit, captured repeatedly along the same path."""
 
     def __init__(self, protocol: str, recording: Recording) -> None:
         self.bench = recording.bench
@@ -108,7 +108,7 @@ class Captures:
         )  # fmt: skip
 
     def capture(self, *, corrected: bool) -> VerificationData:
-        """Rests and turns, as a verification takes them."""
+        """Return rests and rotations, as captured by a verification."""
         parts = iter(self._recording.capture(self._taken))
         self._taken += 1
         path = self._recording.path
@@ -144,7 +144,7 @@ class Captures:
 
 
 def fill(unit: ImuUnit, wrong: ImuProfile, numbers: Mapping[int, list[float]]) -> None:
-    """Put numbers into registers by the unit's own commands, in the entries' own types and orders."""
+    """Write numbers to registers by the unit's own commands, with the types and byte orders of the entries."""
     check_cancelled = unit.conversation()
     for entry in wrong.registers:
         kind = number(entry.type)

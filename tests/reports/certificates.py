@@ -1,4 +1,4 @@
-"""Runs of every kind with their certificates, made once in a test session."""
+"""Runs of every type with their certificates, created once per test session."""
 
 import pickle
 import tomllib
@@ -53,7 +53,7 @@ class Made:
 
 
 def make(shared: SharedRuns, folder: Path, kind: str) -> Made:
-    """Copy a run of a kind to `folder`, with its certificate."""
+    """Copy a run of a type to `folder`, with its certificate."""
     verdict = shared.copy(f"certificate-{kind}", folder, _RUNS[kind])
     result_file = Path(verdict.result_file)
     analysis = pickle.loads((folder / "analysis.pickle").read_bytes())
@@ -69,7 +69,7 @@ def with_laboratory(site: SiteFolder, **entries: Any) -> None:
 
 
 def analysed(site: SiteFolder, verdict: Verdict) -> Verdict:
-    """Store the analysis of a run beside it."""
+    """Store the analysis of a run in its folder."""
     result = load_result(Path(verdict.result_file))
     found = analyse(lambda *args, **more: None, open_log(Path(verdict.log)), result)
     (site.folder / "analysis.pickle").write_bytes(pickle.dumps(found))

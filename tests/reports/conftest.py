@@ -1,4 +1,4 @@
-"""Every test has a site of its own, so that its audit trail knows no other certificates."""
+"""Every test has a separate site, so that its audit trail contains no other certificates."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The site's folder."""
+    """The site folder."""
     folder = tmp_path / "home"
     monkeypatch.setenv("CALSTATION_HOME", str(folder))
     return folder

@@ -1,4 +1,4 @@
-"""Read a digital calibration certificate, as a customer's program does, and check it against PTB's schema and rules."""
+"""Read a digital calibration certificate as a customer's program does, and validate it by PTB's schema and rules."""
 
 import os
 import socket
@@ -51,20 +51,20 @@ def read_dcc(xml: bytes) -> Reading:
 
 
 def find(element: etree._Element, path: str) -> list[Any]:
-    """Elements of an XPath."""
+    """Return the elements of an XPath."""
     found = element.xpath(path, namespaces=NAMES)
     assert isinstance(found, list)
     return found
 
 
 def status(result: etree._Element) -> str:
-    """Whether a result is of before or of after the adjustment."""
+    """Return whether a result is before or after the adjustment."""
     (one,) = {element.text for element in find(result, ".//dcc:influenceCondition/dcc:status")}
     return str(one)
 
 
 def labelled(result: etree._Element | None, path: str) -> dict[str, str]:
-    """Entries of the lists of a result by label; a list of one entry holds for all labels."""
+    """Return the list entries of a result by label; a list with one entry applies to all labels."""
     found: dict[str, str] = {}
     for group in [] if result is None else find(result, "dcc:data/dcc:list/dcc:quantity/si:realListXMLList"):
         (labels,) = find(group, "si:labelXMLList")
@@ -75,13 +75,13 @@ def labelled(result: etree._Element | None, path: str) -> dict[str, str]:
 
 
 def listed(result: etree._Element | None, path: str) -> dict[str, float]:
-    """Numbers of the lists of a result by label."""
+    """Return the numbers of the lists of a result by label."""
     return {label: float(text) for label, text in labelled(result, path).items()}
 
 
 @cache
 def schema() -> etree.XMLSchema:
-    """PTB's schema: of the folder named by the environment, or downloaded once into the user's cache."""
+    """Return PTB's schema from the folder named by the environment, or downloaded once to the user's cache."""
     from dcc_json_toolkit.cache import CACHE_DIR_PATH
     from dcclib.validation.xsd import get_schema_path
 
@@ -98,7 +98,7 @@ def schema() -> etree.XMLSchema:
 
 
 def broken_rules(xml: bytes) -> list[str]:
-    """What a certificate breaks of PTB's Schematron rules, which its library has with it."""
+    """Return the violated PTB Schematron rules, which are included in its library."""
     from dcclib.validation import SchematronValidator
 
     found = SchematronValidator.for_dcc().validate_str(xml.decode())

@@ -1,4 +1,4 @@
-"""A laboratory's certificate for signatures, which signs itself."""
+"""A self-signed certificate of a laboratory for signatures."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
@@ -20,7 +20,7 @@ PASSWORD = "seal of the laboratory"
 
 
 def write_certificate(path: Path, key: Key) -> Path:
-    """Write a PKCS #12 file with a certificate that signs itself."""
+    """Write a PKCS #12 file with a self-signed certificate."""
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "Inertial laboratory")])
     now = datetime.now(UTC)
     usage = dict.fromkeys(
@@ -45,7 +45,7 @@ def write_certificate(path: Path, key: Key) -> Path:
 
 
 def pem(file: Path) -> bytes:
-    """The certificate of a PKCS #12 file, without its key."""
+    """Return the certificate of a PKCS #12 file without its key."""
     _, certificate, _ = pkcs12.load_key_and_certificates(file.read_bytes(), PASSWORD.encode())
     assert certificate is not None
     return certificate.public_bytes(Encoding.PEM)

@@ -1,7 +1,7 @@
-"""Certificates of every kind of run: their content, the PDF/A and its text, in English and Chinese.
+"""Certificates of every type of run: content, PDF/A conformance and text, in English and Chinese.
 
-PDF/A-3b is made by typst, whose exporter refuses what the standard forbids. veraPDF, which would judge the file as a
-whole, is in none of the package registries in use (PyPI, npm, Debian). The tests check what a reader of the
+Typst writes PDF/A-3b and refuses content forbidden by the standard. veraPDF, which would validate the file as a
+whole, is not available in PyPI, npm or Debian. The tests check what a reader of the
 file can see: identification in the XMP metadata, output intent, attachments, embedded fonts.
 """
 
@@ -66,13 +66,13 @@ def printed(made: Made, language: Language = "en", folder: Path | None = None) -
 
 
 def text_of(page: pypdf.PageObject) -> str:
-    """The text of a page without line breaks, soft hyphens and blanks, which differ with the layout."""
+    """Return the text of a page without line breaks, soft hyphens and spaces, which depend on the layout."""
     return "".join(page.extract_text().replace("\u00ad", "").split())
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("made", CASES, indirect=True, ids=KINDS)
-def test_every_page_is_identified_and_the_document_says_all(made: Made, language: Language) -> None:
+def test_every_page_is_identified_and_the_document_is_complete(made: Made, language: Language) -> None:
     content = printed(made, language)
     assert printed(made, language) == content
     pages = [text_of(page) for page in pypdf.PdfReader(io.BytesIO(content)).pages]
@@ -98,7 +98,7 @@ def test_every_page_is_identified_and_the_document_says_all(made: Made, language
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
-def test_a_simulation_says_so_beside_its_verdict(made: Made) -> None:
+def test_certificate_of_a_simulation_is_marked_next_to_its_verdict(made: Made) -> None:
     words = "Simulation: the run was made on the virtual bench"
     assert words in " ".join(pypdf.PdfReader(io.BytesIO(printed(made))).pages[0].extract_text().split())
     run = made.certificate.meta.run
@@ -110,7 +110,7 @@ def test_a_simulation_says_so_beside_its_verdict(made: Made) -> None:
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
-def test_a_simulation_does_not_carry_the_accreditation(made: Made) -> None:
+def test_certificate_of_a_simulation_shows_no_accreditation(made: Made) -> None:
     meta = made.certificate.meta
     assert meta.run is not None
     assert meta.laboratory is not None
@@ -161,7 +161,7 @@ def test_an_instrument_that_was_calibrated_later_gives_no_traceability(
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
-def test_what_the_uncertainties_do_not_contain_depends_on_the_tests(made: Made) -> None:
+def test_excluded_uncertainty_contributions_depend_on_the_tests(made: Made) -> None:
     def codes(analysis: Analysis, **changes: Any) -> list[str]:
         result = made.certificate.result.model_copy(update=changes)
         return [text.code for text in not_included(replace(made.certificate, result=result), analysis)]
@@ -183,7 +183,7 @@ def test_what_the_uncertainties_do_not_contain_depends_on_the_tests(made: Made) 
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
-def test_the_change_from_power_up_to_power_up_is_that_of_the_imu_profile(made: Made) -> None:
+def test_turn_on_to_turn_on_change_is_taken_from_the_imu_profile(made: Made) -> None:
     meta = made.certificate.meta
     stability = {"gyro_bias": {"power_up": 5e-6}, "gyro_bias_z": {"power_up": 7e-6}, "accel_bias": {"year": 1.0}}
     profile = tomli_w.dumps({"stability": stability})
@@ -197,8 +197,8 @@ def test_the_change_from_power_up_to_power_up_is_that_of_the_imu_profile(made: M
 
 @pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
-def test_the_effect_of_the_latitude_is_that_of_the_earth_rate(made: Made) -> None:
-    """Gyro biases at rest carry the change of the horizontal and the vertical earth rate; gravity is surveyed."""
+def test_latitude_contribution_follows_from_earth_rate(made: Made) -> None:
+    """Gyro biases at rest contain the change of horizontal and vertical earth rate; gravity is surveyed."""
     change = np.deg2rad(LATITUDE_ERROR_DEG) * RATE
     largest = max(made.analysis.budget.latitude[f"gyro_bias_{axis}"] for axis in "xyz")
     assert 0.3 * change < largest < 1.5 * change
@@ -222,7 +222,7 @@ def test_the_registers_before_and_after_the_run_are_printed(made: Made) -> None:
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
-def test_the_first_page_names_every_imu(made: Made) -> None:
+def test_first_page_lists_every_imu(made: Made) -> None:
     imu = made.certificate.meta.imu.model_dump(exclude_unset=True)
     second = FurtherImuSection.model_validate(
         {name: value for name, value in imu.items() if name in FurtherImuSection.model_fields}
@@ -236,7 +236,7 @@ def test_the_first_page_names_every_imu(made: Made) -> None:
 
 
 def in_batch(made: Made) -> Made:
-    """The certificate of the unit as one of three on a table, turned and away from the centre."""
+    """Return the certificate of a unit as one of three on a table, rotated and off centre."""
     meta = made.certificate.meta
     units = ["SN-000041", meta.imu.serial, "SN-000043"]
     run = meta.run.model_copy(update={"batch": "B20261123T0630-7F", "slot": "A2", "batch_units": units})
@@ -247,7 +247,7 @@ def in_batch(made: Made) -> Made:
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
-def test_a_unit_of_a_batch_says_where_it_was_and_with_which_others(made: Made) -> None:
+def test_certificate_of_a_batch_unit_states_its_slot_and_the_other_units(made: Made) -> None:
     label = {"en": "Onthetable", "zh_CN": "在转台上的布置"}
     wanted = {
         "en": (
@@ -274,7 +274,7 @@ def test_a_unit_of_a_batch_says_where_it_was_and_with_which_others(made: Made) -
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
-def test_the_digital_certificate_states_the_arrangement_of_a_batch_only(made: Made) -> None:
+def test_digital_certificate_states_an_arrangement_only_for_batches(made: Made) -> None:
     assert b"Arrangement on the table" not in write_dcc(made.certificate)
     xml = write_dcc(in_batch(made).certificate)
     assert xml == write_dcc(in_batch(made).certificate)
@@ -284,7 +284,7 @@ def test_the_digital_certificate_states_the_arrangement_of_a_batch_only(made: Ma
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
-def test_the_only_unit_of_a_batch_has_no_others(made: Made) -> None:
+def test_single_unit_of_a_batch_lists_no_other_units(made: Made) -> None:
     meta = made.certificate.meta
     run = meta.run.model_copy(update={"batch": "B1", "slot": "A2", "batch_units": [meta.imu.serial]})
     codes = [text.code for text in arrangement(meta.model_copy(update={"run": run}))]
@@ -297,7 +297,7 @@ def typeset_pages(made: Made, language: Language) -> list[str]:
     return [text_of(page) for page in pypdf.PdfReader(io.BytesIO(pdf)).pages]
 
 
-def test_recordings_of_the_bench_say_that_they_are_simulated(tmp_path: Path) -> None:
+def test_certificates_of_simulated_recordings_are_marked_as_simulated(tmp_path: Path) -> None:
     make_recording("hand", tmp_path / "hand.h5")
     meta = open_log(tmp_path / "hand.h5").meta
     assert meta.run is None
@@ -306,7 +306,7 @@ def test_recordings_of_the_bench_say_that_they_are_simulated(tmp_path: Path) -> 
 
 @pytest.mark.long
 @pytest.mark.parametrize("made", ["partial"], indirect=True)
-def test_a_partial_calibration_is_nowhere_a_pass(made: Made) -> None:
+def test_partial_calibration_is_never_shown_as_passed(made: Made) -> None:
     assert made.certificate.verdict == "partial"
     text = "".join(page.extract_text() for page in pypdf.PdfReader(io.BytesIO(printed(made))).pages)
     assert "PASS" not in text
@@ -348,7 +348,7 @@ OTHERS: dict[str, tuple[dict[str, Any], str]] = {
 @pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
 @pytest.mark.parametrize("kind", OTHERS)
-def test_every_other_ending_has_a_certificate(made: Made, kind: str) -> None:
+def test_every_other_outcome_has_a_certificate(made: Made, kind: str) -> None:
     changes, words = OTHERS[kind]
     result = Result.from_json({**made.certificate.result.to_json(), **changes})
     certificate = build_certificate(result, made.certificate.meta, budget=made.analysis.budget)
@@ -363,7 +363,7 @@ def test_every_other_ending_has_a_certificate(made: Made, kind: str) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
-def test_a_check_standard_that_disagrees_is_named(made: Made) -> None:
+def test_disagreeing_check_standard_is_reported(made: Made) -> None:
     verdict = {"passed": False, "e_n": {}, "e_n_limit": 1.0, "t_squared": 9.0, "t_squared_limit": 1.0}
     changes = {"outcome": "failed", "passed": False, "check_standard": {**verdict, "degrees": 1, "false_alarm": 0.01}}
     result = Result.from_json({**made.certificate.result.to_json(), **changes})
@@ -378,8 +378,8 @@ def test_a_check_standard_that_disagrees_is_named(made: Made) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
-def test_a_risk_is_that_of_the_decision(made: Made) -> None:
-    """A value within its limits whose sigma is too large fails; the risk of accepting the value is not that of this."""
+def test_stated_risk_belongs_to_the_decision(made: Made) -> None:
+    """A value within its limits fails if its sigma is too large; the acceptance risk does not apply then."""
     before = {q.name: q for q in made.certificate.quantities}["gyro_bias_x"]
     assert before.decision == "passed"
     assert before.risk is not None
@@ -395,7 +395,7 @@ def test_a_risk_is_that_of_the_decision(made: Made) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
-def test_the_file_is_a_pdf_a_3b_with_the_result_attached(made: Made) -> None:
+def test_file_is_a_pdf_a_3b_with_the_result_attached(made: Made) -> None:
     reader = pypdf.PdfReader(io.BytesIO(printed(made)))
     root: Any = reader.trailer["/Root"]
     xmp = root["/Metadata"].get_data().decode()
@@ -416,7 +416,7 @@ def test_the_file_is_a_pdf_a_3b_with_the_result_attached(made: Made) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
-def test_the_budget_adds_up_to_the_variance(made: Made) -> None:
+def test_uncertainty_budget_adds_up_to_the_variance(made: Made) -> None:
     certificate = made.certificate
     assert certificate.budget is not None
     for quantity in certificate.quantities:
@@ -429,7 +429,7 @@ def test_the_budget_adds_up_to_the_variance(made: Made) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
-def test_scale_factors_carry_the_error_of_gravity_one_to_one(made: Made) -> None:
+def test_gravity_error_contributes_fully_to_the_scale_factors(made: Made) -> None:
     relative = context_from_meta(made.certificate.meta).site.relative_gravity_sigma
     assert made.certificate.budget is not None
     for axis in "xyz":
@@ -440,7 +440,7 @@ def test_scale_factors_carry_the_error_of_gravity_one_to_one(made: Made) -> None
 
 @pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
-def test_as_found_and_as_left_are_the_estimate_minus_the_register(made: Made) -> None:
+def test_as_found_and_as_left_values_are_the_estimate_minus_the_register(made: Made) -> None:
     registers = made.certificate.result.registers
     assert registers is not None
     assert registers.new is not None
@@ -458,7 +458,7 @@ def test_as_found_and_as_left_are_the_estimate_minus_the_register(made: Made) ->
 
 @pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
-def test_the_correlation_is_a_correlation_matrix(made: Made) -> None:
+def test_correlation_is_a_valid_correlation_matrix(made: Made) -> None:
     matrix, names = made.certificate.correlation, [q.name for q in made.certificate.quantities]
     assert np.array_equal(matrix, matrix.T)
     assert (np.diag(matrix) == 1.0).all()
@@ -469,7 +469,7 @@ def test_the_correlation_is_a_correlation_matrix(made: Made) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
-def test_the_sigmas_converge_to_those_of_the_result(made: Made) -> None:
+def test_sigma_history_converges_to_the_sigmas_of_the_result(made: Made) -> None:
     analysis = made.analysis
     assert (np.diff(analysis.time) >= 0.0).all()
     for quantity in made.certificate.quantities:
@@ -479,7 +479,7 @@ def test_the_sigmas_converge_to_those_of_the_result(made: Made) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("made", ["failed"], indirect=True)
-def test_a_failure_names_its_quantities_and_what_was_not_done(made: Made) -> None:
+def test_failed_certificate_lists_failed_quantities_and_omitted_steps(made: Made) -> None:
     decisions = {q.name: q.decision for q in made.certificate.quantities}
     assert decisions == dict.fromkeys(("gyro_scale_x", "gyro_scale_y", "gyro_scale_z"), "failed")
     text = " ".join("".join(p.extract_text() for p in pypdf.PdfReader(io.BytesIO(printed(made))).pages).split())
@@ -489,7 +489,7 @@ def test_a_failure_names_its_quantities_and_what_was_not_done(made: Made) -> Non
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
-def test_a_site_changes_the_templates(made: Made, tmp_path: Path) -> None:
+def test_site_templates_override_the_shipped_templates(made: Made, tmp_path: Path) -> None:
     folder = tmp_path / "templates"
     folder.mkdir()
     texts = (shipped_folder() / "reports" / "texts.toml").read_text(encoding="utf-8")
@@ -504,13 +504,13 @@ def test_a_site_changes_the_templates(made: Made, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
-def test_a_missing_chinese_font_is_named(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_chinese_font_is_reported(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pdf_module, "CHINESE_FONTS", ("Font Of Another Computer",))
     with pytest.raises(InputError, match=r"Install one of these fonts .*Font Of Another Computer"):
         printed(made, "zh_CN")
 
 
-def test_the_labels_are_in_both_languages() -> None:
+def test_labels_are_in_both_languages() -> None:
     texts = tomllib.loads((shipped_folder() / "reports" / "texts.toml").read_text(encoding="utf-8"))
     assert list(texts["en"]) == list(texts["zh"])
     assert all(texts["en"].values())
@@ -518,7 +518,7 @@ def test_the_labels_are_in_both_languages() -> None:
 
 
 @pytest.mark.long
-def test_a_calibration_by_hand_has_a_certificate_without_a_table(tmp_path: Path) -> None:
+def test_manual_calibration_has_a_certificate_without_a_table(tmp_path: Path) -> None:
     station, product = (shipped_folder() / kind for kind in ("stations/virtual_hand.toml", "products/mems_hand.toml"))
     events: list[Event] = []
     request = RunRequest("SN-000007", station, product, None, tmp_path / "runs", "tester")

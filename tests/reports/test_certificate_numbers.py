@@ -1,4 +1,4 @@
-"""Numbers of a certificate have two significant digits of their uncertainty."""
+"""Values in a certificate are rounded to two significant digits of their uncertainty."""
 
 import math
 
@@ -21,13 +21,13 @@ from calstation.reports.numbers import interval, rounded, short
         (None, 0.1, "–"),
     ],
 )
-def test_a_value_ends_at_the_second_digit_of_its_uncertainty(
+def test_value_is_rounded_to_the_second_digit_of_its_uncertainty(
     value: float | None, uncertainty: float, text: str
 ) -> None:
     assert rounded(value, uncertainty) == text
 
 
-def test_limits_are_short() -> None:
+def test_limits_are_printed_with_few_digits() -> None:
     assert interval(-0.5, 0.5) == "±0.5"
     assert interval(-1.0, 2.0) == "−1 … 2"
     assert interval(-1072.577, 1072.577) == "±1072.577"  # 0.0052 rad/s in °/h: not 1073, which would be refused

@@ -1,4 +1,4 @@
-"""A digital calibration certificate meets PTB's schema and rules, and its numbers read back as they were."""
+"""A digital calibration certificate meets PTB's schema and rules, and its numbers are read back unchanged."""
 
 import math
 from collections.abc import Mapping
@@ -51,7 +51,7 @@ TABLE = InstrumentSection(
 
 
 def certified(verdict: Verdict) -> Certificate:
-    """The certificate of a run, of a laboratory."""
+    """Return the certificate of a run at a laboratory."""
     found = build_certificate(load_result(Path(verdict.result_file)), open_log(Path(verdict.log)).meta)
     return replace(found, laboratory=LABORATORY, instruments=(TABLE, InstrumentSection(name="Survey")))
 
@@ -64,7 +64,7 @@ def failed_run(site: SiteFolder) -> Verdict:
 
 @pytest.fixture(scope="module")
 def certificates(shared_runs: SharedRuns, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Certificate]:
-    """Certificates of all kinds."""
+    """Certificates of all types."""
     folder = tmp_path_factory.mktemp("certificates")
     found = {
         "passed": certified(shared_runs.passed(folder / "passed")),
@@ -81,7 +81,7 @@ def certificates(shared_runs: SharedRuns, tmp_path_factory: pytest.TempPathFacto
     return found
 
 
-def test_every_certificate_meets_the_schema(
+def test_every_certificate_is_valid_by_the_schema(
     certificates: Mapping[str, Certificate], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In one test, so that one process downloads the schema."""
@@ -97,12 +97,12 @@ def test_every_certificate_meets_the_schema(
 
 
 @pytest.mark.parametrize("kind", ["passed", "failed", "partial", "hand", "pair", "gimbal"])
-def test_every_certificate_meets_the_rules(certificates: Mapping[str, Certificate], kind: str) -> None:
+def test_every_certificate_is_valid_by_the_schematron_rules(certificates: Mapping[str, Certificate], kind: str) -> None:
     assert broken_rules(write_dcc(certificates[kind])) == []
 
 
 @pytest.mark.parametrize("kind", ["passed", "failed", "partial", "hand", "pair", "gimbal"])
-def test_numbers_read_back_the_same(certificates: Mapping[str, Certificate], kind: str) -> None:
+def test_numbers_are_read_back_unchanged(certificates: Mapping[str, Certificate], kind: str) -> None:
     certificate = certificates[kind]
     read = read_dcc(write_dcc(certificate))
     rows = certificate.quantities
@@ -120,8 +120,8 @@ def test_numbers_read_back_the_same(certificates: Mapping[str, Certificate], kin
     assert read.as_left == {row.name: row.as_left for row in rows if row.as_left is not None}
 
 
-def test_the_covariance_is_that_of_the_result(certificates: Mapping[str, Certificate]) -> None:
-    """The correlation in the result JSON, not only that of the certificate's object."""
+def test_covariance_equals_the_result(certificates: Mapping[str, Certificate]) -> None:
+    """It is compared with the result JSON, not only with the certificate object."""
     result = certificates["passed"].result.to_json()
     read = read_dcc(write_dcc(certificates["passed"]))
     at = {name: k for k, name in enumerate(read.names)}
@@ -132,12 +132,12 @@ def test_the_covariance_is_that_of_the_result(certificates: Mapping[str, Certifi
         assert read.covariance[at[a], at[b]] == read.covariance[at[b], at[a]] == pytest.approx(expected, rel=1e-14)
 
 
-def test_a_passed_unit_was_adjusted(certificates: Mapping[str, Certificate]) -> None:
+def test_certificate_of_a_passed_unit_states_an_adjustment(certificates: Mapping[str, Certificate]) -> None:
     read = read_dcc(write_dcc(certificates["passed"]))
     assert abs(read.as_left["gyro_scale_x"]) < read.expanded["gyro_scale_x"] < abs(read.as_found["gyro_scale_x"])
 
 
-def test_the_same_certificate_gives_the_same_bytes(certificates: Mapping[str, Certificate]) -> None:
+def test_same_certificate_gives_the_same_bytes(certificates: Mapping[str, Certificate]) -> None:
     first, again = write_dcc(certificates["passed"]), write_dcc(replace(certificates["passed"]))
     assert first == again
     assert first.startswith(b"<?xml")
@@ -149,17 +149,17 @@ def test_the_same_certificate_gives_the_same_bytes(certificates: Mapping[str, Ce
 def test_only_a_full_calibration_states_conformity(
     certificates: Mapping[str, Certificate], kind: str, stated: list[str]
 ) -> None:
-    """A partial calibration that passed is no statement about the unit."""
+    """A passed partial calibration is not a statement about the unit."""
     root = etree.fromstring(write_dcc(certificates[kind]))
     assert [element.text for element in find(root, "//dcc:statement/dcc:conformity")] == stated
 
 
-def test_the_failed_quantity_is_named(certificates: Mapping[str, Certificate]) -> None:
+def test_failed_quantity_is_reported(certificates: Mapping[str, Certificate]) -> None:
     decisions = read_dcc(write_dcc(certificates["failed"])).decisions
     assert [name for name, decision in decisions.items() if decision == "fail"] == ["accel_scale_y"]
 
 
-def test_only_a_person_who_proved_it_is_the_signer(certificates: Mapping[str, Certificate]) -> None:
+def test_only_an_authenticated_person_is_the_main_signer(certificates: Mapping[str, Certificate]) -> None:
     root = etree.fromstring(write_dcc(replace(certificates["passed"], authorised=("Wang Wei", "李娜"))))
     people = find(root, "//dcc:respPerson")
     names = [find(person, "dcc:person/dcc:name/dcc:content")[0].text for person in people]
@@ -167,7 +167,7 @@ def test_only_a_person_who_proved_it_is_the_signer(certificates: Mapping[str, Ce
     assert [bool(find(person, "dcc:mainSigner")) for person in people] == [True, False, False, False]
 
 
-def test_laboratory_instruments_and_revision_stand_in_their_elements(certificates: Mapping[str, Certificate]) -> None:
+def test_laboratory_instruments_and_revision_have_their_elements(certificates: Mapping[str, Certificate]) -> None:
     revised = replace(certificates["passed"], revision=1, supersedes="X, 2026-11-22", reason="typing error")
     root = etree.fromstring(write_dcc(revised))
 
@@ -195,14 +195,14 @@ def test_deviations_are_stated_in_both_languages(certificates: Mapping[str, Cert
     assert broken_rules(xml) == []
 
 
-def test_what_is_not_known_is_not_made_up(certificates: Mapping[str, Certificate]) -> None:
-    """ZZ is the code of ISO 3166-1 that users assign, as others do, to an unknown country."""
+def test_unknown_laboratory_data_are_marked_as_not_stated(certificates: Mapping[str, Certificate]) -> None:
+    """ZZ is a user-assigned ISO 3166-1 code, commonly used for an unknown country."""
     root = etree.fromstring(write_dcc(replace(certificates["hand"], laboratory=None)))
     assert [e.text for e in find(root, "//dcc:countryCodeISO3166_1")] == ["ZZ"]
     assert [e.text for e in find(root, "//dcc:customer/dcc:name/dcc:content")] == ["Not stated", "未注明"]
 
 
-def test_a_number_that_is_not_finite_has_no_value(certificates: Mapping[str, Certificate]) -> None:
+def test_non_finite_number_is_written_without_a_value(certificates: Mapping[str, Certificate]) -> None:
     certificate = certificates["partial"]
     lost = replace(certificate.quantities[0], sigma=math.inf, unobservable=True)
     xml = write_dcc(replace(certificate, quantities=(lost, *certificate.quantities[1:])))
@@ -220,13 +220,13 @@ def test_a_number_that_is_not_finite_has_no_value(certificates: Mapping[str, Cer
         (("rad·s/m", "rad/s"), r"\metre\tothe{-1}\radian\tothe{2}"),
     ],
 )
-def test_units_multiply(units: tuple[str, ...], expected: str) -> None:
+def test_products_of_units_are_simplified(units: tuple[str, ...], expected: str) -> None:
     assert dsi_unit(*units) == expected
 
 
 @pytest.mark.filterwarnings("ignore:The dsi string contains the token")  # of the parser's own table
 @pytest.mark.parametrize("unit", sorted({p.unit for p in (*PARAMETERS, *EFFECT_PARAMETERS, *PAIR_PARAMETERS)}))
-def test_ptbs_parser_knows_every_unit(unit: str) -> None:
+def test_ptb_parser_accepts_every_unit(unit: str) -> None:
     assert DsiUnit(dsi_unit(unit)).warnings == []
     assert DsiUnit(dsi_unit(unit, "rad/s")).warnings == []
 
@@ -239,7 +239,7 @@ def test_ptbs_parser_knows_every_unit(unit: str) -> None:
         ([4.0, 9.0, 0.0], math.sqrt(-2.0 * math.log(0.05))),  # a fixed quantity adds no dimension
     ],
 )
-def test_the_region_has_the_factor_of_its_probability(variances: list[float], factor: float) -> None:
+def test_coverage_factor_matches_the_coverage_probability(variances: list[float], factor: float) -> None:
     names = [f"q{k}" for k in range(len(variances))]
     element = joint_list(names, ["m"] * len(names), variances, np.diag(variances))
     (written,) = find(element, ".//si:ellipsoidalRegion/si:coverageFactor")

@@ -1,4 +1,4 @@
-"""Certificates are numbered, dated and recorded; none is overwritten or issued twice with another content."""
+"""Certificates are numbered, dated and recorded; none is overwritten or issued twice with different content."""
 
 import json
 import shutil
@@ -33,7 +33,7 @@ from tests.site_folder import SiteFolder
 
 @pytest.fixture
 def gimbal(shared_runs: SharedRuns, tmp_path: Path) -> Made:
-    """A run that takes a second to analyse, whose result names the log in this folder."""
+    """A run with a short analysis whose result refers to the log in this folder."""
     made = make(shared_runs, tmp_path / "site", "gimbal")
     result = json.loads(made.result_file.read_text(encoding="utf-8"))
     result["log"]["file"] = str(made.result_file.with_suffix(".h5"))
@@ -46,7 +46,7 @@ def report(*arguments: object) -> int:
 
 
 def copied(result_file: Path, folder: Path) -> Path:
-    """A copy of a result and its log in another folder."""
+    """Return a copy of a result and its log in another folder."""
     folder.mkdir()
     log = shutil.copy(result_file.with_suffix(".h5"), folder)
     result = json.loads(result_file.read_text(encoding="utf-8"))
@@ -60,7 +60,7 @@ def first_page(path: Path) -> str:
     return " ".join(pypdf.PdfReader(path).pages[0].extract_text().split())
 
 
-def test_a_result_and_its_log_give_the_same_certificate_once(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+def test_result_and_log_give_the_same_certificate_only_once(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = gimbal.folder / "first.pdf", gimbal.folder / "second.pdf"
     assert report(gimbal.result_file, "-o", first) == 0
     number = gimbal.result_file.stem
@@ -78,7 +78,7 @@ def test_a_result_and_its_log_give_the_same_certificate_once(gimbal: Made, capsy
 
 
 @pytest.mark.long
-def test_another_date_needs_a_revision_which_names_what_it_replaces(
+def test_another_date_requires_a_revision_that_states_the_replaced_certificate(
     gimbal: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = gimbal.folder / "first.pdf"
@@ -103,7 +103,7 @@ def test_another_date_needs_a_revision_which_names_what_it_replaces(
 
 
 @pytest.mark.long
-def test_a_superseded_certificate_is_not_printed_again(
+def test_superseded_certificate_is_not_printed_again(
     gimbal: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first = ("--issued", gimbal.certificate.issued.isoformat())
@@ -118,17 +118,17 @@ def test_a_superseded_certificate_is_not_printed_again(
     assert not (gimbal.folder / "copy.pdf").exists()
 
 
-def test_no_certificate_is_dated_after_today(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+def test_certificate_date_in_the_future_is_refused(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
     assert report(gimbal.result_file, "-o", gimbal.folder / "x.pdf", "--issued", "2099-12-31") == 2
     assert "cannot be issued on 2099-12-31: today is" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("lost", ["another folder", "the last line"])
-def test_the_audit_trail_shows_a_certificate_that_the_folder_does_not(
+def test_certificate_missing_in_the_folder_is_known_from_the_audit_trail(
     gimbal: Made, lost: str, home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A log that was copied, or whose record lost its line, keeps its certificate."""
+    """A copied log, or one whose record was lost, keeps its certificate."""
     first, again = gimbal.folder / "first.pdf", gimbal.folder / "again.pdf"
     assert report(gimbal.result_file, "-o", first) == 0
     result_file = gimbal.result_file
@@ -149,7 +149,7 @@ def test_the_audit_trail_shows_a_certificate_that_the_folder_does_not(
 
 
 @pytest.mark.long
-def test_two_copies_of_a_log_with_other_certificates_need_a_revision(
+def test_copies_of_a_log_with_different_certificates_require_a_revision(
     gimbal: Made, home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One was issued at another site, on another date of receipt."""
@@ -165,10 +165,10 @@ def test_two_copies_of_a_log_with_other_certificates_need_a_revision(
 
 
 @pytest.mark.long
-def test_a_certificate_of_an_earlier_version_is_known_from_the_audit_trail_and_the_folder(
+def test_certificate_of_an_earlier_program_version_is_recognised(
     gimbal: Made, home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its event has no digest; the line beside the log has."""
+    """Its event has no digest, but the record in the folder has."""
     assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
     audit_path(home).unlink()
     number = gimbal.result_file.stem
@@ -181,10 +181,10 @@ def test_a_certificate_of_an_earlier_version_is_known_from_the_audit_trail_and_t
 
 @pytest.mark.long
 @pytest.mark.parametrize("reason", ["Wrong customer", "Wrong address"])
-def test_of_two_revisions_at_a_time_one_is_refused(
+def test_one_of_two_simultaneous_revisions_is_refused(
     gimbal: Made, reason: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The second one begins and ends while the first one is being typeset."""
+    """The second revision starts and ends while the first one is being typeset."""
     assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
     slow, fast = gimbal.folder / "slow.pdf", gimbal.folder / "fast.pdf"
 
@@ -204,7 +204,7 @@ def test_of_two_revisions_at_a_time_one_is_refused(
 
 
 @pytest.mark.long
-def test_the_same_first_issue_twice_at_a_time_is_recorded_once(gimbal: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_simultaneous_identical_first_issues_are_recorded_once(gimbal: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     slow, fast = gimbal.folder / "slow.pdf", gimbal.folder / "fast.pdf"
 
     def interrupted(*arguments: Any) -> bytes:
@@ -231,13 +231,13 @@ def test_nothing_is_issued_without_its_audit_event(
     assert not read_reports(gimbal.result_file.parent)
 
 
-def test_no_certificate_is_dated_before_its_run(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+def test_certificate_date_before_its_run_is_refused(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
     assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf", "--issued", "2001-01-01") == 2
     assert "cannot be issued on 2001-01-01" in " ".join(capsys.readouterr().err.split())
 
 
 class Later(datetime):
-    """Some years later."""
+    """A clock some years later."""
 
     @classmethod
     def now(cls, tz: Any = None) -> "Later":
@@ -245,7 +245,7 @@ class Later(datetime):
 
 
 @pytest.mark.long
-def test_a_release_after_the_certificate_needs_a_revision_of_its_day_or_later(
+def test_release_after_the_certificate_requires_a_later_revision(
     shared_runs: SharedRuns, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     made = make(shared_runs, tmp_path / "site", "failed")
@@ -271,7 +271,7 @@ def test_a_release_after_the_certificate_needs_a_revision_of_its_day_or_later(
 
 
 @pytest.mark.long
-def test_other_templates_or_another_version_need_a_revision(
+def test_changed_templates_or_program_version_require_a_revision(
     gimbal: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
@@ -321,7 +321,7 @@ def test_a_recording_is_solved_and_certified(gimbal: Made, capsys: pytest.Captur
     ],
     ids=["date", "language", "folder"],
 )
-def test_wrong_usage_is_named(
+def test_wrong_usage_is_reported(
     arguments: tuple[str, ...], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = () if "-o" in arguments else ("-o", tmp_path / "x.pdf")
@@ -329,7 +329,7 @@ def test_wrong_usage_is_named(
     assert message in capsys.readouterr().err
 
 
-def test_a_result_needs_its_own_log(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+def test_result_requires_its_own_log(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
     log, out = gimbal.result_file.with_suffix(".h5"), gimbal.folder / "x.pdf"
     result = json.loads(gimbal.result_file.read_text(encoding="utf-8"))
     changed = {**result, "log": {**result["log"], "sha256": "0" * 64}}
@@ -341,7 +341,7 @@ def test_a_result_needs_its_own_log(gimbal: Made, capsys: pytest.CaptureFixture[
     assert "is missing" in capsys.readouterr().err
 
 
-def test_a_damaged_record_is_named(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+def test_damaged_record_is_reported(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
     assert report(gimbal.result_file, "-o", gimbal.folder / "x.pdf") == 0
     path = reports_path(gimbal.result_file.parent)
     path.write_text(path.read_text(encoding="utf-8").replace('"revision": 0', '"revision": 7') + "\n", encoding="utf-8")
@@ -353,7 +353,7 @@ def test_a_damaged_record_is_named(gimbal: Made, capsys: pytest.CaptureFixture[s
     ("file", "number"),
     [("/runs/SN-1_2.h5", "SN-1_2"), (r"C:\runs\SN-1_2.h5", "SN-1_2"), ("x.1.csv.gz", "x.1"), ("x.csv", "x")],
 )
-def test_the_number_is_the_name_of_the_log(file: str, number: str) -> None:
+def test_certificate_number_is_the_name_of_the_log(file: str, number: str) -> None:
     result = Result.from_json(
         {
             "schema": "calstation.result/1",
@@ -370,7 +370,7 @@ def test_the_number_is_the_name_of_the_log(file: str, number: str) -> None:
 
 
 @pytest.mark.long
-def test_the_date_of_receipt_stays_with_the_certificate(
+def test_date_of_receipt_is_kept_with_the_certificate(
     gimbal: Made, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def issue(name: str, *options: str) -> int:
@@ -405,7 +405,9 @@ def test_the_date_of_receipt_stays_with_the_certificate(
         ("lab.p12", {"folder": ".", "signing": {"certificate": "lab.p12"}}),
     ],
 )
-def test_a_verdict_says_why_it_has_no_report(site_folder: SiteFolder, missing: str, report: dict[str, Any]) -> None:
+def test_missing_report_is_explained_in_the_events(
+    site_folder: SiteFolder, missing: str, report: dict[str, Any]
+) -> None:
     told: list[Event] = []
     with_laboratory(site_folder, report=report)
     assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append) == []
@@ -417,9 +419,7 @@ def test_a_verdict_says_why_it_has_no_report(site_folder: SiteFolder, missing: s
     assert len(told) == 1
 
 
-def test_a_share_that_does_not_respond_delays_no_verdict(
-    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unresponsive_network_share_delays_no_verdict(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     goes_on = threading.Event()
     monkeypatch.setattr(automatic_report, "missing_report_places", lambda *_: [goes_on.wait()])
     monkeypatch.setattr(automatic_report, "_SEARCH_S", 0.0)
@@ -430,7 +430,7 @@ def test_a_share_that_does_not_respond_delays_no_verdict(
     assert told == []
 
 
-def test_a_station_asks_for_reports_of_its_verdicts(
+def test_station_settings_request_reports_of_verdicts(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     started: list[Any] = []

@@ -1,4 +1,4 @@
-"""`calstation report` embeds the digital calibration certificate, writes it by itself, and signs both."""
+"""`calstation report` embeds the digital calibration certificate, writes it to a separate file, and signs both."""
 
 import io
 import json
@@ -28,7 +28,7 @@ from tests.site_folder import SiteFolder
 
 @pytest.fixture
 def result_file(tmp_path: Path, shared_runs: SharedRuns) -> Path:
-    """The result of a run, which names the log beside it."""
+    """The result of a run with its log in the same folder."""
     path = Path(shared_runs.passed(tmp_path / "run", "six_position").result_file)
     content = json.loads(path.read_text(encoding="utf-8"))
     content["log"]["file"] = str(path.with_suffix(".h5"))
@@ -38,19 +38,19 @@ def result_file(tmp_path: Path, shared_runs: SharedRuns) -> Path:
 
 @pytest.fixture
 def seal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The certificate of the site."""
+    """The signing certificate of the site."""
     monkeypatch.setenv(PASSWORD_VARIABLE, PASSWORD)
     return write_certificate(tmp_path / "seal.p12", KEYS["ec"]())
 
 
 def attached(pdf: bytes) -> dict[str, Any]:
-    """Files in a PDF: content by name."""
+    """Return the attached files of a PDF by name."""
     names = list(PdfFileReader(io.BytesIO(pdf)).root["/Names"]["/EmbeddedFiles"]["/Names"])
     files = (entry.get_object()["/EF"]["/F"].data for entry in names[1::2])
     return dict(zip(map(str, names[::2]), files, strict=True))
 
 
-def test_the_certificate_is_in_the_pdf_and_by_itself(result_file: Path, tmp_path: Path) -> None:
+def test_digital_certificate_is_in_the_pdf_and_in_a_separate_file(result_file: Path, tmp_path: Path) -> None:
     pdf, dcc = tmp_path / "report.pdf", tmp_path / "report.xml"
     command = ["report", str(result_file), "-o", str(pdf), "--dcc", str(dcc)]
     assert run_app(command) == 0
@@ -73,7 +73,7 @@ def test_pdf_and_certificate_are_signed(result_file: Path, tmp_path: Path, seal:
     assert etree.fromstring(dcc.read_bytes())[-1].tag.endswith("}Signature")
 
 
-def test_a_certificate_that_cannot_sign_writes_nothing(
+def test_unusable_signing_certificate_prevents_the_report(
     result_file: Path, tmp_path: Path, seal: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv(PASSWORD_VARIABLE, "wrong")
@@ -84,7 +84,7 @@ def test_a_certificate_that_cannot_sign_writes_nothing(
 
 
 @pytest.mark.parametrize("option", ["--sign", "--templates"])
-def test_a_missing_file_of_an_option_is_named_with_the_option(
+def test_missing_file_of_an_option_is_reported_with_the_option(
     result_file: Path, tmp_path: Path, option: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pdf, missing = tmp_path / "report.pdf", tmp_path / "missing.p12"
@@ -98,7 +98,7 @@ def test_a_missing_file_of_an_option_is_named_with_the_option(
 
 
 def test_reports_of_a_station_with_a_certificate_are_signed(site_folder: SiteFolder) -> None:
-    """A relative path is beside the station file."""
+    """A relative path refers to the folder of the station file."""
     setup = prepare_run(site_folder.request("six_position"))
     section = ReportSection(folder="reports", signing=SigningSection(certificate="keys/seal.p12"))
     signed = replace(setup, station=setup.station.model_copy(update={"report": section}))

@@ -1,4 +1,4 @@
-"""Where the product requires two people for a certificate, no copy or export of a run gets one without them."""
+"""If the product requires two people for a certificate, every copy and export of a run requires them."""
 
 import json
 import tomllib
@@ -19,7 +19,7 @@ from tests.site_folder import SiteFolder
 
 @pytest.fixture
 def result_file(shared_runs: SharedRuns, tmp_path: Path) -> Path:
-    """The result of a run, beside its log, whose product requires a second person."""
+    """The result of a run with its log in the same folder; its product requires a second person."""
 
     def make(site: SiteFolder) -> Verdict:
         site.write({"stages": ["six_position"], "confirmation": {"required_for": ["certificate"]}})
@@ -33,7 +33,7 @@ def original(result_file: Path) -> Path:
 
 
 def copy_of_the_result(result_file: Path) -> Path:
-    """A copy of another name, whose log is found by the path in it alone."""
+    """A copy under another name, whose log is found only by the stored path."""
     result = json.loads(result_file.read_text(encoding="utf-8"))
     result["log"]["file"] = str(result_file.with_suffix(".h5"))
     copy = result_file.with_name("copy.json")
@@ -42,14 +42,14 @@ def copy_of_the_result(result_file: Path) -> Path:
 
 
 def exported(result_file: Path) -> Path:
-    """An export of the log."""
+    """Return an export of the log."""
     csv = result_file.with_name("export.csv")
     assert run_app(["export", str(result_file.with_suffix(".h5")), "-o", str(csv)]) == 0
     return csv
 
 
 def exported_without_files(result_file: Path) -> Path:
-    """An export that lacks the product file, but has its limits."""
+    """Return an export without the product file but with its limits."""
     csv = exported(result_file)
     toml = csv.with_suffix(".toml")
     meta = tomllib.loads(toml.read_text(encoding="utf-8"))
@@ -68,7 +68,7 @@ def exported_without_files(result_file: Path) -> Path:
         (exported_without_files, "it is unknown who may release the unit or issue its certificate"),
     ],
 )
-def test_no_copy_or_export_gets_a_certificate_without_the_second_person(
+def test_every_copy_and_export_requires_the_second_person(
     result_file: Path, source: Callable[[Path], Path], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = result_file.with_name("out.pdf")
@@ -79,13 +79,13 @@ def test_no_copy_or_export_gets_a_certificate_without_the_second_person(
 
 @pytest.mark.long
 @pytest.mark.parametrize("source", [original, copy_of_the_result, exported])
-def test_the_window_asks_for_the_second_person_for_each_of_them(
+def test_window_asks_for_the_second_person_for_every_copy_and_export(
     result_file: Path, source: Callable[[Path], Path]
 ) -> None:
     assert issue_state(ignore_progress, source(result_file), None, "en").required.second
 
 
-def test_a_recording_of_no_product_needs_nobody(result_file: Path) -> None:
+def test_recording_without_a_product_requires_no_second_person(result_file: Path) -> None:
     csv = exported_without_files(result_file)
     toml = csv.with_suffix(".toml")
     meta = tomllib.loads(toml.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Labels are made from results of units that passed, and every failure names its remedy."""
+"""Labels are made from results of passed units, and every failure has a remedy."""
 
 import json
 import socket
@@ -41,7 +41,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def use_template(site: Path, name: str, text: str) -> None:
-    """Let the product have this label."""
+    """Set this label template in the product."""
     (site / "products" / name).write_text(text, encoding="utf-8")
     (site / "products" / "short.toml").write_text(tomli_w.dumps({**PRODUCT, "label": name}), encoding="utf-8")
 
@@ -64,7 +64,7 @@ def printed(site: Path, **changes: Any) -> Path | None:
     return print_label(lambda *_: None, write_result(site, **changes), site / "stations" / "line.toml")
 
 
-def test_values_cannot_contain_commands_of_the_printer(site: Path) -> None:
+def test_printer_commands_in_values_are_removed(site: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         write_station(site, label={"printer": f"tcp://127.0.0.1:{server.getsockname()[1]}"})
         assert printed(site) is None
@@ -74,7 +74,7 @@ def test_values_cannot_contain_commands_of_the_printer(site: Path) -> None:
             assert stream.read().decode() == f"^XA^FDSN-000042 Gyro  XA  {day}^FS^XZ"
 
 
-def test_the_same_result_gives_the_same_pdf(site: Path) -> None:
+def test_same_result_gives_the_same_pdf(site: Path) -> None:
     use_template(site, "label.typ", "#set page(width: 50mm, height: 30mm)\n#sys.inputs.serial #sys.inputs.operator")
     pdf = printed(site)
     assert pdf == site / "labels" / "SN-000042_1.pdf"
@@ -100,7 +100,7 @@ def test_the_same_result_gives_the_same_pdf(site: Path) -> None:
         ("label.typ", "#sys.inputs.serail", InputError, "cannot be compiled (dictionary does not contain key"),
     ],
 )
-def test_a_template_that_cannot_be_printed(
+def test_unusable_label_template_is_reported(
     site: Path, name: str, template: str, error: type[CalstationError], text: str
 ) -> None:
     use_template(site, name, template)
@@ -110,7 +110,7 @@ def test_a_template_that_cannot_be_printed(
     assert render(raised.value.code, raised.value.values, "zh_CN").remedy
 
 
-def test_a_printer_that_is_off_is_a_device_fault(site: Path) -> None:
+def test_unreachable_printer_is_a_device_fault(site: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as closed:
         port = closed.getsockname()[1]
     write_station(site, label={"printer": f"tcp://127.0.0.1:{port}"})
@@ -123,14 +123,14 @@ def test_a_printer_that_is_off_is_a_device_fault(site: Path) -> None:
     [{"outcome": "failed"}, {"partial": True}, {"outcome": "stopped"}, {"outcome": "resolved"}, {"configuration": {}}],
     ids=str,
 )
-def test_only_a_unit_that_passed_all_stages_has_a_label(site: Path, changes: dict[str, Any]) -> None:
+def test_only_a_passed_full_run_has_a_label(site: Path, changes: dict[str, Any]) -> None:
     assert label_template(load_result(write_result(site))) == site / "products" / "label.zpl"
     assert label_template(load_result(write_result(site, **changes))) is None
     with pytest.raises(InputError, match="SN-000042 gets no label"):
         printed(site, **changes)
 
 
-def test_a_unit_that_failed_later_gets_no_label(site: Path) -> None:
+def test_unit_that_failed_later_gets_no_label(site: Path) -> None:
     passed = write_result(site)
     name = "SN-000042_20990101T000000"
     later = {"outcome": "failed", "started_utc": "2099-01-01T00:00:00+00:00", "log": {"file": f"{name}.h5"}}

@@ -1,4 +1,4 @@
-"""A signed report verifies and stays PDF/A, and no longer verifies once a byte changes."""
+"""A signed report verifies and stays PDF/A; a modified report does not verify."""
 
 import io
 import sys
@@ -28,7 +28,7 @@ XML = b"<?xml version='1.0' encoding='UTF-8'?>\n<certificate><value>1.25e-06</va
 
 @pytest.fixture(scope="module", params=["rsa", "ec"])
 def file(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The site's certificate."""
+    """The signing certificate of the site."""
     return write_certificate(tmp_path_factory.mktemp("site") / "seal.p12", KEYS[request.param]())
 
 
@@ -50,7 +50,7 @@ def pdf() -> bytes:
 
 
 def checked(signed: bytes, signer: Signer) -> PdfSignatureStatus:
-    """What a reader that trusts the site's certificate finds."""
+    """Return the validation result of a reader that trusts the certificate of the site."""
     (root,) = load_certs_from_pemder_data(signer.certificates[0].public_bytes(Encoding.DER))
     (signature,) = PdfFileReader(io.BytesIO(signed)).embedded_signatures
     return validate_pdf_signature(signature, ValidationContext(trust_roots=[root]))
@@ -63,7 +63,7 @@ def test_a_signed_pdf_verifies(pdf: bytes, signer: Signer) -> None:
     assert status.coverage.name == "ENTIRE_FILE"
 
 
-def test_a_changed_pdf_does_not_verify(pdf: bytes, signer: Signer) -> None:
+def test_modified_pdf_does_not_verify(pdf: bytes, signer: Signer) -> None:
     signed = bytearray(sign_pdf(pdf, signer))
     signed[signed.index(b"xmpmeta") - 4] ^= 1
     status = checked(bytes(signed), signer)
@@ -71,8 +71,8 @@ def test_a_changed_pdf_does_not_verify(pdf: bytes, signer: Signer) -> None:
     assert not status.bottom_line
 
 
-def test_a_signature_leaves_pdf_a_and_attachments(pdf: bytes, signer: Signer) -> None:
-    """The document stands unchanged before the signature, whose field is as PDF/A wants it: printed, not hidden."""
+def test_signature_preserves_pdf_a_and_attachments(pdf: bytes, signer: Signer) -> None:
+    """The document is unchanged before the signature, whose field is printed and not hidden, as PDF/A requires."""
     signed = sign_pdf(pdf, signer)
     assert signed.startswith(pdf)
     before, after = (PdfFileReader(io.BytesIO(content)) for content in (pdf, signed))
@@ -97,13 +97,13 @@ def test_a_signed_xml_verifies(signer: Signer) -> None:
     assert seen[0].findtext("value") == "1.25e-06"
 
 
-def test_a_changed_xml_does_not_verify(signer: Signer) -> None:
+def test_modified_xml_does_not_verify(signer: Signer) -> None:
     signed = sign_xml(XML, signer).replace(b"1.25e-06", b"1.26e-06")
     with pytest.raises((InvalidDigest, InvalidSignature)):
         XAdESVerifier().verify(signed, x509_cert=signer.certificates[0])
 
 
-def test_the_password_may_be_in_the_keyring(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_password_is_read_from_the_keyring(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(PASSWORD_VARIABLE, raising=False)
     monkeypatch.setattr(keyring, "get_password", lambda *name: PASSWORD if name == KEYRING else None)
     assert load_signer(file).certificates[0].subject.rfc4514_string() == "CN=Inertial laboratory"
@@ -126,20 +126,22 @@ def test_a_wrong_password_is_refused(file: Path, monkeypatch: pytest.MonkeyPatch
         load_signer(file)
 
 
-def test_a_missing_certificate_is_named(tmp_path: Path) -> None:
+def test_missing_certificate_is_reported(tmp_path: Path) -> None:
     with raises_code(ConfigurationError, "signing.unreadable") as caught:
         load_signer(tmp_path / "seal.p12")
     assert "seal.p12" in str(caught.value)
 
 
-def test_a_key_of_another_kind_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unsupported_key_type_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(PASSWORD_VARIABLE, PASSWORD)
     other = write_certificate(tmp_path / "seal.p12", ed25519.Ed25519PrivateKey.generate())
     with raises_code(ConfigurationError, "signing.no_key"):
         load_signer(other)
 
 
-def test_without_the_extra_the_error_says_how_to_install_it(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_optional_dependency_is_reported_with_its_installation(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "pyhanko.sign", None)
     with raises_code(ConfigurationError, "signing.not_installed") as caught:
         load_signer(file)

@@ -1,4 +1,4 @@
-"""A result file that says anything else than its log gives no certificate, whatever was changed in it."""
+"""A result file that differs from its log gives no certificate, whichever entry was changed."""
 
 import json
 import shutil
@@ -48,25 +48,25 @@ class Honest:
 
 @pytest.fixture(scope="module")
 def made(shared_runs: SharedRuns, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The log of a run, beside its result."""
+    """The log of a run in the folder of its result."""
     return make(shared_runs, tmp_path_factory.mktemp("made"), "gimbal").result_file.with_suffix(".h5")
 
 
 @pytest.fixture(scope="module")
 def solution(made: Path) -> Result:
-    """The result of the log that was solved again."""
+    """The result of the re-solved log."""
     return resolve(made).result
 
 
 @pytest.fixture
 def run(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Honest:
-    """The result of a run beside its log, which is read only once."""
+    """The result of a run with its log, which is read only once."""
     return copied(made, tmp_path, json.loads(made.with_suffix(".json").read_text(encoding="utf-8")), monkeypatch)
 
 
 @pytest.fixture
 def solved_again(made: Path, solution: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Honest:
-    """The result of a log that was solved again, which the certificate does not do once more."""
+    """The result of a re-solved log, which the certificate does not solve again."""
     monkeypatch.setattr(source, "resolve_log", lambda *arguments, **more: Resolved(solution, ()))
     return copied(made, tmp_path, solution.to_json(), monkeypatch)
 
@@ -81,7 +81,7 @@ def copied(made: Path, folder: Path, content: dict[str, Any], monkeypatch: pytes
 
 
 def honest(path: Path) -> Honest:
-    """A result file that names the log beside it."""
+    """A result file that refers to the log in its folder."""
     content = json.loads(path.read_text(encoding="utf-8"))
     content["log"]["file"] = str(path.with_suffix(".h5"))
     path.write_text(json.dumps(content), encoding="utf-8")
@@ -89,12 +89,12 @@ def honest(path: Path) -> Honest:
 
 
 def stated(path: Path) -> dict[str, Any]:
-    """The result that the certificate of a file states."""
+    """Return the result stated by the certificate of a file."""
     return source.load_source(ignore_progress, path)[0].to_json()
 
 
 def forged(value: Any) -> Any:
-    """Another value of the same type."""
+    """Return a different value of the same type."""
     match value:
         case bool():
             return not value
@@ -108,7 +108,7 @@ def forged(value: Any) -> Any:
 
 
 def forgeries(value: Any) -> Iterator[tuple[str, Any]]:
-    """Every change of one entry of a JSON value, with its place; of rows of the same kind, of the first one only."""
+    """Yield every change of one entry of a JSON value with its path; of similar rows only the first is changed."""
     if isinstance(value, dict):
         alike = len({type(row) for row in value.values()}) == 1 and isinstance(next(iter(value.values())), dict)
         for key in list(value)[:1] if alike else value:
@@ -124,7 +124,7 @@ def forgeries(value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def example(annotation: Any, field: FieldInfo | None = None) -> Any:
-    """A JSON value of a type, for an entry that the file lacks."""
+    """Return a JSON value of a type, for an entry missing in the file."""
     arguments = [argument for argument in get_args(annotation) if argument is not type(None)]
     origin = get_origin(annotation)
     if origin in (Union, types.UnionType, Annotated):
@@ -147,7 +147,9 @@ def example(annotation: Any, field: FieldInfo | None = None) -> Any:
 
 @pytest.mark.parametrize("name", FIELDS)
 @pytest.mark.parametrize("kind", ["run", "solved_again"])
-def test_no_change_of_any_entry_reaches_a_certificate(kind: str, name: str, request: pytest.FixtureRequest) -> None:
+def test_modified_result_entry_never_reaches_a_certificate(
+    kind: str, name: str, request: pytest.FixtureRequest
+) -> None:
     case: Honest = request.getfixturevalue(kind)
     field = next(f for n, f in Result.model_fields.items() if name in (n, f.alias, f.serialization_alias))
     rest = {key: value for key, value in case.content.items() if key != name}
@@ -165,14 +167,14 @@ def test_no_change_of_any_entry_reaches_a_certificate(kind: str, name: str, requ
             assert caught.value.code in REFUSED, (entry, caught.value.code)
 
 
-def test_the_digest_of_the_log_is_compared_also_if_the_file_has_none(run: Honest) -> None:
+def test_digest_of_the_log_is_compared_even_if_missing_in_the_result(run: Honest) -> None:
     log = {**run.content["log"], "sha256": ""}
     run.path.write_text(json.dumps({**run.content, "log": log}), encoding="utf-8")
     with raises_code(InputError, "report.other_log"):
         stated(run.path)
 
 
-def test_the_rounding_of_another_computer_is_accepted_and_not_printed(solved_again: Honest) -> None:
+def test_rounding_differences_of_another_computer_are_accepted_but_not_printed(solved_again: Honest) -> None:
     content = json.loads(json.dumps(solved_again.content))
     row = next(iter(content["parameters"].values()))
     row["value"] += 5e-4 * row["sigma"]
@@ -184,7 +186,7 @@ def test_the_rounding_of_another_computer_is_accepted_and_not_printed(solved_aga
         stated(solved_again.path)
 
 
-def test_a_range_and_its_stages_are_solved_as_the_file_says(run: Honest) -> None:
+def test_range_and_stages_in_the_result_are_solved_again(run: Honest) -> None:
     first, last = run.content["log"]["first_seq"], run.content["log"]["last_seq"]
     log = run.path.with_suffix(".h5")
     found = resolve(log, tuple(run.content["stages"]), first + 10, last).result
@@ -194,7 +196,7 @@ def test_a_range_and_its_stages_are_solved_as_the_file_says(run: Honest) -> None
     assert stated(path)["log"]["first_seq"] == first + 10
 
 
-def test_a_result_of_a_run_needs_the_log_that_has_it(run: Honest, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_result_requires_the_log_that_contains_it(run: Honest, capsys: pytest.CaptureFixture[str]) -> None:
     csv = run.path.with_name("export.csv")
     assert run_app(["export", str(run.path.with_suffix(".h5")), "-o", str(csv)]) == 0
     log = {**run.content["log"], "file": str(csv), "sha256": open_log(csv).facts().sha256}
@@ -205,7 +207,7 @@ def test_a_result_of_a_run_needs_the_log_that_has_it(run: Honest, capsys: pytest
 
 @pytest.fixture
 def released(shared_runs: SharedRuns, tmp_path: Path) -> Path:
-    """The result of a run that failed, whose unit was released at this site."""
+    """The result of a failed run whose unit was released at this site."""
     path = make(shared_runs, tmp_path / "site", "failed").result_file
     honest(path)
     access.set_pin("", "000000")
@@ -214,7 +216,7 @@ def released(shared_runs: SharedRuns, tmp_path: Path) -> Path:
 
 
 @pytest.mark.long
-def test_a_release_is_certified_where_the_audit_trail_has_it(released: Path, home: Path) -> None:
+def test_release_is_certified_only_if_it_is_in_the_audit_trail(released: Path, home: Path) -> None:
     assert stated(released)["override"]["why"] == "shock test"
     for key, value in (("by", "li"), ("confirmed_by", "li"), ("why", "none"), ("utc", "2001-01-01T00:00:00+00:00")):
         content = json.loads(released.read_text(encoding="utf-8"))
@@ -232,9 +234,7 @@ def test_a_release_is_certified_where_the_audit_trail_has_it(released: Path, hom
 
 
 @pytest.mark.long
-def test_a_release_of_another_run_is_not_that_of_this_one(
-    released: Path, shared_runs: SharedRuns, tmp_path: Path
-) -> None:
+def test_release_of_another_run_does_not_apply(released: Path, shared_runs: SharedRuns, tmp_path: Path) -> None:
     other = make(shared_runs, tmp_path / "other", "gimbal").result_file
     release = load_result(released).override
     assert release is not None
@@ -245,7 +245,7 @@ def test_a_release_of_another_run_is_not_that_of_this_one(
 
 
 @pytest.mark.long
-def test_a_check_that_failed_does_not_become_a_pass(
+def test_failed_check_cannot_be_changed_to_passed(
     shared_runs: SharedRuns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = make(shared_runs, tmp_path / "site", "failed").result_file

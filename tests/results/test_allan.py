@@ -1,4 +1,4 @@
-"""The Allan deviation against closed forms of white noise, a random walk and a bias instability, and its refusals."""
+"""The Allan deviation agrees with closed forms of white noise, random walk and bias instability."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -18,17 +18,17 @@ COUNT = 360_000
 WALK = 3e-5
 
 
-def told(*_: object, **__: object) -> None:
-    """Nobody listens."""
+def no_progress(*_: object, **__: object) -> None:
+    """Ignore progress reports."""
 
 
 def covered(curve: AllanCurve, expected: np.ndarray) -> float:
-    """The fraction of the confidence intervals that contain the expected deviations."""
+    """Return the fraction of confidence intervals that contain the expected deviations."""
     return float(np.mean((curve.low < expected) & (expected < curve.high)))
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_white_noise_gives_its_random_walk(seed: int) -> None:
+def test_white_noise_gives_its_angle_random_walk(seed: int) -> None:
     random = np.random.default_rng(seed)
     curve = allan_curve(1.0 + random.normal(0.0, WALK * np.sqrt(RATE), COUNT), RATE)
     assert curve.random_walk == pytest.approx(WALK, rel=0.01)
@@ -41,7 +41,7 @@ def test_white_noise_gives_its_random_walk(seed: int) -> None:
     assert curve.tau[-1] == pytest.approx(0.2 * COUNT / RATE, rel=0.01)
 
 
-def test_a_random_walk_of_the_rate_rises_with_the_root_of_a_third_of_the_time() -> None:
+def test_rate_random_walk_grows_with_the_square_root_of_time() -> None:
     curve = allan_curve(np.cumsum(np.random.default_rng(4).normal(0.0, 1e-6 / np.sqrt(RATE), COUNT)), RATE)
     expected = 1e-6 * np.sqrt(curve.tau / 3.0)
     middle = (curve.tau > 0.1) & (curve.tau < 60.0)  # below, sampling; above, too few differences
@@ -51,7 +51,7 @@ def test_a_random_walk_of_the_rate_rises_with_the_root_of_a_third_of_the_time() 
     assert curve.instability is None
 
 
-def test_a_bias_instability_is_read_off_the_flat_minimum() -> None:
+def test_bias_instability_is_determined_from_the_flat_minimum() -> None:
     random = np.random.default_rng(5)
     steps = sum(  # one step per octave of time makes flicker noise: a random value held for 2^k samples
         np.repeat(random.normal(0.0, 1.0, -(-COUNT // 2**k)), 2**k)[:COUNT] for k in range(7, 15)
@@ -65,7 +65,7 @@ def test_a_bias_instability_is_read_off_the_flat_minimum() -> None:
 
 
 def written(path: Path, change: Callable[[np.ndarray, np.ndarray], None]) -> Path:
-    """A log of a minute at rest with white noise of the gyros; `change` alters the rates and the angles, rad."""
+    """Write a log of one minute at rest with white gyro noise; `change` modifies the rates and the angles, rad."""
     seq = np.arange(round(60 * RATE))
     output = np.random.default_rng(6).normal(0.0, WALK * np.sqrt(RATE), (len(seq), 6))
     output[:, 5] += 9.8
@@ -82,29 +82,27 @@ def written(path: Path, change: Callable[[np.ndarray, np.ndarray], None]) -> Pat
 
 
 def turned(output: np.ndarray, angles: np.ndarray) -> None:
-    """Turn by 10 ° within one second after 20 s."""
+    """Rotate by 10° within one second after 20 s."""
     output[2000:2100, 2] += np.deg2rad(10.0)
     angles[:, 1] = np.deg2rad(np.clip((np.arange(len(angles)) - 2000) / 10.0, 0.0, 10.0))
 
 
 def turned_unseen(output: np.ndarray, angles: np.ndarray) -> None:
-    """The same without encoders."""
+    """Rotate in the same way without encoders."""
     turned(output, angles)
     angles[:] = np.nan
 
 
 @pytest.mark.parametrize("motion", [turned, turned_unseen])
-def test_a_range_in_which_the_table_moves_is_refused(
-    motion: Callable[[np.ndarray, np.ndarray], None], tmp_path: Path
-) -> None:
+def test_range_with_table_motion_is_refused(motion: Callable[[np.ndarray, np.ndarray], None], tmp_path: Path) -> None:
     log = written(tmp_path / "log.h5", motion)
     with pytest.raises(InsufficientDataError) as refused:
-        allan_deviation(told, log, 0, 5999)
+        allan_deviation(no_progress, log, 0, 5999)
     assert refused.value.code == "solution.allan_moves"
-    first, last = longest_rest(told, log)
+    first, last = longest_rest(no_progress, log)
     assert first >= 2100
     assert last == 5999
-    found = allan_deviation(told, log, first, last)
+    found = allan_deviation(no_progress, log, first, last)
     assert set(found.curves) == {f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"}
     for curve in found.curves.values():
         assert curve.random_walk == pytest.approx(WALK, rel=0.1)
@@ -112,12 +110,12 @@ def test_a_range_in_which_the_table_moves_is_refused(
     assert found.quantisation == (0.0, 0.0)  # of a rate output it is white noise
 
 
-def test_a_range_without_gyros_gives_the_accelerometers_and_a_short_one_nothing(tmp_path: Path) -> None:
+def test_range_without_gyros_gives_only_accelerometers_and_a_short_range_none(tmp_path: Path) -> None:
     def without(output: np.ndarray, _: np.ndarray) -> None:
         output[:, :3] = np.nan
 
     log = written(tmp_path / "log.h5", without)
-    assert set(allan_deviation(told, log, 0, 5999).curves) == {"accel_x", "accel_y", "accel_z"}
+    assert set(allan_deviation(no_progress, log, 0, 5999).curves) == {"accel_x", "accel_y", "accel_z"}
     with pytest.raises(InsufficientDataError) as refused:
-        allan_deviation(told, log, 0, 900)
+        allan_deviation(no_progress, log, 0, 900)
     assert refused.value.code == "solution.allan_short"

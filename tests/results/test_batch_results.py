@@ -1,4 +1,4 @@
-"""The result of a unit of a batch says so; that of a unit that was alone on the table has no such keys."""
+"""The result of a unit in a batch contains batch and slot; a single unit has no such keys."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from calstation.results import Ending, Result, build_result, judge
 
 
 def built(meta: LogMeta) -> Result:
-    """The result of a solved log with this configuration."""
+    """Return the result of a solved log with this configuration."""
     belief = Belief(np.zeros(COUNT), np.diag(np.full(COUNT, 1e-18)))
     found = Solution("excitation", belief, NAMES, Consistency(1.0, 0.9, 1.1, 100))
     prior = prior_from_meta(meta)
@@ -19,7 +19,7 @@ def built(meta: LogMeta) -> Result:
     return build_result(meta, prior, (found,), judge(meta, prior, (found,)), ending)
 
 
-def test_batch_and_slot_are_those_of_the_log() -> None:
+def test_result_has_the_batch_and_slot_of_the_log() -> None:
     alone = resolve_configuration(RunRequest("SN-000001")).log_meta()
     assert not {"batch", "slot", "batch_units"} & set(LogMeta.model_validate_json(alone.to_json()).run.model_fields_set)
     assert not {"batch", "slot"} & set(built(alone).to_json())

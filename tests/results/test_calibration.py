@@ -1,4 +1,4 @@
-"""The current calibration: its joint estimate, its age, its registers, and the prior that it gives."""
+"""The current calibration: its joint estimate, age, registers, and the resulting prior."""
 
 from dataclasses import replace
 from datetime import datetime, timedelta
@@ -35,7 +35,7 @@ YEAR = 365.25 * 86400.0
 
 
 def belief(seed: int = 1, scale: float = 1e-6) -> Belief:
-    """Correlated parameters with sigmas of about `scale`."""
+    """Return correlated parameters with sigmas of about `scale`."""
     random = np.random.default_rng(seed)
     root = scale * random.standard_normal((COUNT, COUNT + 10)) / np.sqrt(COUNT)
     return Belief(1e-3 * random.standard_normal(COUNT), root @ root.T)
@@ -47,13 +47,13 @@ def setup(site_folder: SiteFolder, profile: str = "bench_nav") -> ResolvedConfig
 
 
 def held(setup_: ResolvedConfiguration, found: Belief) -> dict[str, float]:
-    """Registers with the values of a belief."""
+    """Return registers with the values of a belief."""
     names = [name for entry in setup_.imu.registers for name in entry.parameters if name]
     return {name: float(np.float32(found.mean[INDEX[name]])) for name in names}
 
 
 def result(folder: Path, name: str, day: int, found: Belief, registers: dict[str, float], **more: Any) -> None:
-    """The result of a run that wrote registers."""
+    """Write the result of a run that wrote registers."""
     section = {"old": {}, "new": registers, "verified": True, "estimate": estimate_of(found, {}).model_dump(), **more}
     files = {"imu": {"name": "bench_nav", "sha256": "0"}}
     outcome = "passed" if day != 9 else "failed"
@@ -67,7 +67,7 @@ def test_an_estimate_is_read_back(tmp_path: Path) -> None:
     np.testing.assert_allclose(again.covariance, found.covariance, rtol=1e-14, atol=1e-30)
 
 
-def test_an_estimate_from_corrected_output_is_that_of_the_raw_output() -> None:
+def test_estimate_from_corrected_output_equals_the_raw_output_estimate() -> None:
     found, registers = belief(), {name: 2e-3 * (-1) ** i for i, name in enumerate(NAMES[:24])}
     estimate = from_estimate(estimate_of(found, registers))
     remaining = dict(zip(NAMES, found.mean.tolist(), strict=True))
@@ -78,7 +78,7 @@ def test_an_estimate_from_corrected_output_is_that_of_the_raw_output() -> None:
     np.testing.assert_allclose(offset + matrix @ values, whole, atol=1e-15)
 
 
-def test_the_prior_is_the_aged_joint_estimate(site_folder: SiteFolder) -> None:
+def test_prior_is_the_aged_joint_estimate(site_folder: SiteFolder) -> None:
     configured, found = setup(site_folder), belief()
     meta = configured.log_meta()
     assert meta.run is not None
@@ -105,7 +105,9 @@ def test_the_prior_is_the_aged_joint_estimate(site_folder: SiteFolder) -> None:
     assert aged.calibrated == set(NAMES) - {NAMES[i] for i in lever}
 
 
-def test_a_prior_behind_registers_is_what_they_leave(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_prior_of_corrected_output_is_the_residual_error(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
     configured, found = setup(site_folder), belief()
     text = behind_registers(configured.sources["imu"].text)
     path = site_folder.folder / "after.toml"
@@ -123,7 +125,7 @@ def test_a_prior_behind_registers_is_what_they_leave(site_folder: SiteFolder, mo
     assert np.abs(prior.mean[written]).max() < 1e-8
 
 
-def test_only_the_registers_of_a_verified_run_are_current(
+def test_only_registers_of_a_verified_run_are_current(
     site_folder: SiteFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     configured, runs = setup(site_folder), tmp_path / "history"
@@ -157,7 +159,7 @@ def test_only_the_registers_of_a_verified_run_are_current(
     assert (none, message.id) == (None, "prior_no_calibration")
 
 
-def test_correlations_are_written_to_toml_and_back(tmp_path: Path) -> None:
+def test_correlations_survive_toml(tmp_path: Path) -> None:
     covariance = belief().covariance
     sigma = np.sqrt(np.diag(covariance))
     prior = {name: {"value": 0.1, "sigma": float(sigma[INDEX[name]])} for name in NAMES}
@@ -185,7 +187,7 @@ def test_correlations_are_written_to_toml_and_back(tmp_path: Path) -> None:
         ({"gyro_bias_x": {"gyro_bias_y": 1.1}}, "prior_correlation log.correlation_impossible"),
     ],
 )
-def test_impossible_correlations_are_refused(tmp_path: Path, table: dict[str, Any], message: str) -> None:
+def test_invalid_correlations_are_refused(tmp_path: Path, table: dict[str, Any], message: str) -> None:
     path = tmp_path / "log.toml"
     path.write_text(tomli_w.dumps({**META, "prior_correlation": table}), encoding="utf-8")
     with pytest.raises(InputError) as caught:
@@ -194,14 +196,14 @@ def test_impossible_correlations_are_refused(tmp_path: Path, table: dict[str, An
 
 
 def solution(prior: Belief, name: str, value: float, sigma: float) -> Solution:
-    """A stage that changes one parameter of its prior."""
+    """Return the solution of a stage that changes one parameter of its prior."""
     mean, covariance = prior.mean.copy(), prior.covariance.copy()
     mean[INDEX[name]], covariance[INDEX[name], INDEX[name]] = value, sigma**2
     return Solution("rate", Belief(mean, covariance), (name,), Consistency(1.0, 0.5, 1.5, 100))
 
 
 @pytest.mark.parametrize(("change", "passed"), [(3e-6, True), (6e-6, False)])
-def test_a_unit_that_left_its_calibration_fails(change: float, passed: bool) -> None:
+def test_unit_that_changed_since_its_calibration_fails(change: float, passed: bool) -> None:
     prior, sigma = Belief(np.zeros(COUNT), np.eye(COUNT) * 1e-12), 0.5e-6
     found = solution(prior, "gyro_scale_x", change, sigma)
     checks = {check.kind: check for check in check_limits({}, prior, (found,), calibrated=("gyro_scale_x",))}
@@ -211,7 +213,7 @@ def test_a_unit_that_left_its_calibration_fails(change: float, passed: bool) -> 
 
 
 @pytest.mark.parametrize("determined", [0, 1, 2])
-def test_a_partial_run_passes_if_it_determines_at_least_half_of_its_parameters(determined: int) -> None:
+def test_partial_run_passes_if_it_determines_at_least_half_of_its_parameters(determined: int) -> None:
     prior = Belief(np.zeros(COUNT), np.eye(COUNT) * 1e-12)
     names = ("gyro_bias_x", "gyro_bias_y", "gyro_bias_z", "gyro_scale_x")
     covariance = prior.covariance.copy()
@@ -225,7 +227,7 @@ def test_a_partial_run_passes_if_it_determines_at_least_half_of_its_parameters(d
     assert not_compared(limits, prior, (found,)) == unobservable(prior, (found,)) == list(names[determined:])
 
 
-def test_a_profile_without_stability_ages_by_its_prior(site_folder: SiteFolder) -> None:
+def test_profile_without_stability_data_ages_by_its_prior(site_folder: SiteFolder) -> None:
     imu = setup(site_folder).imu.model_copy(update={"stability": {}})
     sigma = imu.change_sigmas(4.0)[INDEX["gyro_scale_x"]]
     assert sigma == pytest.approx(np.hypot(0.01 * 0.002, 0.1 * 0.002 * 2.0))

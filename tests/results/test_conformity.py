@@ -1,4 +1,4 @@
-"""Decision rules and the probabilities that a decision is wrong, against closed forms, quadrature and SciPy."""
+"""Decision rules and probabilities of wrong decisions agree with closed forms, quadrature and SciPy."""
 
 import itertools
 import json
@@ -21,24 +21,24 @@ from calstation.results.conformity import Measurement, bivariate_normal, probabi
 LIMITS = (-1.0, 1.0)
 
 
-def test_at_the_limit_simple_acceptance_is_wrong_with_probability_one_half() -> None:
+def test_simple_acceptance_at_the_limit_is_wrong_with_probability_one_half() -> None:
     assert acceptance_interval(LIMITS, 0.01, "simple") == LIMITS
     assert probability_outside(Measurement(1.0, 0.01), LIMITS) == pytest.approx(0.5, abs=1e-12)
     assert probability_outside(Measurement(-1.0, 0.01), LIMITS) == pytest.approx(0.5, abs=1e-12)
 
 
-def test_at_the_acceptance_limit_a_guard_band_of_two_sigma_leaves_2_3_percent() -> None:
+def test_two_sigma_guard_band_leaves_2_3_percent_risk_at_its_limit() -> None:
     low, high = acceptance_interval(LIMITS, 0.01, "guard_band")
     assert (low, high) == pytest.approx((-0.98, 0.98))
     for value in (low, high):
         assert probability_outside(Measurement(value, 0.01), LIMITS) == pytest.approx(norm.cdf(-2.0), abs=1e-12)
 
 
-def test_a_wide_sigma_counts_both_tails() -> None:
+def test_probability_outside_the_limits_includes_both_tails() -> None:
     assert probability_outside(Measurement(0.0, 1.0), LIMITS) == pytest.approx(2.0 * norm.cdf(-1.0), rel=1e-12)
 
 
-def test_the_spread_of_the_product_is_the_prior() -> None:
+def test_product_spread_is_used_as_the_prior() -> None:
     measured, spread, mu = Measurement(1.1, 0.3), 0.4, 0.0
 
     def density(y: float) -> float:
@@ -49,8 +49,8 @@ def test_the_spread_of_the_product_is_the_prior() -> None:
     assert probability_outside(measured, LIMITS, spread) == pytest.approx(1.0 - inside / total, rel=1e-9)
 
 
-def test_the_spread_replaces_the_prior_of_the_imu_profile() -> None:
-    """An estimate with a prior has the same probability as the data alone; with an equal prior nothing changes."""
+def test_product_spread_replaces_the_prior_of_the_imu_profile() -> None:
+    """An estimate with a prior gives the same probability as the data alone; an equal prior changes nothing."""
     data, sigma_data, mean, prior = 1.3, 0.5, 0.2, 0.8
     precision = sigma_data**-2 + prior**-2
     value = (data / sigma_data**2 + mean / prior**2) / precision
@@ -64,7 +64,7 @@ def test_the_spread_replaces_the_prior_of_the_imu_profile() -> None:
 
 
 @pytest.mark.parametrize("rho", [-0.9, 0.0, 0.5, 0.99, 0.999999])
-def test_the_bivariate_normal_distribution_is_that_of_scipy(rho: float) -> None:
+def test_bivariate_normal_distribution_agrees_with_scipy(rho: float) -> None:
     root = math.sqrt((1.0 - rho) * (1.0 + rho))
     for h in (-2.0, -0.3, 0.0, 0.7, math.inf):
         for k in (-1.5, 0.0, 0.31, 2.2, math.inf):
@@ -76,7 +76,7 @@ def test_the_bivariate_normal_distribution_is_that_of_scipy(rho: float) -> None:
 
 @pytest.mark.parametrize("rule", ["simple", "guard_band"])
 @pytest.mark.parametrize(("spread", "sigma"), [(0.5, 0.1), (1.0, 0.3), (0.4, 1e-3)])
-def test_product_risks_are_the_integrals_of_jcgm_106(rule: str, spread: float, sigma: float) -> None:
+def test_product_risks_agree_with_the_integrals_of_jcgm_106(rule: str, spread: float, sigma: float) -> None:
     low, high = acceptance_interval(LIMITS, sigma, rule)
 
     def accepted(y: float) -> float:
@@ -98,7 +98,7 @@ def test_product_risks_are_the_integrals_of_jcgm_106(rule: str, spread: float, s
 @pytest.mark.parametrize("rule", ["simple", "guard_band"])
 @pytest.mark.parametrize("sigma", [1e-4, 1e-6, 1e-7, 1e-9, 1e-12, 1e-16, 1e-30])
 @pytest.mark.parametrize("limits", [LIMITS, (-math.inf, 0.0)])
-def test_risks_of_a_precise_measurement_are_those_near_the_limits(
+def test_risks_of_a_precise_measurement_agree_with_the_first_order_formula(
     rule: str, sigma: float, limits: tuple[float, float]
 ) -> None:
     """To first order, the risk is density at the limit · sigma · E max(0, N(∓shift, 1))."""
@@ -112,9 +112,7 @@ def test_risks_of_a_precise_measurement_are_those_near_the_limits(
 
 @pytest.mark.parametrize(("mean", "accepted"), [(0.2, True), (1.2, False)])
 @pytest.mark.parametrize("sigma", [0.5, 0.5 + 1e-16])
-def test_a_useless_measurement_always_gives_the_decision_on_its_prior(
-    mean: float, accepted: bool, sigma: float
-) -> None:
+def test_uninformative_measurement_gives_the_decision_of_its_prior(mean: float, accepted: bool, sigma: float) -> None:
     conforming = float(norm.cdf(1.0, 0.0, 0.4) - norm.cdf(-1.0, 0.0, 0.4))
     expected = (1.0 - conforming, 0.0) if accepted else (0.0, conforming)
     found = product_risks(Measurement(mean, sigma, mean, 0.5), LIMITS, 0.4, "simple")
@@ -134,12 +132,12 @@ def test_product_risks_of_an_estimate_with_a_prior_agree_with_a_simulation() -> 
     assert found[1] == pytest.approx(np.mean(~accepted & inside), abs=1e-3)
 
 
-def test_where_the_guard_bands_meet_nothing_is_accepted() -> None:
+def test_overlapping_guard_bands_accept_nothing() -> None:
     accept, reject = product_risks(Measurement(0.0, 0.6), LIMITS, 0.5, "guard_band")
     assert (accept, reject) == (0.0, pytest.approx(1.0 - 2.0 * norm.cdf(-2.0)))
 
 
-def test_a_guard_band_lowers_the_risk_of_the_consumer_and_raises_that_of_the_producer() -> None:
+def test_guard_band_lowers_the_consumer_risk_and_raises_the_producer_risk() -> None:
     simple, guarded = (product_risks(Measurement(0.0, 0.1), LIMITS, 0.6, rule) for rule in ("simple", "guard_band"))
     assert guarded[0] < 0.05 * simple[0]
     assert guarded[1] > simple[1]
@@ -176,7 +174,7 @@ def within(result: Result, name: str) -> Check:
 NEAR_THE_LIMIT = {"gyro_bias_x": (0.00518, 2e-5)}
 
 
-def test_without_a_rule_the_limits_are_the_acceptance_limits_as_before() -> None:
+def test_acceptance_limits_equal_the_limits_without_a_decision_rule() -> None:
     result = judged(configuration(), solution(**NEAR_THE_LIMIT))
     check, found = within(result, "gyro_bias_x"), result.conformity.parameters["gyro_bias_x"]
     assert (check.passed, check.acceptance, "acceptance" in check.to_json()) == (True, None, False)
@@ -185,7 +183,7 @@ def test_without_a_rule_the_limits_are_the_acceptance_limits_as_before() -> None
     assert (found.spread, found.false_accept, found.false_reject) == (None, None, None)
 
 
-def test_a_guard_band_refuses_a_value_nearer_to_the_limit_than_two_sigmas() -> None:
+def test_guard_band_rejects_values_within_two_sigma_of_the_limit() -> None:
     result = judged(configuration(rule="guard_band"), solution(**NEAR_THE_LIMIT))
     check, found = within(result, "gyro_bias_x"), result.conformity.parameters["gyro_bias_x"]
     assert result.passed is False
@@ -198,7 +196,7 @@ def test_a_guard_band_refuses_a_value_nearer_to_the_limit_than_two_sigmas() -> N
     assert Check.from_json(check.to_json()) == check
 
 
-def test_a_guard_band_wider_than_the_limits_fails_with_its_cause() -> None:
+def test_guard_band_wider_than_the_limits_fails_with_its_cause() -> None:
     result = judged(configuration(rule="guard_band"), solution(gyro_bias_x=(0.0, 0.003)))
     check = within(result, "gyro_bias_x")
     assert (check.passed, check.misfit.cause) == (False, "guard_band")
@@ -206,7 +204,7 @@ def test_a_guard_band_wider_than_the_limits_fails_with_its_cause() -> None:
     assert result.conformity.parameters["gyro_bias_x"].accepted is False
 
 
-def test_the_spread_of_a_group_gives_the_risks_of_the_product() -> None:
+def test_group_spread_gives_the_product_risks() -> None:
     meta = configuration(spread={"gyro_bias": 0.002, "gyro_bias_y": 0.001})
     found = judged(meta, solution(**NEAR_THE_LIMIT)).conformity.parameters
     assert (found["gyro_bias_x"].spread, found["gyro_bias_y"].spread) == (0.002, 0.001)
@@ -214,13 +212,13 @@ def test_the_spread_of_a_group_gives_the_risks_of_the_product() -> None:
     assert found["accel_bias_x"].false_accept is None
 
 
-def test_an_unknown_name_or_a_spread_of_zero_is_refused() -> None:
+def test_unknown_name_or_zero_spread_is_refused() -> None:
     with pytest.raises(ValueError, match="gyro_bais"):
         ConformitySection.model_validate({"spread": {"gyro_bais": 1.0}})
     with pytest.raises(ValueError, match="greater than 0"):
         ConformitySection.model_validate({"spread": {"gyro_bias": 0.0}})
 
 
-def test_the_digest_of_a_log_without_the_section_is_unchanged() -> None:
+def test_digest_of_a_log_without_a_decision_rule_is_unchanged() -> None:
     meta = resolve_configuration(RunRequest("SN-000001")).log_meta()
     assert "conformity" not in meta.to_json()

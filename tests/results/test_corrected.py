@@ -1,4 +1,4 @@
-"""Corrected output of IMUs on one body: values, calibrations replaced without a gap, switch-overs, missing samples."""
+"""Corrected output of IMUs on one body: values, gap-free calibration changes, source changes, missing samples."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -24,7 +24,7 @@ Lines = list[dict[str, Any]]
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Log:
-    """Two IMUs on one body, the secondary out of tolerance, with a lever arm and a clock offset between them."""
+    """Two IMUs on one body with a lever arm and a clock offset; the secondary is out of tolerance."""
     path = tmp_path_factory.mktemp("pair") / "pair.h5"
     make_recording("pair", path, "mems", 3)
     return open_log(path)
@@ -37,7 +37,7 @@ def unchanged(block: SampleBlock) -> SampleBlock:
 def watched(
     log: Log, folder: Path, change: Callable[[SampleBlock], SampleBlock] = unchanged, again: tuple[float, ...] = ()
 ) -> Lines:
-    """Lines of a watch in blocks of 0.1 s; `again` are the times at which a check is requested."""
+    """Return the lines of a watch in blocks of 0.1 s; `again` are the times of requested checks."""
     lines: list[str] = []
     session = PairSession(log.meta, folder, "log")
     session.watch.command()
@@ -58,7 +58,7 @@ def watched(
 
 @pytest.fixture(scope="module")
 def first_watch(recording: Log, tmp_path_factory: pytest.TempPathFactory) -> tuple[Lines, Path]:
-    """The lines while the secondary is calibrated, and the folder with the result."""
+    """The lines during the calibration of the secondary, and the folder with the result."""
     folder = tmp_path_factory.mktemp("pairs")
     return watched(recording, folder), folder
 
@@ -84,7 +84,7 @@ def assert_continuous(lines: Lines, log: Log) -> None:
     assert (data(lines)[0]["seq"], expected) == (facts.first_seq, facts.last_seq + 1)
 
 
-def test_a_calibration_is_replaced_without_a_gap(first_watch: tuple[Lines, Path], recording: Log) -> None:
+def test_calibration_is_replaced_without_a_gap(first_watch: tuple[Lines, Path], recording: Log) -> None:
     lines, _ = first_watch
     assert (lines[0]["type"], lines[-1]["type"]) == ("start", "end")
     assert lines[0]["schema"] == "calstation.corrected/1"
@@ -100,7 +100,7 @@ def test_a_calibration_is_replaced_without_a_gap(first_watch: tuple[Lines, Path]
     assert lines.index(events(lines, "calibration")[1]) < lines.index(data(lines)[used.index(1)])
 
 
-def test_the_secondary_reads_what_the_primary_reads(first_watch: tuple[Lines, Path], recording: Log) -> None:
+def test_corrected_secondary_agrees_with_the_primary(first_watch: tuple[Lines, Path], recording: Log) -> None:
     after = [line for line in data(first_watch[0]) if line["imu2"]["calibration"] == 1]
     before = [line for line in data(first_watch[0]) if line["imu2"]["calibration"] == 0]
     noise = recording.meta.imu.gyro_arw * np.sqrt(100.0), recording.meta.imu.accel_vrw * np.sqrt(100.0)
@@ -113,7 +113,7 @@ def test_the_secondary_reads_what_the_primary_reads(first_watch: tuple[Lines, Pa
 
 
 @pytest.mark.long
-def test_the_lever_arm_is_removed(first_watch: tuple[Lines, Path], recording: Log) -> None:
+def test_lever_arm_effect_is_removed(first_watch: tuple[Lines, Path], recording: Log) -> None:
     _, folder = first_watch
     lines = data(watched(recording, folder))
     assert all(line["imu2"]["calibration"] == 0 for line in lines)  # that of the first watch
@@ -133,7 +133,7 @@ def test_the_lever_arm_is_removed(first_watch: tuple[Lines, Path], recording: Lo
     assert np.sqrt(np.mean((without - shifted)[moving] ** 2)) > 1.5 * np.sqrt(np.mean((force - shifted)[moving] ** 2))
 
 
-def test_a_silent_primary_is_replaced_by_the_secondary_and_told(
+def test_silent_primary_is_replaced_by_the_secondary_and_reported(
     first_watch: tuple[Lines, Path], recording: Log
 ) -> None:
     def silent(block: SampleBlock) -> SampleBlock:
@@ -156,7 +156,7 @@ def test_a_silent_primary_is_replaced_by_the_secondary_and_told(
     assert data(lines)[-1]["switch_overs"] == 2
 
 
-def test_a_secondary_is_the_source_only_once_it_was_checked_and_while_it_sends(recording: Log, tmp_path: Path) -> None:
+def test_secondary_is_the_source_only_after_a_check_and_while_it_sends(recording: Log, tmp_path: Path) -> None:
     stream, watch = CorrectedStream(recording.meta), PairSession(recording.meta, tmp_path, "log").watch
     watch.silent = frozenset({0})
     stream.update(watch)
@@ -169,7 +169,7 @@ def test_a_secondary_is_the_source_only_once_it_was_checked_and_while_it_sends(r
     assert stream.source is None
 
 
-def test_a_watch_succeeds_only_if_every_secondary_was_checked_and_sends_to_the_end() -> None:
+def test_watch_succeeds_only_if_every_secondary_is_checked_and_sends_until_the_end() -> None:
     sound = {"gyro": RestDeviation(1e-5, 1e-4), "accel": RestDeviation(1e-3, 1e-2)}
     check = StaticCheck(sound, sound)
     within: Verdict = "within"
@@ -191,7 +191,7 @@ def test_nothing_is_calibrated_after_a_stop(recording: Log, tmp_path: Path, monk
     assert json.loads(lines[-1]) == {"type": "end"}
 
 
-def test_the_last_minute_is_kept_for_the_plots(first_watch: tuple[Lines, Path], recording: Log) -> None:
+def test_last_minute_is_kept_for_the_plots(first_watch: tuple[Lines, Path], recording: Log) -> None:
     session = PairSession(recording.meta, first_watch[1], "log")
     builder = CorrectedTraceBuilder(recording.meta)
     session.run(recording.blocks(), [builder])
@@ -202,10 +202,10 @@ def test_the_last_minute_is_kept_for_the_plots(first_watch: tuple[Lines, Path], 
 
 
 @pytest.mark.long
-def test_a_primary_out_of_tolerance_is_replaced_until_a_check_finds_it_sound(
+def test_out_of_tolerance_primary_is_replaced_until_it_passes_a_check(
     first_watch: tuple[Lines, Path], recording: Log
 ) -> None:
-    """The gyros of the primary read 0.01 rad/s too much for some seconds, and a check is due in them and after them."""
+    """The primary gyros read 0.01 rad/s too high for some seconds; checks are due during and after this time."""
     size = recording.meta.imu.gyro_lsb * (100.0 if recording.meta.imu.output == "increment" else 1.0)
 
     def off(block: SampleBlock) -> SampleBlock:
@@ -223,7 +223,7 @@ def test_a_primary_out_of_tolerance_is_replaced_until_a_check_finds_it_sound(
 
 
 @pytest.mark.long
-def test_without_a_valid_imu_the_source_is_none(recording: Log, tmp_path: Path) -> None:
+def test_source_is_none_without_a_valid_imu(recording: Log, tmp_path: Path) -> None:
     size = recording.meta.imu.gyro_lsb * (100.0 if recording.meta.imu.output == "increment" else 1.0)
     lines = watched(recording, tmp_path, lambda block: replace(block, counts=block.counts + np.eye(6)[0] * 0.01 / size))
     assert events(lines, "switch_over")[0]["to"] is None

@@ -1,4 +1,4 @@
-"""Checks of the recorded samples: clipping, the sample clock, and the temperature, in sound and unsound recordings."""
+"""Checks of recorded samples: clipping, sample clock and temperature, in good and faulty recordings."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ IMUS = {
 
 
 def turns(imu, seed, *, level=PEAK, scale=0.0, noise=1.0):
-    """Counts of rests and turns about z at exactly the peak rate, x on its side: rounded with the remainder carried."""
+    """Return counts of rests and rotations about z at exactly the peak rate, rounded with carried remainder."""
     random = np.random.default_rng(seed)
     ramp = np.linspace(0.0, 1.0, 200)
     motion = np.concatenate([np.zeros(2000), ramp, np.ones(700), ramp[::-1]])
@@ -50,7 +50,7 @@ def turns(imu, seed, *, level=PEAK, scale=0.0, noise=1.0):
 @pytest.mark.parametrize("noise", [1.0, 0.1])
 @pytest.mark.parametrize("output", ["increment", "rate"])
 @pytest.mark.parametrize("grade", IMUS)
-def test_sound_turns_at_exactly_the_peak_rate_are_not_clipped(grade, output, noise):
+def test_rotations_at_exactly_the_peak_rate_are_not_reported_as_clipped(grade, output, noise):
     imu = IMUS[grade]
     if output == "rate":
         imu = replace(imu, output="rate", gyro_lsb=imu.gyro_lsb * RATE, accel_lsb=imu.accel_lsb * RATE)
@@ -62,7 +62,7 @@ def test_sound_turns_at_exactly_the_peak_rate_are_not_clipped(grade, output, noi
 
 @pytest.mark.parametrize("level", [0.9, 0.99, 1.0])
 @pytest.mark.parametrize("grade", IMUS)
-def test_a_gyro_that_clips_near_the_peak_rate_is_found(grade, level):
+def test_gyro_that_clips_near_the_peak_rate_is_detected(grade, level):
     imu = IMUS[grade]
     counts, time = turns(imu, 1, level=level * PEAK, scale=2e-5)
     found = clipping_test(counts, time, imu)
@@ -74,7 +74,7 @@ def test_a_gyro_that_clips_near_the_peak_rate_is_found(grade, level):
     assert 10.0 < values["first"] < values["last"] < time[-1]
 
 
-def test_output_with_decimals_or_coarse_steps_is_judged_by_its_own_steps():
+def test_clipping_check_uses_the_resolution_of_the_output():
     imu = ImuModel("S", RATE, "rate", 1.0, 1.0, 4.4e-5, 6e-4, gyro_quantisation=0.0, accel_quantisation=0.0)
     sound, time = turns(replace(imu, gyro_lsb=1e-9, accel_lsb=1e-9), 3, level=np.inf)
     for decimals in (2, 3, 4, 9):
@@ -94,7 +94,7 @@ def block(time, station=None, rate=100.0, seq=None):
     return SampleBlock("rate", seq, time, counts, angles, np.zeros(n, int), np.ones(n, bool), nan, station=station)
 
 
-def test_a_clock_off_by_800_ppm_is_measured_with_its_sigma():
+def test_clock_error_of_800_ppm_is_measured_with_its_sigma():
     random = np.random.default_rng(1)
     errors = []
     for seconds in (60, 300, 900):
@@ -110,7 +110,7 @@ def test_a_clock_off_by_800_ppm_is_measured_with_its_sigma():
     assert clocks["station"].sigma < 5e-6
 
 
-def test_times_of_arrival_in_groups_are_jitter_and_not_another_rate():
+def test_grouped_arrival_times_are_jitter_and_not_a_clock_error():
     nominal = np.arange(30_000) / 100.0
     arrival = np.ceil(nominal / 0.08) * 0.08 + 1e-5 * np.arange(30_000) % 1e-3
     clock = sample_clocks(block(arrival), 100.0)["time_s"]
@@ -118,7 +118,7 @@ def test_times_of_arrival_in_groups_are_jitter_and_not_another_rate():
     assert clock.jitter == pytest.approx(0.08 / 12**0.5, rel=0.1)
 
 
-def test_a_gap_and_a_short_recording_show_no_other_rate():
+def test_gaps_and_short_recordings_give_no_clock_error():
     nominal = np.arange(20_000) / 100.0
     seq = np.arange(20_000)
     seq[8000:] += 500
@@ -128,7 +128,7 @@ def test_a_gap_and_a_short_recording_show_no_other_rate():
     assert sample_clocks(block(nominal[:1000] * 1.1), 100.0) == {}
 
 
-def test_temperature_coefficients_are_those_of_the_rests():
+def test_temperature_coefficients_are_estimated_from_the_rests():
     random = np.random.default_rng(5)
     k = 40
     up = random.standard_normal((k, 3))

@@ -1,4 +1,4 @@
-"""What stands behind a result is made from its log alone, and agrees with the result."""
+"""The diagnostics of a result are computed from its log alone and agree with the result."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from tests.shared_runs import SharedRuns
 
 
 @pytest.mark.long
-def test_a_log_tells_innovations_residuals_and_observability_of_every_stage(
+def test_diagnostics_contain_innovations_residuals_and_observability_per_stage(
     tmp_path: Path, shared_runs: SharedRuns
 ) -> None:
     verdict = shared_runs.passed(tmp_path)
@@ -35,7 +35,7 @@ def test_a_log_tells_innovations_residuals_and_observability_of_every_stage(
 
 
 @pytest.mark.long
-def test_part_of_a_log_can_be_looked_at(tmp_path: Path, shared_runs: SharedRuns) -> None:
+def test_diagnostics_can_be_limited_to_some_stages(tmp_path: Path, shared_runs: SharedRuns) -> None:
     verdict = shared_runs.passed(tmp_path)
     looked = diagnose(ignore_progress, Path(verdict.log), ("six_position",))
     assert [s.stage for s in looked.stages] == ["six_position"]

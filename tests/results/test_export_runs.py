@@ -1,4 +1,4 @@
-"""The runs of a folder are exported as one CSV row each, or as a list of their results."""
+"""The runs of a folder are exported as CSV with one row per run, or as a list of their results."""
 
 import csv
 import json
@@ -22,7 +22,7 @@ from tests.results.test_history import write
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """The folder of two runs of three parameters, and of a third one without a result."""
+    """A folder of two runs with three parameters, and a third run without a result."""
     made = tmp_path / "runs"
     made.mkdir()
     check = {"name": "gyro_bias_x within", "value": 0.3, "limit": [-0.2, 0.2], "unit": "rad/s", "passed": False}
@@ -38,7 +38,7 @@ def folder(tmp_path: Path) -> Path:
     return made
 
 
-def test_a_row_has_the_values_and_sigmas_of_its_run(folder: Path, tmp_path: Path) -> None:
+def test_csv_row_has_the_values_and_sigmas_of_its_run(folder: Path, tmp_path: Path) -> None:
     progress = Progress()
     target = export_runs(progress, folder, RunFilter(), tmp_path / "runs.csv")
     with target.open(encoding="utf-8", newline="") as stream:

@@ -1,4 +1,4 @@
-"""A finished run is brought together from its result or its log, with the unit's earlier values beside it."""
+"""A finished run is loaded from its result or its log, together with earlier values of the unit."""
 
 import json
 from pathlib import Path
@@ -14,9 +14,7 @@ from tests.site_folder import SiteFolder
 
 
 @pytest.mark.long
-def test_result_and_log_tell_the_same_and_earlier_values_stand_beside(
-    site_folder: SiteFolder, shared_runs: SharedRuns
-) -> None:
+def test_result_and_log_give_the_same_run_with_earlier_values(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
     runs = site_folder.folder / "runs"
     first = shared_runs.passed(site_folder.folder, "six_position")
     site_folder.write(seed=6)
@@ -42,7 +40,7 @@ def test_a_log_without_a_result_is_solved(tmp_path: Path, shared_runs: SharedRun
 
 
 @pytest.mark.long
-def test_a_result_whose_log_is_damaged_or_has_gone_is_still_shown(site_folder: SiteFolder) -> None:
+def test_result_with_a_damaged_or_missing_log_is_shown(site_folder: SiteFolder) -> None:
     verdict = site_folder.run("six_position")
     result, runs = Path(verdict.result_file), site_folder.folder / "runs"
     labels = load_finished_run(ignore_progress, result, runs).step_labels
@@ -54,7 +52,7 @@ def test_a_result_whose_log_is_damaged_or_has_gone_is_still_shown(site_folder: S
 
 
 @pytest.mark.parametrize("text", ["{", json.dumps({"schema": "other"}), "[]"])
-def test_what_is_no_result_is_refused(tmp_path: Path, text: str) -> None:
+def test_file_that_is_not_a_result_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "x.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=r"x\.json: The file is not"):

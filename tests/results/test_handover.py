@@ -1,4 +1,4 @@
-"""Every result reaches the factory's folder once, whole and in order, even after a failure."""
+"""Every result is delivered to the factory folder once, complete and in order, even after a failure."""
 
 import csv
 import json
@@ -27,7 +27,7 @@ CHECK = {"name": "gyro_bias_x within", "value": 2.0, "limit": [-1.0, 1.0], "unit
 
 
 class Factory:
-    """A folder of runs, a station file, and where its results go."""
+    """A folder of runs, a station file, and the folder for its results."""
 
     def __init__(self, folder: Path) -> None:
         self.runs = folder / "runs"
@@ -41,7 +41,7 @@ class Factory:
         return StationConfig.model_validate({**STATION, "bench": {}, **section})
 
     def result(self, name: str, outcome: str = "passed", **more: Any) -> dict[str, Any]:
-        """What a run leaves."""
+        """Write the result of a run."""
         result = {
             "schema": "calstation.result/1",
             "parameters": {},
@@ -66,7 +66,7 @@ class Factory:
         return result
 
     def hand_over(self, own: bool = True) -> None:
-        """As a run does at its end."""
+        """Deliver a result as a run does at its end."""
         HandOver(self.runs, self.station, self.config(own), self.events.append).finish()
 
     def rows(self, folder: Path | None = None) -> list[dict[str, str]]:
@@ -81,7 +81,7 @@ def factory(tmp_path: Path) -> Factory:
     return made
 
 
-def test_a_result_is_copied_and_one_line_added(factory: Factory) -> None:
+def test_result_is_copied_and_one_line_added(factory: Factory) -> None:
     result = factory.result("SN-1_a")
     factory.hand_over()
     factory.result("SN-2_b", "fault", error="table: no\nanswer")
@@ -99,7 +99,7 @@ def test_a_result_is_copied_and_one_line_added(factory: Factory) -> None:
     assert left == {"SN-1_a.json", "SN-2_b.json", CSV_NAME, ".handover.lock"}
 
 
-def test_an_incomplete_run_has_its_stages_and_the_reason_of_its_end(factory: Factory) -> None:
+def test_incomplete_run_is_delivered_with_its_stages_and_the_reason_of_its_end(factory: Factory) -> None:
     factory.result("SN-1_a", "incomplete", stages=[], finished_stages=["rate"])
     factory.result("SN-2_b", "stopped", stages=["rate"], stop_reason="listener_lost")
     factory.hand_over()
@@ -114,13 +114,13 @@ def test_every_documented_column_exists() -> None:
         assert f"`{column}`" in text
 
 
-def test_the_default_folder_is_beside_the_runs(factory: Factory) -> None:
+def test_default_delivery_folder_is_next_to_the_runs_folder(factory: Factory) -> None:
     factory.result("SN-1_a")
     factory.hand_over(own=False)
     assert len(factory.rows(factory.runs.parent / "handover")) == 1
 
 
-def test_an_unreachable_folder_is_reported_and_served_later(factory: Factory) -> None:
+def test_unreachable_folder_is_reported_and_results_delivered_later(factory: Factory) -> None:
     factory.folder.rmdir()
     for name in ("SN-1_a", "SN-2_b"):
         factory.result(name)
@@ -138,7 +138,7 @@ def test_an_unreachable_folder_is_reported_and_served_later(factory: Factory) ->
     assert len(factory.rows()) == 3
 
 
-def test_the_window_delivers_pending_results(factory: Factory) -> None:
+def test_window_delivers_pending_results(factory: Factory) -> None:
     import tomli_w
 
     station = {**STATION, "bench": {}, "handover": {"folder": "share"}}
@@ -161,7 +161,7 @@ def test_an_unresponsive_folder_does_not_delay_a_run(factory: Factory, monkeypat
     assert message.values["reason"].code == "handover.no_answer"
 
 
-def test_a_failed_delivery_does_not_block_the_others(factory: Factory) -> None:
+def test_failed_delivery_does_not_block_other_results(factory: Factory) -> None:
     factory.result("SN-1_a")
     factory.result("SN-2_b")
     (factory.folder / "SN-1_a.json").mkdir()
@@ -170,7 +170,7 @@ def test_a_failed_delivery_does_not_block_the_others(factory: Factory) -> None:
     assert [path.name for path in (factory.runs / WAITING).glob("S*")] == ["SN-1_a"]
 
 
-def test_a_line_written_just_before_the_power_failed_is_not_written_twice(factory: Factory) -> None:
+def test_line_written_just_before_a_power_cut_is_not_repeated(factory: Factory) -> None:
     factory.result("SN-1_a")
     factory.hand_over()
     register_pending(factory.runs, "SN-1_a")
@@ -178,7 +178,7 @@ def test_a_line_written_just_before_the_power_failed_is_not_written_twice(factor
     assert len(factory.rows()) == 1
 
 
-def test_a_truncated_line_does_not_damage_the_next(factory: Factory) -> None:
+def test_truncated_line_does_not_damage_the_next_line(factory: Factory) -> None:
     factory.result("SN-1_a")
     factory.hand_over()
     with (factory.folder / CSV_NAME).open("ab") as stream:
@@ -188,7 +188,7 @@ def test_a_truncated_line_does_not_damage_the_next(factory: Factory) -> None:
     assert [row["serial"] for row in factory.rows()] == ["SN-1", "SN-9", "SN-2"]
 
 
-def test_a_run_in_progress_stays_pending_and_a_deleted_one_is_dropped(factory: Factory) -> None:
+def test_run_in_progress_stays_pending_and_a_deleted_run_is_dropped(factory: Factory) -> None:
     (factory.runs / "SN-1_a.h5").touch()
     for name in ("SN-1_a", "SN-2_gone"):
         register_pending(factory.runs, name)
@@ -197,7 +197,7 @@ def test_a_run_in_progress_stays_pending_and_a_deleted_one_is_dropped(factory: F
     assert factory.events == []
 
 
-def test_a_result_that_another_program_delivers_meanwhile_is_passed_over(
+def test_result_delivered_meanwhile_by_another_program_is_skipped(
     factory: Factory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     factory.result("SN-1_a")
@@ -207,8 +207,8 @@ def test_a_result_that_another_program_delivers_meanwhile_is_passed_over(
     assert factory.events == []
 
 
-def test_lines_of_two_programs_do_not_mix(factory: Factory) -> None:
-    """Two stations with runs of their own and one folder."""
+def test_lines_of_two_programs_do_not_interleave(factory: Factory) -> None:
+    """Two stations with separate runs deliver to one folder."""
     folder = factory.runs.parent / "other"
     folder.mkdir()
     other = Factory(folder)

@@ -25,7 +25,7 @@ from tests.records.records_samples import META, make_block
 
 
 def write(folder: Path, name: str, serial: str, outcome: str, day: int, **more: Any) -> Path:
-    """A result as a run leaves it, without its log."""
+    """Write the result of a run without its log."""
     values = more.pop("values", {})
     path = folder / f"{name}.json"
     result = {
@@ -73,7 +73,7 @@ def test_runs_are_found_latest_first(three: Path) -> None:
     assert (run.log, run.result) == (three / "c.h5", three / "c.json")
 
 
-def test_the_batch_and_slot_of_a_run_are_found_also_without_a_result(tmp_path: Path) -> None:
+def test_batch_and_slot_of_a_run_are_found_without_a_result(tmp_path: Path) -> None:
     write(tmp_path, "a", "SN-1", "passed", 1, batch="B-7", slot="A1")
     write(tmp_path, "b", "SN-2", "passed", 1)
     run = {"stages": ["rate"], "software": "0.1", "started_utc": "2026-11-03T08:00:00+00:00"}
@@ -88,7 +88,7 @@ def test_the_batch_and_slot_of_a_run_are_found_also_without_a_result(tmp_path: P
     assert [(each.log.stem, each.batch, each.slot) for each in found] == [("c", "B-7", "A2"), ("a", "B-7", "A1")]
 
 
-def test_finds_attempts_and_the_last_pass_of_a_unit(three: Path) -> None:
+def test_attempts_and_last_pass_of_a_unit_are_found(three: Path) -> None:
     history = refreshed(three)
     passed = history.passed_before("SN-1")
     assert passed is not None
@@ -97,7 +97,7 @@ def test_finds_attempts_and_the_last_pass_of_a_unit(three: Path) -> None:
     assert (history.attempts("SN-1"), history.attempts("SN-2"), history.attempts("SN-3")) == (2, 1, 0)
 
 
-def test_a_partial_run_that_passed_is_no_pass(three: Path) -> None:
+def test_passed_partial_run_does_not_count_as_a_pass(three: Path) -> None:
     for day, outcome, partial in ((4, "failed", False), (5, "passed", True), (6, "failed", True)):
         write(three, f"n{day}", "SN-1", outcome, day, partial=partial)
     write(three, "p", "SN-2", "passed", 7, partial=True)
@@ -113,19 +113,19 @@ def test_a_partial_run_that_passed_is_no_pass(three: Path) -> None:
     assert [run.log.stem for run in history.passed("SN-1")] == ["n5", "b"], "a calibration may come from either"
 
 
-def test_a_resumed_run_counts_once(three: Path) -> None:
+def test_resumed_run_counts_once(three: Path) -> None:
     write(three, "d", "SN-2", "passed", 4, resumed_from="c.h5")
     assert refreshed(three).attempts("SN-2") == 1
 
 
-def test_failures_count_since_the_last_pass(three: Path) -> None:
+def test_failures_are_counted_since_the_last_pass(three: Path) -> None:
     assert refreshed(three).failures("SN-1") == 0
     for day, outcome in ((4, "failed"), (5, "stopped"), (6, "failed")):
         write(three, f"n{day}", "SN-1", outcome, day)
     assert refreshed(three).failures("SN-1") == 2
 
 
-def test_previous_values_are_each_parameters_latest(three: Path) -> None:
+def test_previous_value_of_each_parameter_is_the_latest(three: Path) -> None:
     history = refreshed(three)
     assert history.previous("SN-1") == {"gyro_bias_x": 2.0, "gyro_bias_y": 5.0}
     assert history.previous("SN-1", before="2026-11-02T08:00:00+00:00") == {
@@ -135,7 +135,7 @@ def test_previous_values_are_each_parameters_latest(three: Path) -> None:
     assert history.previous("SN-9") == {}
 
 
-def test_refresh_reads_changed_files_only(three: Path) -> None:
+def test_refresh_reads_only_changed_files(three: Path) -> None:
     history = refreshed(three)
     assert history.refresh() == 0
     write(three, "b", "SN-1", "failed", 2)
@@ -145,7 +145,7 @@ def test_refresh_reads_changed_files_only(three: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["delete", "garbage", "other version"])
-def test_a_lost_index_is_rebuilt(three: Path, damage: str) -> None:
+def test_lost_index_is_rebuilt(three: Path, damage: str) -> None:
     history = refreshed(three)
     path = three / FILE
     if damage == "delete":
@@ -161,7 +161,7 @@ def test_a_lost_index_is_rebuilt(three: Path, damage: str) -> None:
     assert len(refreshed(three).runs()) == 3
 
 
-def test_a_read_only_folder_has_an_index_in_memory(three: Path) -> None:
+def test_read_only_folder_uses_an_index_in_memory(three: Path) -> None:
     (three / FILE).mkdir()
     (three / FILE / "in the way").touch()
     assert len(refreshed(three).runs()) == 3
@@ -190,14 +190,14 @@ def test_other_files_are_ignored(three: Path) -> None:
         {"log": 3},
     ],
 )
-def test_a_damaged_result_hides_no_other_run(three: Path, damage: dict[str, Any]) -> None:
+def test_damaged_result_hides_no_other_run(three: Path, damage: dict[str, Any]) -> None:
     write(three, "d", "SN-1", "passed", 4, **damage)
     history = refreshed(three)
     assert [run.log.stem for run in history.runs()] == ["c", "b", "a"]
     assert history.attempts("SN-1") == 2
 
 
-def test_values_that_are_not_finite_are_left_out(three: Path) -> None:
+def test_non_finite_values_are_ignored(three: Path) -> None:
     write(three, "d", "SN-1", "passed", 4, values={"gyro_bias_x": float("nan"), "gyro_bias_y": 7.0})
     history = refreshed(three)
     assert len(history.runs()) == 4
@@ -222,7 +222,7 @@ def test_a_closed_log_without_a_result_is_an_incomplete_run(tmp_path: Path) -> N
     assert [run.log.stem for run in history.runs()] == ["y"]
 
 
-def test_an_incomplete_log_with_text_that_cannot_be_stored_hides_no_other_run(three: Path) -> None:
+def test_incomplete_log_with_unstorable_text_hides_no_other_run(three: Path) -> None:
     meta = LogMeta.model_validate({**META, "imu": {**META["imu"], "serial": "SN\0"}})
     writer = RawLogWriter(three / "x.h5", meta)
     writer.append(make_block("rate", 0, 10))
@@ -234,12 +234,12 @@ def test_an_incomplete_log_with_text_that_cannot_be_stored_hides_no_other_run(th
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes on Linux only")
-def test_a_file_name_that_is_no_text_hides_no_run(three: Path) -> None:
+def test_undecodable_file_name_hides_no_run(three: Path) -> None:
     write(three, "d\udcff", "SN-1", "passed", 4)
     assert len(refreshed(three).runs()) == 3
 
 
-def test_a_refresh_without_changes_reads_no_rows(three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_refresh_without_changes_reads_no_rows(three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     history = refreshed(three)
     mark = RunIndex(three).mark
     other = History(three)
@@ -254,7 +254,7 @@ def test_a_refresh_without_changes_reads_no_rows(three: Path, monkeypatch: pytes
     assert other.refresh() == 0
 
 
-def test_a_refresh_waits_for_no_log_that_is_being_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_refresh_does_not_wait_for_logs_being_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     writers = [RawLogWriter(tmp_path / f"u{number}.h5", LogMeta.model_validate(META)) for number in range(3)]
     writers[0].append(make_block("rate", 0, 100))
     writers[0].flush()
@@ -271,21 +271,21 @@ def test_a_refresh_waits_for_no_log_that_is_being_written(tmp_path: Path, monkey
         writer.close("stopped")
 
 
-def test_refreshes_as_a_job(three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_history_is_refreshed_by_a_background_job(three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(history_module, "_AT_ONCE", 2)
     fractions: list[float] = []
     assert refresh_history(lambda fraction, *_: fractions.append(fraction), three) == 3
     assert fractions == [pytest.approx(2 / 3), 1.0]
 
 
-def test_two_programs_share_an_index(three: Path) -> None:
+def test_two_programs_can_share_an_index(three: Path) -> None:
     first, second = refreshed(three), History(three)
     write(three, "d", "SN-4", "passed", 4)
     assert second.refresh() == 1
     assert [run.serial for run in first.runs(limit=1)] == ["SN-4"]
 
 
-def test_a_missing_folder_has_no_runs(tmp_path: Path) -> None:
+def test_missing_folder_has_no_runs(tmp_path: Path) -> None:
     history = refreshed(tmp_path / "none")
     assert history.runs() == []
     assert resumable(tmp_path / "none") == []
@@ -310,7 +310,7 @@ def test_startup_closes_incomplete_runs_and_delivers_results(tmp_path: Path) -> 
     assert recover_startup(lambda *_: None, tmp_path / "none", None).incomplete == ()
 
 
-def test_failed_checks_are_those_of_a_judged_run(tmp_path: Path) -> None:
+def test_failed_checks_are_listed_only_for_judged_runs(tmp_path: Path) -> None:
     row = {"value": 2.0, "limit": 1.0, "unit": "1", "passed": False}
     checks = [{"name": "rate consistency", **row}, {"name": "agreement", **row, "passed": True}]
     write(tmp_path, "a", "SN-1", "failed", 1, values={"gyro_bias_x": 1.5}, checks=checks)
@@ -321,7 +321,7 @@ def test_failed_checks_are_those_of_a_judged_run(tmp_path: Path) -> None:
     assert found.sigmas["gyro_bias_x"].tolist()[0] == 1.0
 
 
-def test_a_unit_counts_at_all_stations_but_is_resumed_where_its_log_is(three: Path) -> None:
+def test_runs_count_for_all_stations_but_resume_only_where_the_log_is(three: Path) -> None:
     history = refreshed(three)
     (own,) = history.indexed(RunFilter(names=("b",)))
     there = replace(

@@ -1,4 +1,4 @@
-"""The index of a log: its plot data at any width, its marks and its single samples."""
+"""The index of a log: plot data at any width, stages, steps, gaps and single samples."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -31,8 +31,8 @@ META = {
 START = 2**33 + 12_345
 
 
-def told(_: float, *rest: Any, **more: Any) -> None:
-    """Nobody listens."""
+def no_progress(_: float, *rest: Any, **more: Any) -> None:
+    """Ignore progress reports."""
 
 
 def block(stage: str, seq: np.ndarray, step: int, seed: int = 0) -> SampleBlock:
@@ -52,7 +52,7 @@ def block(stage: str, seq: np.ndarray, step: int, seed: int = 0) -> SampleBlock:
 
 
 def blocks() -> list[SampleBlock]:
-    """Two stages with a pause between, a gap in the first, spoilt samples across a block's edge in the second."""
+    """Return two stages with a pause between them, a gap in the first and invalid samples in the second."""
     parts = [
         block("", START + np.arange(0, 500), 0),
         block("rate", START + np.arange(500, 9_000), 1),
@@ -90,21 +90,21 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module", params=["raw", "csv", "csv.gz"])
 def seen(request: pytest.FixtureRequest, log: Path, tmp_path_factory: pytest.TempPathFactory) -> LogIndex:
-    """The index of the log in each of the forms a log has."""
+    """The index of the log in each log format."""
     path, folder = log, tmp_path_factory.mktemp("index")
     if request.param != "raw":
         path = folder / f"log.{request.param}"
         export_csv(log, path)
-    return log_index(told, path, folder / "picture")
+    return log_index(no_progress, path, folder / "picture")
 
 
 def truth() -> tuple[np.ndarray, np.ndarray]:
-    """Sequence numbers, and gyro_x in °/s."""
+    """Return sequence numbers, and gyro_x in °/s."""
     seq = np.concatenate([b.seq for b in blocks()])
     return seq, np.concatenate([b.counts[:, 0] for b in blocks()]) * np.rad2deg(1e-8) * RATE
 
 
-def test_stages_steps_gaps_and_spoilt_samples_are_found(seen: LogIndex) -> None:
+def test_stages_steps_gaps_and_invalid_samples_are_found(seen: LogIndex) -> None:
     spans = [(s.stage, s.first_seq - START, s.last_seq - START, s.samples) for s in seen.spans]
     assert spans == [("rate", 500, 19_999, 19_460), ("excitation", 21_000, 90_000, 69_001)]
     assert (seen.steps.ranges[:, 0] - START).tolist() == [500, 9_040, 21_000, 40_000]
@@ -119,8 +119,8 @@ def test_stages_steps_gaps_and_spoilt_samples_are_found(seen: LogIndex) -> None:
     assert seen.facts.gaps == 1
 
 
-def test_the_result_of_the_run_comes_along(log: Path, tmp_path: Path) -> None:
-    seen = log_index(told, log, tmp_path / "picture")
+def test_index_includes_the_result_of_the_run(log: Path, tmp_path: Path) -> None:
+    seen = log_index(no_progress, log, tmp_path / "picture")
     assert seen.outcome == "passed"
     assert seen.stored is not None
     assert seen.stored.outcome == "passed"
@@ -130,7 +130,7 @@ def test_the_result_of_the_run_comes_along(log: Path, tmp_path: Path) -> None:
     ("first", "last", "count"),
     [(0, 90_000, 100), (0, 90_000, 2_000), (8_000, 12_000, 50), (30_000, 80_000, 640), (89_990, 90_000, 9)],
 )
-def test_columns_hold_the_extremes_of_their_samples(seen: LogIndex, first: int, last: int, count: int) -> None:
+def test_plot_columns_contain_the_extremes_of_their_samples(seen: LogIndex, first: int, last: int, count: int) -> None:
     seq, gyro = truth()
     columns = MinMaxPyramid(seen.folder).columns(START + first, START + last, count)
     assert columns.seq[0] <= START + first
@@ -144,17 +144,17 @@ def test_columns_hold_the_extremes_of_their_samples(seen: LogIndex, first: int, 
     assert columns.seq[-1] + columns.samples > START + last
 
 
-def test_what_is_read_stays_within_what_is_drawn(seen: LogIndex) -> None:
+def test_number_of_plot_columns_does_not_grow_with_the_range(seen: LogIndex) -> None:
     picture = MinMaxPyramid(seen.folder)
     for width in (90_000, 20_000, 3_000):
         columns = picture.columns(START, START + width, 100)
         assert columns.samples == BINS[0] or 50 <= len(columns) <= 104
 
 
-def test_single_samples_come_back_as_they_are(seen: LogIndex) -> None:
+def test_single_samples_are_returned_unchanged(seen: LogIndex) -> None:
     seq, gyro = truth()
     start, stop = MinMaxPyramid(seen.folder).rows(START + 40_100, START + 40_200)
-    fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
+    fine = samples(no_progress, seen.path, seen.folder, seen.scale, start, stop, 1000)
     assert fine.samples == 1
     assert fine.seq[0] <= START + 40_100
     assert fine.seq[-1] >= START + 40_200
@@ -164,15 +164,15 @@ def test_single_samples_come_back_as_they_are(seen: LogIndex) -> None:
 
 def test_angles_are_held_between_polls(seen: LogIndex) -> None:
     start, stop = MinMaxPyramid(seen.folder).rows(START + 40_105, START + 40_110)
-    fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
+    fine = samples(no_progress, seen.path, seen.folder, seen.scale, start, stop, 1000)
     np.testing.assert_allclose(fine.low[:, 6], 10.0, rtol=1e-6)
     np.testing.assert_allclose(MinMaxPyramid(seen.folder).columns(START, START + 90_000, 100).high[:, 7], -20.0)
 
 
-def test_angles_are_not_held_over_a_gap(log: Path, tmp_path: Path) -> None:
-    seen = log_index(told, log, tmp_path / "picture")
+def test_angles_are_not_held_across_a_gap(log: Path, tmp_path: Path) -> None:
+    seen = log_index(no_progress, log, tmp_path / "picture")
     start, stop = MinMaxPyramid(seen.folder).rows(START + 8_990, START + 9_045)
-    fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
+    fine = samples(no_progress, seen.path, seen.folder, seen.scale, start, stop, 1000)
     known = ~np.isnan(fine.low[:, 6])
     assert known[fine.seq <= START + 8_999].all()
     assert known[fine.seq >= START + 9_040].all()  # polled at once here
@@ -183,15 +183,15 @@ def test_angles_are_not_held_over_a_gap(log: Path, tmp_path: Path) -> None:
     assert not np.isnan(held[60:]).any()
 
 
-def test_progress_reaches_the_end(log: Path, tmp_path: Path) -> None:
+def test_progress_reaches_100_percent(log: Path, tmp_path: Path) -> None:
     fractions: list[float] = []
     log_index(lambda fraction, *_: fractions.append(fraction), log, tmp_path / "picture")
     assert fractions == sorted(fractions)
     assert fractions[-1] > 0.95
 
 
-def test_a_file_that_is_no_log_says_so(tmp_path: Path) -> None:
+def test_file_that_is_not_a_log_is_reported(tmp_path: Path) -> None:
     wrong = tmp_path / "notes.h5"
     wrong.write_text("not a log", encoding="utf-8")
     with pytest.raises(InputError, match="not a raw log"):
-        log_index(told, wrong, tmp_path / "picture")
+        log_index(no_progress, wrong, tmp_path / "picture")

@@ -1,4 +1,4 @@
-"""What the tests of the model add to a solution."""
+"""Model tests of a solution and the resulting checks."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,13 +20,13 @@ FOUND = ModelTest("effects", 50.0, 30.0, "1", Misfit("gyro_cubic"))
 
 
 @pytest.mark.parametrize(("message", "failed"), [("not_settled", ["rate convergence"]), ("turns_assumed_whole", [])])
-def test_a_solution_that_has_not_converged_fails(message: str, failed: list[str]) -> None:
+def test_solution_that_did_not_converge_fails(message: str, failed: list[str]) -> None:
     solution = replace(SOLVED, messages=((message, {"stage": "rate", "passes": 20}),))
     tested = ModelTests(PRIOR, ()).tested(solution, (), PRIOR)
     assert [check.name for check in check_limits({}, PRIOR, [tested]) if not check.passed] == failed
 
 
-def test_of_the_tests_for_effects_only_the_last_counts() -> None:
+def test_only_the_last_test_for_effects_counts() -> None:
     first, last = replace(SOLVED, tests=(FOUND,)), replace(SOLVED, stage="excitation")
     assert all(check.passed for check in check_limits({}, PRIOR, [first, last]))
     failed = [check.name for check in check_limits({}, PRIOR, [last, first]) if not check.passed]
@@ -34,7 +34,7 @@ def test_of_the_tests_for_effects_only_the_last_counts() -> None:
 
 
 @pytest.mark.parametrize(("nis", "failed"), [(1.0, []), (2.0, ["rate effects", "rate consistency"])])
-def test_a_harmless_effect_only_explains_other_failures(nis: float, failed: list[str]) -> None:
+def test_harmless_effect_only_explains_other_failures(nis: float, failed: list[str]) -> None:
     solution = replace(SOLVED, consistency=replace(SOLVED.consistency, nis_mean=nis), explanation=FOUND)
     meta = resolve_configuration(RunRequest("SN-1", product=Path("data/products/nav_a.toml"))).log_meta()
     checks = judge(meta, PRIOR, (solution,)).checks

@@ -1,4 +1,4 @@
-"""Jobs of the offline page: solving with progress, and exports that are whole or absent."""
+"""Jobs of the offline page: solving with progress, and exports that are complete or absent."""
 
 import csv
 import json
@@ -17,7 +17,7 @@ from tests.helpers import Progress
 
 
 def result(value: float, sigma: float) -> Result:
-    """A result with one parameter."""
+    """Return a result with one parameter."""
     found = {"gyro_bias_x": {"value": value, "sigma": sigma, "unit": "rad/s", "stage": "excitation"}}
     return Result.from_json(
         {
@@ -34,12 +34,12 @@ def result(value: float, sigma: float) -> Result:
 RESULT, STORED = result(0.1 + 0.2, 1e-8), result(0.3, 2e-8)
 
 
-def test_the_key_of_a_partial_run_in_earlier_results_is_read() -> None:
+def test_partial_run_key_of_earlier_results_is_read() -> None:
     assert Result.from_json({**RESULT.to_json(), "part": True}).partial
     assert not RESULT.partial
 
 
-def test_a_range_is_solved_as_the_command_line_does(tmp_path: Path) -> None:
+def test_range_is_solved_like_on_the_command_line(tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     spans = log_index(Progress(), log, tmp_path / "picture").spans
     progress = Progress()
@@ -61,7 +61,7 @@ def test_a_log_is_exported_with_progress(tmp_path: Path) -> None:
     assert progress.fractions[-1] > 0.9
 
 
-def test_nothing_remains_of_a_cancelled_export(tmp_path: Path) -> None:
+def test_cancelled_export_leaves_no_file(tmp_path: Path) -> None:
     target = tmp_path / "copy.csv"
     partial_path(target).write_text("half", encoding="utf-8")
     drop_partial(Progress(), target)
@@ -74,7 +74,7 @@ def test_a_result_is_exported_as_json(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_a_result_is_exported_beside_the_runs_own_as_csv(tmp_path: Path) -> None:
+def test_result_is_exported_as_csv_with_the_result_of_the_run(tmp_path: Path) -> None:
     target = export_result(Progress(), RESULT, STORED, tmp_path / "result.csv")
     (row,) = csv.DictReader(target.read_text(encoding="utf-8").splitlines())
     assert float(row["value"]) == 0.1 + 0.2
@@ -82,13 +82,13 @@ def test_a_result_is_exported_beside_the_runs_own_as_csv(tmp_path: Path) -> None
     assert row["difference_in_sigma"] == f"{(0.1 + 0.2 - 0.3) / 2e-8:.6g}"
 
 
-def test_a_folder_that_does_not_exist_is_an_error(tmp_path: Path) -> None:
+def test_missing_folder_is_reported(tmp_path: Path) -> None:
     for name in ("result.json", "result.csv"):
         with pytest.raises(ConfigurationError, match="cannot be written"):
             export_result(Progress(), RESULT, None, tmp_path / "nowhere" / name)
 
 
-def test_a_difference_without_sigma_is_zero_or_infinite() -> None:
+def test_difference_with_zero_sigma_is_zero_or_infinite() -> None:
     exact = Parameter(value=0.0, sigma=0.0)
     assert in_sigma(exact, exact) == 0.0
     assert in_sigma(Parameter(value=1.0, sigma=0.0), exact) == float("inf")

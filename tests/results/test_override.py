@@ -1,4 +1,4 @@
-"""A unit that failed is released by name and reason; its result, index and audit trail say so, and it stays FAIL."""
+"""A failed unit is released by name and reason; result, index and audit trail record it, and it stays FAIL."""
 
 import json
 from pathlib import Path
@@ -38,7 +38,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def failed(home: Path, tmp_path: Path) -> Path:
-    """The result of a run that failed, without its log."""
+    """The result of a failed run without its log."""
     runs = tmp_path / "runs"
     runs.mkdir()
     files = {kind: {"name": name, "sha256": ""} for kind, name in (("station", "virtual_bench"), ("product", "nav_a"))}
@@ -49,7 +49,7 @@ def release(path: Path, why: str = "scratched label only", first: Person = LI, s
     override_result(ignore_progress, path, why, first, second)
 
 
-def test_a_release_stands_in_the_result_the_index_and_the_audit_trail(home: Path, failed: Path) -> None:
+def test_release_is_recorded_in_result_index_and_audit_trail(home: Path, failed: Path) -> None:
     before = json.loads(failed.read_text("utf-8"))
     assert override_required(ignore_progress, failed).second
     release(failed)
@@ -71,7 +71,7 @@ def test_a_release_stands_in_the_result_the_index_and_the_audit_trail(home: Path
     assert (event.values["serial"], event.values["result"]) == ("SN-1", "a.json")
 
 
-def test_one_person_is_not_enough_where_two_are_required(home: Path, failed: Path) -> None:
+def test_one_person_cannot_release_if_two_are_required(home: Path, failed: Path) -> None:
     before = failed.read_bytes()
     for second in (None, LI, Person("B0002", "wrong")):
         with pytest.raises(ConfigurationError):
@@ -80,7 +80,7 @@ def test_one_person_is_not_enough_where_two_are_required(home: Path, failed: Pat
     assert "override" not in {each.event for each in read_audit(audit_path(home)).events}
 
 
-def test_only_a_failed_run_is_released_once_and_with_a_reason(failed: Path) -> None:
+def test_only_a_failed_run_is_released_once_with_a_reason(failed: Path) -> None:
     with raises_code(InputError, "override.no_reason"):
         release(failed, " ")
     release(failed)
@@ -90,10 +90,8 @@ def test_only_a_failed_run_is_released_once_and_with_a_reason(failed: Path) -> N
         release(write(failed.parent, "b", "SN-2", "passed", 2))
 
 
-def test_of_two_releases_at_the_same_time_one_is_refused(
-    home: Path, failed: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The other one begins and ends while the PINs of this one are checked."""
+def test_one_of_two_simultaneous_releases_is_refused(home: Path, failed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second release starts and ends while the PINs of the first are verified."""
 
     def meanwhile(*people: Any) -> Confirmation:
         monkeypatch.setattr(override_module, "confirm", confirm)
@@ -109,7 +107,7 @@ def test_of_two_releases_at_the_same_time_one_is_refused(
     assert [each.why for each in read_audit(audit_path(home)).events if each.event == "override"] == ["first"]
 
 
-def test_without_log_and_files_nobody_can_release(failed: Path) -> None:
+def test_release_is_refused_without_log_and_configuration_files(failed: Path) -> None:
     other = write(failed.parent, "c", "SN-3", "failed", 3)
     with raises_code(InputError, "override.no_files"):
         release(other)

@@ -1,4 +1,4 @@
-"""A log solved for its parameters only has those of the full solution bit for bit, and no verdict."""
+"""A parameters-only solution equals the full solution bit for bit, without a verdict."""
 
 import json
 from pathlib import Path
@@ -22,7 +22,7 @@ TESTS = {"conformity", "consistency", "observability", "table", "latitude_untold
 
 
 def both(log: Path, *states: EffectName) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Solve a log with and without tests; check what is the same, and return both results as JSON."""
+    """Solve a log with and without tests; assert equal parameters and return both results as JSON."""
     whole, part = (resolve(log, states=states, diagnostics=tested).result.to_json() for tested in (True, False))
     assert json.dumps([part[key] for key in SAME]) == json.dumps([whole[key] for key in SAME])
     assert part["checks"] == [check for check in whole["checks"] if check["name"].endswith((" within", " sigma below"))]
@@ -63,13 +63,13 @@ def test_methods_without_a_table_have_the_same_parameters(tmp_path: Path, kind: 
 
 
 @pytest.mark.parametrize("stage", ["six_position", "azimuth_flip"])
-def test_states_of_the_model_are_estimated_all_the_same(tmp_path: Path, stage: str) -> None:
+def test_model_states_are_estimated_in_a_parameters_only_solution(tmp_path: Path, stage: str) -> None:
     log_with(tmp_path / "log.h5", stage, accel_cubic_ug_g3=300.0)
     part = both(tmp_path / "log.h5", "accel_cubic", "g_sensitivity")[1]
     assert "accel_cubic_x" in part["parameters"]
 
 
-def test_no_certificate_is_made_of_them(tmp_path: Path) -> None:
+def test_parameters_only_result_gets_no_certificate(tmp_path: Path) -> None:
     log_with(tmp_path / "log.h5", "six_position")
     write_json(tmp_path / "result.json", resolve(tmp_path / "log.h5", diagnostics=False).result.to_json())
     with raises_code(InputError, "report.untested"):

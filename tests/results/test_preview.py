@@ -1,4 +1,4 @@
-"""A preview gives the sigmas and duration of the run, and every limit of the table that a plan violates."""
+"""A preview gives the sigmas and duration of the run, and all table limits that a plan violates."""
 
 from dataclasses import replace
 
@@ -16,12 +16,12 @@ from tests.site_folder import PRODUCT, QUICK, SiteFolder
 
 
 def preview_of(site_folder: SiteFolder, *stages: str, **schedule: dict[str, object]) -> Preview:
-    """The preview of stages with changes to the product's schedule by stage."""
+    """Return the preview of stages with changes to the schedule of the product."""
     return compute_preview(Progress(), replace(site_folder.request(*stages), schedule=schedule))
 
 
 @pytest.mark.long
-def test_previewed_sigmas_equal_those_of_the_run(site_folder: SiteFolder) -> None:
+def test_previewed_sigmas_equal_the_sigmas_of_the_run(site_folder: SiteFolder) -> None:
     preview = compute_preview(Progress(), site_folder.request())
     result = site_folder.run().result
     assert [s.stage for s in preview.stages] == result["stages"]
@@ -35,7 +35,7 @@ def test_previewed_sigmas_equal_those_of_the_run(site_folder: SiteFolder) -> Non
 
 
 @pytest.mark.long
-def test_a_single_stage_lacks_the_information_of_the_others(site_folder: SiteFolder) -> None:
+def test_preview_of_a_single_stage_excludes_information_of_other_stages(site_folder: SiteFolder) -> None:
     alone, after = preview_of(site_folder, "azimuth_flip"), preview_of(site_folder, "excitation", "azimuth_flip")
     i = INDEX["gyro_bias_x"]
     assert alone.stages[0].sigma is not None
@@ -48,7 +48,7 @@ def test_a_single_stage_lacks_the_information_of_the_others(site_folder: SiteFol
     assert [after.step_labels[step][0] for step in flips] == ["start", *["flip"] * (len(flips) - 1)]
 
 
-def test_the_trajectory_follows_the_plan(site_folder: SiteFolder) -> None:
+def test_previewed_trajectory_follows_the_plan(site_folder: SiteFolder) -> None:
     preview = preview_of(site_folder, "rate", "six_position")
     rate, six = preview.stages
     assert (rate.begin, six.begin, six.end) == (0.0, rate.end, preview.duration)
@@ -75,7 +75,7 @@ def test_a_changed_schedule_changes_duration_and_sigma(site_folder: SiteFolder) 
     assert long.stages[0].sigma[i] < short.stages[0].sigma[i]
 
 
-def test_every_violated_limit_has_its_step(site_folder: SiteFolder) -> None:
+def test_every_violated_limit_is_reported_with_its_step(site_folder: SiteFolder) -> None:
     preview = preview_of(site_folder, "rate", "six_position", six_position={"rate_dps": 150.0})
     (violation,) = preview.violations
     assert (violation.stage, violation.step, violation.label) == ("six_position", 1, ("face_up", "+z"))
@@ -86,14 +86,14 @@ def test_every_violated_limit_has_its_step(site_folder: SiteFolder) -> None:
     assert preview.duration > 0.0
 
 
-def test_a_plan_beyond_the_travel_is_a_violation(site_folder: SiteFolder) -> None:
+def test_plan_beyond_the_travel_is_a_violation(site_folder: SiteFolder) -> None:
     (violation,) = preview_of(site_folder, "rate", rate={"turns": 50}).violations
     assert (violation.stage, violation.kind) == ("rate", "plan")
     assert violation.text.code == "plan.turns_exceed_travel"
 
 
 @pytest.mark.long
-def test_targets_end_a_repeated_stage_as_they_would_in_the_run(site_folder: SiteFolder) -> None:
+def test_targets_end_a_repeated_stage_as_in_the_run(site_folder: SiteFolder) -> None:
     easy = preview_of(site_folder, "azimuth_flip", azimuth_flip={"rounds": None, "targets": {"gyro_bias_x": 1e-6}})
     assert (easy.stages[0].reason, easy.stages[0].rounds) == ("targets", 1)
     assert easy.targets == {"gyro_bias_x": 1e-6}
@@ -102,7 +102,7 @@ def test_targets_end_a_repeated_stage_as_they_would_in_the_run(site_folder: Site
     assert (never.reason, never.rounds) == ("", MOST_ROUNDS)
 
 
-def test_needs_no_serial_number_and_reports_progress(site_folder: SiteFolder) -> None:
+def test_preview_needs_no_serial_number_and_reports_progress(site_folder: SiteFolder) -> None:
     preview = Progress()
     compute_preview(preview, site_folder.request("rate", serial="not yet"))
     assert preview.fractions == sorted(preview.fractions)
@@ -110,13 +110,13 @@ def test_needs_no_serial_number_and_reports_progress(site_folder: SiteFolder) ->
     assert set(preview.notes) == {"rate"}
 
 
-def test_a_wrong_schedule_names_its_field(site_folder: SiteFolder) -> None:
+def test_invalid_schedule_is_reported_with_its_field(site_folder: SiteFolder) -> None:
     with pytest.raises(ConfigurationError, match=r"schedule\.rate: dwell_s: 1.*at least 2"):
         preview_of(site_folder, "rate", rate={"dwell_s": 1.0})
 
 
 @pytest.mark.parametrize(("distance", "seconds"), [(2.0, 3.0), (0.25, 1.0), (0.0, 0.0), (-2.0, 3.0)])
-def test_a_move_is_a_trapezoid_or_a_triangle(distance: float, seconds: float) -> None:
+def test_move_profile_is_a_trapezoid_or_a_triangle(distance: float, seconds: float) -> None:
     t = np.linspace(0.0, 4.0, 401)
     angle = profile(t, 1.0, 1.0 + distance, 1.0, 1.0)
     assert angle[t >= seconds] == pytest.approx(1.0 + distance)
@@ -125,7 +125,7 @@ def test_a_move_is_a_trapezoid_or_a_triangle(distance: float, seconds: float) ->
         assert np.abs(np.diff(angle)).max() <= 0.01 * (1.0 + 1e-9)
 
 
-def test_previews_a_stage_that_finds_its_rests(site_folder: SiteFolder) -> None:
+def test_stage_with_detected_rests_is_previewed(site_folder: SiteFolder) -> None:
     preview = preview_of(site_folder, "multi_position", multi_position={"step_deg": 90.0, "rest_s": 3.0})
     stage = preview.stages[0]
     assert stage.error is None

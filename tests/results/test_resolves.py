@@ -1,4 +1,4 @@
-"""Every offline solution of a log is recorded beside it."""
+"""Every offline solution of a log is recorded in its folder."""
 
 import json
 import multiprocessing
@@ -41,13 +41,13 @@ RECORD = ResolveRecord(
 
 
 def result(**values: tuple[float, float]) -> Result:
-    """A result with these values and sigmas."""
+    """Return a result with these values and sigmas."""
     rows = {name: {"value": value, "sigma": sigma} for name, (value, sigma) in values.items()}
     head = {"schema": "calstation.result/1", "unit": {"serial": "SN-1"}, "log": {"file": "a.h5"}}
     return Result.from_json({**head, "stages": ["rate"], "outcome": "passed", "parameters": rows})
 
 
-def test_solutions_of_a_run_are_recorded_with_their_difference_to_it(tmp_path: Path, shared_runs: SharedRuns) -> None:
+def test_solutions_are_recorded_with_their_difference_to_the_run(tmp_path: Path, shared_runs: SharedRuns) -> None:
     verdict = shared_runs.passed(tmp_path, "six_position")
     log = Path(verdict.log)
     whole = resolve(log).result
@@ -66,7 +66,7 @@ def test_solutions_of_a_run_are_recorded_with_their_difference_to_it(tmp_path: P
     assert second.difference.parameter in part.parameters
 
 
-def test_the_history_reads_what_was_added_since(tmp_path: Path) -> None:
+def test_history_reads_newly_added_solutions(tmp_path: Path) -> None:
     history = History(tmp_path)
     assert history.resolves(tmp_path / "a.h5") == []
     append_resolve(tmp_path, RECORD)
@@ -76,14 +76,14 @@ def test_the_history_reads_what_was_added_since(tmp_path: Path) -> None:
     assert history.resolves(tmp_path / "b.h5") == []
 
 
-def test_a_log_without_a_result_is_recorded_without_a_difference(tmp_path: Path) -> None:
+def test_solution_of_a_log_without_a_result_is_recorded_without_a_difference(tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     resolve(log)
     (record,) = read_resolves(tmp_path)
     assert (record.log, record.difference, record.passed) == (log.name, None, None)
 
 
-def test_a_record_that_cannot_be_written_is_a_message_of_the_solution(tmp_path: Path) -> None:
+def test_failed_recording_is_a_message_of_the_solution(tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     resolves_path(tmp_path).mkdir()
     solved = resolve(log)
@@ -93,7 +93,7 @@ def test_a_record_that_cannot_be_written_is_a_message_of_the_solution(tmp_path: 
     assert values["file"] == str(resolves_path(tmp_path))
 
 
-def test_the_largest_difference_is_that_in_sigmas() -> None:
+def test_largest_difference_is_measured_in_sigmas() -> None:
     online = result(gyro_bias_x=(1.0, 0.1), gyro_bias_y=(5.0, 2.0), gyro_bias_z=(1.0, 1.0))
     offline = result(gyro_bias_x=(0.5, 0.2), gyro_bias_y=(7.0, 1.0))
     assert online_difference(offline, online) == OnlineDifference(False, "gyro_bias_x", pytest.approx(2.5))
@@ -108,7 +108,7 @@ def _append(folder: Path) -> None:
         append_resolve(folder, RECORD)
 
 
-def test_two_programs_append_whole_lines(tmp_path: Path) -> None:
+def test_two_programs_append_complete_lines(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     programs = [context.Process(target=_append, args=(tmp_path,)) for _ in range(2)]
     for program in programs:
@@ -119,7 +119,7 @@ def test_two_programs_append_whole_lines(tmp_path: Path) -> None:
     assert read_resolves(tmp_path) == 40 * [RECORD]
 
 
-def test_an_altered_record_is_found(tmp_path: Path) -> None:
+def test_modified_record_is_detected(tmp_path: Path) -> None:
     for _ in range(3):
         append_resolve(tmp_path, RECORD)
     path = resolves_path(tmp_path)

@@ -1,4 +1,4 @@
-"""Runs are counted from the start of the shift in local time."""
+"""Runs are counted from the start of the current shift in local time."""
 
 import time
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ THREE = ("06:00", "14:00", "22:00")
 
 @pytest.fixture(autouse=True)
 def zone(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The computer is in China."""
+    """Set the time zone of the computer to China."""
     monkeypatch.setenv("TZ", "Asia/Shanghai")
     time.tzset()
     yield
@@ -40,11 +40,11 @@ def zone(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         ("2026-11-23 05:59", ("07:30",), "2026-11-22 07:30"),
     ],
 )
-def test_the_shift_begins_at_the_latest_start(now: str, starts: tuple[str, ...], began: str) -> None:
+def test_shift_begins_at_the_latest_start_time(now: str, starts: tuple[str, ...], began: str) -> None:
     assert shift_start(starts, datetime.fromisoformat(now)) == datetime.fromisoformat(f"{began}+08:00")
 
 
-def test_only_whole_runs_that_passed_or_failed_count(tmp_path: Path) -> None:
+def test_only_passed_or_failed_full_runs_count(tmp_path: Path) -> None:
     write(tmp_path, "early", "SN-0", "passed", 1)
     write(tmp_path, "a", "SN-1", "passed", 2)
     write(tmp_path, "b", "SN-2", "failed", 2, duration_s=300.0)
@@ -64,7 +64,7 @@ def test_only_whole_runs_that_passed_or_failed_count(tmp_path: Path) -> None:
     assert ShiftCount().passed_share is None
 
 
-def test_the_units_of_a_batch_share_the_time_of_the_table(tmp_path: Path) -> None:
+def test_units_of_a_batch_share_the_cycle_time(tmp_path: Path) -> None:
     for name, serial, seconds in (("a", "SN-1", 400.0), ("b", "SN-2", 390.0), ("c", "SN-3", 400.0)):
         write(tmp_path, name, serial, "passed", 2, batch="B-1", slot=name, duration_s=seconds)
     write(tmp_path, "d", "SN-4", "failed", 2, duration_s=200.0)

@@ -1,4 +1,4 @@
-"""Logs of units that lie on the table in other orientations and away from its centre, solved as a run's log is."""
+"""Logs of units in other orientations and off the table centre are solved like logs of a run."""
 
 import tomllib
 from pathlib import Path
@@ -22,7 +22,7 @@ LEVER = [0.3, -0.25, 0.1]
 
 
 @pytest.mark.parametrize("orientation", sampled(12, ORIENTATIONS))
-def test_a_log_of_a_turned_unit_gives_its_truth_and_passes(orientation: str, tmp_path: Path) -> None:
+def test_log_of_a_reoriented_unit_agrees_with_the_truth_and_passes(orientation: str, tmp_path: Path) -> None:
     station = tomllib.loads((library.shipped_folder() / "stations" / "virtual_batch.toml").read_text(encoding="utf-8"))
     station["bench"]["units"] = 2
     station["slots"] = [{"name": "A1"}, {"name": "A2", "orientation": orientation, "lever_m": LEVER}]

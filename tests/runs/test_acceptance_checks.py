@@ -1,4 +1,4 @@
-"""A product's acceptance checks in a run and in a log solved again, on a manual rig and on the table."""
+"""Acceptance checks of a product in a run and in its re-solved log, on a manual rig and on the table."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -35,7 +35,7 @@ HELD = {"level_horizontal", "level_vertical", "motion_angle", "motion_improvemen
 
 
 def hand_log(folder: Path, checks: dict[str, Any]) -> Path:
-    """A MEMS unit on a manual rig, as a raw log whose product has these checks and no limits."""
+    """Write a raw log of a MEMS unit on a manual rig whose product has these checks and no limits."""
     rig = ManualRig(initial_rest=10.0, rest=3.0)
     imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
     samples, _ = record(imu, rig, around(np.deg2rad(60.0)), 3)
@@ -81,7 +81,7 @@ def named(result: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return {check["name"]: check for check in result["checks"]}
 
 
-def test_a_recording_of_a_manual_rig_is_judged_by_its_products_checks(tmp_path: Path) -> None:
+def test_manual_rig_recording_is_judged_by_the_product_checks(tmp_path: Path) -> None:
     result = resolve(hand_log(tmp_path, CHECKS)).result.to_json()
     checks = named(result)
     assert {"gravity_at_rest", "improvement_at_rest", *HELD} <= set(checks)
@@ -97,7 +97,7 @@ def test_a_recording_of_a_manual_rig_is_judged_by_its_products_checks(tmp_path: 
     assert checks["improvement_at_rest_floor"]["limit"] == 2e-3
 
 
-def test_a_failed_check_fails_the_unit_and_names_its_position(tmp_path: Path) -> None:
+def test_failed_check_fails_the_unit_and_reports_its_position(tmp_path: Path) -> None:
     strict = {"gravity_at_rest": {"within": 1e-7}, "near_miss_beyond": 0.5}
     result = resolve(hand_log(tmp_path, strict)).result.to_json()
     assert result["passed"] is False
@@ -111,7 +111,7 @@ def judged(site_folder: SiteFolder) -> SiteFolder:
 
 
 @pytest.mark.long
-def test_a_run_is_judged_like_its_log_and_against_the_previous_run(judged: SiteFolder) -> None:
+def test_run_and_its_log_are_judged_alike_and_against_the_previous_run(judged: SiteFolder) -> None:
     first = judged.run("six_position")
     checks = named(first.result)
     assert {"gravity_at_rest", "improvement_at_rest", "level_vertical", "motion_angle"} <= set(checks)
@@ -125,7 +125,7 @@ def test_a_run_is_judged_like_its_log_and_against_the_previous_run(judged: SiteF
     assert 0.0 <= previous["value"] < 1e-5
 
 
-def test_a_product_file_with_a_misspelt_check_is_refused(site_folder: SiteFolder) -> None:
+def test_product_file_with_a_misspelled_check_is_refused(site_folder: SiteFolder) -> None:
     site_folder.product.write_text(
         site_folder.product.read_text() + tomli_w.dumps({"checks": {"gravity": {"within": 1.0}}})
     )
@@ -139,9 +139,7 @@ FOUR_STAGES = {"gravity_at_rest", "level_horizontal", "level_vertical", "motion_
 
 @pytest.mark.long
 @pytest.mark.parametrize("product", sampled(3, ["mems_c", "nav_a", "tactical_b"]))
-def test_the_checks_of_a_shipped_product_pass_a_sound_unit_and_notice_one_that_changes(
-    product: str, site_folder: SiteFolder
-) -> None:
+def test_checks_of_a_shipped_product_pass_a_good_unit_and_detect_changes(product: str, site_folder: SiteFolder) -> None:
     site_folder.write({"bench_grade": GRADE[product]})
     site_folder.product = library.find("products", product)
     verdict = site_folder.run()
@@ -158,7 +156,7 @@ def test_the_checks_of_a_shipped_product_pass_a_sound_unit_and_notice_one_that_c
     rules = log.meta.product.checks
 
     def failed(change: Callable[[SampleBlock], np.ndarray]) -> set[str]:
-        """Names of the checks that fail if the unit's output is multiplied by this."""
+        """Return the checks that fail if the output of the unit is multiplied by this factor."""
         chain = solve(lambda: (replace(b, counts=change(b)) for b in log.blocks()), log.meta)
         return {c.name for c in judge(log.meta, chain.prior, tuple(chain.solutions)).checks if not c.passed}
 

@@ -1,4 +1,4 @@
-"""Several units on one table: each has its own log, result and verdict, and none is held up by another."""
+"""Several units on one table: each has its own log, result and verdict, independent of the others."""
 
 import json
 import sys
@@ -35,7 +35,7 @@ ORIENTATIONS = ("+x+z", "-y+z", "+z-x")
 
 
 def batch_of(site: SiteFolder, *stages: str, serials: tuple[str, ...] = SERIALS) -> RunRequest:
-    """A request for units on one table."""
+    """Return a request for units on one table."""
     first = next(filter(None, serials))
     return replace(site.request(*stages, serial=first), serials=serials, batch="B-1")
 
@@ -43,7 +43,7 @@ def batch_of(site: SiteFolder, *stages: str, serials: tuple[str, ...] = SERIALS)
 def run_batch(
     site: SiteFolder, request: RunRequest, on_event: Callable[[Event], None] = lambda event: None
 ) -> dict[str, Verdict]:
-    """Run a batch in this process; the verdicts by slot."""
+    """Run a batch in this process and return the verdicts by slot."""
 
     def emit(event: Event) -> None:
         site.events.append(event)
@@ -54,7 +54,7 @@ def run_batch(
 
 
 @pytest.mark.long
-def test_units_in_three_orientations_pass_and_solve_again_to_the_same_bits(site_folder: SiteFolder) -> None:
+def test_units_in_three_orientations_pass_and_re_solve_bit_identically(site_folder: SiteFolder) -> None:
     slots = [
         {"name": f"{name}{number}", "orientation": orientation}
         for number, (name, orientation) in enumerate(zip("ABC", ORIENTATIONS, strict=True), 1)
@@ -82,7 +82,7 @@ def test_units_in_three_orientations_pass_and_solve_again_to_the_same_bits(site_
 
 
 @pytest.mark.long
-def test_the_first_unit_of_a_batch_has_the_result_that_it_has_alone(tmp_path: Path) -> None:
+def test_result_of_the_first_unit_does_not_depend_on_the_batch(tmp_path: Path) -> None:
     results = []
     for serials in (("SN-000001", "", ""), SERIALS):
         folder = tmp_path / str(len(results))
@@ -94,7 +94,7 @@ def test_the_first_unit_of_a_batch_has_the_result_that_it_has_alone(tmp_path: Pa
 
 
 @pytest.mark.long
-def test_a_unit_that_falls_silent_leaves_the_others_alone(site_folder: SiteFolder) -> None:
+def test_unit_that_stops_sending_does_not_affect_the_others(site_folder: SiteFolder) -> None:
     orders = [{"order": "silence_imu", "value": 1e6, "at": 60.0, "unit": 2}]
     site_folder.write(units=3, orders=orders)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position"))
@@ -109,7 +109,7 @@ def test_a_unit_that_falls_silent_leaves_the_others_alone(site_folder: SiteFolde
 
 
 def refuse(monkeypatch: pytest.MonkeyPatch, *refused: str) -> None:
-    """Let units with these serial numbers not answer; the fault names the serial number as the port."""
+    """Make units with these serial numbers unresponsive; the fault reports the serial number as the port."""
     opened = devices.open_imu
 
     def open_imu(setup: ResolvedConfiguration, port: str) -> StreamedImu:
@@ -121,7 +121,7 @@ def refuse(monkeypatch: pytest.MonkeyPatch, *refused: str) -> None:
 
 
 @pytest.mark.long
-def test_a_unit_that_does_not_answer_leaves_at_once(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unresponsive_unit_is_removed_immediately(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     site_folder.write(units=3)
     refuse(monkeypatch, SERIALS[2])
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position"))
@@ -133,7 +133,7 @@ def test_a_unit_that_does_not_answer_leaves_at_once(site_folder: SiteFolder, mon
     assert [message.slot for message in site_folder.events_of(Message) if message.id == "unit_left"] == ["3"]
 
 
-def test_each_unit_has_its_own_fault_if_none_answers(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_unit_has_its_own_fault_if_none_responds(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     site_folder.write(units=2)
     refuse(monkeypatch, *SERIALS)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]))
@@ -162,7 +162,7 @@ def test_stop_ends_a_batch_while_its_units_are_opened(site_folder: SiteFolder, m
 
 
 @pytest.mark.long
-def test_a_configuration_error_of_one_unit_is_its_own(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_configuration_error_affects_only_its_unit(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     site_folder.write(units=2)
     read = run_module._registers
 
@@ -179,7 +179,7 @@ def test_a_configuration_error_of_one_unit_is_its_own(site_folder: SiteFolder, m
 
 @pytest.mark.long
 @pytest.mark.parametrize("error", [ConfigurationError("log.not_created", file="x.h5", reason="no space"), ValueError()])
-def test_logs_already_open_are_closed_if_another_one_cannot_be_created(
+def test_open_logs_are_closed_if_another_log_cannot_be_created(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
     site_folder.write(units=3)
@@ -200,7 +200,7 @@ def test_logs_already_open_are_closed_if_another_one_cannot_be_created(
 
 
 @pytest.mark.long
-def test_serial_numbers_that_differ_in_one_character_have_logs_of_their_own(site_folder: SiteFolder) -> None:
+def test_similar_serial_numbers_have_separate_logs(site_folder: SiteFolder) -> None:
     site_folder.write({"serial_pattern": "SN[-_]1"}, units=2)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=("SN-1", "SN_1")))
     assert [verdict.outcome for verdict in verdicts.values()] == ["passed", "passed"]
@@ -208,7 +208,7 @@ def test_serial_numbers_that_differ_in_one_character_have_logs_of_their_own(site
 
 
 @pytest.mark.long
-def test_the_reports_of_a_batch_are_made_after_the_run_one_after_the_other(
+def test_reports_of_a_batch_are_made_sequentially_after_the_run(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     site_folder.write(units=2)
@@ -228,7 +228,7 @@ def test_the_reports_of_a_batch_are_made_after_the_run_one_after_the_other(
     assert [command[4] for command in commands] == [verdict.result_file for verdict in verdicts.values()]
 
 
-def test_a_report_that_fails_does_not_prevent_the_next_one(tmp_path: Path) -> None:
+def test_failed_report_does_not_prevent_the_next_one(tmp_path: Path) -> None:
     written = tmp_path / "written"
     second = [sys.executable, "-c", f"import pathlib; pathlib.Path({str(written)!r}).write_text('x')"]
     start_reports([[sys.executable, "-c", "raise SystemExit(2)"], [], second])
@@ -245,7 +245,7 @@ def test_stop_ends_all_units(site_folder: SiteFolder) -> None:
 
 
 @pytest.mark.long
-def test_a_unit_of_a_stopped_batch_is_resumed_alone_in_its_slot(site_folder: SiteFolder) -> None:
+def test_unit_of_a_stopped_batch_is_resumed_alone_in_its_slot(site_folder: SiteFolder) -> None:
     slots = [{"name": "A"}, {"name": "B", "orientation": "-y+z"}]
     site_folder.write_station(slots=slots, bench={"units": 2})
     stages, serials = ("rate", "six_position"), SERIALS[:2]
@@ -262,7 +262,7 @@ def test_a_unit_of_a_stopped_batch_is_resumed_alone_in_its_slot(site_folder: Sit
 
 
 @pytest.mark.long
-def test_a_unit_is_not_compared_with_its_lever_arm_in_another_slot(site_folder: SiteFolder) -> None:
+def test_lever_arms_in_different_slots_are_not_compared(site_folder: SiteFolder) -> None:
     slots = [{"name": name, "lever_m": [lever, 0.0, 0.0]} for name, lever in (("A", 0.15), ("B", -0.15))]
     site_folder.write_station(slots=slots, bench={"units": 2})
     product = tomllib.loads(site_folder.product.read_text(encoding="utf-8"))
@@ -294,7 +294,7 @@ def test_a_fault_of_the_table_ends_all_units(site_folder: SiteFolder) -> None:
         (("SN-000001", "nonsense"), "product.serial_mismatch"),
     ],
 )
-def test_what_cannot_be_run_together_is_refused(site_folder: SiteFolder, serials: Any, code: str) -> None:
+def test_incompatible_units_are_refused_as_a_batch(site_folder: SiteFolder, serials: Any, code: str) -> None:
     site_folder.write(units=3)
     with raises_code(ConfigurationError, code):
         run_batch(site_folder, batch_of(site_folder, serials=serials))

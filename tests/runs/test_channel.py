@@ -1,4 +1,4 @@
-"""The engine's end of the pipe: both ways, heartbeats, and listeners that are lost or frozen."""
+"""The engine's end of the pipe: events, commands, heartbeats, and lost or frozen listeners."""
 
 import threading
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ SILENT_AFTER = 1.0
 
 
 class Ends:
-    """A channel, its listener's end, and the calls that the engine received."""
+    """A channel, the end of its listener, and the calls received by the engine."""
 
     def __init__(self) -> None:
         self.theirs: Connection[Any, Any]
@@ -39,7 +39,7 @@ class Ends:
         self.heard.set()
 
     def check_cancelled(self) -> Any:
-        """The next message that is no heartbeat; heartbeats are answered."""
+        """Return the next message other than a heartbeat; reply to heartbeats."""
         while (message := self.theirs.recv()) == BEAT:
             self.theirs.send(BEAT)
         return message
@@ -69,13 +69,13 @@ def test_a_closed_pipe_is_a_lost_listener(ends: Ends) -> None:
     ends.ours.emit(Message("homing"))
 
 
-def test_a_listener_that_sends_nonsense_is_lost(ends: Ends) -> None:
+def test_listener_that_sends_invalid_messages_is_lost(ends: Ends) -> None:
     ends.theirs.send("stopp")
     assert ends.lost.wait(PATIENCE)
     assert ends.commands == []
 
 
-def test_a_listener_that_answers_no_heartbeat_is_frozen_and_may_come_back(ends: Ends) -> None:
+def test_listener_without_heartbeats_is_frozen_and_may_recover(ends: Ends) -> None:
     assert ends.silent.wait(PATIENCE)
     assert not ends.lost.is_set()
     ends.ours.emit(Message("homing"))
@@ -83,7 +83,7 @@ def test_a_listener_that_answers_no_heartbeat_is_frozen_and_may_come_back(ends: 
 
 
 @pytest.mark.long
-def test_a_listener_that_answers_is_not_frozen(ends: Ends) -> None:
+def test_responding_listener_is_not_frozen(ends: Ends) -> None:
     for _ in range(12):
         assert ends.theirs.recv() == BEAT
         ends.theirs.send(BEAT)
@@ -91,7 +91,7 @@ def test_a_listener_that_answers_is_not_frozen(ends: Ends) -> None:
 
 
 @pytest.mark.long
-def test_a_stuck_engine_gives_no_heartbeat(ends: Ends) -> None:
+def test_blocked_engine_sends_no_heartbeat(ends: Ends) -> None:
     ends.alive = False
     while ends.theirs.poll(SILENT_AFTER):
         assert ends.theirs.recv() == BEAT
@@ -101,7 +101,7 @@ def test_a_stuck_engine_gives_no_heartbeat(ends: Ends) -> None:
     assert ends.theirs.recv() == BEAT
 
 
-def test_the_engines_thread_is_stuck_only_where_it_promised_to_tick() -> None:
+def test_engine_thread_counts_as_blocked_only_within_its_ticking_section() -> None:
     control = Control()
     assert not control.stuck(-1.0)
     with control.ticking():

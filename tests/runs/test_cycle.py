@@ -1,4 +1,4 @@
-"""The phases of a run from its start to the result: complete, in order, on the station's clock."""
+"""The phases of a run from start to result: complete, in order, by the station clock."""
 
 import json
 import time
@@ -28,7 +28,7 @@ RESULT: dict[str, Any] = {
 
 
 def measured(scene: Scene, watch: Callable[[Event], None] = lambda event: None) -> Result:
-    """The result of a run among fakes, with its cycle only."""
+    """Return the result of a run with fake devices, with only its cycle."""
     cycle = Cycle()
 
     class Events(list[Event]):
@@ -44,7 +44,7 @@ def measured(scene: Scene, watch: Callable[[Event], None] = lambda event: None) 
     return Result.from_json({**RESULT, "cycle": [phase.model_dump() for phase in phases]})
 
 
-def test_the_phases_of_a_run_follow_each_other_and_add_up_to_all_of_it() -> None:
+def test_phases_of_a_run_are_contiguous_and_add_up_to_its_duration() -> None:
     scene = Scene(warm_up=30.0)
     begin = time.monotonic()
     result = measured(scene)
@@ -68,7 +68,7 @@ def test_the_phases_of_a_run_follow_each_other_and_add_up_to_all_of_it() -> None
     assert result.cycle_seconds["stage"] == pytest.approx(steps[1] - steps[0], abs=host)
 
 
-def test_solving_lasts_until_the_last_unit_of_a_batch_is_solved() -> None:
+def test_solving_phase_ends_when_the_last_unit_of_a_batch_is_solved() -> None:
     cycle, clock = Cycle(), FakeClock()
     with cycle.on(clock):
         cycle.follow(StageEnded("rate", "plan", 0))
@@ -83,7 +83,7 @@ def test_solving_lasts_until_the_last_unit_of_a_batch_is_solved() -> None:
     assert seconds[1:3] == pytest.approx([30.0, 1.0], abs=0.5)
 
 
-def test_a_pause_is_a_phase_of_its_own_and_the_stage_goes_on_after_it() -> None:
+def test_pause_is_a_separate_phase_and_the_stage_continues_after_it() -> None:
     scene = Scene()
 
     def watch(event: Event) -> None:
@@ -101,7 +101,7 @@ def test_a_pause_is_a_phase_of_its_own_and_the_stage_goes_on_after_it() -> None:
     assert sum(result.cycle_seconds.values()) == pytest.approx(scene.clock.time, abs=5.0)
 
 
-def test_a_safe_stop_is_a_phase_of_its_own() -> None:
+def test_safe_stop_is_a_separate_phase() -> None:
     scene = Scene()
 
     def watch(event: Event) -> None:
@@ -112,7 +112,7 @@ def test_a_safe_stop_is_a_phase_of_its_own() -> None:
     assert phases[-3:] == ["stage", "stopping", "files"]
 
 
-def test_a_bench_that_has_died_does_not_prevent_the_result() -> None:
+def test_terminated_bench_does_not_prevent_the_result() -> None:
     class DeadClock(FakeClock):
         def now(self) -> float:
             if self.time > 5.0:
@@ -130,7 +130,7 @@ def test_a_bench_that_has_died_does_not_prevent_the_result() -> None:
     assert seconds["preparation"] < 1.0
 
 
-def test_a_full_run_measures_every_phase_in_device_time(tmp_path: Path, shared_runs: SharedRuns) -> None:
+def test_full_run_measures_every_phase_in_device_time(tmp_path: Path, shared_runs: SharedRuns) -> None:
     verdict: Verdict = shared_runs.passed(tmp_path)
     result = load_result(Path(verdict.result_file))
     seconds = result.cycle_seconds
@@ -151,7 +151,7 @@ def test_a_full_run_measures_every_phase_in_device_time(tmp_path: Path, shared_r
     assert sum(s for name, s in seconds.items() if name not in of_host) == pytest.approx(device, rel=0.01, abs=1.0)
 
 
-def test_a_result_of_an_older_version_has_no_phases(tmp_path: Path, shared_runs: SharedRuns) -> None:
+def test_result_of_an_earlier_version_has_no_phases(tmp_path: Path, shared_runs: SharedRuns) -> None:
     data = json.loads(Path(shared_runs.passed(tmp_path).result_file).read_text(encoding="utf-8"))
     del data["cycle"]
     result = Result.from_json(data)

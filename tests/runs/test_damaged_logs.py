@@ -1,4 +1,4 @@
-"""A run whose log was damaged on its disk: what is left is solved, exported and drawn, and the gaps are reported."""
+"""A damaged log of a run: readable samples are solved, exported and plotted, and the gaps are reported."""
 
 import json
 import shutil
@@ -28,7 +28,7 @@ def run_log(tmp_path_factory: pytest.TempPathFactory, shared_runs: SharedRuns) -
 
 
 class Damaged:
-    """A copy of the log that can be hurt."""
+    """A copy of the log that can be damaged."""
 
     def __init__(self, source: Path, folder: Path) -> None:
         self.path = folder / "hurt.h5"
@@ -38,15 +38,15 @@ class Damaged:
             rows = file["samples"][:]
         self.seq, self.steps, self.stages = rows["seq"], rows["step"], names[rows["stage"]]
 
-    def hurt(self, start: int, count: int = HURT) -> None:
-        """Change what rows hold, as a disk does."""
+    def damage(self, start: int, count: int = HURT) -> None:
+        """Damage rows as a disk error does."""
         with h5py.File(self.path, "r+", libver="latest") as file:
             rows = file["samples"][start : start + count]
             rows["counts"][:, 0] += 1e6
             file["samples"][start : start + count] = rows
 
     def rest(self, stage: str) -> int:
-        """A row in the middle of a stage's longest step."""
+        """Return a row in the middle of the longest step of a stage."""
         steps = self.steps[self.stages == stage]
         step = int(np.bincount(steps).argmax())
         return int(np.median(np.flatnonzero((self.stages == stage) & (self.steps == step)))) - HURT // 2
@@ -58,9 +58,9 @@ def log(run_log: Path, tmp_path: Path) -> Damaged:
 
 
 @pytest.mark.long
-def test_damaged_rows_are_a_gap_and_reported(log: Damaged, run_log: Path) -> None:
+def test_damaged_rows_are_treated_as_a_gap_and_reported(log: Damaged, run_log: Path) -> None:
     row = log.rest("six_position")
-    log.hurt(row)
+    log.damage(row)
     whole, solved = resolve(run_log).result.to_json(), resolve(log.path)
     missing = f"{log.seq[row]}…{log.seq[row + HURT - 1]}"
     assert solved.result.to_json()["log"]["damaged"] == [{"rows": HURT, "seq": missing}]
@@ -76,10 +76,10 @@ def test_damaged_rows_are_a_gap_and_reported(log: Damaged, run_log: Path) -> Non
 
 
 @pytest.mark.long
-def test_only_stages_with_missing_data_are_refused(log: Damaged) -> None:
+def test_only_stages_with_missing_samples_are_refused(log: Damaged) -> None:
     rate = np.flatnonzero(log.stages == "rate")
     for row in rate[:: len(rate) // 25]:
-        log.hurt(int(row), 2)
+        log.damage(int(row), 2)
     with raises_code(InsufficientDataError, "solution.in_log") as refused:
         resolve(log.path, ("rate",))
     in_stage = refused.value.values["what"]
@@ -97,9 +97,9 @@ def test_only_stages_with_missing_data_are_refused(log: Damaged) -> None:
 
 
 @pytest.mark.long
-def test_a_stage_without_any_samples_left_is_not_skipped(log: Damaged) -> None:
+def test_stage_without_readable_samples_is_not_skipped(log: Damaged) -> None:
     rows = np.flatnonzero(log.stages == "six_position")
-    log.hurt(int(rows[0]), len(rows))
+    log.damage(int(rows[0]), len(rows))
     with raises_code(InsufficientDataError, "solution.in_log") as refused:
         resolve(log.path)
     assert refused.value.values["what"] == Text.of("solution.stage_damaged", stage="six_position")
@@ -107,8 +107,8 @@ def test_a_stage_without_any_samples_left_is_not_skipped(log: Damaged) -> None:
 
 
 @pytest.mark.long
-def test_the_command_line_reports_missing_data(log: Damaged, capsys: pytest.CaptureFixture[str]) -> None:
-    log.hurt(log.rest("six_position"))
+def test_command_line_reports_missing_samples(log: Damaged, capsys: pytest.CaptureFixture[str]) -> None:
+    log.damage(log.rest("six_position"))
     assert run_app(["resolve", str(log.path), "--json", "-"]) == 0
     out, err = capsys.readouterr()
     assert json.loads(out)["log"]["damaged"][0]["rows"] == HURT
@@ -119,17 +119,17 @@ def test_the_command_line_reports_missing_data(log: Damaged, capsys: pytest.Capt
 
 
 @pytest.mark.long
-def test_an_export_has_all_readable_samples(log: Damaged) -> None:
-    log.hurt(log.rest("six_position"))
+def test_export_contains_all_readable_samples(log: Damaged) -> None:
+    log.damage(log.rest("six_position"))
     target = log.path.with_suffix(".csv")
     assert export_csv(log.path, target).damaged == HURT
     assert resolve(target).result.to_json()["parameters"] == resolve(log.path).result.to_json()["parameters"]
 
 
 @pytest.mark.long
-def test_samples_after_damaged_rows_are_drawn_at_their_time(log: Damaged, tmp_path: Path) -> None:
+def test_samples_after_damaged_rows_are_plotted_at_their_time(log: Damaged, tmp_path: Path) -> None:
     row = log.rest("rate")
-    log.hurt(row)
+    log.damage(row)
 
     seen = log_index(ignore_progress, log.path, tmp_path / "picture")
     assert seen.facts.damaged == HURT

@@ -1,4 +1,4 @@
-"""Runs of the method `designed` on the bench: they end at the limits, and disturbed ones solve to the same bits."""
+"""Runs of the method `designed` on the bench end at the limits and re-solve bit-identically."""
 
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,7 @@ def write(folder: SiteFolder, schedule: dict[str, Any] | None = None, **bench: A
     folder.write({**product, "schedule": {"designed": SCHEDULE | (schedule or {})}}, **bench)
 
 
-def test_a_stage_ends_after_the_move_that_reaches_the_limits_and_solves_to_the_same_bits(designed: SiteFolder) -> None:
+def test_stage_ends_when_the_limits_are_met_and_re_solves_bit_identically(designed: SiteFolder) -> None:
     verdict = designed.run()
     assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
     (ended,) = designed.events_of(StageEnded)
@@ -56,7 +56,7 @@ def test_a_stage_ends_after_the_move_that_reaches_the_limits_and_solves_to_the_s
 
 
 @pytest.mark.long
-def test_moves_that_always_take_place_are_not_omitted(designed: SiteFolder) -> None:
+def test_mandatory_moves_are_not_omitted(designed: SiteFolder) -> None:
     write(designed, {"least_moves": len(MOVES) - 1})
     assert designed.run().outcome == "passed"
     (ended,) = designed.events_of(StageEnded)
@@ -64,7 +64,7 @@ def test_moves_that_always_take_place_are_not_omitted(designed: SiteFolder) -> N
 
 
 @pytest.mark.long
-def test_without_the_stop_rule_every_move_takes_place(designed: SiteFolder) -> None:
+def test_every_move_is_made_without_the_stop_rule(designed: SiteFolder) -> None:
     write(designed, {"stop_at_limits": False})
     assert designed.run().outcome == "passed"
     (ended,) = designed.events_of(StageEnded)
@@ -72,7 +72,7 @@ def test_without_the_stop_rule_every_move_takes_place(designed: SiteFolder) -> N
 
 
 @pytest.mark.long
-def test_pause_and_resume_within_the_stage(designed: SiteFolder) -> None:
+def test_designed_stage_can_be_paused_and_resumed(designed: SiteFolder) -> None:
     pause = designed.once(StepStarted, Command.PAUSE, after=4)
 
     def watch(event: object) -> None:
@@ -87,7 +87,7 @@ def test_pause_and_resume_within_the_stage(designed: SiteFolder) -> None:
 
 
 @pytest.mark.long
-def test_a_spoilt_step_is_repeated(designed: SiteFolder) -> None:
+def test_invalid_step_is_repeated(designed: SiteFolder) -> None:
     write(designed, orders=[{"order": "drop_frames", "value": 3, "at": 32.0}])
     verdict = designed.run()
     assert [m.values["reason"] for m in designed.events_of(Message) if m.id == "step_repeated"] == ["gap"]
@@ -96,7 +96,7 @@ def test_a_spoilt_step_is_repeated(designed: SiteFolder) -> None:
 
 
 @pytest.mark.long
-def test_more_noise_than_that_of_the_profile_needs_more_moves(designed: SiteFolder) -> None:
+def test_more_noise_than_in_the_profile_requires_more_moves(designed: SiteFolder) -> None:
     assert designed.run().outcome == "passed"
     write(designed, effects={"gyro_noise": 2.5})
     designed.run()  # its verdict does not matter
@@ -106,7 +106,7 @@ def test_more_noise_than_that_of_the_profile_needs_more_moves(designed: SiteFold
 
 @pytest.mark.long
 @pytest.mark.parametrize(("name", "seconds"), [("mems_c", 45.0), ("tactical_b", 90.0), ("nav_a", 200.0)])
-def test_a_fast_product_passes_in_time(tmp_path: Path, name: str, seconds: float) -> None:
+def test_fast_product_passes_within_its_time(tmp_path: Path, name: str, seconds: float) -> None:
     folder = SiteFolder(tmp_path)
     product = library.find("products", f"{name}_fast")
     folder.request = lambda *stages: RunRequest("F-1", None, product, None, tmp_path / "runs", "tester")  # type: ignore[method-assign, misc, assignment]

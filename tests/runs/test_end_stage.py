@@ -1,4 +1,4 @@
-"""Stages without limits repeat until the operator ends them; each is then solved with what was recorded."""
+"""Unlimited stages repeat until the operator ends them, and are then solved."""
 
 import json
 import os
@@ -20,7 +20,7 @@ UNLIMITED = {s: {**PRODUCT["schedule"][s], "rounds": 0} for s in ("excitation", 
 SCHEDULE = {**PRODUCT["schedule"], **UNLIMITED}
 
 
-def test_both_repeated_stages_end_after_the_move_and_are_solved(tmp_path: Path) -> None:
+def test_repeated_stages_end_after_the_current_move_and_are_solved(tmp_path: Path) -> None:
     site_folder = SiteFolder(tmp_path)
     site_folder.write({"schedule": SCHEDULE})
     moves = 0
@@ -46,7 +46,7 @@ def test_both_repeated_stages_end_after_the_move_and_are_solved(tmp_path: Path) 
     assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
 
 
-def test_the_terminal_ends_a_stage_with_a_key(tmp_path: Path) -> None:
+def test_key_in_the_terminal_ends_a_stage(tmp_path: Path) -> None:
     site_folder = SiteFolder(tmp_path)
     site_folder.write({"schedule": SCHEDULE, "stages": ["azimuth_flip"]}, speed=20.0)
     keyboard, terminal = pty.openpty()

@@ -1,4 +1,4 @@
-"""The engine's process: commanded, killed, or left without a listener."""
+"""The engine process: commands, termination, and loss of its listener."""
 
 import csv
 import json
@@ -23,7 +23,7 @@ from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
 
-def test_an_engine_sends_events_and_takes_commands(site_folder: SiteFolder) -> None:
+def test_engine_sends_events_and_accepts_commands(site_folder: SiteFolder) -> None:
     with Engine.start(site_folder.request("rate")) as engine:
         for event in engine.events():
             if isinstance(event, StepStarted) and event.stage:
@@ -34,7 +34,7 @@ def test_an_engine_sends_events_and_takes_commands(site_folder: SiteFolder) -> N
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
-def test_a_killed_engine_leaves_a_log_that_opens_and_is_listed(site_folder: SiteFolder) -> None:
+def test_killed_engine_leaves_a_readable_log_that_is_listed(site_folder: SiteFolder) -> None:
     def kill_in_the_middle(engine: Engine) -> None:
         for event in engine.events():
             if isinstance(event, StepStarted) and event.step == 7:
@@ -59,7 +59,7 @@ def test_a_killed_engine_leaves_a_log_that_opens_and_is_listed(site_folder: Site
 
 
 def polled(engine: Engine, until: Callable[[list[Event]], bool]) -> list[Event]:
-    """Events that a window polls until `enough`."""
+    """Return the events that a window polls until `enough`."""
     events: list[Event] = []
     deadline = time.monotonic() + 200.0
     while not until(events):
@@ -70,11 +70,11 @@ def polled(engine: Engine, until: Callable[[list[Event]], bool]) -> list[Event]:
 
 
 def moving(events: list[Event]) -> bool:
-    """Whether the stage has begun."""
+    """Return whether the stage has started."""
     return any(isinstance(event, StepStarted) and event.step == 7 for event in events)
 
 
-def test_a_window_polls_a_run_to_its_end(site_folder: SiteFolder) -> None:
+def test_window_polls_a_run_to_its_end(site_folder: SiteFolder) -> None:
     with Engine.start(site_folder.request("rate")) as engine:
         assert engine.alive
         events = polled(engine, lambda events: engine.ended)
@@ -85,7 +85,7 @@ def test_a_window_polls_a_run_to_its_end(site_folder: SiteFolder) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
-def test_a_dead_engine_gives_a_polling_window_one_fault(site_folder: SiteFolder) -> None:
+def test_terminated_engine_gives_a_polling_window_one_fault(site_folder: SiteFolder) -> None:
     with Engine.start(site_folder.request("rate")) as engine:
         polled(engine, moving)
         assert engine.process.pid is not None
@@ -98,8 +98,8 @@ def test_a_dead_engine_gives_a_polling_window_one_fault(site_folder: SiteFolder)
 
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
-def test_a_frozen_engine_is_a_fault_and_may_send_more_later(site_folder: SiteFolder) -> None:
-    """The watchdog has stopped the table meanwhile, which the engine then reports."""
+def test_frozen_engine_is_a_fault_and_may_send_events_later(site_folder: SiteFolder) -> None:
+    """Meanwhile the watchdog has stopped the table, which the engine then reports."""
     site_folder.write(watchdog_ms=1000)
     with Engine.start(site_folder.request("rate")) as engine:
         polled(engine, moving)
@@ -115,7 +115,7 @@ def test_a_frozen_engine_is_a_fault_and_may_send_more_later(site_folder: SiteFol
 
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
-def test_a_frozen_engine_is_ended_when_its_window_closes(site_folder: SiteFolder) -> None:
+def test_frozen_engine_is_terminated_when_its_window_closes(site_folder: SiteFolder) -> None:
     engine = Engine.start(site_folder.request("rate"))
     polled(engine, moving)
     assert engine.process.pid is not None
@@ -129,7 +129,7 @@ def test_a_frozen_engine_is_ended_when_its_window_closes(site_folder: SiteFolder
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize("sent", ["SIGTERM", "SIGHUP"])
-def test_signals_do_not_end_the_engine_without_a_safe_stop(site_folder: SiteFolder, sent: str) -> None:
+def test_engine_makes_a_safe_stop_on_a_signal(site_folder: SiteFolder, sent: str) -> None:
     events = []
     with Engine.start(site_folder.request("rate")) as engine:
         for event in engine.events():
@@ -146,7 +146,7 @@ def test_signals_do_not_end_the_engine_without_a_safe_stop(site_folder: SiteFold
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 @pytest.mark.parametrize(("fate", "reason"), [("SIGKILL", "listener_lost"), ("SIGSTOP", "listener_silent")])
-def test_a_dead_or_frozen_listener_is_a_safe_stop(site_folder: SiteFolder, fate: str, reason: str) -> None:
+def test_terminated_or_frozen_listener_causes_a_safe_stop(site_folder: SiteFolder, fate: str, reason: str) -> None:
     script = (
         "from pathlib import Path\n"
         "from calstation.runs.engine import Engine\n"

@@ -1,4 +1,4 @@
-"""A station with a gimbal: turned, corrected, judged, written, verified and solved again, and stopped in any state."""
+"""Runs at a gimbal station: correction, verdict, register write, verification, re-solving, and stops in any state."""
 
 import json
 from collections.abc import Callable
@@ -69,7 +69,7 @@ class Recorded(BenchHooks):
 
 
 @pytest.mark.long
-def test_a_run_writes_the_correction_verifies_it_and_is_solved_again_bit_for_bit(site: GimbalSite) -> None:
+def test_run_writes_and_verifies_the_correction_and_re_solves_bit_identically(site: GimbalSite) -> None:
     site.write({"schedule": {"gimbal": {**SCHEDULE, "mount_sigma_deg": 0.05}}})
     site.hooks = Recorded
     verdict = site.run()
@@ -103,7 +103,7 @@ def test_a_run_writes_the_correction_verifies_it_and_is_solved_again_bit_for_bit
 
 
 @pytest.mark.long
-def test_the_solution_agrees_with_the_bench(site: GimbalSite) -> None:
+def test_solution_agrees_with_the_truth_of_the_bench(site: GimbalSite) -> None:
     site.write(parameters={name: 1e-3 * (i - 2) for i, name in enumerate(MISALIGNMENTS)})
     result = site.run().result
     for i, name in enumerate(MISALIGNMENTS):
@@ -128,7 +128,7 @@ def test_stop_locks_the_joints_and_restores_the_registers(site: GimbalSite, step
 
 
 @pytest.mark.long
-def test_a_pause_repeats_the_turn_from_zero(site: GimbalSite) -> None:
+def test_rotation_is_repeated_from_zero_after_a_pause(site: GimbalSite) -> None:
     pause = site.once(StepStarted, Command.PAUSE, after=2)
 
     def on_event(event: Any) -> None:
@@ -141,7 +141,7 @@ def test_a_pause_repeats_the_turn_from_zero(site: GimbalSite) -> None:
     assert {e.state for e in site.events_of(StateChanged)} >= {"paused"}
 
 
-def test_stages_of_tables_and_gimbals_are_not_exchanged(site: GimbalSite) -> None:
+def test_table_stages_and_gimbal_stages_require_their_hardware(site: GimbalSite) -> None:
     with raises_code(ConfigurationError, "product.needs_table"):
         prepare_run(site.request("rate"))
     assert schedule_options(site.station, site.product).offered == ("gimbal",)
@@ -158,27 +158,27 @@ def test_stages_of_tables_and_gimbals_are_not_exchanged(site: GimbalSite) -> Non
         ({"rate_dps": 90.0}, "plan.gimbal_rate_exceeds_limit"),
     ],
 )
-def test_a_schedule_that_the_gimbal_cannot_make_is_refused(site: GimbalSite, changed: dict, code: str) -> None:
+def test_schedule_beyond_the_gimbal_limits_is_refused(site: GimbalSite, changed: dict, code: str) -> None:
     site.write({"schedule": {"gimbal": {**SCHEDULE, **changed}}})
     with raises_code(ConfigurationError, code):
         prepare_run(site.request())
 
 
-def test_the_unit_must_store_the_correction(site: GimbalSite) -> None:
+def test_unit_without_registers_for_the_correction_is_refused(site: GimbalSite) -> None:
     setup = prepare_run(site.request())
     without = replace(setup, imu=setup.imu.model_copy(update={"registers": []}))
     with raises_code(ConfigurationError, "product.gimbal_needs_registers"):
         check_station(without)
 
 
-def test_the_shipped_gimbal_is_complete() -> None:
+def test_shipped_gimbal_station_is_complete() -> None:
     station, product = library.find("stations", "virtual_gimbal"), library.find("products", "mems_gimbal")
     summary = run_summary(RunRequest("SN-1", station, product))
     assert [stage.name for stage in summary.stages] == ["gimbal"]
 
 
 class Left(BenchHooks):
-    """Hooks that leave a correction in the volatile registers, as a killed run does, and record what is read."""
+    """Hooks that leave a correction in the volatile registers, as a killed run does, and record register reads."""
 
     found: ClassVar[list[dict[str, float]]] = []
 
@@ -195,13 +195,13 @@ class Left(BenchHooks):
         devices.imu.read_registers = recorded  # type: ignore[method-assign]
 
 
-def test_a_correction_left_by_a_killed_run_is_not_taken_for_the_units_registers(site: GimbalSite) -> None:
+def test_correction_left_by_a_killed_run_does_not_count_as_old_registers(site: GimbalSite) -> None:
     site.hooks = Left
     assert site.run(on_event=site.once(StateChanged, Command.STOP)).outcome == "stopped"
     assert {Left.found[-1][name] for name in MISALIGNMENTS} == {0.0}
 
 
-def test_a_turn_is_checked_with_the_other_joints_where_they_are(site: GimbalSite) -> None:
+def test_rotation_is_checked_at_the_current_angles_of_the_other_joints(site: GimbalSite) -> None:
     gimbal = prepare_run(site.request()).table.geometry().gimbal
     machine = SimpleNamespace(fault=None, interlock_closed=True, watchdog=1.0, enabled=True, homed=True)
     machine.joints = np.deg2rad([0.0, 86.0, 0.0])
@@ -213,7 +213,7 @@ def test_a_turn_is_checked_with_the_other_joints_where_they_are(site: GimbalSite
     assert machine.joints[0] == 0.0
 
 
-def test_a_joint_beyond_its_travel_is_a_fault(site: GimbalSite) -> None:
+def test_joint_beyond_its_travel_is_a_fault(site: GimbalSite) -> None:
     gimbal = prepare_run(site.request()).table.geometry().gimbal
     assert gimbal is not None
     check_joints(gimbal, np.deg2rad([84.0, -84.0, 0.0]))
@@ -222,7 +222,7 @@ def test_a_joint_beyond_its_travel_is_a_fault(site: GimbalSite) -> None:
     assert caught.value.values["axis"] == "y"
 
 
-def test_the_link_test_shows_the_joints_and_the_watchdog(site: GimbalSite) -> None:
+def test_link_test_shows_joint_angles_and_watchdog(site: GimbalSite) -> None:
     _, station = load_station(site.station)
     report = check_table_link(no_progress, LinkTestRequest(station, site.product))
     found = {f.id: f.state for f in report.findings}
@@ -230,7 +230,7 @@ def test_the_link_test_shows_the_joints_and_the_watchdog(site: GimbalSite) -> No
     assert found["joints"] == "told"
 
 
-def test_the_preview_knows_the_longest_duration_but_no_sigmas(site: GimbalSite) -> None:
+def test_preview_gives_the_longest_duration_but_no_sigmas(site: GimbalSite) -> None:
     previewed = compute_preview(no_progress, site.request())
     assert previewed.stages[0].end == pytest.approx(run_summary(site.request()).stages[0].duration)
     assert previewed.stages[0].error == Text("preview.gimbal_motion")

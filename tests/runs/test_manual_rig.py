@@ -1,4 +1,4 @@
-"""A station with a manual rig: guided on the bench, solved, judged, written, solved again."""
+"""Runs at a manual rig station: guidance, solution, verdict, register write, re-solving."""
 
 from pathlib import Path
 
@@ -58,12 +58,12 @@ def rig(tmp_path: Path) -> Rig:
     return Rig(tmp_path)
 
 
-def no_tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Nobody listens."""
+def no_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Ignore progress reports."""
 
 
 @pytest.mark.long
-def test_a_guided_run_passes_writes_its_registers_and_is_solved_again_bit_for_bit(rig: Rig) -> None:
+def test_guided_run_passes_writes_registers_and_re_solves_bit_identically(rig: Rig) -> None:
     verdict = rig.run()
     result = verdict.result
     assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
@@ -88,43 +88,43 @@ def test_a_guided_run_passes_writes_its_registers_and_is_solved_again_bit_for_bi
     assert again["parameters"] == result["parameters"]
 
 
-def test_stages_that_need_a_table_are_refused_before_anything_is_opened(rig: Rig) -> None:
+def test_stages_that_require_a_table_are_refused_before_opening_a_device(rig: Rig) -> None:
     with pytest.raises(ConfigurationError, match=r"Rate needs a driven table.*turned by hand"):
         prepare_run(rig.request("rate"))
     with pytest.raises(ConfigurationError, match="Six positions needs a driven table"):
         run_summary(rig.request("multi_position", "six_position"))
     rig.write({"schedule": {"multi_position": {**SHORT, "manual": False}}})
     with pytest.raises(ConfigurationError, match=r"schedule\.multi_position\.manual .* must be true"):
-        compute_preview(no_tell, rig.request())
+        compute_preview(no_progress, rig.request())
 
 
-def test_carried_stages_need_a_manual_rig(rig: Rig) -> None:
+def test_manual_stages_require_a_manual_rig(rig: Rig) -> None:
     driven = tomli_w.dumps({**STATION, "bench": {"seed": 5}})
     rig.station.write_text(driven, encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"schedule\.multi_position\.manual .* is true, but the table"):
         prepare_run(rig.request())
 
 
-def test_the_preview_knows_time_and_positions_but_no_sigmas(rig: Rig) -> None:
+def test_preview_gives_time_and_positions_but_no_sigmas(rig: Rig) -> None:
     planned = run_summary(rig.request())
     assert planned.by_hand
     assert len(planned.positions) == 20
     assert np.allclose(np.linalg.norm(planned.positions, axis=1), 1.0)
     assert planned.positions[0] == (0.0, 0.0, 1.0)
-    foretold = compute_preview(no_tell, rig.request())
+    foretold = compute_preview(no_progress, rig.request())
     assert foretold.stages[0].end == pytest.approx(planned.stages[0].duration)
     assert foretold.stages[0].error == Text("preview.manual_motion")
     assert np.abs(foretold.inner).max() == pytest.approx(2.0 * np.pi)
     assert schedule_options(rig.station, rig.product).offered == ("multi_position",)
 
 
-def test_a_manual_rig_needs_no_port_and_has_no_link_to_test(tmp_path: Path) -> None:
+def test_manual_rig_needs_no_port_and_has_no_link_test(tmp_path: Path) -> None:
     path = tmp_path / "station.toml"
     file = {**STATION, "table": {"profile": "hand_rails"}, "imu": {"port": "/dev/ttyUSB7"}}
     path.write_text(tomli_w.dumps(file), encoding="utf-8")
     _, station = load_station(path)
     product = library.find("products", "mems_hand")
-    report = check_table_link(no_tell, LinkTestRequest(station, product))
+    report = check_table_link(no_progress, LinkTestRequest(station, product))
     assert [(f.id, f.state) for f in report.findings] == [("by_hand", "ok")]
     path.write_text(tomli_w.dumps({**file, "imu": {}}), encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"imu\.port: The port is missing"):
@@ -135,7 +135,7 @@ def test_a_manual_rig_needs_no_port_and_has_no_link_to_test(tmp_path: Path) -> N
     assert not is_manual_table("bench")
 
 
-def test_the_shipped_station_and_product_belong_together() -> None:
+def test_shipped_station_and_product_are_compatible() -> None:
     request = RunRequest("SN-1", library.find("stations", "virtual_hand"), library.find("products", "mems_hand"))
     setup = prepare_run(request)
     assert setup.by_hand
@@ -152,8 +152,8 @@ def test_the_shipped_station_and_product_belong_together() -> None:
         (np.eye(3)[[1, 0, 2]], False),
     ],
 )
-def test_a_carried_turn_reveals_wrong_gyros(wrong: np.ndarray, passed: bool) -> None:
-    """Half a turn about x, a little about y meanwhile: gravity shows where it ended."""
+def test_manual_rotation_reveals_gyro_errors(wrong: np.ndarray, passed: bool) -> None:
+    """The unit is rotated by half a turn about x and slightly about y; gravity gives the end position."""
     imu = ImuModel("S", 100.0, "rate", 1e-6, 1e-5, 4e-5, 6e-4)
     context = SolveContext(Site(0.6, 0.0, 0.0, None, 9.8), imu, TableModel())
     covariance = np.diag([1e-10 if p.group.startswith("gyro") else 1e-8 for p in PARAMETERS])

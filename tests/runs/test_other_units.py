@@ -1,4 +1,4 @@
-"""A run on units of other protocols: the same plan and verdict, registers written and verified."""
+"""Runs on units with other protocols: the same plan and verdict, and registers written and verified."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ LIMITS = {
 
 
 @pytest.mark.parametrize("imu", sampled(2, ["vectornav_vn100", "dsp_modbus"]))
-def test_stages_run_on_a_unit_of_another_protocol(site_folder: SiteFolder, imu: str) -> None:
+def test_stages_run_on_a_unit_with_another_protocol(site_folder: SiteFolder, imu: str) -> None:
     product: dict[str, Any] = {"imu": imu, "bench_grade": "mems", "limits": LIMITS}
     site_folder.write(product)
     verdict = site_folder.run("rate", "six_position")

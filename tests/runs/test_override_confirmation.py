@@ -1,4 +1,4 @@
-"""What an engineer allows before a run is confirmed with a PIN where the site has one, and is in the audit trail."""
+"""Overrides before a run are confirmed with a PIN if the site has one, and are in the audit trail."""
 
 from dataclasses import replace
 from datetime import date
@@ -32,7 +32,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Questions on the terminal, which are answered by the site's PIN."""
+    """Prompts on the terminal, answered with the site PIN."""
     questions: list[str] = []
 
     def prompt(question: str, **options: object) -> str:
@@ -44,7 +44,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def overdue(site: SiteFolder, **station: Any) -> RunRequest:
-    """A run at a station whose table's certificate is overdue, with a reason to allow it."""
+    """Request a run at a station with an overdue table certificate, with a reason for an override."""
     text = site.station.read_text(encoding="utf-8")
     site.station.write_text(tomli_w.dumps({"instruments": [OVERDUE]}) + text + tomli_w.dumps(station), encoding="utf-8")
     return replace(site.request(), override_standard="table is at the laboratory")
@@ -58,9 +58,7 @@ def events(home: Path, name: str) -> list[AuditEvent]:
     return [each for each in read_audit(audit_path(home)).events if each.event == name]
 
 
-def test_at_a_site_with_a_pin_a_reason_alone_does_not_allow_a_run(
-    site_folder: SiteFolder, home: Path, asked: list[str]
-) -> None:
+def test_override_requires_a_pin_at_a_site_with_a_pin(site_folder: SiteFolder, home: Path, asked: list[str]) -> None:
     access.set_pin("", "000000")
     request = overdue(site_folder)
     with raises_code(ConfigurationError, "confirmation.standard_required"):
@@ -77,7 +75,7 @@ def test_at_a_site_with_a_pin_a_reason_alone_does_not_allow_a_run(
         confirm_override(request, None)
 
 
-def test_a_station_with_engineers_asks_for_the_pin_of_one(site_folder: SiteFolder, asked: list[str]) -> None:
+def test_station_with_engineers_asks_for_an_engineers_pin(site_folder: SiteFolder, asked: list[str]) -> None:
     request = overdue(site_folder, sign_in=ENGINEERS)
     with raises_code(ConfigurationError, "confirmation.not_engineer"):
         confirm_override(request, None)
@@ -89,14 +87,16 @@ def test_a_station_with_engineers_asks_for_the_pin_of_one(site_folder: SiteFolde
     prepared(site_folder, confirm_override(request, None))
 
 
-def test_at_a_site_without_a_pin_the_reason_suffices(site_folder: SiteFolder, home: Path, asked: list[str]) -> None:
+def test_override_requires_only_a_reason_at_a_site_without_a_pin(
+    site_folder: SiteFolder, home: Path, asked: list[str]
+) -> None:
     prepared(site_folder, confirm_override(overdue(site_folder), None))
     assert not asked
     (event,) = events(home, "standard_overridden")
     assert event.by == "tester"
 
 
-def test_an_attempt_beyond_the_allowed_ones_is_in_the_audit_trail(site_folder: SiteFolder, home: Path) -> None:
+def test_attempt_beyond_the_allowed_number_is_in_the_audit_trail(site_folder: SiteFolder, home: Path) -> None:
     site_folder.write({"attempts_allowed": 1})
     request = replace(site_folder.request(), beyond_attempts=True)
     prepared(site_folder, request)

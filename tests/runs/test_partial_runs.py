@@ -1,4 +1,4 @@
-"""Partial runs start from the current calibration, and are as accurate as it allows."""
+"""Partial runs start from the current calibration and are as accurate as it allows."""
 
 import json
 import shutil
@@ -27,7 +27,7 @@ GROUPS = ("azimuth_flip", "rate,six_position", "excitation")
 
 
 def messages(site_folder: SiteFolder) -> list[str]:
-    """The messages about the prior."""
+    """Return the messages about the prior."""
     return [m.id for m in site_folder.events_of(Message) if m.id.startswith("prior_")]
 
 
@@ -62,7 +62,7 @@ def test_a_partial_run_starts_from_the_current_calibration(site_folder: SiteFold
 
 
 @pytest.mark.long
-def test_a_unit_with_other_registers_starts_from_its_profile(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
+def test_unit_with_unknown_registers_starts_from_its_profile(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
     shared_runs.passed(site_folder.folder)
     shutil.rmtree(site_folder.folder / "runs" / "bench")  # as if another unit had its serial number
     verdict = site_folder.run("rate")
@@ -72,7 +72,7 @@ def test_a_unit_with_other_registers_starts_from_its_profile(site_folder: SiteFo
 
 
 @pytest.mark.long
-def test_a_unit_that_has_changed_fails(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
+def test_partial_run_of_a_changed_unit_fails(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
     first = shared_runs.passed(site_folder.folder)
     changed = first.result["parameters"]["gyro_bias_x"]["value"] + 5e-6
     site_folder.write(parameters={"gyro_bias_x": changed})
@@ -83,7 +83,7 @@ def test_a_unit_that_has_changed_fails(site_folder: SiteFolder, shared_runs: Sha
 
 
 @pytest.mark.long
-def test_some_stages_of_a_log_solved_again_are_partial(
+def test_re_solving_some_stages_of_a_log_gives_a_partial_result(
     tmp_path: Path, shared_runs: SharedRuns, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = shared_runs.passed(tmp_path).log
@@ -120,7 +120,7 @@ def test_a_stopped_partial_run_is_resumed_with_its_prior(
 
 
 @pytest.mark.long
-def test_a_partial_run_behind_registers_starts_from_what_they_leave(behind: SiteFolder) -> None:
+def test_partial_run_on_corrected_output_starts_from_the_residual_errors(behind: SiteFolder) -> None:
     first = behind.run()
     behind.events.clear()
     second = behind.run("azimuth_flip")
@@ -137,7 +137,7 @@ def test_a_partial_run_behind_registers_starts_from_what_they_leave(behind: Site
 
 
 def command(folder: Path, product: str, seed: int, stages: str | None = None) -> tuple[int, dict[str, Any]]:
-    """Run the command line for a unit; exit code and result."""
+    """Run the command line for a unit; return exit code and result."""
     into = folder / "result.json"
     chosen = ("--stages", stages) if stages else ()
     words = ("run", "--product", product, "--serial", "S-1", "--seed", seed, "--out", folder / "runs", *chosen)
@@ -147,7 +147,7 @@ def command(folder: Path, product: str, seed: int, stages: str | None = None) ->
 
 @pytest.mark.long
 @pytest.mark.parametrize(("product", "seed"), sampled(12, GRADES, (1, 2, 3, 4)))
-def test_each_group_passes_alone_on_a_calibrated_unit(tmp_path: Path, product: str, seed: int) -> None:
+def test_each_stage_group_passes_alone_on_a_calibrated_unit(tmp_path: Path, product: str, seed: int) -> None:
     code, result = command(tmp_path, product, seed)
     assert (code, result["partial"]) == (0, False)
     bench = BenchConfig.model_validate({"grade": GRADES[product], "seed": zlib.crc32(f"{seed} S-1".encode())})
@@ -166,7 +166,7 @@ def test_each_group_passes_alone_on_a_calibrated_unit(tmp_path: Path, product: s
 
 @pytest.mark.long
 @pytest.mark.parametrize(("product", "stages"), sampled(3, GRADES, GROUPS[:2]))
-def test_a_group_alone_fails_on_an_uncalibrated_unit(
+def test_single_stage_group_fails_on_an_uncalibrated_unit(
     tmp_path: Path, product: str, stages: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     code, result = command(tmp_path, product, 1, stages)

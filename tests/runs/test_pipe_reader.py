@@ -1,4 +1,4 @@
-"""Messages of another process: a listener never waits for the rest of one."""
+"""Messages of another process are read without waiting for the rest of an incomplete message."""
 
 import multiprocessing
 import os
@@ -22,7 +22,7 @@ PATIENCE = 60.0
 
 
 def freeze_in_mid_message(there: "Connection[Any, Any]") -> None:
-    """An engine that sends a message, begins another of a megabyte and freezes."""
+    """Send a message, start another of one megabyte, and freeze."""
     there.send(to_json(Message("homing")))
     os.write(there.fileno(), struct.pack("!i", 1 << 20) + bytes(100_000))
     os.kill(os.getpid(), signal.SIGSTOP)
@@ -30,7 +30,7 @@ def freeze_in_mid_message(there: "Connection[Any, Any]") -> None:
 
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
-def test_an_engine_frozen_within_a_message_does_not_block_the_reader() -> None:
+def test_engine_frozen_within_a_message_does_not_block_the_reader() -> None:
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
     process = context.Process(target=freeze_in_mid_message, args=(there,))
@@ -56,7 +56,7 @@ def next_letter(mailbox: PipeReader) -> Any:
     return mailbox.take(PATIENCE)
 
 
-def test_messages_arrive_whole_and_in_order_until_the_end() -> None:
+def test_messages_arrive_complete_and_in_order_until_the_end() -> None:
     here, there = Pipe()
     mailbox = PipeReader(here)
     with pytest.raises(Empty):
@@ -74,7 +74,7 @@ def test_messages_arrive_whole_and_in_order_until_the_end() -> None:
         here.fileno()
 
 
-def test_hanging_up_is_noticed_at_the_other_end_without_any_read() -> None:
+def test_closed_connection_is_detected_at_the_other_end_without_a_read() -> None:
     here, there = Pipe()
     mailbox = PipeReader(here)
     end = threading.Event()

@@ -1,4 +1,4 @@
-"""A run resumed after its last finished stage, whether it was killed, stopped or faulty: complete and exact."""
+"""A killed, stopped or faulty run is resumed after its last finished stage, with exact results."""
 
 import json
 import os
@@ -33,13 +33,13 @@ STAGES = ("rate", "six_position")
 
 
 def short(site_folder: SiteFolder) -> SiteFolder:
-    """Stages of seconds, and limits that they can reach."""
+    """Configure stages of a few seconds with limits that they can meet."""
     site_folder.write({"schedule": SHORT, "stages": list(STAGES), "limits": {"gyro_scale": {"within": 0.1}}})
     return site_folder
 
 
 def stopped_in(site_folder: SiteFolder, stage: str, *stages: str) -> Verdict:
-    """A run that was stopped after the first step of a stage."""
+    """Return a run stopped after the first step of a stage."""
 
     def watch(event: Event) -> None:
         if isinstance(event, StepStarted) and event.stage == stage:
@@ -53,7 +53,7 @@ def stopped_in(site_folder: SiteFolder, stage: str, *stages: str) -> Verdict:
 
 @pytest.fixture
 def before(site_folder: SiteFolder, shared_runs: SharedRuns) -> Verdict:
-    """A run that was stopped in its second stage."""
+    """A run stopped in its second stage."""
     return shared_runs.copy("stopped", site_folder.folder, lambda folder: stopped_in(short(folder), "six_position"))
 
 
@@ -72,7 +72,7 @@ def resumed(site_folder: SiteFolder, log: str | Path, **more: object) -> Verdict
 
 
 @pytest.mark.long
-def test_a_stopped_run_is_resumed_at_its_last_finished_stage(site_folder: SiteFolder, before: Verdict) -> None:
+def test_stopped_run_is_resumed_after_its_last_finished_stage(site_folder: SiteFolder, before: Verdict) -> None:
     assert before.result["stages"] == ["rate"]
     assert (before.result["advice"], before.result["stop_reason"]) == ("resume", "operator")
     (offer,) = resumable(site_folder.folder / "runs")
@@ -128,7 +128,7 @@ def test_a_resumed_run_can_be_resumed_again(site_folder: SiteFolder, before: Ver
 
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
-def test_an_engine_killed_in_the_third_stage_is_resumed_to_the_same_bits(site_folder: SiteFolder) -> None:
+def test_run_killed_in_the_third_stage_resumes_with_bit_identical_results(site_folder: SiteFolder) -> None:
     runs = site_folder.folder / "runs"
     stages = (*STAGES, "excitation")
     schedule = {**SHORT, "excitation": PRODUCT["schedule"]["excitation"]}
@@ -189,10 +189,10 @@ def test_a_run_with_all_stages_finished_is_only_finalized(site_folder: SiteFolde
         pytest.param({"schedule": {**SHORT, "rate": {**SHORT["rate"], "turns": 2}}}, None, marks=pytest.mark.long),
     ],
 )
-def test_changes_since_the_run_decide_whether_it_can_be_resumed(
+def test_changed_configuration_prevents_resuming_except_for_the_schedule(
     site_folder: SiteFolder, before: Verdict, change: dict[str, object], section: str | None
 ) -> None:
-    """Limits that changed need a new run; the schedule is the one that the run began with."""
+    """Changed limits require a new run; the schedule stays the schedule at the start of the run."""
     base = {"schedule": SHORT, "stages": list(STAGES), "limits": {"gyro_scale": {"within": 0.1}}}
     site_folder.write({**base, **change})
     if section is None:
@@ -205,7 +205,7 @@ def test_changes_since_the_run_decide_whether_it_can_be_resumed(
     assert caught.value.values["section"] == section
 
 
-def test_a_site_that_changed_needs_a_new_run(site_folder: SiteFolder, before: Verdict) -> None:
+def test_changed_site_requires_a_new_run(site_folder: SiteFolder, before: Verdict) -> None:
     text = site_folder.station.read_text("utf-8")
     site_folder.station.write_text(text.replace("34.25", "34.5"), encoding="utf-8")
     with raises_code(ConfigurationError, "run.section_changed") as caught:
@@ -213,7 +213,7 @@ def test_a_site_that_changed_needs_a_new_run(site_folder: SiteFolder, before: Ve
     assert caught.value.values["section"] == "site"
 
 
-def test_another_station_of_the_same_site_cannot_resume(site_folder: SiteFolder, before: Verdict) -> None:
+def test_run_cannot_be_resumed_at_another_station_of_the_site(site_folder: SiteFolder, before: Verdict) -> None:
     text = site_folder.station.read_text("utf-8")
     site_folder.station.write_text(text.replace("test bench", "line 3"), encoding="utf-8")
     with raises_code(ConfigurationError, "run.other_station"):
@@ -225,7 +225,7 @@ def test_another_station_of_the_same_site_cannot_resume(site_folder: SiteFolder,
         resumed(site_folder, before.log)
 
 
-def test_registers_that_changed_need_a_new_run(
+def test_changed_registers_require_a_new_run(
     site_folder: SiteFolder, before: Verdict, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read = FramedImu.read_registers
@@ -248,7 +248,7 @@ def test_a_run_that_cannot_be_resumed_gives_the_reason(site_folder: SiteFolder, 
         resumed(site_folder, log)
 
 
-def test_another_unit_cannot_resume(site_folder: SiteFolder, before: Verdict) -> None:
+def test_run_cannot_be_resumed_with_another_unit(site_folder: SiteFolder, before: Verdict) -> None:
     log = Path(before.log)
     with raises_code(ConfigurationError, "run.other_unit"):
         execute(
@@ -273,7 +273,7 @@ def test_a_log_that_solves_differently_is_not_resumed(site_folder: SiteFolder, b
     assert site_folder.fault().code == "run.solved_differently"
 
 
-def test_a_unit_that_fails_before_the_remaining_stages_is_reported(
+def test_unit_fault_before_the_remaining_stages_is_reported(
     site_folder: SiteFolder, before: Verdict, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(self: FramedImu) -> None:
@@ -285,7 +285,7 @@ def test_a_unit_that_fails_before_the_remaining_stages_is_reported(
     assert site_folder.fault().code == "stream.no_data"
 
 
-def test_a_malformed_result_hides_only_its_own_run(site_folder: SiteFolder, before: Verdict) -> None:
+def test_malformed_result_hides_only_its_own_run(site_folder: SiteFolder, before: Verdict) -> None:
     import h5py
 
     with h5py.File(before.log, "r+", libver="latest") as file:
@@ -296,13 +296,13 @@ def test_a_malformed_result_hides_only_its_own_run(site_folder: SiteFolder, befo
         load_finished_run(lambda *_, **__: None, Path(before.log), site_folder.folder)
 
 
-def test_a_damaged_result_file_of_a_run_to_close_is_reported(before: Verdict) -> None:
+def test_damaged_result_file_is_reported_when_closing_a_run(before: Verdict) -> None:
     Path(before.result_file).write_text("{", "utf-8")
     with raises_code(InputError, "result.not_json"):
         close_incomplete(Path(before.log))
 
 
-def test_a_closed_run_is_not_offered_any_more(site_folder: SiteFolder, before: Verdict) -> None:
+def test_closed_run_is_no_longer_offered(site_folder: SiteFolder, before: Verdict) -> None:
     path = close_incomplete(Path(before.log), "li")
     closed = json.loads(path.read_text("utf-8"))
     assert closed["closed_by"] == "li"
@@ -313,7 +313,7 @@ def test_a_closed_run_is_not_offered_any_more(site_folder: SiteFolder, before: V
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 @pytest.mark.parametrize("touched", [0.0, 4e9], ids=["long ago", "in the future"])
-def test_a_run_counts_as_running_until_its_process_is_dead(site_folder: SiteFolder, touched: float) -> None:
+def test_run_counts_as_running_until_its_process_ends(site_folder: SiteFolder, touched: float) -> None:
     with Engine.start(short(site_folder).request(*STAGES)) as engine:
         while not any(isinstance(event, StepStarted) and event.stage for event in engine.poll()):
             time.sleep(0.01)

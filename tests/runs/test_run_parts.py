@@ -1,4 +1,4 @@
-"""The parts of the station by themselves: profiles found, registers composed, stages chained, the channel."""
+"""Parts of a run in isolation: profile search, register composition, chained stages, clocks."""
 
 from contextlib import closing
 from pathlib import Path
@@ -21,7 +21,7 @@ from tests.site_folder import SiteFolder
 
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The site's own folder, empty."""
+    """An empty site folder."""
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
     return tmp_path
 
@@ -31,14 +31,14 @@ def test_shipped_profiles_are_found(home: Path) -> None:
     assert "nav_a" in library.names("products")
 
 
-def test_the_sites_own_profile_wins(home: Path) -> None:
+def test_site_profile_overrides_the_shipped_profile(home: Path) -> None:
     (home / "tables").mkdir()
     own = home / "tables" / "bench.toml"
     own.write_text("", encoding="utf-8")
     assert library.find("tables", "bench") == own
 
 
-def test_an_unknown_profile_names_those_that_exist(home: Path) -> None:
+def test_error_for_an_unknown_profile_lists_the_existing_profiles(home: Path) -> None:
     shipped = "acutronic_acl, aerosmith_atl, bench, cia402_drives, gimbal, hand_rails, indexing_unit, mn_ascii"
     with pytest.raises(ConfigurationError, match=f"Choose from: {shipped}"):
         library.find("tables", "none")
@@ -53,7 +53,7 @@ def test_every_shipped_product_can_be_run(site_folder: SiteFolder, product: str)
     assert setup.bench_config() is not None
 
 
-def test_a_serial_number_is_one_unit_of_the_bench_and_keeps_the_given_seed() -> None:
+def test_serial_number_determines_the_simulated_unit_for_a_seed() -> None:
     def drawn(serial: str, seed: int | None = None) -> int:
         setup = prepare_run(RunRequest(serial, seed=seed))
         assert setup.bench_seed == (seed or 1)
@@ -77,7 +77,7 @@ def test_products_for_manual_rigs_and_tables_are_distinguished(home: Path) -> No
     assert [name for name, _ in compatible_products(gimbal, positions)] == ["mems_gimbal"]
 
 
-def test_composed_registers_correct_in_one_step_as_two_do_in_turn() -> None:
+def test_composed_registers_equal_two_successive_corrections() -> None:
     random = np.random.default_rng(1)
     old, found = (dict(zip(NAMES, random.normal(0.0, 1e-2, 30), strict=True)) for _ in range(2))
     whole = np.array(list(compose(old, found).values()))
@@ -91,13 +91,13 @@ def test_composed_registers_correct_in_one_step_as_two_do_in_turn() -> None:
     assert np.allclose(measured(whole, omega), in_turn, rtol=0.0, atol=1e-15)
 
 
-def test_composing_with_nothing_changes_nothing() -> None:
+def test_composing_with_empty_registers_changes_nothing() -> None:
     found = dict(zip(NAMES, np.random.default_rng(2).normal(0.0, 1e-3, 30).tolist(), strict=True))
     assert compose({}, found) == pytest.approx(found, abs=1e-15)
 
 
 @pytest.mark.long
-def test_stages_in_another_order_than_recorded(site_folder: SiteFolder) -> None:
+def test_stages_are_solved_in_another_order_than_recorded(site_folder: SiteFolder) -> None:
     site_folder.write({"stages": ["six_position", "rate"]})
     verdict = site_folder.run("six_position", "rate")
     from calstation.records.log import open_log
@@ -118,12 +118,12 @@ def test_stages_in_another_order_than_recorded(site_folder: SiteFolder) -> None:
         solve(lambda: [b for b in blocks if not b.stage], log.meta)
 
 
-def test_a_bench_that_cannot_start_reports_the_reason() -> None:
+def test_bench_that_cannot_start_reports_the_reason() -> None:
     with pytest.raises(DeviceFaultError, match="grade"):
         BenchHost.start({"grade": "toy"})
 
 
-def test_the_benchs_clock() -> None:
+def test_bench_clock_advances_only_during_sleep() -> None:
     with closing(BenchHost.start({"speed": 0.0})) as host:
         name, _, port = host.endpoints["clock"].rpartition(":")
         clock = BenchClock((name, int(port)), 0.0)
@@ -136,7 +136,7 @@ def test_the_benchs_clock() -> None:
     assert host.process.returncode == 0
 
 
-def test_a_dead_bench_is_a_device_fault() -> None:
+def test_terminated_bench_is_a_device_fault() -> None:
     with closing(BenchHost.start({"speed": 0.0})) as host:
         name, _, port = host.endpoints["clock"].rpartition(":")
         clock = BenchClock((name, int(port)), 0.0)
@@ -147,7 +147,7 @@ def test_a_dead_bench_is_a_device_fault() -> None:
         clock.close()
 
 
-def test_real_time_passes() -> None:
+def test_real_clock_follows_real_time() -> None:
     clock = RealClock()
     begin = clock.now()
     clock.sleep(0.01)

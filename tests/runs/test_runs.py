@@ -1,4 +1,4 @@
-"""Runs on the real bench process: verdicts, pause, stop, faults, registers, and the same bits offline."""
+"""Runs on the real bench process: verdicts, pause, stop, faults, registers, and identical offline results."""
 
 import csv
 import json
@@ -25,7 +25,7 @@ from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
 
 
-def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(tmp_path: Path, shared_runs: SharedRuns) -> None:
+def test_short_full_run_passes_and_re_solves_bit_identically(tmp_path: Path, shared_runs: SharedRuns) -> None:
     verdict = shared_runs.passed(tmp_path)
     result = verdict.result
     assert result["stages"] == ["rate", "six_position", "excitation", "azimuth_flip"]
@@ -70,7 +70,7 @@ def test_a_unit_outside_its_limits_keeps_its_registers(site_folder: SiteFolder) 
     assert failed == ["accel_scale_y within"]
 
 
-def test_early_end_on_failure(site_folder: SiteFolder) -> None:
+def test_run_ends_early_on_failure_if_configured(site_folder: SiteFolder) -> None:
     site_folder.write({"end_on_failure": True, "stages": ["six_position", "azimuth_flip"]}, out_of_limits=True)
     verdict = site_folder.run()
     assert verdict.outcome == "failed"
@@ -78,7 +78,7 @@ def test_early_end_on_failure(site_folder: SiteFolder) -> None:
 
 
 @pytest.mark.long
-def test_pause_and_resume(site_folder: SiteFolder) -> None:
+def test_run_can_be_paused_and_resumed(site_folder: SiteFolder) -> None:
     pause = site_folder.once(StepStarted, Command.PAUSE, after=2)
 
     def watch(event: object) -> None:
@@ -138,19 +138,19 @@ def test_lost_frames_repeat_a_step(site_folder: SiteFolder) -> None:
 
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals exist only on POSIX systems")
-def test_rtu_and_serial_line_over_pseudo_terminals(site_folder: SiteFolder) -> None:
+def test_run_passes_over_modbus_rtu_and_a_serial_line(site_folder: SiteFolder) -> None:
     site_folder.write(table_transport="rtu", imu_transport="pty")
     assert site_folder.run("six_position").outcome == "passed"
 
 
-def test_a_run_needs_limits(site_folder: SiteFolder) -> None:
+def test_run_requires_limits(site_folder: SiteFolder) -> None:
     site_folder.write({"limits": {}})
     with pytest.raises(ConfigurationError, match="limits"):
         site_folder.run("rate")
 
 
 @pytest.mark.long
-def test_registers_applied_to_the_stream_are_read_and_logged_first(behind: SiteFolder) -> None:
+def test_registers_applied_to_the_stream_are_read_and_logged(behind: SiteFolder) -> None:
     verdict = behind.run("six_position")
     assert verdict.outcome == "passed"
     assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]
@@ -187,7 +187,7 @@ def test_advice_depends_on_the_number_of_failures_until_attempts_are_used_up(sit
 
 
 @pytest.mark.exhaustive
-def test_a_result_names_its_files_and_what_was_not_compared(
+def test_result_lists_its_files_and_omitted_comparisons(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(site_folder.folder / "home"))
@@ -205,7 +205,7 @@ def test_a_result_names_its_files_and_what_was_not_compared(
 
 
 @pytest.mark.long
-def test_every_outcome_is_handed_over_and_listed(site_folder: SiteFolder) -> None:
+def test_every_outcome_is_delivered_and_listed(site_folder: SiteFolder) -> None:
     site_folder.run("six_position")
     site_folder.run("rate", on_event=site_folder.once(StepStarted, Command.STOP))
     site_folder.control, site_folder.events = Control(), []
@@ -227,7 +227,7 @@ def test_every_outcome_is_handed_over_and_listed(site_folder: SiteFolder) -> Non
 
 
 @pytest.mark.exhaustive
-def test_a_missing_hand_over_folder_does_not_fail_a_run(site_folder: SiteFolder) -> None:
+def test_missing_delivery_folder_does_not_fail_a_run(site_folder: SiteFolder) -> None:
     station = site_folder.station.read_text("utf-8")
     site_folder.station.write_text(f'{station}\n[handover]\nfolder = "share"\n', encoding="utf-8")
     execute(site_folder.request("six_position"), site_folder.events.append, site_folder.control)
@@ -242,7 +242,7 @@ def test_a_missing_hand_over_folder_does_not_fail_a_run(site_folder: SiteFolder)
     assert site_folder.events[-1] == Message("handover_done", {"folder": str(site_folder.folder / "share"), "count": 2})
 
 
-def test_a_stop_before_the_first_register_is_a_stop(site_folder: SiteFolder) -> None:
+def test_stop_before_the_first_register_write_stops_the_run(site_folder: SiteFolder) -> None:
     verdict = site_folder.run("six_position", on_event=site_folder.once(StageSolved, Command.STOP))
     assert verdict.outcome == "stopped"
     assert verdict.result["registers"] is None
@@ -266,7 +266,7 @@ def test_a_stop_during_the_transfer_waits_for_its_end(site_folder: SiteFolder) -
     assert [e.state for e in site_folder.events_of(StateChanged)][-2:] == ["stopping", "stopped"]
 
 
-def test_a_stop_while_the_devices_are_opened_is_a_stop_with_a_result(site_folder: SiteFolder) -> None:
+def test_stop_while_devices_are_opened_leaves_a_result(site_folder: SiteFolder) -> None:
     site_folder.control.send(Command.STOP)
     verdict = site_folder.run("rate")
     assert (verdict.outcome, verdict.result["stages"]) == ("stopped", [])

@@ -1,4 +1,4 @@
-"""A plain script, without a guard around what it does, may start a process of ours."""
+"""A script without a `__main__` guard can start processes of the package."""
 
 import subprocess
 import sys
@@ -18,7 +18,7 @@ workshop.close()
 """
 
 
-def test_a_script_without_a_guard_is_not_run_again(tmp_path):
+def test_script_without_a_main_guard_is_not_executed_again(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT, encoding="utf-8")
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60, check=False)

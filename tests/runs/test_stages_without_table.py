@@ -1,4 +1,4 @@
-"""Methods that no rate table can drive are refused before anything is opened; one that it can runs as any other."""
+"""Methods that cannot use a rate table are refused before any device is opened; multi_position runs on a table."""
 
 import pytest
 
@@ -13,7 +13,9 @@ from tests.site_folder import SiteFolder
         ("cross_calibration", "IMUs on one body recorded together"),
     ],
 )
-def test_a_stage_that_needs_other_hardware_is_refused_at_once(site_folder: SiteFolder, stage: str, error: str) -> None:
+def test_stage_that_requires_other_hardware_is_refused_immediately(
+    site_folder: SiteFolder, stage: str, error: str
+) -> None:
     with pytest.raises(ConfigurationError, match=error):
         site_folder.run(stage)
     assert not (site_folder.folder / "runs").exists()

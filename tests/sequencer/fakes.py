@@ -1,4 +1,4 @@
-"""A table, an IMU and a clock without protocol or noise, for the sequencer alone."""
+"""Fake table, IMU and clock without protocols or noise, for tests of the sequencer."""
 
 import math
 from collections.abc import Iterator
@@ -51,7 +51,7 @@ UNIT = UnitTask("SN-1", MODEL, PreflightLimits(r"SN-\d+", GRAVITY), GEOMETRY)
 
 
 class FakeClock:
-    """Time that passes only during a sleep; `scripts` act at their time."""
+    """A clock that advances only during sleep; `scripts` run at their times."""
 
     tick = 0.2
 
@@ -78,7 +78,7 @@ class FakeClock:
 
 @dataclass
 class FakeTable:
-    """Moves both joints at constant rate; records its commands."""
+    """A table that moves both joints at constant rate and records its commands."""
 
     clock: FakeClock
     homed: bool = True
@@ -97,7 +97,7 @@ class FakeTable:
     on_move: Any = None
 
     def angles_at(self, time: float) -> tuple[float, float]:
-        """Joint angles at a station time, rad."""
+        """Return the joint angles at a station time, rad."""
         way = max(0.0, time - self.begun) * self.rate
         return tuple(  # type: ignore[return-value]
             a + math.copysign(min(way, abs(b - a)), b - a) for a, b in zip(self.origin, self.target, strict=True)
@@ -166,17 +166,17 @@ class FakeTable:
 
 @lru_cache(maxsize=1000)
 def _motion(before: tuple[float, float], now: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation vector of the body between joint angles, rad, and the vertical in the body there."""
+    """Return the rotation vector of the body between joint angles, rad, and the final vertical in body axes."""
     first, last = GEOMETRY.body_to_home(*before), GEOMETRY.body_to_home(*now)
     return rotation_vector(first.T @ last), last.T @ np.array([0.0, 0.0, 1.0])
 
 
 @dataclass
 class FakeImu:
-    """Noise-free samples of the fake table's motion at `RATE`; its corrected gyros show `gain` times the raw ones.
+    """Noise-free samples of the fake table's motion at `RATE`; corrected gyro output is `gain` times the raw output.
 
-    One that has restarted shows its raw output; one that is `mute` then sends nothing, or what `babble` says, until it
-    is commanded to stream. A `deaf` one answers nothing.
+    After a restart it sends raw output; if `mute`, it sends nothing, or `babble`, until it is commanded to stream.
+    If `deaf`, it does not respond to commands.
     """
 
     clock: FakeClock
@@ -205,7 +205,7 @@ class FakeImu:
         self.corrected, self.off = corrected, False
 
     def restart(self) -> None:
-        """Restart: some samples are missing, the counter begins again, the unit is not ready for a second."""
+        """Restart: some samples are missing, the counter restarts, and the unit is not ready for one second."""
         self.corrected, self.off = False, self.mute
         self.drop = 3
         self.ready_at = self.clock.time + 1.0
@@ -236,13 +236,13 @@ class FakeImu:
         return SampleBatch(seq, seq / RATE, counts, np.full(len(seq), 25.0), status, np.zeros(len(seq)))
 
     def _all_counts(self, times: np.ndarray) -> np.ndarray:
-        """Counts at these times, shape (n, 6); at rest they are all the same."""
+        """Return the counts at these times, shape (n, 6); they are constant at rest."""
         if len(times) and self._rests(times[0] - 1.0 / RATE, times[-1]):
             return np.tile(self._counts(times[0]), (len(times), 1))
         return np.array([self._counts(time) for time in times]).reshape(-1, 6)
 
     def _rests(self, begin: float, end: float) -> bool:
-        """Whether the unit does not move from `begin` to `end`."""
+        """Return whether the unit is at rest from `begin` to `end`."""
         table = self.table
         first = table.angles_at(begin)
         return first == table.angles_at(end) and (first == table.target or table.begun >= end)
@@ -276,7 +276,7 @@ class FakeImu:
 
 
 class FakeSolving:
-    """Takes samples, answers with sigmas that halve with every `sigma` call."""
+    """A solver that accepts samples and returns sigmas that halve with every `sigma` call."""
 
     def __init__(self) -> None:
         self.blocks: dict[str, list[SampleBlock]] = {}
@@ -306,7 +306,7 @@ class FakeSolving:
 
 
 class FakeJournal:
-    """Keeps samples and events in memory."""
+    """A journal that keeps samples and events in memory."""
 
     def __init__(self) -> None:
         self.blocks: list[SampleBlock] = []
@@ -328,21 +328,21 @@ class FakeJournal:
 
 
 def quarter_turns() -> Iterator[Step]:
-    """Two moves of the outer axis, a rest after each."""
+    """Yield two moves of the outer axis, each followed by a rest."""
     for angle in (0.5 * math.pi, 0.0):
         yield Move(angle, 0.0, 0.5, 1.0, ("turn", "x"))
         yield Dwell(3.0)
 
 
 def endless() -> Iterator[Step]:
-    """Rests without end, a round each."""
+    """Yield an unlimited number of rests, one per round."""
     for rounds in range(1, 1000):
         yield Dwell(1.0)
         yield RoundEnd(rounds)
 
 
 class Scene:
-    """A sequencer among fakes."""
+    """A sequencer with fake devices."""
 
     def __init__(self, *stages: StagePlan, serial: str = "SN-1", by_hand: bool = False, **preflight: Any) -> None:
         self.clock = FakeClock()
@@ -368,7 +368,7 @@ class Scene:
         )
 
     def run(self, solved: tuple[Solution, ...] = (), after: LastSample | None = None) -> Any:
-        """Run to the end; how the run ended for the unit."""
+        """Run to the end and return how the run ended for the unit."""
         slot = Slot(self.imu, self.unit, self.journal, self.solving, after, evaluation=self, solved=solved)
         context = RunContext(
             self.task, self.table, (slot,), self.clock, lambda event: self.events.append(event), self.control
@@ -378,38 +378,38 @@ class Scene:
         return ended
 
     def verify_earlier(self) -> Any:
-        """Nothing was written before the run."""
+        """Verify nothing, because nothing was written before the run."""
         return self.earlier
 
     def stage_passed(self, solution: Solution) -> bool:
-        """Go on."""
+        """Continue the run."""
         return True
 
     def judge(self, solutions: Any) -> Judged:
-        """Pass and write as the test wants it."""
+        """Pass, and write as configured by the test."""
         self.finalized += 1
         self.solutions = solutions
         return Judged(self.passes, self.passes and self.writes)
 
     def read_registers(self, run_in_background: Any) -> None:
-        """There are none."""
+        """Return no registers."""
 
     def transfer(self, run_in_background: Any) -> None:
         """Write nothing."""
 
     def ended(self, ended: Ended) -> None:
-        """Keep how the run ended."""
+        """Store how the run ended."""
         self.ends.append(ended)
 
     def verify(self, data: Any, run_in_background: Any) -> None:
-        """Keep the data."""
+        """Store the verification data."""
         self.proved.append(data)
 
     def events_of(self, kind: type) -> list[Any]:
-        """Events of a kind."""
+        """Return the events of a type."""
         return [event for event in self.events if isinstance(event, kind)]
 
 
 def repeated(rule: StopRule) -> StagePlan:
-    """A stage of endless rounds that ends by `rule`."""
+    """Return a stage of unlimited rounds that ends by `rule`."""
     return StagePlan("excitation", endless, rule)

@@ -28,10 +28,10 @@ from calstation.sequencer.events import (
         Fault("device", "text", 3),
     ],
 )
-def test_json_and_back(event: object) -> None:
+def test_events_survive_json(event: object) -> None:
     assert from_json(json.loads(json.dumps(to_json(event)))) == event  # type: ignore[arg-type]
 
 
-def test_events_do_not_change() -> None:
+def test_events_are_immutable() -> None:
     with pytest.raises(FrozenInstanceError):
         Message("a").id = "b"  # type: ignore[misc]

@@ -1,4 +1,4 @@
-"""No command leaves for the table unless everything about it is right."""
+"""No command is sent to the table unless its state and limits permit it."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def status(**changes: object) -> object:
     return replace(table.status(), **changes)  # type: ignore[arg-type]
 
 
-def test_a_proper_move_is_allowed() -> None:
+def test_valid_move_is_allowed() -> None:
     check_move(status(), LIMITS, GOOD)  # type: ignore[arg-type]
 
 
@@ -35,7 +35,7 @@ def test_a_proper_move_is_allowed() -> None:
         ({"fault": LOCAL_CONTROL}, "motion.local_control"),
     ],
 )
-def test_power_is_refused(changes: dict[str, object], code: str) -> None:
+def test_axes_are_not_enabled_in_an_unsafe_state(changes: dict[str, object], code: str) -> None:
     with raises_code(DeviceFaultError, code):
         check_power(status(**changes))  # type: ignore[arg-type]
 
@@ -44,7 +44,7 @@ def test_power_is_refused(changes: dict[str, object], code: str) -> None:
     ("changes", "code"),
     [({"enabled": False}, "motion.not_enabled"), ({"homed": False}, "motion.not_homed")],
 )
-def test_motion_is_refused(changes: dict[str, object], code: str) -> None:
+def test_motion_requires_an_enabled_and_homed_table(changes: dict[str, object], code: str) -> None:
     with raises_code(DeviceFaultError, code):
         check_motion(status(**changes))  # type: ignore[arg-type]
 
@@ -66,7 +66,7 @@ def test_moves_outside_the_limits_are_refused(move: Move, code: str) -> None:
         check_move(status(), LIMITS, move)  # type: ignore[arg-type]
 
 
-def test_the_travel_of_the_table_itself_is_checked() -> None:
+def test_travel_limits_reported_by_the_table_are_checked() -> None:
     narrow = JointLimits((-0.5, -2.0), (0.5, 2.0))
     with raises_code(ConfigurationError, "motion.target_outside") as caught:
         check_move(status(limits=narrow), LIMITS, GOOD)  # type: ignore[arg-type]

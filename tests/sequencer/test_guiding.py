@@ -1,4 +1,4 @@
-"""Who carries the unit is guided: the run waits for every rest, drives nothing, and throws nothing away."""
+"""Guided manual runs: the run waits for every rest, drives no axes, and discards no samples."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -42,7 +42,7 @@ ALL_ROUND = ((0.0, 0.0), *ROUND, *TURNED, *ON_ITS_SIDE, (0.0, 0.0))
 
 
 class CarriedImu(FakeImu):
-    """A unit turned by an operator, with a little noise; every turn takes a second."""
+    """A unit rotated by an operator, with low noise; every rotation takes one second."""
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene.clock, scene.table)
@@ -74,7 +74,7 @@ class CarriedImu(FakeImu):
 
 
 class CarryRequests(list[Any]):
-    """Events; a simulated operator is asked at every carry."""
+    """Collect events, and call a simulated operator at every request to move the unit."""
 
     def __init__(self, ask: Callable[[StepStarted], None]) -> None:
         super().__init__()
@@ -87,7 +87,7 @@ class CarryRequests(list[Any]):
 
 
 class ManualScene(Scene):
-    """A scene with a manual rig, turned half a second after each request unless `instead` holds another action."""
+    """A scene with a manual rig, rotated 0.5 s after each request unless `instead` gives another action."""
 
     def __init__(self, poses: tuple[Pose, ...] = FOUR) -> None:
         def steps() -> Iterator[Step]:
@@ -118,12 +118,12 @@ class ManualScene(Scene):
 
 
 def words(scene: Scene, index: int) -> list[str]:
-    """The states reported of a position, each once."""
+    """Return the reported states of a position, each once."""
     states = [e.state for e in scene.events_of(PositionGuided) if e.stage and e.index == index]
     return [state for k, state in enumerate(states) if k == 0 or states[k - 1] != state]
 
 
-def test_the_run_waits_for_every_rest_and_drives_nothing() -> None:
+def test_run_waits_for_every_rest_and_drives_no_axes() -> None:
     scene = ManualScene()
     assert scene.run().state is State.PASSED, scene.events_of(Fault)
     assert words(scene, 1) == ["waiting", "still", "enough"]
@@ -139,7 +139,7 @@ def test_the_run_waits_for_every_rest_and_drives_nothing() -> None:
     assert not scene.events_of(TableMoved)
 
 
-def test_guidance_shows_gravity_done_and_requested_positions() -> None:
+def test_guidance_shows_gravity_and_completed_and_requested_positions() -> None:
     scene = ManualScene()
     scene.run()
     last = [e for e in scene.events_of(PositionGuided) if e.stage][-1]
@@ -164,7 +164,7 @@ def test_progress_counts_every_position() -> None:
     assert scene.events_of(StageProgress)[-1].remaining == 0.0
 
 
-def test_a_late_release_repeats_the_request_and_loses_nothing() -> None:
+def test_late_release_repeats_the_request_and_loses_no_samples() -> None:
     scene = ManualScene()
 
     def touched(pose: Pose) -> None:
@@ -178,7 +178,7 @@ def test_a_late_release_repeats_the_request_and_loses_nothing() -> None:
     assert not [m for m in scene.events_of(Message) if m.id == "step_repeated"]
 
 
-def test_a_gap_during_a_carry_requests_the_position_again() -> None:
+def test_gap_during_a_manual_move_requests_the_position_again() -> None:
     scene = ManualScene()
 
     def cut(pose: Pose) -> None:
@@ -195,7 +195,7 @@ def test_a_gap_during_a_carry_requests_the_position_again() -> None:
     assert len(np.reshape(scene.events_of(PositionGuided)[-1].done, (-1, 3))) == 2  # of the check after the stage
 
 
-def test_a_pause_is_not_a_rest_and_the_position_is_requested_again() -> None:
+def test_pause_is_not_a_rest_and_the_position_is_requested_again() -> None:
     scene = ManualScene()
 
     def pause(pose: Pose) -> None:
@@ -211,7 +211,7 @@ def test_a_pause_is_not_a_rest_and_the_position_is_requested_again() -> None:
     assert time[-1] - time[np.flatnonzero(~valid)[-1]] > 3 * REST
 
 
-def test_enough_ends_the_stage_once_the_positions_lie_all_around() -> None:
+def test_stage_can_be_ended_once_the_positions_are_well_distributed() -> None:
     scene = ManualScene(ALL_ROUND)
     scene.instead[2] = lambda pose: (
         scene.control.send(Command.END_STAGE),
@@ -225,14 +225,14 @@ def test_enough_ends_the_stage_once_the_positions_lie_all_around() -> None:
     assert 12 < last.index < len(ALL_ROUND)
 
 
-def test_a_stop_ends_the_waiting() -> None:
+def test_stop_ends_the_wait_for_the_operator() -> None:
     scene = ManualScene()
     scene.instead[2] = lambda pose: scene.later(30.0, lambda: scene.control.send(Command.STOP))
     assert scene.run().state is State.STOPPED
     assert scene.finalized == 0
 
 
-def test_a_manual_rig_needs_no_power_home_direction_or_turn() -> None:
+def test_manual_rig_skips_power_homing_and_motion_checks() -> None:
     scene = ManualScene()
     scene.hand.way[0] = (0.0, (math.pi, 0.0))  # upside down: no direction is declared
     scene.hand.pose = lambda time, own=scene.hand.pose: own(time) + np.array([math.pi, 0.0])  # type: ignore[method-assign]
@@ -242,7 +242,7 @@ def test_a_manual_rig_needs_no_power_home_direction_or_turn() -> None:
     assert not {"homing", "checking_mounting", "finishing"} & set(messages)
 
 
-def test_gravity_of_a_wrong_size_is_a_fault_before_any_position() -> None:
+def test_wrong_gravity_magnitude_is_a_fault_before_any_position() -> None:
     scene = ManualScene()
     scene.unit = replace(scene.unit, preflight=replace(scene.unit.preflight, gravity=9.0))
     assert scene.run().state is State.FAULT
@@ -250,7 +250,7 @@ def test_gravity_of_a_wrong_size_is_a_fault_before_any_position() -> None:
     assert not scene.events_of(StepStarted)
 
 
-def test_the_restarted_unit_is_turned_over_between_two_rests() -> None:
+def test_restarted_unit_is_turned_over_between_two_rests() -> None:
     scene = ManualScene()
     scene.run()
     (data,) = scene.proved

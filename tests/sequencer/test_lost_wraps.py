@@ -1,4 +1,4 @@
-"""As many samples lost as a short counter counts: it shows no gap, the station's clock does."""
+"""The loss of a whole counter period is invisible in the counter but is detected by the station clock."""
 
 from dataclasses import dataclass, field, replace
 
@@ -25,7 +25,7 @@ TICK = 0.05
 
 @dataclass
 class ShortCounter(FakeImu):
-    """The fake unit with a counter of 8 bits; samples arrive `late` s late."""
+    """The fake unit with an 8-bit counter; samples arrive with a delay of `late` s."""
 
     count: SampleCount = field(default_factory=lambda: SampleCount(FRAME))
     late: float = 0.0
@@ -39,7 +39,7 @@ class ShortCounter(FakeImu):
 
 
 class Line:
-    """A unit that is read every tick, and what has come of it."""
+    """A unit that is read every tick, with its received samples."""
 
     def __init__(self) -> None:
         self.clock = FakeClock()
@@ -51,7 +51,7 @@ class Line:
         self.pass_(3.0)
 
     def pass_(self, seconds: float) -> int:
-        """Let time pass; samples missed meanwhile."""
+        """Advance time and return the number of missed samples."""
         missing = 0
         for _ in range(round(seconds / TICK)):
             self.clock.sleep(TICK)
@@ -59,13 +59,13 @@ class Line:
         return missing
 
     def lose(self, samples: int) -> None:
-        """Nothing comes for so long."""
+        """Lose all samples for this time."""
         self.clock.sleep(samples / RATE)
         self.imu.sent += samples
 
     @property
     def steps(self) -> list[int]:
-        """Steps of the counter that are no single ones."""
+        """Return the counter increments other than one."""
         steps = np.diff(np.concatenate([block.seq for block in self.blocks]))
         return [int(step) for step in steps if step != 1]
 
@@ -87,7 +87,7 @@ def test_every_lost_wrap_is_counted_once() -> None:
     assert line.steps == [257] * 3
 
 
-def test_a_busy_computer_counts_no_samples_as_lost() -> None:
+def test_busy_computer_does_not_cause_lost_samples() -> None:
     line = Line()
     line.clock.sleep(2.56)
     assert line.pass_(5.0) == 0

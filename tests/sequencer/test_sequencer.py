@@ -1,4 +1,4 @@
-"""A run among fakes: order of things, pause, stop, faults, repeated steps, stop rules."""
+"""Runs with fake devices: sequence, pause, stop, faults, repeated steps, stop rules."""
 
 import time
 from dataclasses import replace
@@ -39,12 +39,12 @@ def states(scene: Scene) -> list[str]:
 
 @pytest.fixture(params=[pytest.param(TICK, marks=pytest.mark.long), FakeClock.tick])
 def tick(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> float:
-    """The polling interval, s: that of hardware and the longer one of all other tests."""
+    """The polling interval, s: the interval of hardware and the longer one of all other tests."""
     monkeypatch.setattr(FakeClock, "tick", request.param)
     return float(request.param)
 
 
-def test_a_run_passes_and_leaves_the_axes_off(tick: float) -> None:
+def test_run_passes_and_leaves_the_axes_off(tick: float) -> None:
     scene = Scene()
     assert scene.run().state is State.PASSED
     assert states(scene) == ["preparing", "running", "passed"]
@@ -53,7 +53,7 @@ def test_a_run_passes_and_leaves_the_axes_off(tick: float) -> None:
     assert scene.finalized == 1
 
 
-def test_samples_carry_stage_step_and_angles(tick: float) -> None:
+def test_samples_have_stage_step_and_angles(tick: float) -> None:
     scene = Scene()
     scene.passes = False  # no turns after the last stage: the fake remembers only its last move
     scene.run()
@@ -73,7 +73,7 @@ def test_samples_carry_stage_step_and_angles(tick: float) -> None:
     assert np.allclose(angles[polled, 0][-20:], truth, atol=1e-9)
 
 
-def test_each_rest_lasts_its_time_in_imu_time(tick: float) -> None:
+def test_each_rest_has_its_duration_in_imu_time(tick: float) -> None:
     scene = Scene()
     scene.run()
     blocks = scene.solving.blocks["rate"]
@@ -90,7 +90,7 @@ def test_a_unit_outside_its_limits_fails() -> None:
     assert scene.run().state is State.FAILED
 
 
-def test_stop_in_every_state_is_a_safe_stop(tick: float) -> None:
+def test_stop_in_any_state_is_a_safe_stop(tick: float) -> None:
     for moment in (0.05, 1.0, 3.0, 6.0, 9.0, 12.0):
         scene = Scene()
         scene.clock.at(moment, lambda scene=scene: scene.control.send(Command.STOP))
@@ -99,7 +99,7 @@ def test_stop_in_every_state_is_a_safe_stop(tick: float) -> None:
         assert scene.finalized == 0
 
 
-def test_stop_before_anything_was_prepared() -> None:
+def test_stop_before_preparation_sends_no_commands() -> None:
     scene = Scene()
     scene.control.send(Command.STOP)
     assert scene.run().state is State.STOPPED
@@ -107,7 +107,7 @@ def test_stop_before_anything_was_prepared() -> None:
 
 
 def in_stage(scene: Scene, delay: float, action: object) -> None:
-    """Act `delay` s after the first step of the stage begins."""
+    """Call `act` `delay` s after the start of the first step of the stage."""
 
     def watch(event: object, append=scene.events.append) -> None:
         append(event)
@@ -152,7 +152,7 @@ def test_pause_and_resume_repeats_the_step_from_its_start(tick: float) -> None:
     assert step[-1] == first + 4
 
 
-def test_pause_during_a_rest_repeats_the_move_that_led_there_and_the_rest(tick: float) -> None:
+def test_pause_during_a_rest_repeats_the_preceding_move_and_the_rest(tick: float) -> None:
     scene = Scene()
 
     def pause() -> None:
@@ -167,7 +167,7 @@ def test_pause_during_a_rest_repeats_the_move_that_led_there_and_the_rest(tick: 
 
 
 @pytest.mark.parametrize("state", ["stopping", "stopped", "passed"])
-def test_a_log_that_fails_at_a_change_of_state_is_a_fault(state: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_log_failure_at_a_state_change_is_a_fault(state: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene()
     event = scene.journal.event
 
@@ -185,7 +185,7 @@ def test_a_log_that_fails_at_a_change_of_state_is_a_fault(state: str, monkeypatc
     assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
-def test_a_log_that_fails_in_the_safe_stop_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_log_failure_during_the_safe_stop_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene()
 
     def fail(block: object) -> None:
@@ -211,7 +211,7 @@ def test_lost_samples_repeat_the_step(tick: float) -> None:
     assert [m.values["reason"] for m in repeated_steps] == ["gap"]
 
 
-def test_an_imu_that_falls_silent_is_a_fault_after_bounded_repeats(tick: float) -> None:
+def test_imu_that_stops_sending_is_a_fault_after_limited_repeats(tick: float) -> None:
     scene = Scene()
     in_stage(scene, 1.0, lambda: setattr(scene.imu, "silent", True))
     ended = scene.run()
@@ -236,7 +236,7 @@ def test_saturation_repeats_the_step() -> None:
         ("dead", True, "link.lost"),
     ],
 )
-def test_a_table_that_fails_is_a_fault_and_a_safe_stop(attribute: str, value: object, expected: str) -> None:
+def test_table_failure_is_a_fault_with_a_safe_stop(attribute: str, value: object, expected: str) -> None:
     scene = Scene()
     in_stage(scene, 1.0, lambda: setattr(scene.table, attribute, value))
     ended = scene.run()
@@ -247,7 +247,7 @@ def test_a_table_that_fails_is_a_fault_and_a_safe_stop(attribute: str, value: ob
         assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
-def test_a_safe_stop_tries_every_step_after_any_failure() -> None:
+def test_safe_stop_attempts_every_step_after_any_failure() -> None:
     scene = Scene()
 
     def broken() -> None:
@@ -258,7 +258,7 @@ def test_a_safe_stop_tries_every_step_after_any_failure() -> None:
     assert scene.table.commands == ["disable"]
 
 
-def test_a_table_that_stops_answering_while_it_comes_to_rest_is_not_switched_off_at_once(
+def test_axes_are_not_switched_off_immediately_if_a_decelerating_table_stops_responding(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def silent() -> None:
@@ -274,7 +274,7 @@ def test_a_table_that_stops_answering_while_it_comes_to_rest_is_not_switched_off
     assert at - begun >= 5.0
 
 
-def test_a_stalled_move_times_out() -> None:
+def test_stalled_move_times_out() -> None:
     scene = Scene()
     scene.table.stuck = True
     ended = scene.run()
@@ -298,7 +298,7 @@ def test_a_stalled_move_times_out() -> None:
         (lambda s: setattr(s.imu, "ready_at", 1e6), "preflight.not_ready"),
     ],
 )
-def test_preflight_refuses(break_it: object, expected: str) -> None:
+def test_failed_preflight_check_is_a_fault(break_it: object, expected: str) -> None:
     scene = Scene()
     break_it(scene)  # type: ignore[operator]
     ended = scene.run()
@@ -307,7 +307,7 @@ def test_preflight_refuses(break_it: object, expected: str) -> None:
     assert states(scene) == ["preparing", "fault"]
 
 
-def test_a_serial_number_outside_the_pattern_is_refused() -> None:
+def test_serial_number_that_does_not_match_the_pattern_is_refused() -> None:
     scene = Scene(serial="XX-1")
     scene.imu.serial = "XX-1"
     ended = scene.run()
@@ -315,14 +315,14 @@ def test_a_serial_number_outside_the_pattern_is_refused() -> None:
     assert ended.error.code == "preflight.serial_pattern"
 
 
-def test_an_unhomed_table_is_homed() -> None:
+def test_unhomed_table_is_homed() -> None:
     scene = Scene()
     scene.table.homed = False
     assert scene.run().state is State.PASSED
     assert scene.table.commands[:2] == ["enable", "home"]
 
 
-def test_the_table_is_prepared_and_checked_while_the_unit_warms_up() -> None:
+def test_table_is_prepared_and_checked_during_warm_up() -> None:
     def length(**warm_up: float) -> float:
         scene = Scene(**warm_up)
         assert scene.run().state is State.PASSED
@@ -333,7 +333,7 @@ def test_the_table_is_prepared_and_checked_while_the_unit_warms_up() -> None:
     assert length(warm_up=prepared + 30.0) == pytest.approx(prepared + 30.0, abs=FakeClock.tick)
 
 
-def test_the_temperature_slope_is_measured_at_rest_after_the_checks() -> None:
+def test_temperature_slope_is_measured_at_rest_after_the_checks() -> None:
     scene, cold = Scene(warm_up=10.0, warm_up_slope=0.5), Scene()
     assert scene.run().state is State.PASSED
     cold.run()
@@ -342,14 +342,14 @@ def test_the_temperature_slope_is_measured_at_rest_after_the_checks() -> None:
     assert ids.index("checking_mounting") < ids.index("warming_up")
 
 
-def test_a_unit_that_is_mounted_wrongly_is_refused_before_it_is_warm() -> None:
+def test_incorrectly_mounted_unit_is_refused_before_warm_up_ends() -> None:
     scene = Scene(warm_up=1000.0)
     scene.imu.upside_down = True
     assert code(scene.run()) == "preflight.gravity_direction"
     assert scene.clock.time < 100.0
 
 
-def test_a_plan_outside_the_limits_is_refused_before_anything_moves() -> None:
+def test_plan_outside_the_limits_is_refused_before_any_motion() -> None:
     scene = Scene(StagePlan("rate", lambda: iter([Move(30.0, 0.0, 0.5, 1.0)])))
     ended = scene.run()
     assert isinstance(ended.error, ConfigurationError)
@@ -365,7 +365,7 @@ def test_a_plan_outside_the_limits_is_refused_before_anything_moves() -> None:
         (StopRule(targets={"gyro_bias": 1e-2, "accel_scale_x": 1e-2}), "targets", None),
     ],
 )
-def test_a_repeated_plan_ends_by_its_rule(rule: StopRule, reason: str, rounds: int | None) -> None:
+def test_repeated_plan_ends_by_its_stop_rule(rule: StopRule, reason: str, rounds: int | None) -> None:
     scene = Scene(repeated(rule))
     assert scene.run().state is State.PASSED
     (ended,) = scene.events_of(StageEnded)
@@ -373,7 +373,7 @@ def test_a_repeated_plan_ends_by_its_rule(rule: StopRule, reason: str, rounds: i
     assert rounds is None or ended.rounds == rounds
 
 
-def test_the_operator_ends_a_repeated_plan_after_the_current_move_and_its_rest() -> None:
+def test_operator_ends_a_repeated_plan_after_the_current_move_and_rest() -> None:
     scene = Scene(repeated(StopRule(repeated=True)))
     in_stage(scene, 2.5, lambda: scene.control.send(Command.END_STAGE))
     assert scene.run().state is State.PASSED
@@ -385,7 +385,7 @@ def test_the_operator_ends_a_repeated_plan_after_the_current_move_and_its_rest()
     assert len(steps) <= 4
 
 
-def test_a_plan_that_does_not_repeat_is_not_ended_by_the_operator() -> None:
+def test_plan_without_repetition_is_not_ended_by_the_operator() -> None:
     scene = Scene()
     in_stage(scene, 0.5, lambda: scene.control.send(Command.END_STAGE))
     assert scene.run().state is State.PASSED
@@ -393,7 +393,7 @@ def test_a_plan_that_does_not_repeat_is_not_ended_by_the_operator() -> None:
     assert not any(event.repeated for event in scene.events_of(StageStarted))
 
 
-def test_progress_rises_to_one() -> None:
+def test_progress_increases_to_one() -> None:
     scene = Scene()
     scene.run()
     fractions = [p.fraction for p in scene.events_of(StageProgress)]
@@ -402,7 +402,7 @@ def test_progress_rises_to_one() -> None:
     assert fractions[-1] == pytest.approx(1.0)
 
 
-def test_the_log_keeps_all_events() -> None:
+def test_log_contains_all_events() -> None:
     scene = Scene()
     scene.run()
     kinds = [event["event"] for event in scene.journal.events]
@@ -410,7 +410,7 @@ def test_the_log_keeps_all_events() -> None:
     assert "TableMoved" not in kinds
 
 
-def test_a_resumed_run_does_only_the_remaining_stages() -> None:
+def test_resumed_run_executes_only_the_remaining_stages() -> None:
     scene = Scene()
     first = scene.solving.finish()
     scene.run(solved=(first,))
@@ -420,13 +420,13 @@ def test_a_resumed_run_does_only_the_remaining_stages() -> None:
     assert len(scene.solutions) == 2
 
 
-def test_the_steps_of_a_resumed_run_continue_after_its_last_sample() -> None:
+def test_step_numbers_of_a_resumed_run_continue() -> None:
     scene = Scene()
     scene.run(solved=(scene.solving.finish(),), after=LastSample(seq=5000, time=123.456, step=7))
     assert scene.journal.blocks[0].step[0] == 8
 
 
-def test_a_resumed_run_without_remaining_stages_is_checked_and_finalized() -> None:
+def test_resumed_run_without_remaining_stages_is_checked_and_finalized() -> None:
     scene = Scene()
     scene.task = replace(scene.task, stages=())
     assert scene.run(solved=(scene.solving.finish(),)).state is State.PASSED
@@ -434,7 +434,7 @@ def test_a_resumed_run_without_remaining_stages_is_checked_and_finalized() -> No
     assert scene.finalized == 1
 
 
-def test_a_stop_that_comes_before_the_registers_are_written_is_a_stop() -> None:
+def test_stop_before_the_registers_are_written_stops_the_run() -> None:
     scene = Scene()
     finish = scene.solving.finish
 
@@ -448,7 +448,7 @@ def test_a_stop_that_comes_before_the_registers_are_written_is_a_stop() -> None:
     assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
-def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unverified() -> None:
+def test_stop_during_the_transfer_waits_for_its_end_and_skips_verification() -> None:
     scene = Scene()
     transferred: list[bool] = []
 
@@ -469,7 +469,7 @@ def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unverified()
     assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
-def test_the_restarted_unit_is_captured_in_data_that_no_log_holds() -> None:
+def test_capture_of_the_restarted_unit_is_not_logged() -> None:
     scene = Scene()
     assert scene.run().state is State.PASSED
     (fresh,) = scene.proved
@@ -484,7 +484,7 @@ def test_the_restarted_unit_is_captured_in_data_that_no_log_holds() -> None:
     assert scene.clock.time * RATE - logged > 20.0 * RATE
 
 
-def test_a_unit_with_corrected_output_is_captured_before_and_after() -> None:
+def test_unit_with_corrected_output_is_captured_before_and_after() -> None:
     scene = Scene()
     scene.unit = replace(scene.unit, corrected=Output.ASKED)
     assert scene.run().state is State.PASSED
@@ -497,12 +497,12 @@ def test_a_unit_with_corrected_output_is_captured_before_and_after() -> None:
 
 
 @pytest.mark.parametrize("spoilt", [1, 2, 3])
-def test_a_turn_with_a_gap_is_repeated_from_its_start(spoilt: int) -> None:
+def test_rotation_with_a_gap_is_repeated_from_its_start(spoilt: int) -> None:
     scene = Scene()
     moves: list[int] = []
 
     def drop() -> None:
-        """Samples get lost in a turn to 180° and each time that it is made again."""
+        """Lose samples in the rotation to 180° and in each of its repetitions."""
         if scene.finalized:
             moves.append(len(scene.table.commands) - 1)
             turning = scene.table.commands[-1] == "move 180 0"
@@ -525,7 +525,7 @@ def test_a_turn_with_a_gap_is_repeated_from_its_start(spoilt: int) -> None:
     assert np.allclose(np.abs(axes), np.eye(3)[[0, 1, 2]], atol=2e-3)
 
 
-def test_a_stop_while_the_restarted_unit_is_captured_reports_an_unverified_transfer() -> None:
+def test_stop_during_the_verification_capture_reports_an_unverified_transfer() -> None:
     scene = Scene()
 
     def transfer(run_in_background: RunInBackground) -> None:
@@ -538,7 +538,7 @@ def test_a_stop_while_the_restarted_unit_is_captured_reports_an_unverified_trans
     assert messages[-2:] == ["verifying", "transfer_unproved"]
 
 
-def test_a_unit_without_registers_has_passed_when_it_is_inside_the_limits() -> None:
+def test_unit_without_registers_passes_if_within_limits() -> None:
     scene = Scene()
     scene.writes = False
     assert scene.run().state is State.PASSED
@@ -547,7 +547,7 @@ def test_a_unit_without_registers_has_passed_when_it_is_inside_the_limits() -> N
     assert ("verify",) not in [e.label for e in scene.events_of(StepStarted)]
 
 
-def test_a_stop_without_the_operator_gives_its_reason() -> None:
+def test_automatic_stop_reports_its_reason() -> None:
     scene = Scene()
     scene.clock.at(4.0, lambda: scene.control.send(Command.STOP, "listener_lost"))
     assert scene.run().state is State.STOPPED
@@ -565,7 +565,7 @@ def test_non_numeric_samples_are_invalid_and_their_step_is_repeated() -> None:
     assert not bad[0].valid[np.isnan(bad[0].counts).any(axis=1)].any()
 
 
-def test_a_channel_without_its_noise_is_reported_as_stuck() -> None:
+def test_channel_without_noise_is_reported_as_stuck() -> None:
     scene = Scene()
     noisy = replace(MODEL, gyro_arw=1e-7)  # one count of noise at 100 Hz
     scene.unit = replace(scene.unit, model=noisy)
@@ -575,7 +575,7 @@ def test_a_channel_without_its_noise_is_reported_as_stuck() -> None:
     assert scene.table.commands[-1] == "disable"
 
 
-def test_a_unit_that_is_not_ready_yet_may_show_nothing_but_zeros() -> None:
+def test_unit_that_is_not_ready_is_not_reported_as_stuck() -> None:
     scene = Scene()
     scene.unit = replace(scene.unit, model=replace(MODEL, gyro_arw=1e-7))
     scene.imu.ready_at = 1e9
@@ -584,7 +584,7 @@ def test_a_unit_that_is_not_ready_yet_may_show_nothing_but_zeros() -> None:
     assert fault.code == "preflight.not_ready"
 
 
-def test_a_channel_of_floats_is_stuck_however_small_its_noise_is_in_counts() -> None:
+def test_constant_float_channel_is_stuck_regardless_of_its_noise_in_counts() -> None:
     scene = Scene()
     scene.unit = replace(scene.unit, span=Span(step=np.zeros(6)))
     assert scene.run().state is State.FAULT
@@ -601,7 +601,7 @@ def test_non_numeric_output_is_reported_before_the_axes_are_switched_on() -> Non
     assert "enable" not in scene.table.commands
 
 
-def test_output_that_saturates_in_the_small_turns_is_reported() -> None:
+def test_output_that_saturates_in_the_preflight_rotations_is_reported() -> None:
     scene = Scene()
     rest = GRAVITY / MODEL.accel_lsb
     turns = np.deg2rad(1.0) / MODEL.gyro_lsb
@@ -612,7 +612,7 @@ def test_output_that_saturates_in_the_small_turns_is_reported() -> None:
     assert scene.table.commands[-1] == "disable"
 
 
-def test_a_gyro_far_from_what_its_profile_expects_is_reported_before_it_turns() -> None:
+def test_implausible_gyro_rate_is_reported_before_any_rotation() -> None:
     scene = Scene()
     high = np.array([1.0, -0.1, 1.0])
     scene.unit = replace(scene.unit, preflight=replace(scene.unit.preflight, rate_high=high))

@@ -1,4 +1,4 @@
-"""Several units on one table: a unit that fails leaves, the others go on; a fault of the table ends all."""
+"""Several units on one table: a failed unit is removed and the others continue; a table fault ends all."""
 
 import threading
 import time
@@ -63,7 +63,7 @@ LOST = DeviceFaultError("link.lost", device="imu", port="FAKE", reason="no answe
 
 
 class Member:
-    """A unit of a batch among fakes, and its evaluation."""
+    """A fake unit of a batch, and its evaluation."""
 
     def __init__(self, batch: "Batch", index: int) -> None:
         self.batch, self.name = batch, f"S{index + 1}"
@@ -116,18 +116,18 @@ class Member:
         self.ends.append(ended)
 
     def messages(self) -> list[str]:
-        """Messages in its log."""
+        """Return the messages in its log."""
         return [event["id"] for event in self.journal.events if event["event"] == "Message"]
 
     def samples(self) -> dict[str, np.ndarray]:
-        """Everything that its log holds of its samples."""
+        """Return all samples in its log."""
         names = ("seq", "time", "counts", "angles", "step", "valid", "temperature", "station")
         samples = {name: np.concatenate([getattr(b, name) for b in self.journal.blocks]) for name in names}
         return samples | {"stage": np.concatenate([[b.stage] * len(b) for b in self.journal.blocks])}
 
 
 class Batch:
-    """Units on one table among fakes."""
+    """Fake units on one fake table."""
 
     def __init__(self, count: int, *stages: StagePlan) -> None:
         self.clock = FakeClock()
@@ -140,11 +140,11 @@ class Batch:
         self.units = [Member(self, index) for index in range(count)]
 
     def on(self, kind: type[Event], delay: float, action: Callable[[], Any], ident: str = "") -> None:
-        """Act `delay` s after the first event of a kind."""
+        """Call `act` `delay` s after the first event of a type."""
         self._scripts.append((lambda e: isinstance(e, kind) and getattr(e, "id", "") == ident, delay, action))
 
     def run(self) -> State:
-        """Run to the end; every unit is told its end once."""
+        """Run to the end; assert that every unit ends exactly once."""
         slots = tuple(unit.slot() for unit in self.units)
         Sequencer(RunContext(self.task, self.table, slots, self.clock, self._take, self.control)).run()
         assert [len(unit.ends) for unit in self.units] == [1] * len(self.units)
@@ -162,7 +162,7 @@ class Batch:
         return [event for event in self.events if isinstance(event, kind)]
 
     def ids(self, ident: str) -> list[str]:
-        """The slots of the messages of an id."""
+        """Return the slots of the messages with an id."""
         return [event.slot for event in self.of(Message) if event.id == ident]
 
 
@@ -183,7 +183,7 @@ def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
 
 
 def steps(unit: Member) -> dict[int, bool]:
-    """Whether all samples of each step of the stage are valid."""
+    """Return for each step of the stage whether all samples are valid."""
     samples = unit.samples()
     of_stage = {int(step) for step in samples["step"][samples["stage"] == "rate"]}
     return {step: bool(samples["valid"][samples["step"] == step].all()) for step in sorted(of_stage)}
@@ -196,7 +196,7 @@ def alone(*stages: StagePlan) -> Member:
     return batch.units[0]
 
 
-def test_the_units_of_a_batch_get_what_each_would_get_alone() -> None:
+def test_units_of_a_batch_get_the_same_samples_as_alone() -> None:
     batch, single = Batch(3), alone()
     assert batch.run() is State.PASSED
     assert [unit.end.state for unit in batch.units] == [State.PASSED] * 3
@@ -211,7 +211,7 @@ def test_the_units_of_a_batch_get_what_each_would_get_alone() -> None:
     assert batch.table.commands.count("disable") == 1
 
 
-def test_events_of_a_unit_carry_its_slot_and_only_its_log_has_them() -> None:
+def test_events_of_a_unit_have_its_slot_and_are_only_in_its_log() -> None:
     batch = Batch(2)
     assert batch.run() is State.PASSED
     for kind in (StageSolved, StageProgress, StageRanked, Trace):
@@ -233,7 +233,7 @@ def one_unit() -> Batch:
     return batch
 
 
-def test_a_unit_whose_port_is_lost_leaves_and_the_others_do_not_notice() -> None:
+def test_unit_with_a_lost_port_is_removed_without_affecting_the_others() -> None:
     batch, single = Batch(3), alone()
     lost = batch.units[1]
     batch.on(StageStarted, 2.0, loses_its_port(lost))
@@ -253,9 +253,7 @@ def test_a_unit_whose_port_is_lost_leaves_and_the_others_do_not_notice() -> None
 
 
 @pytest.mark.parametrize(("deaf", "code"), [(True, "stream.no_answer"), (False, "stream.not_started")])
-def test_a_unit_that_falls_silent_leaves_after_the_step_was_interrupted_and_the_others_repeat_it(
-    deaf: bool, code: str
-) -> None:
+def test_silent_unit_is_removed_and_the_others_repeat_the_step(deaf: bool, code: str) -> None:
     batch = Batch(2)
     silent, other = batch.units
 
@@ -274,7 +272,7 @@ def test_a_unit_that_falls_silent_leaves_after_the_step_was_interrupted_and_the_
     assert np.all(np.diff(other.samples()["seq"]) == 1)
 
 
-def test_a_gap_of_one_unit_repeats_the_step_for_all() -> None:
+def test_gap_of_one_unit_repeats_the_step_for_all() -> None:
     batch, single = Batch(3), Batch(1)
     for one in (batch, single):
         one.on(StageStarted, 1.0, lambda one=one: setattr(one.units[0].imu, "drop", 2))
@@ -287,7 +285,7 @@ def test_a_gap_of_one_unit_repeats_the_step_for_all() -> None:
         assert (np.diff(unit.samples()["seq"]) != 1).sum() == (unit is batch.units[0])
 
 
-def test_a_unit_that_spoils_a_step_too_often_leaves_and_the_step_is_repeated_without_it() -> None:
+def test_unit_that_repeatedly_invalidates_a_step_is_removed() -> None:
     batch = Batch(2)
     bad, good = batch.units
 
@@ -304,7 +302,7 @@ def test_a_unit_that_spoils_a_step_too_often_leaves_and_the_step_is_repeated_wit
     assert valid[-300:].all()
 
 
-def test_a_stuck_channel_is_the_fault_of_its_unit() -> None:
+def test_stuck_channel_is_a_fault_of_its_unit() -> None:
     batch, single = Batch(2), alone()
     stuck, other = batch.units
     stuck.unit = replace(stuck.unit, model=replace(MODEL, gyro_arw=1e-7))
@@ -325,9 +323,7 @@ def test_a_stuck_channel_is_the_fault_of_its_unit() -> None:
         ({"silent": True}, "preflight.not_ready"),
     ],
 )
-def test_a_unit_that_fails_a_check_before_the_run_leaves_and_the_others_are_calibrated(
-    change: dict[str, Any], code: str
-) -> None:
+def test_unit_that_fails_preflight_is_removed_and_the_others_are_calibrated(change: dict[str, Any], code: str) -> None:
     batch = Batch(3)
     bad = batch.units[2]
     for name, value in change.items():
@@ -340,7 +336,7 @@ def test_a_unit_that_fails_a_check_before_the_run_leaves_and_the_others_are_cali
     assert "StageStarted" not in [event["event"] for event in bad.journal.events]
 
 
-def test_the_run_begins_when_every_unit_is_warm() -> None:
+def test_run_starts_when_every_unit_has_warmed_up() -> None:
     batch = Batch(2)
     for unit, warm_up in zip(batch.units, (5.0, 60.0), strict=True):
         unit.unit = replace(unit.unit, preflight=replace(unit.unit.preflight, warm_up=warm_up))
@@ -349,7 +345,7 @@ def test_the_run_begins_when_every_unit_is_warm() -> None:
     assert running == pytest.approx(60.0, abs=FakeClock.tick)
 
 
-def test_a_unit_whose_temperature_drifts_leaves() -> None:
+def test_unit_with_drifting_temperature_is_removed() -> None:
     batch = Batch(2)
     limits = batch.units[0].unit.preflight
     drifting, other = batch.units
@@ -367,7 +363,7 @@ def test_a_unit_whose_temperature_drifts_leaves() -> None:
     assert other.end.state is State.PASSED
 
 
-def test_a_unit_is_checked_in_its_own_axes() -> None:
+def test_unit_is_checked_in_its_own_axes() -> None:
     batch = Batch(2)
     mounted = batch.units[1]
     mounted.imu.twist = 0.3
@@ -381,7 +377,7 @@ def test_a_unit_is_checked_in_its_own_axes() -> None:
     assert batch.run() is State.PASSED
 
 
-def test_a_unit_that_misses_its_limits_after_a_stage_leaves_as_failed() -> None:
+def test_unit_outside_its_limits_after_a_stage_is_removed_as_failed() -> None:
     batch = Batch(3, StagePlan("rate", quarter_turns), StagePlan("excitation", quarter_turns))
     out = batch.units[0]
     out.goes_on = out.passes = False
@@ -396,7 +392,7 @@ def test_a_unit_that_misses_its_limits_after_a_stage_leaves_as_failed() -> None:
         assert [solution.stage for solution in unit.end.solutions] == ["rate", "excitation"]
 
 
-def test_no_further_stage_begins_if_all_units_miss_their_limits() -> None:
+def test_run_ends_if_all_units_are_outside_their_limits() -> None:
     batch = Batch(2, StagePlan("rate", quarter_turns), StagePlan("excitation", quarter_turns))
     for unit in batch.units:
         unit.goes_on = unit.passes = False
@@ -406,7 +402,7 @@ def test_no_further_stage_begins_if_all_units_miss_their_limits() -> None:
     assert batch.table.commands[-1] == "disable"
 
 
-def test_a_unit_outside_its_limits_at_the_end_fails_and_only_the_others_are_written() -> None:
+def test_failed_unit_is_not_written_while_the_others_are() -> None:
     batch = Batch(3)
     batch.units[1].passes = False
     assert batch.run() is State.FAILED
@@ -415,7 +411,7 @@ def test_a_unit_outside_its_limits_at_the_end_fails_and_only_the_others_are_writ
     assert [len(unit.proved) for unit in batch.units] == [1, 0, 1]
 
 
-def test_a_unit_whose_stage_cannot_be_solved_leaves() -> None:
+def test_unit_whose_stage_cannot_be_solved_is_removed() -> None:
     batch = Batch(2)
 
     def finish() -> Solution:
@@ -427,7 +423,7 @@ def test_a_unit_whose_stage_cannot_be_solved_leaves() -> None:
     assert batch.units[0].end.state is State.PASSED
 
 
-def test_targets_end_a_stage_when_every_unit_has_reached_them() -> None:
+def test_targets_end_a_stage_when_every_unit_meets_them() -> None:
     rule = StopRule(targets={"gyro_bias": 1e-2})
     slow = Batch(2, repeated(rule))
     slow.units[1].solving.level = 100.0
@@ -443,7 +439,7 @@ def _ran(batch: Batch) -> Batch:
     return batch
 
 
-def test_a_unit_whose_transfer_fails_leaves_and_the_others_are_written_and_verified() -> None:
+def test_unit_with_a_failed_transfer_is_removed_and_the_others_verified() -> None:
     batch = Batch(3)
     bad = batch.units[1]
 
@@ -460,7 +456,7 @@ def test_a_unit_whose_transfer_fails_leaves_and_the_others_are_written_and_verif
     assert batch.table.commands[-1] == "disable"
 
 
-def test_a_unit_with_wrong_output_leaves_and_the_others_have_passed() -> None:
+def test_unit_that_fails_verification_is_removed_and_the_others_pass() -> None:
     batch = Batch(2)
 
     def verify(data: Any, run_in_background: Any) -> None:
@@ -491,7 +487,7 @@ def test_all_units_are_compared_with_one_common_reference() -> None:
         assert unit.imu.started[-2:] == [True, False]
 
 
-def test_a_unit_lost_during_the_verification_leaves_unproved_and_the_others_are_verified() -> None:
+def test_unit_lost_during_verification_stays_unverified_and_the_others_are_verified() -> None:
     batch = Batch(3)
     lost = batch.units[2]
     batch.on(Message, 9.0, loses_its_port(lost), "verifying")
@@ -501,7 +497,7 @@ def test_a_unit_lost_during_the_verification_leaves_unproved_and_the_others_are_
     assert [len(unit.proved) for unit in batch.units] == [1, 1, 0]
 
 
-def test_frames_that_one_unit_loses_in_the_verification_repeat_only_that_turn() -> None:
+def test_lost_frames_during_verification_repeat_only_that_rotation() -> None:
     batch, single = Batch(2), alone()
     batch.on(Message, 9.0, lambda: setattr(batch.units[0].imu, "drop", 2), "verifying")
     assert batch.run() is State.PASSED
@@ -510,7 +506,7 @@ def test_frames_that_one_unit_loses_in_the_verification_repeat_only_that_turn() 
         assert np.allclose(turn.angle, expected.angle, atol=1e-9)
 
 
-def test_a_unit_that_restarts_in_every_verification_leaves() -> None:
+def test_unit_that_restarts_in_every_verification_is_removed() -> None:
     batch = Batch(2)
     asked(batch)
     bad, good = batch.units
@@ -540,7 +536,7 @@ def test_a_stop_ends_all_units(moment: float) -> None:
     assert batch.table.commands[-2:] == ["stop", "disable"]
 
 
-def test_a_stop_between_two_transfers_leaves_the_written_unit_unproved() -> None:
+def test_stop_between_two_transfers_leaves_the_written_unit_unverified() -> None:
     batch = Batch(2)
     first, second = batch.units
     write = first.transfer
@@ -558,7 +554,7 @@ def test_a_stop_between_two_transfers_leaves_the_written_unit_unproved() -> None
     assert [unit.end.state for unit in batch.units] == [State.STOPPED] * 2
 
 
-def test_a_pause_repeats_the_step_for_all() -> None:
+def test_pause_repeats_the_step_for_all_units() -> None:
     batch = Batch(2)
 
     def pause() -> None:
@@ -583,7 +579,7 @@ def test_a_pause_repeats_the_step_for_all() -> None:
 )
 @pytest.mark.parametrize("silent", [False, True])
 def test_a_fault_of_the_table_ends_all_units(attribute: str, value: object, code: str, silent: bool) -> None:
-    """Also while a unit that has fallen silent is asked to stream again."""
+    """This also applies while a silent unit is commanded to stream again."""
     batch = Batch(3)
 
     def fail() -> None:
@@ -603,7 +599,7 @@ def test_a_fault_of_the_table_ends_all_units(attribute: str, value: object, code
     assert batch.ids("unit_left") == []
 
 
-def test_the_fault_of_the_last_unit_is_the_fault_of_the_run() -> None:
+def test_fault_of_the_last_unit_is_the_fault_of_the_run() -> None:
     batch = Batch(2)
     for delay, unit in zip((1.0, 2.0), batch.units, strict=True):
         batch.on(StageStarted, delay, loses_its_port(unit))
@@ -614,7 +610,7 @@ def test_the_fault_of_the_last_unit_is_the_fault_of_the_run() -> None:
     assert batch.table.commands[-2:] == ["stop", "disable"]
 
 
-def test_all_units_at_fault_at_once_is_the_fault_of_the_run() -> None:
+def test_simultaneous_fault_of_all_units_is_the_fault_of_the_run() -> None:
     batch = Batch(3)
     for unit in batch.units:
         batch.on(StageStarted, 1.0, loses_its_port(unit))
@@ -623,7 +619,7 @@ def test_all_units_at_fault_at_once_is_the_fault_of_the_run() -> None:
 
 
 @pytest.mark.parametrize("method", ["append", "event", "service"])
-def test_a_log_that_cannot_be_written_is_the_fault_of_its_unit(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_log_that_cannot_be_written_is_a_fault_of_its_unit(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     batch, single = Batch(2), alone()
     bad, good = batch.units
 
@@ -637,7 +633,7 @@ def test_a_log_that_cannot_be_written_is_the_fault_of_its_unit(method: str, monk
     assert same(good.samples(), single.samples())
 
 
-def test_the_log_of_a_unit_that_left_takes_nothing_more() -> None:
+def test_log_of_a_removed_unit_receives_no_more_data() -> None:
     batch = Batch(2)
     lost = batch.units[0]
     batch.on(StageStarted, 1.0, loses_its_port(lost))
@@ -653,7 +649,7 @@ def test_the_log_of_a_unit_that_left_takes_nothing_more() -> None:
     assert counts == [len(lost.journal.events)]
 
 
-def test_the_run_goes_on_while_the_result_of_a_unit_that_left_is_written() -> None:
+def test_run_continues_while_the_result_of_a_removed_unit_is_written() -> None:
     batch = Batch(2)
     lost = batch.units[0]
     over, waited = threading.Event(), []
@@ -669,13 +665,13 @@ def test_the_run_goes_on_while_the_result_of_a_unit_that_left_is_written() -> No
     assert waited == [True]
 
 
-def test_sixteen_units_pass() -> None:
+def test_batch_of_sixteen_units_passes() -> None:
     batch = Batch(16)
     assert batch.run() is State.PASSED
     assert len(batch.order) == 16
 
 
-def test_a_result_that_cannot_be_written_does_not_keep_the_others_from_theirs() -> None:
+def test_failed_result_write_does_not_affect_other_units() -> None:
     batch = Batch(2)
     told: list[Ended] = []
 
@@ -690,12 +686,12 @@ def test_a_result_that_cannot_be_written_does_not_keep_the_others_from_theirs() 
     assert batch.units[1].end.state is State.PASSED
 
 
-def test_a_single_run_tells_its_end_once() -> None:
+def test_single_unit_run_ends_exactly_once() -> None:
     scene = Scene()
     assert scene.run(after=LastSample(10, 1.0, 2)).state is State.PASSED
 
 
-def test_the_table_is_fed_until_a_transfer_is_done_whose_log_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_watchdog_is_fed_until_a_transfer_ends_despite_a_log_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     batch = Batch(2)
     bad, good = batch.units
     batch.table.watchdog = 1e-3
@@ -705,7 +701,7 @@ def test_the_table_is_fed_until_a_transfer_is_done_whose_log_has_failed(monkeypa
         raise ConfigurationError("log.not_written", file="a.h5", reason="")
 
     def write() -> None:
-        """Take until the table was fed twice after the log has failed."""
+        """Wait until the watchdog was fed twice after the log failure."""
         monkeypatch.setattr(bad.journal, "service", fail)
         for _ in range(2):
             before = batch.table.beats
@@ -723,7 +719,7 @@ def test_the_table_is_fed_until_a_transfer_is_done_whose_log_has_failed(monkeypa
     assert good.end.state is State.PASSED
 
 
-def test_a_table_that_is_lost_during_a_transfer_is_no_fault_of_the_unit() -> None:
+def test_table_lost_during_a_transfer_is_not_a_fault_of_the_unit() -> None:
     batch = Batch(2)
     first = batch.units[0]
     batch.table.watchdog = 1e-3
@@ -749,7 +745,7 @@ def test_a_table_that_is_lost_during_a_transfer_is_no_fault_of_the_unit() -> Non
     assert batch.ids("unit_left") == []
 
 
-def test_nothing_more_is_written_after_a_fault_of_the_table() -> None:
+def test_no_register_is_written_after_a_table_fault() -> None:
     batch = Batch(4)
     first = batch.units[0]
     write = first.transfer
@@ -767,7 +763,7 @@ def test_nothing_more_is_written_after_a_fault_of_the_table() -> None:
     assert [(fault.slot, fault.code) for fault in batch.of(Fault)] == [("", "table.latched_interlock")]
 
 
-def test_a_unit_that_failed_its_limits_stays_failed_if_its_port_is_lost_while_others_are_verified() -> None:
+def test_failed_unit_stays_failed_if_its_port_is_lost_later() -> None:
     batch = Batch(3)
     failed = batch.units[1]
     failed.passes = False
@@ -779,7 +775,7 @@ def test_a_unit_that_failed_its_limits_stays_failed_if_its_port_is_lost_while_ot
 
 
 @pytest.mark.parametrize("writes", [True, False])
-def test_a_unit_that_passed_stays_passed_if_its_port_is_lost_on_the_way_to_the_load_position(writes: bool) -> None:
+def test_passed_unit_stays_passed_if_its_port_is_lost_later(writes: bool) -> None:
     batch = Batch(2)
     batch.task = replace(batch.task, load_angle=(1.0, 0.0))
     for unit in batch.units:
@@ -791,7 +787,7 @@ def test_a_unit_that_passed_stays_passed_if_its_port_is_lost_on_the_way_to_the_l
     assert batch.of(Fault) == []
 
 
-def test_a_fault_of_the_table_after_the_verification_takes_no_verdict_back() -> None:
+def test_table_fault_after_verification_changes_no_verdict() -> None:
     batch = Batch(2)
     batch.task = replace(batch.task, load_angle=(1.0, 0.0))
     batch.on(Message, 0.0, lambda: setattr(batch.table, "fault", "drive"), "finishing")
@@ -802,14 +798,14 @@ def test_a_fault_of_the_table_after_the_verification_takes_no_verdict_back() -> 
     assert [(fault.slot, fault.code) for fault in batch.of(Fault)] == [("", "table.latched_drive")]
 
 
-def test_a_unit_that_passed_and_left_afterwards_is_not_counted_as_passed() -> None:
+def test_passed_unit_that_is_removed_later_is_not_counted_as_passed() -> None:
     batch = Batch(2)
     batch.on(Message, 9.0, loses_its_port(batch.units[0]), "verifying")
     assert batch.run() is State.FAILED
     assert [unit.end.state for unit in batch.units] == [State.FAULT, State.PASSED]
 
 
-def test_the_result_of_a_unit_that_leaves_is_written_after_its_solver_is_done() -> None:
+def test_result_of_a_removed_unit_is_written_after_its_solver_finishes() -> None:
     batch = Batch(2)
     lost, good = batch.units
     begun, left, done = threading.Event(), threading.Event(), threading.Event()
@@ -824,7 +820,7 @@ def test_the_result_of_a_unit_that_leaves_is_written_after_its_solver_is_done() 
         return finish()
 
     def let_time_pass(seconds: float) -> None:
-        """As on hardware: samples are drained while the unit is solved."""
+        """Drain samples while the unit is solved, as on hardware."""
         if begun.is_set() and not done.is_set():
             loses_its_port(lost)()
             batch.clock.time += 0.05
@@ -847,7 +843,7 @@ def test_the_result_of_a_unit_that_leaves_is_written_after_its_solver_is_done() 
     assert (lost.code, good.end.state) == ("link.lost", State.PASSED)
 
 
-def test_a_mistake_of_the_program_leaves_the_result_of_a_unit_that_has_left() -> None:
+def test_unexpected_error_keeps_the_result_of_a_removed_unit() -> None:
     batch = Batch(2)
     lost, other = batch.units
     mistaken = threading.Event()
@@ -871,7 +867,7 @@ def test_a_mistake_of_the_program_leaves_the_result_of_a_unit_that_has_left() ->
     assert other.ends == []
 
 
-def test_a_unit_that_leaves_before_its_solver_is_warm_does_not_end_the_run() -> None:
+def test_unit_removed_before_its_solver_is_compiled_does_not_end_the_run() -> None:
     batch = Batch(3)
     first, bad, _ = batch.units
     ended, over = bad.ended, threading.Event()
@@ -889,7 +885,7 @@ def test_a_unit_that_leaves_before_its_solver_is_warm_does_not_end_the_run() -> 
 
 
 def in_turns(batch: Batch, until: float) -> None:
-    """Let the units of a batch send their frames in turns, one per tick, until a station time."""
+    """Let the units of a batch send frames alternately, one per tick, until a station time."""
 
     def alternate(unit: Member, index: int) -> Callable[[], SampleBatch]:
         read, calls = unit.imu.read, count(index)
@@ -907,7 +903,7 @@ def in_turns(batch: Batch, until: float) -> None:
         unit.imu.read = alternate(unit, index)  # type: ignore[method-assign]
 
 
-def test_units_whose_frames_arrive_in_turns_are_all_ready() -> None:
+def test_units_with_alternating_frames_all_become_ready() -> None:
     batch = Batch(2)
     for unit in batch.units:
         unit.unit = replace(unit.unit, preflight=replace(unit.unit.preflight, ready_timeout=1.5))
@@ -916,7 +912,7 @@ def test_units_whose_frames_arrive_in_turns_are_all_ready() -> None:
     assert [unit.end.state for unit in batch.units] == [State.PASSED] * 2
 
 
-def test_a_failed_self_test_is_noted_also_if_other_units_are_ready_later() -> None:
+def test_failed_self_test_is_detected_while_other_units_are_not_ready() -> None:
     batch = Batch(2)
     bad, late = batch.units
     late.imu.ready_at = 5.0
@@ -933,7 +929,7 @@ def test_a_failed_self_test_is_noted_also_if_other_units_are_ready_later() -> No
 
 
 @pytest.mark.parametrize("name", ["sigma", "judge"])
-def test_a_stop_is_obeyed_between_the_units_that_are_evaluated(name: str) -> None:
+def test_stop_takes_effect_between_evaluations_of_units(name: str) -> None:
     batch = Batch(3)
     first = batch.units[0]
     begun: list[str] = []
@@ -961,7 +957,7 @@ def moves_of(batch: Batch) -> list[str]:
 
 
 def verified_earlier(*outputs: Output | None) -> Batch:
-    """A run of units that were written before it, by kind of their output; None for one that was not."""
+    """Run units written before the run, by output type; None for a unit that was not written."""
     batch = Batch(len(outputs))
     for unit, output in zip(batch.units, outputs, strict=True):
         unit.writes = False
@@ -972,15 +968,15 @@ def verified_earlier(*outputs: Output | None) -> Batch:
     return batch
 
 
-def test_only_the_units_that_are_verified_determine_the_turns_of_the_verification() -> None:
-    """Half turns are enough where all of them are compared; full ones are needed without a comparison."""
+def test_only_verified_units_determine_the_verification_rotations() -> None:
+    """Half turns are sufficient if all units are compared; full turns are required without a comparison."""
     batch = verified_earlier(Output.ASKED, None)
     assert moves_of(batch) == moves_of(verified_earlier(Output.ASKED))
     (data,) = batch.units[0].proved
     assert not any(turned.turn.whole for turned in data.turns)
 
 
-def test_the_turns_are_full_ones_if_a_unit_is_verified_without_a_comparison() -> None:
+def test_full_turns_are_made_if_a_unit_is_verified_without_a_comparison() -> None:
     batch = verified_earlier(Output.ASKED, Output.ALWAYS)
     for unit, compared in zip(batch.units, (True, False), strict=True):
         (data,) = unit.proved

@@ -1,4 +1,4 @@
-"""Stop rules, previews and the mapping of table polls to samples."""
+"""Stop rules, previews and the assignment of polled angles to samples."""
 
 import math
 from dataclasses import replace
@@ -17,13 +17,13 @@ from calstation.sequencer.plan import StopRule, move_time, plan_time, planned
 from tests.sequencer.fakes import MODEL, RATE, UNIT, FakeClock, FakeImu, FakeTable, endless
 
 
-def test_move_time_of_a_trapezoid_and_a_triangle() -> None:
+def test_move_time_matches_trapezoidal_and_triangular_profiles() -> None:
     assert move_time((0.0, 0.0), Move(10.0, 0.0, 1.0, 1.0)) == pytest.approx(11.0)
     assert move_time((0.0, 0.0), Move(0.25, 0.0, 1.0, 1.0)) == pytest.approx(1.0)
     assert move_time((0.0, 5.0), Move(0.25, 0.0, 1.0, 1.0)) == pytest.approx(6.0)
 
 
-def test_a_plan_ends_at_its_finish() -> None:
+def test_plan_ends_at_its_finish_step() -> None:
     steps = [Prepare(), Move(1.0, 0.0, 1.0, 1.0), Dwell(5.0), Finish(), Dwell(100.0)]
     assert plan_time(steps, StopRule(), (0.0, 0.0)) == pytest.approx(2.0 + 1.5 + 5.0)
 
@@ -32,19 +32,19 @@ def test_a_plan_ends_at_its_finish() -> None:
     ("rule", "seconds"),
     [(StopRule(rounds=4), 4.0), (StopRule(duration=6.5), 7.0), (StopRule(targets={"gyro_bias": 1.0}), 1.0)],
 )
-def test_the_preview_of_an_endless_plan_ends_by_its_rule(rule: StopRule, seconds: float) -> None:
+def test_preview_of_an_unlimited_plan_ends_by_its_stop_rule(rule: StopRule, seconds: float) -> None:
     assert plan_time(endless(), rule, (0.0, 0.0)) == pytest.approx(seconds)
     last = [step for step, _ in planned(endless(), rule, (0.0, 0.0))][-1]
     assert isinstance(last, RoundEnd)
 
 
-def test_the_duration_ends_where_targets_usually_end_the_plan_but_every_step_is_planned() -> None:
+def test_planned_duration_uses_the_usual_rounds_but_all_steps_are_planned() -> None:
     rule = StopRule(rounds=5, targets={"gyro_bias": 1.0}, usual=2)
     assert plan_time(endless(), rule, (0.0, 0.0)) == pytest.approx(2.0)
     assert sum(isinstance(step, RoundEnd) for step, _ in planned(endless(), rule, (0.0, 0.0))) == 5
 
 
-def test_targets_are_parameters_or_groups() -> None:
+def test_targets_may_be_parameters_or_groups() -> None:
     assert named("accel_scale_y") == [INDEX["accel_scale_y"]]
     assert len(named("gyro_misalign")) == 6
     assert named("nonsense") == []
@@ -55,7 +55,7 @@ def test_targets_are_parameters_or_groups() -> None:
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.004, 0.03])
-def test_polled_angles_lie_on_the_sample_of_their_time(latency: float) -> None:
+def test_polled_angles_are_assigned_to_the_sample_of_their_time(latency: float) -> None:
     clock = FakeClock()
     table = FakeTable(clock)
     imu = FakeImu(clock, table)
@@ -80,7 +80,7 @@ def test_polled_angles_lie_on_the_sample_of_their_time(latency: float) -> None:
     assert np.abs(angles[polled] - truth[polled])[2:].max() < 1e-6
 
 
-def test_a_slow_poll_gives_no_angle() -> None:
+def test_slow_poll_gives_no_angle() -> None:
     clock = FakeClock()
     table = FakeTable(clock)
     blocks: list[SampleBlock] = []
@@ -91,7 +91,7 @@ def test_a_slow_poll_gives_no_angle() -> None:
     assert np.isnan(blocks[0].angles).all()
 
 
-def test_status_bits_and_gaps_are_seen() -> None:
+def test_status_bits_and_gaps_are_detected() -> None:
     clock = FakeClock()
     imu = FakeImu(clock, FakeTable(clock), ready_at=0.2)
     acquisition = Acquisition(imu, replace(UNIT, masks=StatusMasks(1, 2, 4)), clock, Stamps(), lambda block: None)
@@ -110,7 +110,7 @@ def test_status_bits_and_gaps_are_seen() -> None:
     assert not any(b for b in [acquisition.drain().count])
 
 
-def test_a_channel_at_the_end_of_its_range_invalidates_its_sample_whatever_the_status_says() -> None:
+def test_channel_at_its_range_limit_invalidates_the_sample_regardless_of_status() -> None:
     clock = FakeClock()
     imu = FakeImu(clock, FakeTable(clock))
     gravity = 9.8 / MODEL.accel_lsb
@@ -123,7 +123,7 @@ def test_a_channel_at_the_end_of_its_range_invalidates_its_sample_whatever_the_s
         assert blocks[-1].valid.any() != saturated
 
 
-def test_the_mean_shown_ignores_non_numeric_samples() -> None:
+def test_displayed_mean_ignores_non_numeric_samples() -> None:
     clock = FakeClock()
     imu = FakeImu(clock, FakeTable(clock))
     blocks: list[SampleBlock] = []
@@ -140,12 +140,12 @@ def test_the_mean_shown_ignores_non_numeric_samples() -> None:
     assert np.isnan(acquisition.recent[0]).all()
 
 
-def test_increments_become_rates() -> None:
+def test_increments_are_converted_to_rates() -> None:
     assert replace(MODEL, output="increment").count_size[0] == pytest.approx(MODEL.gyro_lsb * RATE)
     assert math.isclose(MODEL.count_size[5], MODEL.accel_lsb)
 
 
-def test_a_resumed_run_continues_after_its_last_sample() -> None:
+def test_sample_numbers_of_a_resumed_run_continue() -> None:
     clock = FakeClock()
     table = FakeTable(clock)
     blocks: list[SampleBlock] = []

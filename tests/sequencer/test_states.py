@@ -1,4 +1,4 @@
-"""The state table: no path leads where it must not."""
+"""The state machine allows only valid transitions."""
 
 import pytest
 from hypothesis import given
@@ -8,7 +8,7 @@ from calstation.sequencer.control import ENDED, TRANSITIONS, IllegalTransitionEr
 
 
 @given(st.lists(st.sampled_from(State)))
-def test_any_sequence_of_transitions_is_allowed_by_the_state_table(wishes: list[State]) -> None:
+def test_every_transition_sequence_follows_the_state_table(wishes: list[State]) -> None:
     state = State.IDLE
     for wish in wishes:
         allowed = wish in TRANSITIONS[state]
@@ -19,7 +19,7 @@ def test_any_sequence_of_transitions_is_allowed_by_the_state_table(wishes: list[
                 transition(state, wish)
 
 
-def test_every_state_can_be_reached_and_left() -> None:
+def test_every_state_can_be_entered_and_left() -> None:
     reached, front = {State.IDLE}, [State.IDLE]
     while front:
         for following in TRANSITIONS[front.pop()]:
@@ -39,5 +39,5 @@ def test_a_fault_is_latched() -> None:
     assert TRANSITIONS[State.FAULT] == {State.IDLE}
 
 
-def test_passed_only_from_running() -> None:
+def test_passed_is_reached_only_from_running() -> None:
     assert {s for s in State if State.PASSED in TRANSITIONS[s]} == {State.RUNNING}

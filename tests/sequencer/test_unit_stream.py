@@ -1,4 +1,4 @@
-"""A unit that restarts by itself, in a stage and while its output is captured."""
+"""A unit restarts unexpectedly in a stage and during a capture of its output."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,7 +18,7 @@ GAIN = 1.01
 
 
 def asked() -> Scene:
-    """A unit that streams corrected output on command."""
+    """Return a scene with a unit that streams corrected output on command."""
     scene = Scene()
     scene.unit = replace(scene.unit, corrected=Output.ASKED)
     scene.imu.gain = GAIN
@@ -26,7 +26,7 @@ def asked() -> Scene:
 
 
 def after(scene: Scene, kind: type[Event], delay: float, action: Callable[[], Any], ident: str = "") -> None:
-    """Act `delay` s after the first event of a kind."""
+    """Call `act` `delay` s after the first event of a type."""
 
     class Watched(list[Event]):
         armed = False
@@ -45,7 +45,7 @@ def messages(scene: Scene) -> list[str]:
 
 
 def turned(data: Any) -> list[float]:
-    """The measured turns, as fractions of the commanded ones."""
+    """Return the measured rotations as fractions of the commanded rotations."""
     return [float(np.linalg.norm(t.angle) / abs(t.turn.amount)) for t in data.turns]
 
 
@@ -54,7 +54,7 @@ def turned(data: Any) -> list[float]:
     "delay",
     [*(pytest.param(delay, marks=pytest.mark.exhaustive) for delay in (0.3, 2.0, 9.0, 14.0, 26.0, 32.0)), 5.0, 20.0],
 )
-def test_a_restart_during_the_capture_begins_it_again(delay: float, mute: bool) -> None:
+def test_restart_during_the_capture_repeats_the_capture(delay: float, mute: bool) -> None:
     scene = asked()
     scene.imu.mute = mute
     after(scene, Message, delay, scene.imu.restart, "verifying")
@@ -81,7 +81,7 @@ def test_a_restart_before_the_transfer_repeats_the_capture(mute: bool) -> None:
     assert messages(scene).index("look_repeated") < messages(scene).index("verifying")
 
 
-def test_repeated_restarts_are_a_fault_and_nothing_is_verified() -> None:
+def test_repeated_restarts_are_a_fault_without_a_verification() -> None:
     scene = asked()
 
     def again() -> None:
@@ -98,7 +98,7 @@ def test_repeated_restarts_are_a_fault_and_nothing_is_verified() -> None:
     assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
-def test_a_unit_that_is_never_ready_again_is_a_fault() -> None:
+def test_unit_that_is_not_ready_after_a_restart_is_a_fault() -> None:
     scene = asked()
 
     def again() -> None:
@@ -109,7 +109,7 @@ def test_a_unit_that_is_never_ready_again_is_a_fault() -> None:
     assert scene.run().error.code == "stream.restarts"
 
 
-def test_frames_lost_in_a_capture_do_not_repeat_it_and_its_output_is_requested_again() -> None:
+def test_frames_lost_in_a_capture_do_not_repeat_the_capture() -> None:
     scene = asked()
     after(scene, Message, 9.0, lambda: setattr(scene.imu, "drop", 2), "verifying")
     assert scene.run().state is State.PASSED
@@ -119,7 +119,7 @@ def test_frames_lost_in_a_capture_do_not_repeat_it_and_its_output_is_requested_a
 
 
 @pytest.mark.parametrize(("delay", "babble"), sampled(3, [0.5, 4.0, 7.0], [False, True]))
-def test_a_unit_that_streams_on_command_is_commanded_again_during_a_run(delay: float, babble: bool) -> None:
+def test_unit_that_streams_on_command_is_commanded_again_after_a_restart(delay: float, babble: bool) -> None:
     scene = Scene()
     scene.imu.mute, scene.imu.babble = True, babble
     after(scene, StageStarted, delay, scene.imu.restart)
@@ -128,7 +128,7 @@ def test_a_unit_that_streams_on_command_is_commanded_again_during_a_run(delay: f
     assert scene.imu.started[:1] == [False]
 
 
-def test_a_step_is_not_repeated_before_the_unit_is_ready() -> None:
+def test_step_is_not_repeated_before_the_unit_is_ready() -> None:
     scene = Scene()
 
     def restart() -> None:
@@ -143,7 +143,7 @@ def test_a_step_is_not_repeated_before_the_unit_is_ready() -> None:
     assert not valid[(times > scene.imu.ready_at - 29.0) & (times < scene.imu.ready_at)].any()
 
 
-def test_a_unit_switched_off_in_a_pause_streams_again_after_it() -> None:
+def test_unit_power_cycled_during_a_pause_streams_again_after_it() -> None:
     scene = Scene()
     scene.imu.mute = True
 
@@ -164,7 +164,7 @@ def test_a_unit_switched_off_in_a_pause_streams_again_after_it() -> None:
         ({"silent": True}, "stream.not_started"),
     ],
 )
-def test_a_unit_that_does_not_come_back_is_a_fault(change: dict[str, Any], code: str) -> None:
+def test_unit_that_does_not_respond_after_a_restart_is_a_fault(change: dict[str, Any], code: str) -> None:
     scene = Scene()
     scene.imu.mute = True
 
@@ -180,7 +180,7 @@ def test_a_unit_that_does_not_come_back_is_a_fault(change: dict[str, Any], code:
     assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
-def test_a_stop_does_not_wait_for_a_unit_that_does_not_answer() -> None:
+def test_stop_does_not_wait_for_an_unresponsive_unit() -> None:
     scene = Scene()
     scene.imu.mute = True
 
@@ -195,7 +195,7 @@ def test_a_stop_does_not_wait_for_a_unit_that_does_not_answer() -> None:
     assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
-def test_a_table_fault_does_not_wait_for_a_unit_that_does_not_answer() -> None:
+def test_table_fault_does_not_wait_for_an_unresponsive_unit() -> None:
     scene = Scene()
     scene.imu.mute = True
 

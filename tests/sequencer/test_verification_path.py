@@ -1,4 +1,4 @@
-"""The verification path on any table: what it excites, and that it is within travel and closed."""
+"""The verification path on any table excites all axes, stays within the travel and returns to its start."""
 
 import numpy as np
 import pytest
@@ -16,12 +16,12 @@ WIDE = JointLimits((-19.0, -19.0), (19.0, 19.0), (3.0, 3.0), (3.0, 3.0))
 
 
 def poses(path: VerificationPath) -> list[tuple[float, float]]:
-    """At each rest of a reference."""
+    """Return the pose at each rest of a reference."""
     return [path.start, *((leg.move.outer, leg.move.inner) for leg in path.legs if leg.rest)]
 
 
 def axes(path: VerificationPath, geometry: TableGeometry) -> np.ndarray:
-    """Of the turns, in the body."""
+    """Return the axes of the rotations in body axes."""
     found = []
     for number, turn in enumerate(path.turns):
         leg = next(leg for leg in path.legs if leg.turn == number)
@@ -38,7 +38,7 @@ def axes(path: VerificationPath, geometry: TableGeometry) -> np.ndarray:
     ],
 )
 @pytest.mark.parametrize("compared", [False, True])
-def test_turns_about_three_axes_and_rests_in_every_direction(
+def test_path_rotates_about_three_axes_and_rests_in_every_direction(
     outer: tuple[float, float, float], inner: tuple[float, float, float], directions: int, compared: bool
 ) -> None:
     geometry = TableGeometry(outer, inner, WIDE)
@@ -60,7 +60,7 @@ def test_turns_about_three_axes_and_rests_in_every_direction(
     tilt=st.floats(-0.5, 0.5),
     compared=st.booleans(),
 )
-def test_every_leg_is_within_travel_and_the_last_ends_at_the_start(
+def test_every_move_is_within_the_travel_and_the_path_returns_to_its_start(
     start: tuple[float, float], low: tuple[float, float], high: tuple[float, float], tilt: float, compared: bool
 ) -> None:
     bounds = (
@@ -96,6 +96,6 @@ def test_every_leg_is_within_travel_and_the_last_ends_at_the_start(
         assert apart == pytest.approx(round(apart), abs=1e-6)
 
 
-def test_gyros_of_a_small_range_are_turned_slowly() -> None:
+def test_gyros_with_a_small_range_are_rotated_slowly() -> None:
     path = verification_path((0.0, 0.0), TableGeometry(limits=WIDE), WIDE, fastest=0.5)
     assert {leg.move.rate for leg in path.legs} == {0.5}

@@ -1,4 +1,4 @@
-"""Units near their limits, calibrated on the bench: decisions are wrong as often as the results say."""
+"""Monte Carlo calibrations of units near their limits: decisions are wrong as often as predicted."""
 
 import pytest
 

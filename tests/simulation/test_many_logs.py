@@ -1,4 +1,4 @@
-"""The command that makes many logs writes short logs with all solving needed, the same for a seed."""
+"""The command that simulates many logs writes short, complete and reproducible logs."""
 
 from collections.abc import Callable
 from datetime import datetime
@@ -24,14 +24,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_log_gives_all_parameters_and_a_verdict(folder: Path) -> None:
+def test_simulated_log_gives_all_parameters_and_a_verdict(folder: Path) -> None:
     result = resolve(min(folder.glob("*.h5"))).result
     assert set(result.parameters) == set(NAMES)
     assert result.passed is not None
     assert not result.undetermined
 
 
-def test_stations_take_turns_and_the_gravity_of_one_is_wrong_since_march(folder: Path) -> None:
+def test_stations_alternate_and_one_has_wrong_gravity_since_march(folder: Path) -> None:
     metas = [open_log(path).meta for path in sorted(folder.glob("*.h5"))]
     assert len({meta.imu.serial for meta in metas}) == 12
     found = []
@@ -46,7 +46,7 @@ def test_stations_take_turns_and_the_gravity_of_one_is_wrong_since_march(folder:
     assert len({site["gravity_mps2"] for site in STATIONS.values()}) == len(STATIONS)
 
 
-def test_a_seed_gives_the_same_logs(folder: Path, tmp_path: Path) -> None:
+def test_equal_seeds_give_equal_logs(folder: Path, tmp_path: Path) -> None:
     first = min(folder.glob("*.h5"))
     record_logs(ignore_progress, tmp_path, 12, seed=3)
     again, other = sorted(tmp_path.glob("*.h5"))[:2]
@@ -54,5 +54,5 @@ def test_a_seed_gives_the_same_logs(folder: Path, tmp_path: Path) -> None:
     assert digests[0] == digests[1] != digests[2]
 
 
-def test_the_command_refuses_a_folder_with_files(calstation: Callable[..., Done], folder: Path) -> None:
+def test_folder_with_files_is_refused(calstation: Callable[..., Done], folder: Path) -> None:
     assert calstation("record", "logs", "--count", 2, "-o", folder).code == 2

@@ -1,4 +1,4 @@
-"""The study of the methods that need no table, in short; the long one is `calstation study --method`."""
+"""A short version of the study of methods without a table; the full one is `calstation study --method`."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""A synthetic history is made of result files, and its index is rebuilt from them."""
+"""A synthetic history consists of result files, and its index is rebuilt from them."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.long
-def test_the_history_is_the_same_for_a_seed_and_rebuilt_from_its_files(folder: Path, tmp_path: Path) -> None:
+def test_equal_seeds_give_equal_histories_that_are_rebuilt_from_files(folder: Path, tmp_path: Path) -> None:
     columns = History(folder).columns()
     assert len(columns.names) == RUNS
     assert History(folder).refresh() == 0
@@ -42,7 +42,7 @@ def test_the_history_is_the_same_for_a_seed_and_rebuilt_from_its_files(folder: P
 
 
 @pytest.mark.long
-def test_it_has_products_stations_operators_failures_and_repeated_units(folder: Path) -> None:
+def test_history_contains_products_stations_operators_failures_and_repeats(folder: Path) -> None:
     history = History(folder)
     choices = history.choices()
     assert (len(choices.products), len(choices.stations), len(choices.operators)) == (3, 4, 6)
@@ -51,7 +51,7 @@ def test_it_has_products_stations_operators_failures_and_repeated_units(folder: 
     assert history.count(RunFilter(search="GOLDEN-NAVA")) > 2
 
 
-def test_its_study_is_complete_and_its_drift_shows_in_the_runs_of_the_golden_unit(folder: Path) -> None:
+def test_gauge_study_is_complete_and_check_standard_runs_show_the_drift(folder: Path) -> None:
     plan = GaugePlan.load(folder / "studies" / "gauge.json")
     found = plan.values(History(folder).columns())
     assert len(found) == 30

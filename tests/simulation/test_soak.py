@@ -1,4 +1,4 @@
-"""The soak: equal plans for equal seeds, every fault in turn, and judgement by the bench's truth."""
+"""The soak test: reproducible plans, every fault in turn, and assessment by the truth of the bench."""
 
 import json
 import threading
@@ -25,13 +25,13 @@ GOOD = Planned(0, 5, faulty_unit=False, faults=())
 
 
 def judged(**changes: Any) -> Judged:
-    """A sound run without a fault."""
+    """Return a correct run without a fault."""
     run = Judged(GOOD, "passed", None, (), (), (), unsafe=False, samples=9, samples_lost=0, engine_mb=1.0,
                  parent_mb=1.0, seconds=1.0)  # fmt: skip
     return replace(run, **changes)
 
 
-def test_equal_seeds_give_equal_plans_in_which_every_fault_occurs_before_any_repeats() -> None:
+def test_plans_are_reproducible_and_use_every_fault_before_any_repeats() -> None:
     assert list(plans(30, 4)) == list(plans(30, 4)) != list(plans(30, 5))
     deck = len(STAGE_FAULTS) + len(OTHER_FAULTS)
     drawn = [fault for planned in plans(200, 4) for fault in planned.faults]
@@ -44,7 +44,7 @@ def test_equal_seeds_give_equal_plans_in_which_every_fault_occurs_before_any_rep
     assert set(KINDS) - kinds == not_in_a_soak
 
 
-def test_a_wrong_lost_unsafe_or_hung_run_makes_a_soak_unsound() -> None:
+def test_wrong_lost_unsafe_or_hung_run_fails_the_soak_test() -> None:
     assert Soak([judged()]).sound
     for bad in (
         judged(wrong=("passed with gyro_bias_x off by 7.0 sigma",)),
@@ -62,12 +62,12 @@ def test_a_wrong_lost_unsafe_or_hung_run_makes_a_soak_unsound() -> None:
 
 
 def result_of(outcome: str, **sections: Any) -> Result:
-    """A result with these sections."""
+    """Return a result with these sections."""
     needed = {"schema": "calstation.result/1", "unit": {"serial": "SN-1"}, "stages": [], "log": {"file": "a.h5"}}
     return Result.from_json({**needed, "outcome": outcome, "parameters": {}, **sections})
 
 
-def test_verdicts_are_judged_by_the_truth(tmp_path: Path) -> None:
+def test_verdicts_are_assessed_by_the_truth(tmp_path: Path) -> None:
     request = write_request(GOOD, tmp_path, ("rate", "six_position"))
     setup = resolve_configuration(request)
     truth = float(BenchConfig.model_validate(setup.bench_config()).truth().parameters[INDEX["accel_bias_x"]])
@@ -93,7 +93,7 @@ def test_verdicts_are_judged_by_the_truth(tmp_path: Path) -> None:
     assert _wrong(GOOD, request, None, "hung", ())
 
 
-def test_a_report_that_is_being_written_is_awaited(tmp_path: Path) -> None:
+def test_soak_test_waits_for_a_report_that_is_being_written(tmp_path: Path) -> None:
     report = BenchReport(enabled=False, moving=False, fault="NONE", obeyed=(), samples=1, time=1.0, flash_cycles=0)
     path = tmp_path / "report.json"
     path.write_text("{", encoding="utf-8")
@@ -103,7 +103,7 @@ def test_a_report_that_is_being_written_is_awaited(tmp_path: Path) -> None:
     writing.join()
 
 
-def test_a_run_without_a_verdict_needs_a_reason(tmp_path: Path) -> None:
+def test_run_without_a_verdict_requires_a_reason(tmp_path: Path) -> None:
     request = write_request(GOOD, tmp_path, ("rate",))
 
     def wrong(*faults: tuple[str, float | None], faulty: bool = False) -> list[str]:
@@ -117,7 +117,7 @@ def test_a_run_without_a_verdict_needs_a_reason(tmp_path: Path) -> None:
     assert not wrong(faulty=True)
 
 
-def test_a_short_soak_by_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_short_soak_test_passes_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_app(["soak", "--runs", "2", "--seed", "3", "--keep", str(tmp_path), "--json", "-"]) == 0
     output = capsys.readouterr()
     counts = json.loads(output.out)
@@ -130,7 +130,7 @@ def test_a_short_soak_by_the_command_line(tmp_path: Path, capsys: pytest.Capture
 
 @pytest.fixture(scope="module")
 def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ResolvedConfiguration]:
-    """A run with every choice of devices."""
+    """Configurations of runs with every choice of devices."""
     return {
         name: resolve_configuration(
             write_request(replace(GOOD, devices=name), tmp_path_factory.mktemp(f"devices{k}"), ("rate",))
@@ -139,14 +139,14 @@ def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ResolvedConfig
     }
 
 
-def test_only_tables_without_a_watchdog_may_keep_axes_on_after_the_engine_died(
+def test_only_tables_without_a_watchdog_may_keep_axes_on_after_a_killed_engine(
     setups: dict[str, ResolvedConfiguration],
 ) -> None:
     kept_on = {name for name, setup in setups.items() if _left_alone(setup.table)}
     assert kept_on == {"two drives", "ATL", "ACL", "MN"}
 
 
-def test_a_fault_that_a_device_cannot_have_does_not_count(setups: dict[str, ResolvedConfiguration]) -> None:
+def test_fault_that_a_device_cannot_have_is_not_counted(setups: dict[str, ResolvedConfiguration]) -> None:
     for kind, without in (
         ("watchdog_off", {"two drives", "ATL", "ACL", "MN"}),
         ("never_ready", {"VN-100"}),

@@ -1,4 +1,4 @@
-"""The study in short: few units, short schedules, every number inside its band. The long one is `calstation study`."""
+"""A short version of `calstation study`: few units, short schedules, all values within bounds."""
 
 import json
 
@@ -41,7 +41,7 @@ def outside(study: dict) -> list:
         pytest.param("mems", 3, ("full", "azimuth_flip"), marks=pytest.mark.exhaustive),
     ],
 )
-def test_errors_agree_with_their_sigmas_and_come_near_the_bound(grade, seeds, names):
+def test_errors_agree_with_their_sigmas_and_approach_the_cramer_rao_bound(grade, seeds, names):
     study = run(grade, seeds, *names)
     assert outside(study) == []
     for row in study["rows"]:
@@ -53,7 +53,7 @@ def test_errors_agree_with_their_sigmas_and_come_near_the_bound(grade, seeds, na
 
 
 @pytest.mark.exhaustive
-def test_errors_with_effects_and_their_states_agree_with_their_sigmas():
+def test_errors_with_modelled_effects_agree_with_their_sigmas():
     (row,) = run("nav", 2, "full, optional states")["rows"]
     assert row["nees"]["passed"], row["nees"]
     assert outside({"rows": [row]}) == []
@@ -61,7 +61,7 @@ def test_errors_with_effects_and_their_states_agree_with_their_sigmas():
 
 
 @pytest.mark.exhaustive
-def test_bias_instability_widens_the_bands_by_what_the_noise_explains():
+def test_bias_instability_widens_the_bounds_as_predicted():
     study = run("tactical", 2, "excitation, bias instability")
     (row,) = study["rows"]
     assert outside(study) == []
@@ -69,7 +69,7 @@ def test_bias_instability_widens_the_bands_by_what_the_noise_explains():
     assert row["groups"]["gyro_bias"]["expected"] != pytest.approx(1.0, abs=1e-3)
 
 
-def test_the_band_of_an_rms_is_that_of_correlated_normals():
+def test_rms_bounds_agree_with_correlated_normal_values():
     correlation = np.array([[1.0, 0.9], [0.9, 1.0]])
     draws = np.random.default_rng(1).multivariate_normal(np.zeros(2), correlation, (20_000, 10))
     rms = np.sqrt((draws**2).mean(axis=(1, 2)))
