@@ -15,7 +15,7 @@ from calstation.config.resolved import ResolvedConfiguration, resolve_configurat
 from calstation.physics import INDEX
 from calstation.results import Result
 from calstation.simulation.fault_plan import KINDS
-from calstation.simulation.soak_judge import Judged, _bench_report, _left_alone, _set_up, _wrong
+from calstation.simulation.soak_judge import Judged, _bench_report, _keeps_axes_on, _set_up, _wrong
 from calstation.simulation.soak_plan import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, plans, write_request
 from calstation.simulation.soak_series import Soak
 
@@ -142,7 +142,7 @@ def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ResolvedConfig
 def test_only_tables_without_a_watchdog_may_keep_axes_on_after_a_killed_engine(
     setups: dict[str, ResolvedConfiguration],
 ) -> None:
-    kept_on = {name for name, setup in setups.items() if _left_alone(setup.table)}
+    kept_on = {name for name, setup in setups.items() if _keeps_axes_on(setup.table)}
     assert kept_on == {"two drives", "ATL", "ACL", "MN"}
 
 
