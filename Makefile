@@ -2,6 +2,8 @@
 # Both set themselves up.
 PYTHON ?= python3
 VENV := .venv
+# Without compiled files every process of a test would compile its modules again.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: run test rehearse exhaustive check docs benchmarks study fuzz translations clean
 
@@ -9,8 +11,8 @@ run: $(VENV)/installed
 	$(VENV)/bin/calstation
 
 test: $(VENV)/installed-dev
-	$(VENV)/bin/python tests/compiled.py
-	$(VENV)/bin/python -m pytest -n 4 --dist worksteal $$($(VENV)/bin/python tests/without_window.py)
+	tests=$$($(VENV)/bin/python tests/without_window.py) && $(VENV)/bin/python tests/compiled.py $$tests && \
+		$(VENV)/bin/python -m pytest -n 4 --dist worksteal $$tests
 
 rehearse: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pytest -m "long and not exhaustive" -n 4 --dist worksteal

@@ -1,4 +1,4 @@
-"""Compile every kernel once for `make test`, so that test workers do not compile concurrently."""
+"""Compile kernels and test modules once for `make test`, so that test workers do not all compile them."""
 
 import subprocess
 import sys
@@ -13,5 +13,6 @@ warm_up(BenchConfig(table_protocol="gimbal"))
 
 
 if __name__ == "__main__":
-    working = [subprocess.Popen([sys.executable, "-c", code]) for code in (ESTIMATION, BENCH)]
+    commands = (["-c", ESTIMATION], ["-c", BENCH], ["-m", "pytest", "--collect-only", "--quiet", *sys.argv[1:]])
+    working = [subprocess.Popen([sys.executable, *words], stdout=subprocess.DEVNULL) for words in commands]
     sys.exit(max(process.wait() for process in working))

@@ -37,10 +37,7 @@ _PAGES: dict[str, tuple[Callable[[AppContext], Page], str]] = {
     "quality_page": (lambda app: quality.QualityPage(app), str(QT_TRANSLATE_NOOP("MainWindow", "Quality"))),
     "station_page": (lambda app: settings.StationPage(app), str(QT_TRANSLATE_NOOP("MainWindow", "Station"))),
 }
-#: Pages that must exist before a run starts, another page is shown or some time has passed; the others are created when
-#: first shown.
-_SOON = ("engineer_page", "offline_page")
-#: Time after which they are created, ms; the window has been painted by then.
+#: Time after which the Engineer page is created, ms; the window has been painted by then.
 _SOON_MS = 50
 
 
@@ -146,14 +143,13 @@ class MainWindow(QMainWindow):
         app.open_log.connect(self._open_log)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Create the other pages after the first paint."""
+        """Create the Engineer page after the first paint."""
         super().showEvent(event)
-        QTimer.singleShot(_SOON_MS, self, self.make_pages)
+        QTimer.singleShot(_SOON_MS, self, self.make_engineer_page)
 
-    def make_pages(self) -> None:
-        """Create the pages that monitor a run from its start or are used before they are shown."""
-        for name in _SOON:
-            _ = self._tabs[name].page
+    def make_engineer_page(self) -> None:
+        """Create the page that monitors a run from its start; the other pages are created when they are first shown."""
+        _ = self._tabs["engineer_page"].page
 
     @property
     def operator_page(self) -> OperatorPage:
@@ -225,7 +221,7 @@ class MainWindow(QMainWindow):
         self.app.engine_link.give_up()
 
     def _running_changed(self, running: bool) -> None:
-        self.make_pages()
+        self.make_engineer_page()
         if self._closing and not running:
             self.close()
 
@@ -260,7 +256,7 @@ class MainWindow(QMainWindow):
         if index != self._shown and not self._may_leave(partial(self.page_tabs.setCurrentIndex, index)):
             self.page_tabs.setCurrentIndex(self._shown)
             return
-        self.make_pages()
+        self.make_engineer_page()
         self._shown = index
         self._headers.setCurrentIndex(index)
         self._move_strip()
