@@ -85,14 +85,23 @@ def test_unreachable_limit_is_reported_with_the_smallest_possible_sigma(tmp_path
 @pytest.mark.parametrize(
     "table",
     [
-        (("low_deg = -1080.0", "low_deg = -170.0"), ("high_deg = 1080.0", "high_deg = 170.0")),
-        (
-            ("max_rate_dps = 120.0", "max_rate_dps = 20.0"),
-            ("max_acceleration_dps2 = 200.0", "max_acceleration_dps2 = 20.0"),
+        pytest.param(
+            (("low_deg = -1080.0", "low_deg = -170.0"), ("high_deg = 1080.0", "high_deg = 170.0")), id="short"
         ),
-        (("inner_axis = [0.0, 0.0, 1.0]", "inner_axis = [0.0, 0.6, 0.8]"),),
+        pytest.param(
+            (
+                ("max_rate_dps = 120.0", "max_rate_dps = 20.0"),
+                ("max_acceleration_dps2 = 200.0", "max_acceleration_dps2 = 20.0"),
+            ),
+            id="slow",
+            marks=pytest.mark.exhaustive,
+        ),
+        pytest.param(
+            (("inner_axis = [0.0, 0.0, 1.0]", "inner_axis = [0.0, 0.6, 0.8]"),),
+            id="oblique inner axis",
+            marks=pytest.mark.exhaustive,
+        ),
     ],
-    ids=("short travel", "slow", "oblique inner axis"),
 )
 def test_schedules_for_other_tables_run_on_the_bench(tmp_path, monkeypatch, table):
     from calstation.config import RunRequest

@@ -98,9 +98,17 @@ def wait_for(url: str, count: int) -> None:
 
 
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize("count", [LOGS, pytest.param(300, marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize(
+    ("url", "count"),
+    [
+        ("postgresql", LOGS),
+        pytest.param("sqlite", 300, marks=pytest.mark.exhaustive),
+        pytest.param("postgresql", 300, marks=pytest.mark.exhaustive),
+    ],
+    indirect=["url"],
+)
 def test_logs_are_solved_once_each_while_workers_are_killed(
-    count: int, made: Callable[[int], list[Path]], url: str
+    url: str, count: int, made: Callable[[int], list[Path]]
 ) -> None:
     logs = made(count)
     connect(url).dispose()

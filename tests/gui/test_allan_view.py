@@ -19,6 +19,8 @@ from tests.gui.conftest import Operator
 from tests.shared_runs import SharedRuns
 from tests.site_folder import PRODUCT, SiteFolder
 
+pytestmark = pytest.mark.long
+
 WAIT = 60_000
 #: Angle random walk of the bench's navigation grade, °/√h.
 WALK = 0.001

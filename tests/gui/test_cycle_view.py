@@ -17,7 +17,7 @@ from calstation.gui.text import language
 from calstation.gui.widgets import theme
 from tests.gui.conftest import RESULT, Operator
 
-pytestmark = pytest.mark.timeout(120)
+pytestmark = [pytest.mark.long, pytest.mark.timeout(120)]
 WAIT = 60_000
 #: Phases of a run, 1000 s in all, 800 s of them in stages.
 CYCLE = [

@@ -30,6 +30,8 @@ from tests.gui import design_jobs
 from tests.gui.conftest import SiteFolder
 from tests.gui.test_engineer_page import Engineer
 
+pytestmark = pytest.mark.long
+
 DESIGN_VIEW = 7
 
 
@@ -276,7 +278,6 @@ def test_designer_requires_a_motorised_table(window: Any, qtbot: Any, site_folde
         assert "needs a two-axis table with drives" in designer.says()
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
 def test_designer_fits_a_small_window_in_both_languages(designer: Designer, code: str) -> None:
     designer.window.resize(1280, 720)
@@ -310,7 +311,6 @@ def test_designer_is_operated_by_keyboard(designer: Designer) -> None:
     assert isinstance(designer.view.answer, DesignAnswer)
 
 
-@pytest.mark.long
 def test_real_search_finds_a_shorter_schedule(window: Any, qtbot: Any, site_folder: SiteFolder) -> None:
     designer = Designer(window, qtbot, site_folder).open_view()
     designer.choose("mems_c")

@@ -18,6 +18,8 @@ from calstation.gui.shell.context import AppContext
 from calstation.gui.text import language
 from tests.gui.station_driver import PIN, PageDriver, station_page
 
+pytestmark = pytest.mark.long
+
 PROFILES = 6
 
 
@@ -139,7 +141,6 @@ def test_limits_are_edited_in_display_units_and_saved_in_si(forms: FormDriver) -
     assert forms.shown("gyro scale factor", "Highest") == "1500"
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(("kind", "name"), [("products", "nav_a"), ("imus", "dsp_modbus"), ("imus", "stim300")])
 def test_opening_and_leaving_a_cell_changes_nothing(forms: FormDriver, kind: str, name: str) -> None:
     profiles = forms.page.profiles

@@ -13,6 +13,8 @@ from calstation.records import audit_path, read_audit
 from calstation.sequencer import StateChanged, Verdict
 from tests.gui.conftest import RESULT, SERIAL, Operator
 
+pytestmark = pytest.mark.long
+
 ENGINEERS = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
 PINS = {"B0001": "111111", "B0002": "222222"}
 

@@ -47,6 +47,8 @@ from calstation.sequencer.events import Fault
 from tests.gui.station_driver import PIN, PageDriver, station_page
 from tests.site_folder import STATION as STATION_DATA
 
+pytestmark = pytest.mark.long
+
 STATION, TABLE_LINK, IMU_LINK, SITE, RECORDS, TABLE, PROFILES, PERSONAL = range(8)
 LATCHED = DeviceFaultError("table.latched_interlock", fault="interlock", station_options="")
 
@@ -114,7 +116,6 @@ def test_an_operator_can_read_but_not_change_values(operator: PageDriver) -> Non
     assert not edit.isEnabled()
 
 
-@pytest.mark.long
 def test_an_operator_can_change_language_and_theme(whole: PageDriver, window: MainWindow, qtbot: QtBot) -> None:
     page_driver = whole
     page_driver.app.role.lock()
@@ -171,7 +172,6 @@ def test_saving_creates_a_version_and_keeps_comments(page_driver: PageDriver, si
     assert "Not saved" in page_driver.find(QLabel, "unsaved_label").text()
 
 
-@pytest.mark.long
 def test_shared_database_and_archive_can_be_edited(page_driver: PageDriver, site_folder: Any) -> None:
     page_driver.show_section(RECORDS)
     page_driver.type("records_database_edit", "postgresql+psycopg://station:secret@db/calstation")
@@ -323,7 +323,6 @@ def test_leaving_the_page_with_unsaved_changes_asks_for_confirmation(
     assert saved(site_folder.station)["name"] == ("line 7" if answer.startswith("save") else "test bench")
 
 
-@pytest.mark.long
 def test_closing_the_window_with_unsaved_changes_asks_for_confirmation(whole: PageDriver, window: MainWindow) -> None:
     page_driver = whole
     page_driver.type("name_edit", "line 7")
@@ -379,7 +378,6 @@ def test_connection_tests_of_the_virtual_bench_pass(page_driver: PageDriver) -> 
         assert page_driver.find(QWidget, f"{device}_test_badge").text() == "The link works"
 
 
-@pytest.mark.long
 def test_a_missing_port_is_explained_in_both_languages(page_driver: PageDriver, chinese: Callable[[], None]) -> None:
     page_driver.copy_station("line_3")
     page_driver.show_section(TABLE_LINK)
@@ -400,7 +398,6 @@ def test_a_missing_port_is_explained_in_both_languages(page_driver: PageDriver, 
     assert page_driver.page.table_link.test.report is None, "findings of other settings are removed"
 
 
-@pytest.mark.long
 def test_an_operator_can_reset_a_latched_fault(
     operator: PageDriver, site_folder: Any, monkeypatch: pytest.MonkeyPatch, chinese: Callable[[], None]
 ) -> None:
@@ -575,7 +572,6 @@ def test_files_added_outside_the_window_are_listed(page_driver: PageDriver) -> N
     assert files.findText("nav_b") >= 0
 
 
-@pytest.mark.long
 def test_clicking_a_problem_opens_its_line_in_the_text(page_driver: PageDriver) -> None:
     page_driver.show_section(PROFILES)
     profiles = page_driver.page.profiles

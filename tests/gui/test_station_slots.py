@@ -12,6 +12,8 @@ from calstation.gui.shell.context import AppContext
 from tests.gui.station_driver import PIN, station_page
 from tests.gui.test_forms import FormDriver
 
+pytestmark = pytest.mark.long
+
 STATION, IMU_LINK = 0, 2
 
 

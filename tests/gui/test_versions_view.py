@@ -16,7 +16,7 @@ from calstation.gui.text import language
 from tests.fleet.test_fleet_compare import UNITS, add, row
 from tests.gui.conftest import SiteFolder
 
-pytestmark = pytest.mark.timeout(120)
+pytestmark = [pytest.mark.long, pytest.mark.timeout(120)]
 WAIT = 60_000
 
 

@@ -8,9 +8,13 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 from calstation.messages import catalogue
 from calstation.messages.catalogue import Entry, entry, known
 from calstation.messages.rendering import COMMAND_OPTIONS
+
+pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).parents[2]
 

@@ -56,6 +56,7 @@ def test_axis_shift_on_the_bench_changes_only_its_quantity() -> None:
         assert moved == pytest.approx(shift, abs=1e-4), name
 
 
+@pytest.mark.long
 def test_charts_have_the_documented_alarm_probabilities() -> None:
     """Normal values with `BASELINE` baseline runs; documented in docs/how-to/check-standards.md."""
     values = np.random.default_rng(11).standard_normal((20_000, 3))

@@ -145,8 +145,9 @@ def command(folder: Path, product: str, seed: int, stages: str | None = None) ->
     return code, json.loads(into.read_text(encoding="utf-8"))
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("product", "seed"), sampled(12, GRADES, (1, 2, 3, 4)))
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("product", GRADES)
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_each_stage_group_passes_alone_on_a_calibrated_unit(tmp_path: Path, product: str, seed: int) -> None:
     code, result = command(tmp_path, product, seed)
     assert (code, result["partial"]) == (0, False)
