@@ -122,7 +122,7 @@ def test_schedules_for_other_tables_run_on_the_bench(tmp_path, monkeypatch, tabl
     assert ended.reason == "targets"
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_longer_duration_gives_smaller_sigmas():
     product = library.find("products", "mems_c")
     short, long = (

@@ -199,7 +199,7 @@ def test_killed_engine_is_a_fault(operator: Operator) -> None:
 
 @pytest.mark.long
 def test_closing_during_a_run_asks_for_confirmation_and_stops(operator: Operator) -> None:
-    operator.site_folder.write(ONE_STAGE)
+    operator.site_folder.write({**ONE_STAGE, "schedule": LONG_STAGE}, speed=20.0)
     operator.press("start_button")
     operator.until(operator.in_a_stage)
     operator.window.show_page("station_page")

@@ -112,9 +112,9 @@ OCTANT = np.deg2rad(45.0)
 @pytest.mark.parametrize(
     ("cause", "size", "component"),
     [
-        ("accel_cubic", 1e-5, 1),
-        pytest.param("g_sensitivity", 2e-5, 1, marks=pytest.mark.long),
-        pytest.param("gyro_cubic", 1e-3, 0, marks=pytest.mark.long),
+        pytest.param("accel_cubic", 1e-5, 1, marks=pytest.mark.long),
+        pytest.param("g_sensitivity", 2e-5, 1, marks=pytest.mark.exhaustive),
+        pytest.param("gyro_cubic", 1e-3, 0, marks=pytest.mark.exhaustive),
     ],
 )
 def test_unmodelled_effect_that_resembles_noise_is_reported(mems, cause, size, component):

@@ -129,7 +129,10 @@ def fitted(grade: str, seed: int, stages: list[str]) -> tuple[BenchTruth, FloatA
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("grade", "stages"), [("mems", ["rate", "six_position"]), ("nav", ["six_position"])])
+@pytest.mark.parametrize(
+    ("grade", "stages"),
+    [("mems", ["rate", "six_position"]), pytest.param("nav", ["six_position"], marks=pytest.mark.exhaustive)],
+)
 def test_errors_of_complete_calibrations_agree_with_their_sigmas(grade: str, stages: list[str]) -> None:
     scores = np.array([error / sigma for _, error, sigma in (fitted(grade, seed, stages) for seed in range(20))])
     assert np.abs(scores).max() < 4.0

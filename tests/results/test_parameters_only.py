@@ -55,7 +55,9 @@ def test_a_designed_run_has_the_same_parameters(tmp_path: Path) -> None:
     assert "tested" not in resolves_path(log.parent).read_text(encoding="utf-8").splitlines()[0]
 
 
-@pytest.mark.parametrize("kind", ["hand", "pair", "gimbal"])
+@pytest.mark.parametrize(
+    "kind", ["gimbal", *(pytest.param(kind, marks=pytest.mark.exhaustive) for kind in ("hand", "pair"))]
+)
 @pytest.mark.long
 def test_methods_without_a_table_have_the_same_parameters(tmp_path: Path, kind: Kind) -> None:
     make_recording(kind, tmp_path / "log.h5", "mems", 3)

@@ -81,7 +81,7 @@ def test_units_in_three_orientations_pass_and_re_solve_bit_identically(site_fold
     assert [record.slot for record in History(site_folder.folder / "runs").of(SERIALS[1])] == ["B2"]
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_result_of_the_first_unit_does_not_depend_on_the_batch(tmp_path: Path) -> None:
     results = []
     for serials in (("SN-000001", "", ""), SERIALS):
@@ -261,7 +261,7 @@ def test_unit_of_a_stopped_batch_is_resumed_alone_in_its_slot(site_folder: SiteF
     assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_lever_arms_in_different_slots_are_not_compared(site_folder: SiteFolder) -> None:
     slots = [{"name": name, "lever_m": [lever, 0.0, 0.0]} for name, lever in (("A", 0.15), ("B", -0.15))]
     site_folder.write_station(slots=slots, bench={"units": 2})
