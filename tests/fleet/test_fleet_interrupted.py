@@ -175,7 +175,7 @@ def test_a_cluster_solves_the_logs(made: Callable[[int], list[Path]], url: str, 
     processes = [subprocess.Popen(each, stderr=subprocess.DEVNULL) for each in commands]
     try:
         deadline = time.monotonic() + 60.0
-        while not file.is_file():
+        while not (file.is_file() and file.read_text().endswith("}")):  # written completely
             assert time.monotonic() < deadline
             time.sleep(0.1)
         address = json.loads(file.read_text())["address"]
