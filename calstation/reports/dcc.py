@@ -1,11 +1,10 @@
-"""Digital calibration certificate: the XML of PTB's schema 3.3.0.
+"""Digital calibration certificate: the XML of PTB's schema 3.2.0.
 
-Sources: dcc.xsd 3.3.0 (https://ptb.de/dcc), and the names of `refType` in PTB's good practice examples. Texts are in
+Sources: dcc.xsd 3.2.0 (https://ptb.de/dcc), and the names of `refType` in PTB's good practice examples. Texts are in
 English and Chinese, whatever the language of the report.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
 from functools import partial
 from itertools import compress, groupby
 
@@ -20,7 +19,7 @@ from calstation.records import InstrumentSection, context_from_meta
 from calstation.reports.content import Certificate, Quantity, arrangement
 from calstation.reports.dsi import dsi_unit, joint_list, real, real_list
 
-SCHEMA_VERSION = "3.3.0"
+SCHEMA_VERSION = "3.2.0"
 _NAMESPACES = {
     "dcc": "https://ptb.de/dcc",
     "si": "https://ptb.de/si",
@@ -82,11 +81,6 @@ def _core_data(certificate: Certificate) -> etree._Element:
     core.append(_DCC("endPerformanceDate", end.isoformat()))
     core.append(_DCC("performanceLocation", "other" if laboratory and laboratory.place else "laboratory"))
     core.append(_DCC("issueDate", certificate.issued.isoformat()))
-    if certificate.supersedes is not None:
-        change = _DCC("typeOfChange", "substituted")
-        previous = replace(certificate, revision=certificate.revision - 1).identification
-        replaced = _DCC("replacedUniqueIdentifier", _token(previous))
-        core.append(_DCC("reportAmendedSubstituted", change, replaced))
     return core
 
 
@@ -94,10 +88,16 @@ def _items(certificate: Certificate) -> Iterable[etree._Element]:
     product = certificate.meta.product
     model = [_DCC("model", _token(product.name))] if product is not None else []
     serial = _identification("manufacturer", certificate.result.serial, "serial")
-    yield _DCC("item", _name("unit"), *model, _DCC("identifications", serial))
+    yield _DCC("item", _name("unit"), _unknown_manufacturer(), *model, _DCC("identifications", serial))
     for number, imu in certificate.meta.secondaries.items():
         serial = _identification("manufacturer", imu.serial, "serial")
-        yield _DCC("item", _name("secondary", number=number), _DCC("identifications", serial))
+        name = _name("secondary", number=number)
+        yield _DCC("item", name, _unknown_manufacturer(), _DCC("identifications", serial))
+
+
+def _unknown_manufacturer() -> etree._Element:
+    """Return the required manufacturer of an item, which no file of the station states."""
+    return _DCC("manufacturer", _name("not_stated"))
 
 
 def _calibration_laboratory(certificate: Certificate) -> etree._Element:

@@ -1,6 +1,6 @@
-"""Quantities in PTB's D-SI format 2.2.1: units, values, expanded uncertainties and covariance.
+"""Quantities in PTB's D-SI format 2.1.0: units, values, expanded uncertainties and covariance.
 
-Source: SI_Format.xsd 2.2.1 (https://ptb.de/si).
+Source: SI_Format.xsd 2.1.0 (https://ptb.de/si).
 """
 
 import math
@@ -45,13 +45,13 @@ def real(value: float, unit: str, sigma: float | None = None) -> etree._Element:
     element = _SI("real", _SI("value", _number(value)), _SI("unit", unit))
     if sigma is not None:
         expanded = _SI(
-            "expandedMU",
-            _SI("valueExpandedMU", _number(COVERAGE_FACTOR * sigma)),
+            "expandedUnc",
+            _SI("uncertainty", _number(COVERAGE_FACTOR * sigma)),
             _SI("coverageFactor", _number(COVERAGE_FACTOR)),
             _SI("coverageProbability", _PROBABILITY),
             _SI("distribution", "normal"),
         )
-        element.append(_SI("measurementUncertaintyUnivariate", expanded))
+        element.append(expanded)
     return element
 
 
@@ -80,13 +80,13 @@ def real_list(
     expanded = _numbers(COVERAGE_FACTOR * sigma for sigma in sigmas)
     if expanded:
         uncertainty = _SI(
-            "expandedMUXMLList",
-            _SI("valueExpandedMUXMLList", expanded),
+            "expandedUncXMLList",
+            _SI("uncertaintyXMLList", expanded),
             _SI("coverageFactorXMLList", _number(COVERAGE_FACTOR)),
             _SI("coverageProbabilityXMLList", _PROBABILITY),
             _SI("distributionXMLList", "normal"),
         )
-        listed.append(_SI("measurementUncertaintyUnivariateXMLList", uncertainty))
+        listed.append(uncertainty)
     return listed
 
 

@@ -14,7 +14,7 @@ from lxml import etree
 from calstation.physics import FloatArray
 
 NAMES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
-#: Folder with `dcc.xsd` 3.3.0 and what it imports, for computers without access to ptb.de.
+#: Folder with `dcc.xsd` 3.2.0 and what it imports, for computers without access to ptb.de.
 SCHEMAS = "CALSTATION_DCC_SCHEMAS"
 
 
@@ -41,7 +41,7 @@ def read_dcc(xml: bytes) -> Reading:
     return Reading(
         values=listed(parameters, "si:valueXMLList"),
         units=labelled(parameters, "si:unitXMLList"),
-        expanded=listed(parameters, ".//si:valueExpandedMUXMLList"),
+        expanded=listed(parameters, ".//si:uncertaintyXMLList"),
         as_found=listed(remaining.get("beforeAdjustment"), "si:valueXMLList"),
         as_left=listed(remaining.get("afterAdjustment"), "si:valueXMLList"),
         decisions=labelled(parameters, "../dcc:measurementMetaData//dcc:conformityXMLList"),
@@ -87,14 +87,14 @@ def schema() -> etree.XMLSchema:
 
     if SCHEMAS in os.environ:
         return etree.XMLSchema(etree.parse(Path(os.environ[SCHEMAS]) / "dcc.xsd"))
-    if not (CACHE_DIR_PATH / "3.3.0" / "dcc.xsd").exists():
+    if not (CACHE_DIR_PATH / "3.2.0" / "dcc.xsd").exists():
         try:
             socket.create_connection(("ptb.de", 443), timeout=10.0).close()
         except OSError:
             pytest.skip(
                 f"the schema of the DCC cannot be downloaded from ptb.de, and {SCHEMAS} names no folder with it"
             )
-    return etree.XMLSchema(etree.parse(get_schema_path("3.3.0")))
+    return etree.XMLSchema(etree.parse(get_schema_path("3.2.0")))
 
 
 def broken_rules(xml: bytes) -> list[str]:

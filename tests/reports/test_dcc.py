@@ -176,7 +176,8 @@ def test_laboratory_instruments_and_revision_have_their_elements(certificates: M
 
     assert text("//dcc:countryCodeISO3166_1") == ["CN"]
     assert text("//dcc:uniqueIdentifier") == [f"{revised.number}-R1"]
-    assert text("//dcc:replacedUniqueIdentifier") == [revised.number]
+    (replaced,) = text("//dcc:statement[dcc:name/dcc:content='Superseded certificate']/dcc:declaration/dcc:content")
+    assert revised.supersedes in replaced
     assert text("//dcc:customer/dcc:name/dcc:content") == ["Pilots & Sons <Ltd>"]
     assert text("//dcc:respPerson/dcc:role") == ["Head of laboratory"]
     assert text("//dcc:respPerson//dcc:content") == ["A. Weber", "李娜"]
