@@ -4,7 +4,6 @@ import hashlib
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,8 +12,7 @@ from calstation.database import archive_log
 from calstation.database.archive import copy_to
 from calstation.errors import InputError
 from tests.helpers import ignore_progress
-
-moto_server = pytest.importorskip("moto.server", reason="the package moto[server] is not installed")
+from tests.s3 import bucket as bucket
 
 CONTENT = bytes(range(256)) * 100_000  # 25.6 MB: S3 takes it in several parts
 DIGEST = hashlib.sha256(CONTENT).hexdigest()
@@ -63,22 +61,6 @@ def archive(tmp_path: Path) -> Path:
     made = tmp_path / "share"
     made.mkdir()
     return made
-
-
-@pytest.fixture
-def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    import s3fs
-
-    server = moto_server.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    server.start()
-    host, port = server.get_host_and_port()
-    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
-    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "station")
-    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
-    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
-    s3fs.S3FileSystem(skip_instance_cache=True).mkdir("calibration-logs")
-    yield "s3://calibration-logs/plant-2"
-    server.stop()
 
 
 def archived(folder: Path) -> list[str]:

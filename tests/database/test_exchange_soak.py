@@ -6,7 +6,6 @@ makes it an hour long, with outages of up to 12 s and pauses that are 10 times s
 """
 
 import hashlib
-import itertools
 import json
 import multiprocessing
 import os
@@ -20,13 +19,14 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from sqlalchemy import Engine, create_engine, event, select, text
+from sqlalchemy import create_engine, select, text
 from sqlalchemy.pool import NullPool
 
 from calstation.database import Exchange, read_state, solutions, upgrade, watch
 from calstation.records.files import take
 from calstation.results import resolve
 from calstation.simulation import record_logs
+from tests.database.killed import is_killed_at
 from tests.database.result_files import in_database, in_index, write_result
 from tests.helpers import ignore_progress
 
@@ -236,7 +236,7 @@ def test_two_stations_and_a_fleet_job_survive_random_outages(postgres, shared_da
 
 
 def is_settled(folder: Path, other: Path, runs: int) -> bool:
-    """Whether a station has all runs, nothing waits, and it is told once that the other one has claimed its unit."""
+    """Whether a station has all runs, nothing waits, and a claim of the other station has been reported once."""
     state = read_state(folder)
     told = [claim.station for claim in state.claims if claim.serial == "SN-77"]
     waits = (state.pending, state.logs_pending, state.error, state.archive_error, state.refusal)
@@ -246,26 +246,6 @@ def is_settled(folder: Path, other: Path, runs: int) -> bool:
 def _rows(server, database: str, query: str) -> list[list[str]]:
     lines = str(server.execute(f"SELECT {query}", database)).splitlines()
     return [line.split("|") for line in lines]
-
-
-def dies_at(number: int, folder: Path, url: str) -> bool:
-    """Exchange a folder in a process that dies at the statement or commit with a number, before or after it.
-
-    Returns False if there are fewer.
-    """
-    pid = os.fork()
-    if pid == 0:
-        count = itertools.count(1)
-
-        def step(*_: object) -> None:
-            if next(count) == number:
-                os._exit(9)
-
-        for name in ("before_cursor_execute", "after_cursor_execute", "commit"):
-            event.listen(Engine, name, step)
-        Exchange(folder, url, folder.name).exchange()
-        os._exit(0)
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 9
 
 
 @pytest.mark.parametrize(
@@ -292,7 +272,7 @@ def test_process_killed_at_any_statement_loses_and_repeats_no_run(
         step += stride
         for folder in folders:
             write_result(folder, f"{folder.name}{step:04d}", step)
-        died = dies_at(step, one, url)
+        died = is_killed_at(step, lambda: Exchange(one, url, one.name).exchange())
         for folder in (one, two, one):
             exchange = Exchange(folder, url, folder.name)
             exchange.exchange()

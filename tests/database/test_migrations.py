@@ -1,10 +1,10 @@
 """The migrations create exactly the declared tables on PostgreSQL and SQLite, and can be reverted."""
 
-import itertools
 import multiprocessing
 import os
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,13 +12,14 @@ from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.config import Config
 from alembic.migration import MigrationContext
-from sqlalchemy import Engine, create_engine, event, inspect, select, text
+from sqlalchemy import create_engine, inspect, select, text
 
 from calstation.cli.app import run_app
 from calstation.database import connect, upgrade
 from calstation.database import connect as connect_function
 from calstation.database.tables import metadata, revisions
 from calstation.errors import ConfigurationError
+from tests.database.killed import is_killed_at
 from tests.helpers import raises_code
 from tests.postgres import DATABASES, OWNER
 
@@ -56,30 +57,13 @@ def test_migrations_create_the_declared_tables(url: str, capsys: pytest.CaptureF
     engine.dispose()
 
 
-def dies_at(number: int, url: str) -> bool:
-    """Create the tables in a process that is killed before statement `number`; return False if there are fewer."""
-    pid = os.fork()
-    if pid == 0:
-        count = itertools.count(1)
-
-        def step(*_: object) -> None:
-            if next(count) == number:
-                os._exit(9)
-
-        for name in ("before_cursor_execute", "commit"):
-            event.listen(Engine, name, step)
-        connect(url)
-        os._exit(0)
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 9
-
-
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 @pytest.mark.parametrize("stride", [17, pytest.param(1, marks=pytest.mark.exhaustive)])
 def test_process_killed_while_creating_tables_leaves_a_usable_file(tmp_path: Path, stride: int) -> None:
     number, died = stride, True
     while died:
         url = f"sqlite:///{tmp_path / f'{number}.sqlite'}"
-        died = dies_at(number, url)
+        died = is_killed_at(number, partial(connect, url))
         engine = connect(url)
         with engine.connect() as connection:
             assert compare_metadata(MigrationContext.configure(connection), metadata) == []

@@ -20,25 +20,7 @@ from calstation.fleet import FleetRequest, FleetSummary, resolve_fleet, task
 from calstation.fleet.sources import StoredLog, find_logs
 from calstation.fleet.store import Wanted
 from tests.helpers import raises_code
-
-
-@pytest.fixture
-def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """URL of an S3 bucket."""
-    import s3fs
-
-    moto_server = pytest.importorskip("moto.server", reason="the package moto[server] is not installed")
-    server = moto_server.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    server.start()
-    host, port = server.get_host_and_port()
-    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
-    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "station")
-    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
-    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
-    s3fs.S3FileSystem(skip_instance_cache=True).mkdir("fleet-logs")
-    yield "s3://fleet-logs/plant-2"
-    s3fs.S3FileSystem.clear_instance_cache()
-    server.stop()
+from tests.s3 import bucket as bucket
 
 
 @pytest.fixture

@@ -111,10 +111,10 @@ def test_preview_gives_time_and_positions_but_no_sigmas(rig: Rig) -> None:
     assert len(planned.positions) == 20
     assert np.allclose(np.linalg.norm(planned.positions, axis=1), 1.0)
     assert planned.positions[0] == (0.0, 0.0, 1.0)
-    foretold = compute_preview(no_progress, rig.request())
-    assert foretold.stages[0].end == pytest.approx(planned.stages[0].duration)
-    assert foretold.stages[0].error == Text("preview.manual_motion")
-    assert np.abs(foretold.inner).max() == pytest.approx(2.0 * np.pi)
+    previewed = compute_preview(no_progress, rig.request())
+    assert previewed.stages[0].end == pytest.approx(planned.stages[0].duration)
+    assert previewed.stages[0].error == Text("preview.manual_motion")
+    assert np.abs(previewed.inner).max() == pytest.approx(2.0 * np.pi)
     assert schedule_options(rig.station, rig.product).offered == ("multi_position",)
 
 
