@@ -136,11 +136,11 @@ class Sequencer:
         drive, emit = self._drive, self._context.emit
         duration = plan_time(stage.steps(), stage.rule, drive.runner.position(), self._context.task.settle)
         count = self._solved_before + len(self._context.task.stages)
+        self._context.control.check_cancelled()  # a late END_STAGE of the previous stage has no effect
+        self._context.control.ending_stage = False
         emit(StageStarted(stage.name, index, count, duration, stage.rule.repeated))
         logger.info("stage %s begins", stage.name)
         self._compute_for_each(lambda unit: _solving(unit).start(stage.name))
-        self._context.control.check_cancelled()  # a late END_STAGE of the previous stage has no effect
-        self._context.control.ending_stage = False
         drive.stamps.stage = stage.name
         drive.runner.begin_stage()
         try:

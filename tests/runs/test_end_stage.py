@@ -46,6 +46,19 @@ def test_repeated_stages_end_after_the_current_move_and_are_solved(tmp_path: Pat
     assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
 
 
+def test_end_requested_as_soon_as_the_stage_has_started_is_not_lost(tmp_path: Path) -> None:
+    site_folder = SiteFolder(tmp_path)
+    site_folder.write({"schedule": SCHEDULE, "stages": ["azimuth_flip"]})
+
+    def end_at_once(event: Event) -> None:
+        if isinstance(event, StageStarted):
+            site_folder.control.send(Command.END_STAGE)
+
+    site_folder.run(on_event=end_at_once)
+    ended = [e for e in site_folder.events if isinstance(e, StageEnded)]
+    assert [(e.reason, e.rounds) for e in ended] == [("operator", 0)]
+
+
 def test_key_in_the_terminal_ends_a_stage(tmp_path: Path) -> None:
     site_folder = SiteFolder(tmp_path)
     site_folder.write({"schedule": SCHEDULE, "stages": ["azimuth_flip"]}, speed=20.0)
@@ -55,12 +68,16 @@ def test_key_in_the_terminal_ends_a_stage(tmp_path: Path) -> None:
     with subprocess.Popen(command, stdin=terminal, stderr=subprocess.PIPE, text=True) as running:
         assert running.stderr is not None
         said = ""
-        for line in running.stderr:
-            said += line
-            if "to end 'azimuth_flip' after the current move" in said:
-                os.write(keyboard, b"e\n")
-                break
-        said += running.stderr.read()
+        try:
+            for line in running.stderr:
+                said += line
+                if "to end 'azimuth_flip' after the current move" in said:
+                    os.write(keyboard, b"e\n")
+                    break
+            said += running.stderr.read()
+            running.wait()
+        finally:
+            running.kill()  # the stage has no end of its own
     os.close(keyboard)
     os.close(terminal)
     assert running.returncode in (0, 1), said
