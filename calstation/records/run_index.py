@@ -337,15 +337,21 @@ class RunIndex:
         products, stations, operators = (tuple(sorted({row[k] for row in rows if row[k]})) for k in range(3))
         return RunChoices(products, stations, operators, first or "")
 
-    def of(self, serial: str, verdicts: tuple[str, ...] | None = None, before: str | None = None) -> list[IndexedRun]:
-        """Return the runs of a unit, latest first, filtered by verdicts and by start before a time (ISO 8601)."""
+    def of(
+        self,
+        serial: str,
+        verdicts: tuple[str, ...] | None = None,
+        before: str | None = None,
+        limit: int | None = None,
+    ) -> list[IndexedRun]:
+        """Return at most `limit` runs of a unit, latest first, by verdicts and by start before a time (ISO 8601)."""
         query = select(_runs).where(_runs.c.serial == serial)
         if verdicts is not None:
             query = query.where(_runs.c.verdict.in_(verdicts))
         if before is not None:
             query = query.where(_runs.c.started_utc < before)
         query = query.order_by(_runs.c.started_utc.desc(), _runs.c.name.desc())
-        return self._found(query)
+        return self._found(query.limit(limit))
 
     def attempts(self, serial: str) -> int:
         """Return the number of runs started for a unit; a resumed run counts once."""

@@ -160,9 +160,9 @@ class History:
             values = {**run.values, **values}
         return values
 
-    def solved(self, serial: str) -> list[IndexedRun]:
-        """Return the unit's solved runs with their values, the oldest first."""
-        return self._ask(lambda: self._index.of(serial, _SOLVED))[::-1]
+    def solved(self, serial: str, limit: int) -> list[IndexedRun]:
+        """Return the unit's solved runs with their values, at most the latest `limit`, the oldest first."""
+        return self._ask(lambda: self._index.of(serial, _SOLVED, limit=limit))[::-1]
 
     def _ask(self, question: Callable[[], T]) -> T:
         answer = question()

@@ -47,8 +47,11 @@ from calstation.physics import display
 from calstation.records import IndexedRun, RunRecord
 from calstation.results import Result
 
-#: Maximum numbers of failed checks listed, of runs in the trend, and of dates on its axis.
-_MAX_FAILED, _MAX_RUNS, _MAX_DATES = 8, 30, 4
+#: Maximum number of runs in the trend.
+MAX_TREND = 30
+
+#: Maximum numbers of failed checks listed, and of dates on the axis of the trend.
+_MAX_FAILED, _MAX_DATES = 8, 4
 #: Vertical margin of the trend as a fraction of its range, and space for the first and last date per run.
 _MARGIN, _DATE_MARGIN = 0.1, 0.06
 
@@ -88,7 +91,7 @@ class Trend(QWidget):
 
     def show_runs(self, runs: Sequence[IndexedRun], selected: str, limits: Mapping[str, tuple[float, float]]) -> None:
         """Show a unit's solved runs, oldest first, with the run `selected` enlarged, and the parameter limits, SI."""
-        self._runs, self._selected, self._limits = tuple(runs[-_MAX_RUNS:]), selected, limits
+        self._runs, self._selected, self._limits = tuple(runs), selected, limits
         wanted = self._combo.currentData()
         found = dict.fromkeys(name for run in self._runs for name in run.values)
         names = ordered(found)

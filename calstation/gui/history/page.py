@@ -11,7 +11,7 @@ from calstation.config import computer_user
 from calstation.database import export_shared_runs, fetch_log, fetch_result, load_shared_results, note_use
 from calstation.errors import InputError
 from calstation.gui.history.comparison import MAX_COMPARED, RunComparison
-from calstation.gui.history.details import Actions, RunDetails
+from calstation.gui.history.details import MAX_TREND, Actions, RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
 from calstation.gui.history.versions_view import VersionsView
@@ -194,7 +194,7 @@ class HistoryPage(Page):
     def _show_details(self, run: RunRecord | None) -> None:
         self.details.setVisible(run is not None)
         if run is not None:
-            self.details.show_run(run, _result(run), self._history().solved(run.serial), self._actions())
+            self.details.show_run(run, _result(run), self._history().solved(run.serial, MAX_TREND), self._actions())
             try:
                 self.details.resolves.show_records(self._history().resolves(run.log), None)
             except InputError as error:

@@ -83,8 +83,9 @@ class RunTable(QTableWidget):
             self._share_width()
 
     def _fill_rows(self) -> None:
+        products = {product: product_text(product) for product in {run.product or "" for run in self.runs}}
         for number, run in enumerate(self.runs):
-            self._fill(number, run)
+            self._fill(number, run, products[run.product or ""])
 
     def _refresh(self) -> None:
         headings = (
@@ -105,12 +106,12 @@ class RunTable(QTableWidget):
         if self.runs:
             self.show_runs(self.runs)
 
-    def _fill(self, number: int, run: RunRecord) -> None:
+    def _fill(self, number: int, run: RunRecord, product: str) -> None:
         texts = (
             term("badge", run.badge),
             run.serial,
             local_time(run.started_utc),
-            product_text(run.product or ""),
+            product,
             str(run.attempt),
             run.operator or "",
             duration_text(run.duration),

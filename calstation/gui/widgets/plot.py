@@ -108,7 +108,8 @@ class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
         self.menu = PlotMenu(self, self.write_csv)
         for side in ("left", "bottom"):
             axis = self.getAxis(side)
-            axis.setStyle(tickFont=theme.font())
+            # lines of a third level of ticks would take half of the time of drawing
+            axis.setStyle(tickFont=theme.font(), maxTickLevel=1)
             axis.label.setFont(theme.font())
             axis.enableAutoSIPrefix(False)
         self.apply_theme()
