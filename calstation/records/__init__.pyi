@@ -31,6 +31,13 @@ from .files import locked as locked
 from .files import sync_folder as sync_folder
 from .files import take as take
 from .files import write_atomic as write_atomic
+from .indexed_run import Categories as Categories
+from .indexed_run import IndexedRun as IndexedRun
+from .indexed_run import RunChoices as RunChoices
+from .indexed_run import RunColumns as RunColumns
+from .indexed_run import RunFilter as RunFilter
+from .indexed_run import RunRecord as RunRecord
+from .indexed_run import verdict_of as verdict_of
 from .laboratory import Day as Day
 from .laboratory import InstrumentSection as InstrumentSection
 from .laboratory import LaboratorySection as LaboratorySection
@@ -93,13 +100,6 @@ from .resolves import ResolveRecord as ResolveRecord
 from .resolves import append_resolve as append_resolve
 from .resolves import read_resolves as read_resolves
 from .resolves import resolves_path as resolves_path
-from .run_index import Categories as Categories
-from .run_index import IndexedRun as IndexedRun
-from .run_index import RunChoices as RunChoices
-from .run_index import RunColumns as RunColumns
-from .run_index import RunFilter as RunFilter
 from .run_index import RunIndex as RunIndex
-from .run_index import RunRecord as RunRecord
 from .run_index import from_columns as from_columns
 from .run_index import to_columns as to_columns
-from .run_index import verdict_of as verdict_of

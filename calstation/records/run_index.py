@@ -5,12 +5,11 @@ import math
 import secrets
 import sqlite3
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -42,7 +41,8 @@ from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
 from calstation.errors import ConfigurationError
-from calstation.physics import BoolArray, FloatArray, IntArray
+from calstation.physics import FloatArray
+from calstation.records.indexed_run import Categories, IndexedRun, RunChoices, RunColumns, RunFilter, RunRecord
 
 #: Version of the table layout; an index of another version is rebuilt.
 _VERSION = 14
@@ -69,138 +69,6 @@ _DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 _OF_TABLE = "table."
 
 T = TypeVar("T")
-
-
-def verdict_of(outcome: str, *, partial: bool) -> str:
-    """Return the verdict of a run: its outcome, or ``partial`` for a partial run that passed."""
-    return "partial" if partial and outcome == "passed" else outcome
-
-
-@dataclass(frozen=True)
-class RunRecord:
-    """A run in the index. For a run of another folder, `log` does not exist and `result` is None."""
-
-    serial: str
-    started_utc: str  #: ISO 8601.
-    outcome: str  #: ``passed``, ``failed``, ``stopped``, ``fault`` or ``incomplete``.
-    attempt: int
-    product: str | None
-    station: str | None
-    operator: str | None
-    stages: tuple[str, ...]  #: Stages that were solved.
-    log: Path
-    result: Path | None  #: None if there is no result.
-    duration: float  #: Duration of the samples, s.
-    error: str | None = None  #: Cause of a fault or a stop.
-    resumed_from: str | None = None  #: Name of the log that this run continued; None for a new run.
-    closed: bool = False  #: Whether an operator decided not to resume the run.
-    partial: bool = False  #: Whether the run omitted stages of its product.
-    released: bool = False  #: Whether an engineer released the unit although it failed.
-    check_standard: bool = False  #: Whether the unit was a check standard of the product instead of a production unit.
-    origin: str = ""  #: Outbox of the folder that contains the run; "" for a run of this folder.
-    location: str | None = None  #: Location of the log of a run of another folder: a URL or ``host:path``.
-    batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
-    slot: str | None = None  #: Name of the unit's slot on the table.
-
-    @property
-    def verdict(self) -> str:
-        """The outcome, or ``partial`` for a partial run that passed."""
-        return verdict_of(self.outcome, partial=self.partial)
-
-    @property
-    def badge(self) -> str:
-        """The verdict as displayed in the window: ``released`` for a failed run whose unit was released."""
-        return "released" if self.released else self.verdict
-
-
-@dataclass(frozen=True)
-class IndexedRun:
-    """A row of the index."""
-
-    name: str  #: File name of the log without suffix, the key.
-    stamp: str  #: Stamp of the files from which the row was read.
-    record: RunRecord
-    values: Mapping[str, float]  #: Solved values by parameter, SI.
-    sigmas: Mapping[str, float]  #: Their standard deviations, SI.
-    failed_checks: tuple[str, ...] = ()  #: Names of the checks that failed; empty for a run without a verdict.
-    #: Quantities of the table's geometry by name with their standard deviations, rad.
-    table: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Categories(Generic[T]):
-    """A column with repeated values: the distinct values, and the index for each row."""
-
-    values: tuple[T, ...]  #: The distinct values.
-    codes: IntArray  #: Index of the value of each row, shape (n,).
-
-    @classmethod
-    def of(cls, column: Sequence[T]) -> "Categories[T]":
-        """Return a column of hashable values."""
-        known = {value: code for code, value in enumerate(dict.fromkeys(column))}
-        return cls(tuple(known), np.array([*map(known.__getitem__, column)], dtype=np.int64))
-
-    def __getitem__(self, row: int) -> T:
-        return self.values[int(self.codes[row])]
-
-    def take(self, rows: IntArray) -> "Categories[T]":
-        """Return the column for some rows."""
-        return Categories(self.values, self.codes[rows])
-
-    def among(self, wanted: Collection[T]) -> BoolArray:
-        """Return whether the value of each row is one of `wanted`, shape (n,)."""
-        flags = np.zeros(len(self.values), dtype=bool)
-        flags[[self._known[value] for value in wanted if value in self._known]] = True
-        return flags[self.codes]
-
-    @cached_property
-    def _known(self) -> Mapping[T, int]:
-        return {value: code for code, value in enumerate(self.values)}
-
-
-@dataclass(frozen=True)
-class RunColumns:
-    """Runs in columns, the oldest first, for statistics of many runs; the arrays have shape (n,)."""
-
-    names: tuple[str, ...]  #: File names of the logs without suffix.
-    serials: Categories[str]
-    started: FloatArray  #: Start, s since 1970 in UTC to a millisecond.
-    verdicts: Categories[str]
-    products: Categories[str | None]
-    stations: Categories[str | None]
-    operators: Categories[str | None]
-    partial: BoolArray  #: Whether the run omitted stages of its product.
-    check_standard: BoolArray  #: Whether the unit was a check standard.
-    failed_checks: Categories[tuple[str, ...]]  #: As in `IndexedRun`.
-    values: Mapping[str, FloatArray]  #: Solved values by parameter, SI; NaN if a run has none.
-    sigmas: Mapping[str, FloatArray]  #: Their standard deviations, SI.
-    table: Mapping[str, FloatArray]  #: Quantities of the table's geometry by name, rad; NaN if a run has none.
-    table_sigmas: Mapping[str, FloatArray]  #: Their standard deviations, rad.
-
-
-@dataclass(frozen=True)
-class RunFilter:
-    """Conditions for runs, all of which must hold; "" means no condition."""
-
-    search: str = ""  #: Part of a serial number, file name, product, station, operator or batch.
-    verdict: str = ""
-    product: str = ""
-    station: str = ""
-    operator: str = ""
-    since: str = ""  #: Earliest start, ISO 8601 in UTC without an offset.
-    before: str = ""  #: Upper limit of the start, exclusive, in the same format.
-    names: tuple[str, ...] = ()  #: File names of the logs without suffix; () means no condition.
-    batch: str = ""
-
-
-@dataclass(frozen=True)
-class RunChoices:
-    """The values that occur in the runs of a folder, sorted, and their earliest start, "" without runs."""
-
-    products: tuple[str, ...] = ()
-    stations: tuple[str, ...] = ()
-    operators: tuple[str, ...] = ()
-    first_utc: str = ""
 
 
 _RECORD = TypeAdapter(RunRecord)

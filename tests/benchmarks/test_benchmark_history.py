@@ -11,7 +11,8 @@ import pytest
 from calstation.config import library, load_product
 from calstation.physics.parameters import NAMES
 from calstation.quality import cusum_chart, ewma_chart, individuals_chart, summarise_quality
-from calstation.records.run_index import IndexedRun, RunFilter, RunIndex, RunRecord
+from calstation.records.indexed_run import IndexedRun, RunFilter, RunRecord
+from calstation.records.run_index import RunIndex
 
 COUNT, LISTED = 100_000, 300
 BEGIN = datetime(2020, 1, 1, tzinfo=UTC)

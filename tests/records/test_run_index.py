@@ -13,7 +13,8 @@ import pytest
 from sqlalchemy import event
 
 from calstation.errors import ConfigurationError
-from calstation.records.run_index import FILE, IndexedRun, RunChoices, RunFilter, RunIndex, RunRecord, verdict_of
+from calstation.records.indexed_run import IndexedRun, RunChoices, RunFilter, RunRecord, verdict_of
+from calstation.records.run_index import FILE, RunIndex
 from tests.helpers import raises_code
 
 BEGIN = datetime(2026, 11, 1, tzinfo=UTC)

@@ -9,9 +9,9 @@ import pytest
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.records.convert import partial_path
+from calstation.records.indexed_run import RunFilter
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.records.run_index import RunFilter
 from calstation.results.history import History
 from calstation.results.offline import export_runs
 from calstation.results.result import load_result

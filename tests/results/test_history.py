@@ -13,9 +13,10 @@ import pytest
 
 from calstation.errors import InputError
 from calstation.records.files import take
+from calstation.records.indexed_run import IndexedRun, RunFilter
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.records.run_index import FILE, IndexedRun, RunFilter, RunIndex
+from calstation.records.run_index import FILE, RunIndex
 from calstation.results import history as history_module
 from calstation.results.history import History, refresh_history
 from calstation.runs.incomplete import recover_startup
