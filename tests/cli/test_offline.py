@@ -105,12 +105,12 @@ def test_improvement_is_relative_to_the_output_without_registers(
 ) -> None:
     checks = '[product]\nname = "p"\n[product.checks.improvement_at_rest]\nbelow = 0.5\n'
     registers = "[registers]\n" + "".join(f"accel_scale_{axis} = 1e-3\n" for axis in "xyz")
-    told = []
+    improvements = []
     for meta in (META.replace("accel_lsb = 1e-6", "accel_lsb = 1.001e-6") + checks, META + registers + checks):
         result = calstation("resolve", write_log(tmp_path, six_position_rows(), meta=meta), "--json", "-").json
-        told += [c["value"] for c in result["checks"] if c["name"] == "improvement_at_rest"]
-    assert told[0] < 0.1
-    assert told[1] == pytest.approx(told[0], rel=0.01)
+        improvements += [c["value"] for c in result["checks"] if c["name"] == "improvement_at_rest"]
+    assert improvements[0] < 0.1
+    assert improvements[1] == pytest.approx(improvements[0], rel=0.01)
 
 
 def test_debug_shows_a_traceback(calstation: Callable[..., Done], tmp_path: Path) -> None:

@@ -93,7 +93,7 @@ def imu() -> Iterator[str]:
         yield port
 
 
-# Nothing is told to what is no table
+# A device that is not a table receives no command
 
 
 @needs_terminals
@@ -153,7 +153,7 @@ def test_stop_request_ends_identification(tmp_path: Path, imu: str) -> None:
     verdict = events[-1]
     assert isinstance(verdict, Verdict)
     assert verdict.outcome == "stopped"
-    assert set(others) == {1}, "further numbers were asked behind Stop"
+    assert set(others) == {1}, "further numbers were asked after Stop"
 
 
 @pytest.mark.parametrize("work", [reset_table, read_table])

@@ -90,7 +90,7 @@ def test_table_of_the_virtual_bench_passes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("code", "told"),
+    ("code", "expected"),
     [
         (4, ("The fault “drive” is latched.", "Remove its cause, then press “Reset the fault”.")),
         (
@@ -102,13 +102,13 @@ def test_table_of_the_virtual_bench_passes() -> None:
         ),
     ],
 )
-def test_latched_fault_is_reported_with_its_cause_if_available(code: int, told: tuple[str, str]) -> None:
+def test_latched_fault_is_reported_with_its_cause_if_available(code: int, expected: tuple[str, str]) -> None:
     fake = FakeTable({})
     fake.words[17], fake.words[18] = 1 << 9 | 1 << 3, code
     with server(fake.answer) as address:
         report = table(port=f"tcp://{address}", timeout_s=5.0)
     assert report.state == "look"
-    assert told in [english_texts(finding) for finding in report.findings]
+    assert expected in [english_texts(finding) for finding in report.findings]
 
 
 def test_imu_of_the_virtual_bench_passes() -> None:
@@ -387,12 +387,12 @@ def test_site_confirmed_on_another_computer_is_reported() -> None:
     unit = FakeImu()
     with terminal(unit.answer, unit.sends) as port:
         asked = order(imu={"port": port, "timeout_s": 0.3})
-        told = []
+        found = []
         for computers in ([], ["other-plant"], ["other-plant", confirmation_key(asked.station.site)]):
             site = asked.station.site.model_copy(update={"confirmed_on": computers})
             station = asked.station.model_copy(update={"site": site})
-            told.append(check_imu_link(no_progress, LinkTestRequest(station)).find("place_not_confirmed"))
-    assert [finding is not None for finding in told] == [False, True, False]
+            found.append(check_imu_link(no_progress, LinkTestRequest(station)).find("place_not_confirmed"))
+    assert [finding is not None for finding in found] == [False, True, False]
 
 
 @needs_terminals
@@ -449,12 +449,12 @@ def test_a_site_is_compared_with_the_shipped_example(tmp_path: Path, monkeypatch
     shipped = find("stations", "example_hardware")
     own = tmp_path / "stations" / "example_hardware.toml"
     own.parent.mkdir()
-    told = []
+    found = []
     for text in (shipped.read_text("utf-8"), shipped.read_text("utf-8").replace("34.25", "31.2")):
         own.write_text(text, "utf-8")
         setup = link_test_configuration(LinkTestRequest(load_station(own)[1]))
-        told.append("example_site" in [finding.id for finding in incompatibilities(setup)])
-    assert told == [True, False]
+        found.append("example_site" in [finding.id for finding in incompatibilities(setup)])
+    assert found == [True, False]
 
 
 def test_imu_that_closes_the_connection_is_reported() -> None:

@@ -108,11 +108,11 @@ def test_a_second_owner_is_refused_before_a_byte_is_sent(
     opened: tuple[Station, list[bytes]], use: Callable[[Station], object]
 ) -> None:
     hall, heard = opened
-    with owner(f"socket://{hall.address}") as first, pytest.raises(CalstationError) as told:
+    with owner(f"socket://{hall.address}") as first, pytest.raises(CalstationError) as refused:
         use(hall)
-    assert told.value.code == "connection.port_in_use"
-    assert told.value.values["pid"] == first.pid
-    assert str(told.value.values["since"]).startswith("20")
+    assert refused.value.code == "connection.port_in_use"
+    assert refused.value.values["pid"] == first.pid
+    assert str(refused.value.values["since"]).startswith("20")
     assert heard == []
 
 

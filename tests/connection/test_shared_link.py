@@ -34,7 +34,7 @@ def test_table_and_imu_on_one_port_are_tested_separately() -> None:
     data = {**STATION, "table": {"profile": "indexing_unit"}, "bench": {"seed": 5}}
     order = LinkTestRequest(StationConfig.model_validate(data))
     for test in (check_table_link, check_imu_link):
-        report = test(lambda *told, **more: None, order)
+        report = test(lambda *progress, **more: None, order)
         assert "identified" in [finding.id for finding in report.findings]
         assert not [finding for finding in report.findings if finding.state == "wrong"]
 

@@ -48,7 +48,7 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
 
 def test_two_stations_that_scan_the_same_unit_are_both_warned(shared_database: str, folders: tuple[Path, Path]) -> None:
     context = multiprocessing.get_context("spawn")
-    told = {0: 0, 1: 0}
+    counts = {0: 0, 1: 0}
     with context.Pool(2) as pool:
         pool.starmap(
             scan, [(0.0, shared_database, folders[k], "SN-0") for k in (0, 1)], chunksize=1
@@ -61,8 +61,8 @@ def test_two_stations_that_scan_the_same_unit_are_both_warned(shared_database: s
             for k, there in enumerate(found):
                 assert all((claim.serial, claim.operator) == (f"SN-{number}", "li") for claim in there)
                 assert {claim.station for claim in there} <= {folders[1 - k].name}
-                told[k] += len(there)
-    assert sum(told.values()) >= 10
+                counts[k] += len(there)
+    assert sum(counts.values()) >= 10
     for k in (0, 1):  # the exchange tells whoever scanned first
         exchange = Exchange(folders[k], shared_database, folders[k].name)
         there = exchange.exchange()

@@ -238,9 +238,9 @@ def test_two_stations_and_a_fleet_job_survive_random_outages(postgres, shared_da
 def is_settled(folder: Path, other: Path, runs: int) -> bool:
     """Whether a station has all runs, nothing waits, and a claim of the other station has been reported once."""
     state = read_state(folder)
-    told = [claim.station for claim in state.claims if claim.serial == "SN-77"]
+    stations = [claim.station for claim in state.claims if claim.serial == "SN-77"]
     waits = (state.pending, state.logs_pending, state.error, state.archive_error, state.refusal)
-    return waits == (0, 0, None, None, None) and told == [other.name] and len(in_index(folder)) == runs
+    return waits == (0, 0, None, None, None) and stations == [other.name] and len(in_index(folder)) == runs
 
 
 def _rows(server, database: str, query: str) -> list[list[str]]:

@@ -147,7 +147,7 @@ def direct(driver: type[RegisteredImu]) -> type[RegisteredImu]:
     class Direct(driver):  # type: ignore[misc, valid-type]
         def _serve(self) -> None: ...
 
-        def exchange(self, question: Question[T], **told: Any) -> T:
+        def exchange(self, question: Question[T], **more: Any) -> T:
             try:
                 self._link.write(question.request)
                 for reply in self._decoder.feed(self._link.read(0.0)).replies:

@@ -69,8 +69,8 @@ class RtuServer(threading.Thread):
         refused = 0
         body = frame[:6]
         if function == 3:
-            told = [self.value_of(address + i) for i in range(second)]
-            words = [word for word in told if word is not None]
+            values = [self.value_of(address + i) for i in range(second)]
+            words = [word for word in values if word is not None]
             refused = 6 if len(words) < second else 0
             body = frame[:2] + struct.pack(f">B{len(words)}H", 2 * len(words), *words)
         else:

@@ -80,9 +80,9 @@ def test_microstrain_mip_decodes_and_matches_its_reference(cut: int) -> None:
     assert len(frames) == len(reference)
     for name, item in VECTORS.items():
         for k, axis in enumerate("xyz"):
-            told = [struct.unpack(">3f", p[int(item, 16)])[k] for p in reference if int(item, 16) in p]
+            expected = [struct.unpack(">3f", p[int(item, 16)])[k] for p in reference if int(item, 16) in p]
             found = frames.columns.values[f"{name}_{axis}"][frames.columns.present[f"{name}_{axis}"]]
-            np.testing.assert_array_equal(found, told)
+            np.testing.assert_array_equal(found, expected)
 
 
 def test_microstrain_samples_have_no_gaps() -> None:
@@ -198,10 +198,10 @@ def test_xsens_mtdata2_decodes_and_matches_its_reference(folder: str, kind: str,
     reference = xsens_reference(place / "output.golden")
     assert len(reference) == 100
     columns = frames.columns
-    for row, told in enumerate(reference):
+    for row, expected in enumerate(reference):
         found = {n: columns.values[n][row] for n in columns.values if columns.present[n][row]}
-        assert set(found) == set(told)
-        for name, value in told.items():
+        assert set(found) == set(expected)
+        for name, value in expected.items():
             assert found[name] == pytest.approx(value, rel=1e-15, abs=0), (row, name)
 
 

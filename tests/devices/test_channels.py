@@ -13,7 +13,7 @@ from calstation.schema import problems_of
 
 def frame(*types: dict[str, Any], **changes: Any) -> FrameSection:
     fields = [{"name": "counter", "type": "u16"}]
-    fields += [{"name": name, **told} for name, told in zip(CHANNELS, types, strict=True)]
+    fields += [{"name": name, **more} for name, more in zip(CHANNELS, types, strict=True)]
     section = {
         "sync": "55 AA",
         "byte_order": "little",

@@ -37,7 +37,7 @@ def profile(name: str, corrected: dict[str, Any] | None, **changes: Any) -> ImuP
 
 
 @pytest.mark.parametrize(
-    ("name", "corrected", "changes", "told"),
+    ("name", "corrected", "changes", "expected"),
     [
         ("bench_nav", {"stream": 2}, {"stream": {"order": "after_registers"}}, "corrected profile.not_with"),
         ("stim300", {"stream": 2}, {}, "corrected profile.not_with"),
@@ -53,11 +53,11 @@ def profile(name: str, corrected: dict[str, Any] | None, **changes: Any) -> ImuP
     ],
 )
 def test_incompatible_corrected_sections_are_reported(
-    name: str, corrected: dict[str, Any], changes: dict[str, Any], told: str
+    name: str, corrected: dict[str, Any], changes: dict[str, Any], expected: str
 ) -> None:
     with pytest.raises(ConfigurationError) as error:
         profile(name, corrected, **changes)
-    assert complaint(error.value) == told
+    assert complaint(error.value) == expected
 
 
 def own_frame(name: str, place: str, value: Any) -> dict[str, Any]:
@@ -80,7 +80,7 @@ def at_half_the_rate(fields: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize(
-    ("name", "place", "value", "told"),
+    ("name", "place", "value", "expected"),
     [
         ("bench_nav", "fields", without_status, "status.ready profile.mask_outside_frame"),
         (
@@ -99,10 +99,10 @@ def at_half_the_rate(fields: list[dict[str, Any]]) -> list[dict[str, Any]]:
         ),
     ],
 )
-def test_corrected_frame_is_validated_like_the_raw_frame(name: str, place: str, value: Any, told: str) -> None:
+def test_corrected_frame_is_validated_like_the_raw_frame(name: str, place: str, value: Any, expected: str) -> None:
     with pytest.raises(ConfigurationError) as error:
         profile(name, own_frame(name, place, value))
-    assert complaint(error.value) == told
+    assert complaint(error.value) == expected
 
 
 def test_corrected_output_is_selected_by_a_byte_on_the_framed_link() -> None:

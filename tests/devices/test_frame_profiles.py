@@ -90,10 +90,10 @@ def test_line_from_the_manufacturers_manual_decodes() -> None:
 @pytest.mark.parametrize("cut", [0, 1, 3])
 def test_vectornav_text_lines_decode(cut: int) -> None:
     frame = section(**VN_TEXT)
-    told = "$VNIMU,+01.1,-00.2,+00.3,-00.01,+00.02,-09.81,+0.001,-0.002,+0.003,+25.5,+101.3,T"
+    text = "$VNIMU,+01.1,-00.2,+00.3,-00.01,+00.02,-09.81,+0.001,-0.002,+0.003,+25.5,+101.3,T"
     other = line("$VNIMUX,1,2")
-    broken = line(told + "17").replace(b"9.81", b"9.82")
-    data = b"\r\n*" + line(told + "7,S00A1") + other + broken + line(told + "8,S0000") + line("$VNIMU,,,x,1e999,T9")
+    broken = line(text + "17").replace(b"9.81", b"9.82")
+    data = b"\r\n*" + line(text + "7,S00A1") + other + broken + line(text + "8,S0000") + line("$VNIMU,,,x,1e999,T9")
     decoder, frames = decode(frame, data, cut)
     counter, counts, temperature, status = decoder.samples(frames)
     assert counter.tolist() == [7, 8]
@@ -208,7 +208,7 @@ FIXED: dict[str, Any] = {
 
 
 @pytest.mark.parametrize(
-    ("base", "where", "value", "told"),
+    ("base", "where", "value", "expected"),
     [
         (FIXED, "byte_order", None, "byte_order entry.missing"),
         (FIXED, "sync", "", "sync profile.no_sync_bytes"),
@@ -236,9 +236,9 @@ FIXED: dict[str, Any] = {
         (VN_TEXT, "id", {"at": 1, "value": "00"}, "id profile.not_with"),
     ],
 )
-def test_invalid_frame_is_reported_by_its_entry(base: dict[str, Any], where: str, value: Any, told: str) -> None:
+def test_invalid_frame_is_reported_by_its_entry(base: dict[str, Any], where: str, value: Any, expected: str) -> None:
     first = problems_of(FrameSection, edited(base, {where: value}))[0]
-    assert f"{first.name} {first.what.code}" == told
+    assert f"{first.name} {first.what.code}" == expected
 
 
 def test_base_frame_formats_of_these_tests_are_valid() -> None:

@@ -91,7 +91,7 @@ def test_new_target_is_not_confirmed_by_a_late_echo() -> None:
         table.write(34, [3, 4])
         assert [device.words[34], device.words[35]] == [3, 4]
         asked = device.requests.index((3, 0, 1))
-        assert device.requests[asked + 1 :] == [(16, 34, 2)], "what counts is told behind another question's answer"
+        assert device.requests[asked + 1 :] == [(16, 34, 2)], "the answer to another question does not count"
 
 
 def test_exception_of_an_older_request_is_discarded() -> None:
@@ -133,15 +133,15 @@ GROUPS = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale", "accel_quadrat
 
 def pageless() -> ImuProfile:
     """Return a unit with six register groups of equal size on one page, so that all responses look alike."""
-    told = tomllib.loads((DATA / "imus" / "dsp_modbus.toml").read_text(encoding="utf-8"))
-    del told["modbus"]["page"]
-    told["modbus"] |= {"timeout_s": TIMEOUT, "stream": {"address": 20, "on": 1}}
-    told["registers"] = [
+    content = tomllib.loads((DATA / "imus" / "dsp_modbus.toml").read_text(encoding="utf-8"))
+    del content["modbus"]["page"]
+    content["modbus"] |= {"timeout_s": TIMEOUT, "stream": {"address": 20, "on": 1}}
+    content["registers"] = [
         {"address": 100 + 10 * i, "parameters": [group], "range": [-50.0, 50.0]} for i, group in enumerate(GROUPS)
     ]
-    told["without_register"] = ["gyro_misalign", "accel_misalign"]
-    told["prior"] = {group: {"sigma": 1.0} for group in GROUPS}
-    return ImuProfile.model_validate(told)
+    content["without_register"] = ["gyro_misalign", "accel_misalign"]
+    content["prior"] = {group: {"sigma": 1.0} for group in GROUPS}
+    return ImuProfile.model_validate(content)
 
 
 @pytest.mark.long

@@ -62,7 +62,7 @@ def test_profile_without_a_rate_command_is_reported() -> None:
 
 
 @pytest.mark.parametrize(
-    ("status", "fault", "told"),
+    ("status", "fault", "expected"),
     [
         (0x1627, 0, None),
         (0x1427, 0, "local control"),
@@ -72,9 +72,9 @@ def test_profile_without_a_rate_command_is_reported() -> None:
         (0x1E27, 4, "drive"),
     ],
 )
-def test_status_bits_are_decoded(status: int, fault: int, told: str | None) -> None:
+def test_status_bits_are_decoded(status: int, fault: int, expected: str | None) -> None:
     with table([polled(status, fault)]) as (driver, _):
-        assert driver.status().fault == told
+        assert driver.status().fault == expected
 
 
 def test_quick_stop_is_a_fault_only_while_the_axes_should_be_enabled() -> None:

@@ -264,13 +264,13 @@ def test_register_values_survive_encoding_and_decoding(kind: str, part: float) -
 
 def test_optional_registers_and_status_bits_may_be_absent() -> None:
     """The table has no watchdog, interlock, serial number or travel, and no status bits for moving or homed."""
-    told = tomllib.loads(SHIPPED.read_text(encoding="utf-8"))
+    content = tomllib.loads(SHIPPED.read_text(encoding="utf-8"))
     for name in ("serial", "interlock", "watchdog", "heartbeat", "outer_low", "outer_high", "inner_low", "inner_high"):
-        del told["registers"][name]
-    del told["status_bits"]["moving"]
-    told["status_bits"]["homed"] = {"always": True}
-    told["modbus"] |= {"timeout_s": 0.4, "gap": 0}
-    profile = TableProfile.model_validate(told)
+        del content["registers"][name]
+    del content["status_bits"]["moving"]
+    content["status_bits"]["homed"] = {"always": True}
+    content["modbus"] |= {"timeout_s": 0.4, "gap": 0}
+    profile = TableProfile.model_validate(content)
     words = image(status=0x0627)
 
     def polled() -> list[tuple[bytes, bytes | None]]:

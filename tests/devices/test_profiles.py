@@ -67,7 +67,7 @@ def refused(
 
 
 @pytest.mark.parametrize(
-    ("where", "value", "told"),
+    ("where", "value", "expected"),
     [
         ("registers/1/address", 2, "registers[2].address profile.registers_overlap"),
         ("registers/1/parameters", ["gyro_bias_x"], "registers[2].parameters profile.parameter_twice"),
@@ -88,12 +88,12 @@ def refused(
         ("noise/gyro_arw", None, "noise.gyro_arw entry.missing"),
     ],
 )
-def test_invalid_imu_profile_is_reported_by_its_entry(tmp_path: Path, where: str, value: Any, told: str) -> None:
-    assert refused(tmp_path, load_imu_profile, "imus", where, value) == told
+def test_invalid_imu_profile_is_reported_by_its_entry(tmp_path: Path, where: str, value: Any, expected: str) -> None:
+    assert refused(tmp_path, load_imu_profile, "imus", where, value) == expected
 
 
 @pytest.mark.parametrize(
-    ("where", "value", "told"),
+    ("where", "value", "expected"),
     [
         ("registers/fault/address", 17, "registers.fault.address profile.registers_overlap"),
         ("registers/outer_rate/address", 31, "registers.outer_rate.address profile.registers_overlap"),
@@ -115,8 +115,8 @@ def test_invalid_imu_profile_is_reported_by_its_entry(tmp_path: Path, where: str
         ("link_loss_stop_s", 0.0, "link_loss_stop_s entry.greater_than"),
     ],
 )
-def test_invalid_table_profile_is_reported_by_its_entry(tmp_path: Path, where: str, value: Any, told: str) -> None:
-    assert refused(tmp_path, load_table_profile, "tables", where, value) == told
+def test_invalid_table_profile_is_reported_by_its_entry(tmp_path: Path, where: str, value: Any, expected: str) -> None:
+    assert refused(tmp_path, load_table_profile, "tables", where, value) == expected
 
 
 def text_table(name: str) -> dict[str, Any]:
@@ -124,7 +124,7 @@ def text_table(name: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("name", "where", "value", "told"),
+    ("name", "where", "value", "expected"),
     [
         ("aerosmith_atl", "protocol", "mn", "text.prompt profile.not_with"),
         ("aerosmith_atl", "text/prompt", "", "text.prompt profile.needed_by"),
@@ -163,7 +163,7 @@ def text_table(name: str) -> dict[str, Any]:
     ],
 )
 def test_invalid_text_table_profile_is_reported_by_its_entry(
-    tmp_path: Path, name: str, where: str, value: Any, told: str
+    tmp_path: Path, name: str, where: str, value: Any, expected: str
 ) -> None:
     data = text_table(name)
     edit(data, where, value)
@@ -171,5 +171,5 @@ def test_invalid_text_table_profile_is_reported_by_its_entry(
     path.write_text(tomli_w.dumps(data), encoding="utf-8")
     with pytest.raises(ConfigurationError) as caught:
         load_table_profile(path)
-    assert complaint(caught.value) == told
+    assert complaint(caught.value) == expected
     assert "\n" not in str(caught.value)

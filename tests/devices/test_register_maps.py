@@ -180,11 +180,11 @@ def test_stored_register_values_are_shown_as_hexadecimal() -> None:
     assert stored == {"accel_bias_x": "FFFFFFFF"}
 
 
-# A map that cannot be is told by its entry -----------------------------------------------------------------------
+# An invalid map is reported by its entry ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("name", "where", "value", "told"),
+    ("name", "where", "value", "expected"),
     [
         ("dsp_modbus", "registers/1/address", 117, "registers[2].address profile.registers_overlap"),
         ("dsp_modbus", "registers/1/type", "i24", "registers[2].type profile.not_whole_registers"),
@@ -231,16 +231,16 @@ def test_stored_register_values_are_shown_as_hexadecimal() -> None:
     ],
 )
 def test_invalid_register_map_is_reported_by_its_entry(
-    tmp_path: Path, name: str, where: str, value: Any, told: str | None
+    tmp_path: Path, name: str, where: str, value: Any, expected: str | None
 ) -> None:
     path = tmp_path / "profile.toml"
     path.write_text(tomli_w.dumps(edited(DATA / f"{name}.toml", {where: value})), encoding="utf-8")
-    if told is None:
+    if expected is None:
         load_imu_profile(path)
         return
     with pytest.raises(ConfigurationError) as caught:
         load_imu_profile(path)
-    assert complaint(caught.value) == told
+    assert complaint(caught.value) == expected
     assert "\n" not in str(caught.value)
 
 

@@ -142,11 +142,11 @@ def test_a_unit_busy_with_another_commit_is_not_restarted() -> None:
     assert noted.steps[-1] == "restarted"
 
 
-def entry(*parameters: str, **told: object) -> RegisterEntry:
+def entry(*parameters: str, **more: object) -> RegisterEntry:
     convention = {"matrix": "correction", "identity": True, "offset": "before"}
     slots = any("matrix" in name or "offset" in name for name in parameters)
     return RegisterEntry.model_validate(
-        {"address": 0, "parameters": list(parameters), "range": [-0.1, 0.1], **told}
+        {"address": 0, "parameters": list(parameters), "range": [-0.1, 0.1], **more}
         | ({"convention": convention} if slots else {})
     )
 
@@ -167,7 +167,7 @@ def test_marker_avoids_matrix_elements_if_possible() -> None:
 @pytest.mark.parametrize("before", [float("nan"), 0.0, -0.1 + 0.2 * 0.381966, 0.0236068])
 def test_marker_is_within_its_range_and_differs_from_the_current_value(kind: str, before: float) -> None:
     scale = 1e-5 if kind == "i16" else 1.0
-    told = entry("gyro_bias", type=kind, scale=scale)
-    numbers = marked(told, [before / scale if kind == "i16" and before == before else before] * 3)
+    register = entry("gyro_bias", type=kind, scale=scale)
+    numbers = marked(register, [before / scale if kind == "i16" and before == before else before] * 3)
     assert all(-0.1 < v * scale < 0.1 for v in numbers)
     assert all(abs(v * scale - before) > 0.02 for v in numbers) or before != before

@@ -22,15 +22,15 @@ TICKS = {64: 5_000_000, 32: 100}
 
 def fed(*batches: list[int], frame: FrameSection = FRAME) -> list[int]:
     count = SampleCount(frame)
-    told: list[int] = []
+    counts: list[int] = []
     for batch in batches:
         raw = np.array(batch, np.int64)
-        told += count.feed(raw[count.in_order(raw)]).tolist()
-    return told
+        counts += count.feed(raw[count.in_order(raw)]).tolist()
+    return counts
 
 
 @pytest.mark.parametrize(
-    ("batches", "told"),
+    ("batches", "expected"),
     [
         (([5, 6, 6, 7],), [5, 6, 7]),
         (([5, 6], [6, 7]), [5, 6, 7]),
@@ -41,8 +41,8 @@ def fed(*batches: list[int], frame: FrameSection = FRAME) -> list[int]:
         (([9000, 9001], [0, 1], [2, 3]), [9000, 9001, 9003, 9004, 9005, 9006]),
     ],
 )
-def test_received_counters_become_an_increasing_count(batches: tuple[list[int], ...], told: list[int]) -> None:
-    assert fed(*batches) == told
+def test_received_counters_become_an_increasing_count(batches: tuple[list[int], ...], expected: list[int]) -> None:
+    assert fed(*batches) == expected
 
 
 @pytest.mark.parametrize(
@@ -78,19 +78,19 @@ def test_duplicates_and_swapped_neighbours_lose_no_sample(first: int, kinds: lis
         raw += [(first + i) % 65536] * (2 if kind == 1 else 1)
     for i in range(2, len(raw) - 1, 3):
         raw[i], raw[i + 1] = raw[i + 1], raw[i]
-    told = fed(raw)
-    assert told == list(range(raw[0], raw[0] + len(kinds)))
+    counts = fed(raw)
+    assert counts == list(range(raw[0], raw[0] + len(kinds)))
 
 
 @given(st.lists(st.integers(0, 65535), max_size=50), st.integers(0, 50))
 def test_count_increases_for_any_counter_values(raw: list[int], cut: int) -> None:
-    told = fed(raw[:cut], raw[cut:])
-    assert all(a < b for a, b in pairwise(told))
+    counts = fed(raw[:cut], raw[cut:])
+    assert all(a < b for a, b in pairwise(counts))
 
 
 @pytest.mark.parametrize("bits", CLOCKS)
 @pytest.mark.parametrize(
-    ("batches", "told"),
+    ("batches", "expected"),
     [
         (([5, 6, 6, 7],), [5, 6, 7]),
         (([5, 6], [6, 7]), [5, 6, 7]),
@@ -100,9 +100,11 @@ def test_count_increases_for_any_counter_values(raw: list[int], cut: int) -> Non
         (([9000, 9001], [0, 1], [2, 3]), [9000, 9001, 9003, 9004, 9005, 9006]),
     ],
 )
-def test_clock_gives_the_same_count_as_a_counter(bits: int, batches: tuple[list[int], ...], told: list[int]) -> None:
+def test_clock_gives_the_same_count_as_a_counter(
+    bits: int, batches: tuple[list[int], ...], expected: list[int]
+) -> None:
     ticks = [[sample * TICKS[bits] for sample in batch] for batch in batches]
-    assert fed(*ticks, frame=CLOCKS[bits]) == told
+    assert fed(*ticks, frame=CLOCKS[bits]) == expected
 
 
 def test_count_continues_when_a_32_bit_clock_wraps() -> None:
@@ -115,5 +117,5 @@ def test_count_continues_when_a_32_bit_clock_wraps() -> None:
 def test_count_increases_for_any_clock_values(bits: int, data: st.DataObject) -> None:
     ticks = data.draw(st.lists(st.integers(0, 2 ** min(bits, 63) - 1), max_size=40))
     cut = data.draw(st.integers(0, 40))
-    told = fed(ticks[:cut], ticks[cut:], frame=CLOCKS[bits])
-    assert all(a < b for a, b in pairwise(told))
+    counts = fed(ticks[:cut], ticks[cut:], frame=CLOCKS[bits])
+    assert all(a < b for a, b in pairwise(counts))

@@ -118,8 +118,8 @@ def test_values_are_written_with_full_precision() -> None:
     numbers = MAP.encode(values)
     pairs = []
     for address in (25, 84):
-        told = ",".join(f"{v:.9G}" for v in numbers[address])
-        pairs.append(pair(f"VNWRG,{address},{told}"))
+        values_text = ",".join(f"{v:.9G}" for v in numbers[address])
+        pairs.append(pair(f"VNWRG,{address},{values_text}"))
     with driver(pairs) as (imu, link):
         imu.write_registers(values)
         assert link.finished

@@ -73,9 +73,9 @@ def quick(name: str, reset_timeout_s: float = 30.0) -> ImuProfile:
 
 
 @contextmanager
-def driver(name: str, **told: Any) -> Iterator[tuple[StreamedImu, BootingLink]]:
+def driver(name: str, **more: Any) -> Iterator[tuple[StreamedImu, BootingLink]]:
     link = BootingLink(UNITS[name](BenchConfig(serial="SN-7")))
-    imu = open_imu(link, quick(name, **told), "SN-7")  # type: ignore[arg-type]
+    imu = open_imu(link, quick(name, **more), "SN-7")  # type: ignore[arg-type]
     try:
         yield imu, link
     finally:

@@ -145,7 +145,7 @@ def test_unknown_start_attitude_is_found_from_the_data(nav_stage, azimuth, angle
     assert np.abs(errors_in_sigma(result.belief, nav_stage.truth)).max() < 4.0
     assert result.consistency.passed
     assert [key for key, _ in result.messages] == ["azimuth_from_data"]
-    # a start told or found matters little once everything has been turned
+    # whether the start was given or found matters little once everything has been turned
     assert result.belief.sigma == pytest.approx(solution.belief.sigma, rel=0.5)
 
 

@@ -36,7 +36,7 @@ def changes_of(tmp_path: Path, content: str) -> Changes:
 
 
 @pytest.mark.parametrize(
-    ("content", "code", "told"),
+    ("content", "code", "expected"),
     [
         ("", "fleet.no_changes", "patch.toml"),
         ("[site]\n[product.limits]\n", "fleet.no_changes", "[site]"),
@@ -62,10 +62,12 @@ def changes_of(tmp_path: Path, content: str) -> Changes:
         ("[schedule.excitatio]\nrounds = 1\n", "plan.no_such_stage", "excitation"),
     ],
 )
-def test_unknown_change_is_refused_with_the_closest_name(tmp_path: Path, content: str, code: str, told: str) -> None:
+def test_unknown_change_is_refused_with_the_closest_name(
+    tmp_path: Path, content: str, code: str, expected: str
+) -> None:
     with raises_code(ConfigurationError, code) as caught:
         changes_of(tmp_path, content)
-    assert told in str(caught.value)
+    assert expected in str(caught.value)
 
 
 def test_factor_multiplies_the_value_of_each_log(tmp_path: Path) -> None:

@@ -130,8 +130,8 @@ def test_comparison_of_four_units_matches_hand_calculation(url: str, calstation:
     assert done.code == 0
     assert done.json == json.loads(json.dumps(found.to_json()))
     shown = calstation("fleet", "compare", "--database", url, "--before", "1", "--after", "2").out
-    for told in ("4 logs in both", "A", "bench 2", "gyro_bias_x", "2026-03", "3.85"):
-        assert told in shown
+    for words in ("4 logs in both", "A", "bench 2", "gyro_bias_x", "2026-03", "3.85"):
+        assert words in shown
 
 
 def test_columns_include_solutions_whose_numbers_appear_late(url: str) -> None:

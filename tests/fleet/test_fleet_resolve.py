@@ -126,7 +126,7 @@ def test_one_command_solves_selected_logs_and_lists_changed_verdicts(
 
 
 @pytest.mark.parametrize(
-    ("options", "code", "told"),
+    ("options", "code", "expected"),
     [
         (("--compare-with", "unchanged"), 2, "would be compared with itself"),
         (("--compare-with", __version__), 2, "would be compared with itself"),
@@ -135,12 +135,12 @@ def test_one_command_solves_selected_logs_and_lists_changed_verdicts(
     ],
 )
 def test_impossible_comparison_is_refused_before_solving(
-    logs: list[Path], tmp_path: Path, calstation: Run, options: tuple[str, ...], code: int, told: str
+    logs: list[Path], tmp_path: Path, calstation: Run, options: tuple[str, ...], code: int, expected: str
 ) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     done = calstation("fleet", "resolve", *logs, "--database", url, *options)
     assert (done.code, done.out) == (code, "")
-    assert told in done.err
+    assert expected in done.err
     assert not (tmp_path / "shared.sqlite").exists()
 
 

@@ -73,13 +73,13 @@ def test_profile_is_loaded_or_refused_with_the_invalid_entry(path: Path, data: s
             del place[last]
         profile = copy.deepcopy(profile)
     model: Any = ImuProfile if path.parent.name == "imus" else TableProfile
-    told, loaded = "", None
+    message, loaded = "", None
     try:
         loaded = validate(model, profile, "profile.toml")
     except ConfigurationError as error:
-        told = str(error)
-    assert loaded is not None or told.startswith("profile.toml: ")
-    assert "\n" not in told
+        message = str(error)
+    assert loaded is not None or message.startswith("profile.toml: ")
+    assert "\n" not in message
     if isinstance(loaded, ImuProfile):
         FrameDecoder(loaded.frame, loaded.commands).feed(loaded.frame.sync_bytes + bytes(200))
         entries = RegisterMap(tuple(loaded.registers))

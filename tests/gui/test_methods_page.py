@@ -361,8 +361,8 @@ def test_faults_of_a_recording_are_explained_in_both_languages(
 def check(name: str, value: float, limit: float, unit: str, **more: object) -> dict[str, object]:
     passed = value <= limit
     near = passed and value > 0.8 * limit
-    told = {"name": name, "value": value, "limit": limit, "unit": unit, "passed": passed}
-    return {**told, "margin": limit - value, "near_miss": near, **more}
+    values = {"name": name, "value": value, "limit": limit, "unit": unit, "passed": passed}
+    return {**values, "margin": limit - value, "near_miss": near, **more}
 
 
 def test_checks_are_shown_as_sentences_and_values_near_limits_are_marked(qtbot: QtBot) -> None:
@@ -417,10 +417,10 @@ def test_calibrations_by_triggers_are_shown_on_the_timeline(
 ) -> None:
     path = tmp_path / "triggered.csv"
     export_csv(recordings["cross_calibration"], path)
-    told = path.with_suffix(".toml").read_text("utf-8")
+    content = path.with_suffix(".toml").read_text("utf-8")
     section = "[schedule.cross_calibration]\n"
-    assert section in told
-    path.with_suffix(".toml").write_text(told.replace(section, f'{section}trigger = "start_up"\n'), "utf-8")
+    assert section in content
+    path.with_suffix(".toml").write_text(content.replace(section, f'{section}trigger = "start_up"\n'), "utf-8")
     panel = chosen("cross_calibration")
     solved(panel, path, qtbot)
     view = panel.answers.check

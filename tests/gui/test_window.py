@@ -113,8 +113,8 @@ def test_damaged_pin_file_is_explained(window: MainWindow, qtbot: QtBot, site_fo
     qtbot.keyClicks(pin, "246813")
     qtbot.keyClick(pin, Qt.Key.Key_Return)
     assert not window.app.role.engineer
-    (told,) = [label.text() for label in window.findChildren(QLabel) if "engineer.json" in label.text()]
-    assert told.endswith("Remove it to set a new PIN.")
+    (shown,) = [label.text() for label in window.findChildren(QLabel) if "engineer.json" in label.text()]
+    assert shown.endswith("Remove it to set a new PIN.")
 
 
 def test_buttons_are_wide_enough_for_their_texts_in_both_languages(window: MainWindow, qtbot: QtBot) -> None:

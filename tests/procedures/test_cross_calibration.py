@@ -314,8 +314,8 @@ def test_out_of_tolerance_primary_prevents_calibration(mems):
     # each sensor is judged by itself: with gyros alone in doubt the accelerometer is still calibrated
     for sensors in ("triggering", "all"):
         watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, sensors=sensors)
-        told = [e.kind for e in run(watch, block)]
-        assert told == ["triggered", "checked", "primary_off", "calibrating", "calibrated"]
+        kinds = [e.kind for e in run(watch, block)]
+        assert kinds == ["triggered", "checked", "primary_off", "calibrating", "calibrated"]
         assert watch.checks[2].primary_out_of_tolerance == ("gyro",)
         fitted = watch.calibrated[2].fit.fitted
         assert not fitted[:12].any()

@@ -121,8 +121,8 @@ def test_unstable_gain_is_reported(loop):
     imu = unit(13, "tactical")
     _, block = recorded(imu, 13, gain=3.0, iterations=4)
     found = solved(block, imu, "tactical", gain=3.0, iterations=4)
-    told = [values for key, values in found.messages if key == "gimbal_unstable"]
-    assert [t["axis"] for t in told] == ["x"]  # the middle joint's range ends at 2.73, the others' at 3.73
+    unstable = [values for key, values in found.messages if key == "gimbal_unstable"]
+    assert [t["axis"] for t in unstable] == ["x"]  # the middle joint's range ends at 2.73, the others' at 3.73
 
 
 def test_axes_are_calibrated_in_turn_until_the_count_or_threshold():

@@ -18,23 +18,23 @@ def mems():
 
 def followed(block, imu, wanted=1.0, size=17):
     guide = PositionGuide(context_of(imu).imu, 5.0)
-    told = []
+    states = []
     for k in range(0, len(block), size):
         now = guide.feed(block.part(k, min(k + size, len(block))))
-        if not told or told[-1] != now.state:
-            told.append(now.state)
+        if not states or states[-1] != now.state:
+            states.append(now.state)
         if len(now.positions) == 1:
             guide.ask(wanted)
-    return guide, told
+    return guide, states
 
 
 @pytest.mark.long
 def test_every_rest_and_every_motion_is_reported(mems):
     imu, block = mems
-    guide, told = followed(block, imu)
+    guide, states = followed(block, imu)
     found = solved(block, context_of(imu), prior_of("mems"))
-    assert told[:4] == ["waiting", "still", "enough", "moving"]
-    assert "repeat" not in told
+    assert states[:4] == ["waiting", "still", "enough", "moving"]
+    assert "repeat" not in states
     rests = found.details["positions"]
     assert len(guide.now.positions) == pytest.approx(len(rests), abs=1)
     ups = np.array([r["up"] for r in rests])[: len(guide.now.positions)]
@@ -43,8 +43,8 @@ def test_every_rest_and_every_motion_is_reported(mems):
 
 def test_too_short_rest_requests_a_repetition(mems):
     imu, block = mems
-    guide, told = followed(block, imu, wanted=8.0)
-    assert told.count("repeat") > 5
+    guide, states = followed(block, imu, wanted=8.0)
+    assert states.count("repeat") > 5
     assert len(guide.now.positions) == 1
     assert guide.now.wanted > 8.0
 

@@ -57,7 +57,7 @@ def test_errors_of_many_recordings_agree_with_their_sigmas(grade, seeds):
         nees.append(error @ np.linalg.solve(found.covariance[np.ix_(MASK, MASK)], error))
     for group in GROUPS:
         columns = [k for k, name in enumerate(ESTIMATED) if name.rpartition("_")[0] == group]
-        # as wide as if a group's axes told the same: they tell of one gravity
+        # a wider interval, because the axes of a group are correlated: all are observed by the same gravity
         low, high = chi2.ppf([0.0005, 0.9995], 1.5 * seeds) / (1.5 * seeds)
         assert low < np.mean(np.square(np.array(errors)[:, columns])) < high, group
     low, high = chi2.ppf([0.0005, 0.9995], MASK.sum() * seeds)

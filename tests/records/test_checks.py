@@ -65,12 +65,12 @@ def test_gravity_check_uses_the_worst_compensated_rest():
     # z reads 0.03 too much, which the bias found takes away but for 0.001; x is off by 0.004
     evidence = rests([0.0, 0.0, G + 0.031], [0.0, 0.0, -G + 0.03], [G + 0.004, 0.0, 0.03])
     check = checked({"gravity_at_rest": {"within": 5e-3}}, solution(evidence, accel_bias_z=0.03))
-    told = check["gravity_at_rest"]
-    assert told.value == pytest.approx(0.004, abs=1e-6)
-    assert str(told.where) == "multi_position rest 2"
-    assert told.passed
-    assert not told.near_miss
-    assert told.margin == pytest.approx(0.001, abs=1e-6)
+    found = check["gravity_at_rest"]
+    assert found.value == pytest.approx(0.004, abs=1e-6)
+    assert str(found.where) == "multi_position rest 2"
+    assert found.passed
+    assert not found.near_miss
+    assert found.margin == pytest.approx(0.001, abs=1e-6)
     tight = checked({"gravity_at_rest": {"within": 4.5e-3}}, solution(evidence, accel_bias_z=0.03))
     assert tight["gravity_at_rest"].near_miss
     missed = checked({"gravity_at_rest": {"within": 3e-3}}, solution(evidence, accel_bias_z=0.03))
@@ -95,17 +95,17 @@ def test_improvement_is_judged_by_its_ratio():
     assert (chosen.limit, chosen.unit) == (0.5, "1")
     worse = solution(evidence, accel_bias_z=-0.02)
     assert not checked({"improvement_at_rest": {"below": 0.5, "positions": [0]}}, worse)["improvement_at_rest"].passed
-    told = checked(rule, better)["improvement_at_rest_floor"]
-    assert not told.passed
-    assert told.where == Where(stage="multi_position", rest=2)
+    found = checked(rule, better)["improvement_at_rest_floor"]
+    assert not found.passed
+    assert found.where == Where(stage="multi_position", rest=2)
 
 
 def test_improvement_floor_applies_only_to_small_errors_and_is_shown():
     evidence = rests([0.0, 0.0, G + 0.030], [0.0, 0.0, -G + 0.030], [0.0, G, 0.0])
     rule = {"improvement_at_rest": {"below": 0.5, "or_within": 1e-4}}
-    told = checked(rule, solution(evidence, accel_bias_z=0.02))
-    assert told["improvement_at_rest"].value == pytest.approx(1.0 / 3.0, abs=1e-6)
-    floor = told["improvement_at_rest_floor"]
+    found = checked(rule, solution(evidence, accel_bias_z=0.02))
+    assert found["improvement_at_rest"].value == pytest.approx(1.0 / 3.0, abs=1e-6)
+    floor = found["improvement_at_rest_floor"]
     assert floor.passed
     assert floor.value == pytest.approx(2e-5, rel=0.05)
     assert (floor.limit, floor.unit) == (1e-4, "m/s²")
@@ -122,28 +122,28 @@ def test_improvement_is_relative_to_the_uncalibrated_output():
     mean[INDEX["accel_bias_z"]] = 0.03
     section = ChecksSection.model_validate({"improvement_at_rest": {"below": 0.5}})
     before = Belief(mean, prior().covariance)
-    (told,) = acceptance(section, context(), before, [solution(evidence, accel_bias_z=0.03)], {})
-    assert (told.name, told.passed) == ("improvement_at_rest", True)
-    assert told.value < 1e-6
+    (found,) = acceptance(section, context(), before, [solution(evidence, accel_bias_z=0.03)], {})
+    assert (found.name, found.passed) == ("improvement_at_rest", True)
+    assert found.value < 1e-6
 
 
 def test_level_checks_horizontal_and_vertical_components():
     evidence = rests([0.02, -0.05, G + 0.0045], [0.0, 0.0, -G])
     rule = {"level": {"horizontal_within": 0.04, "vertical_within": 0.005}}
-    told = checked(rule, solution(evidence))
-    assert told["level_horizontal"].value == pytest.approx(0.05)
-    assert not told["level_horizontal"].passed
-    assert told["level_vertical"].value == pytest.approx(0.0045)
-    assert told["level_vertical"].near_miss
+    found = checked(rule, solution(evidence))
+    assert found["level_horizontal"].value == pytest.approx(0.05)
+    assert not found["level_horizontal"].passed
+    assert found["level_vertical"].value == pytest.approx(0.0045)
+    assert found["level_vertical"].near_miss
 
 
 def test_level_is_judged_in_the_axes_of_the_platform():
     # body +y is along platform z, body -z along platform x
     evidence = rests([-0.02, G + 0.0045, 0.05])
     section = ChecksSection.model_validate({"level": {"horizontal_within": 0.06, "vertical_within": 0.005}})
-    told = {c.name: c for c in acceptance(section, context("-z+y"), prior(), [solution(evidence)], {})}
-    assert told["level_horizontal"].value == pytest.approx(0.05)
-    assert told["level_vertical"].value == pytest.approx(0.0045)
+    found = {c.name: c for c in acceptance(section, context("-z+y"), prior(), [solution(evidence)], {})}
+    assert found["level_horizontal"].value == pytest.approx(0.05)
+    assert found["level_vertical"].value == pytest.approx(0.0045)
 
 
 def test_motions_are_compared_with_the_encoder_if_available():
@@ -155,13 +155,13 @@ def test_motions_are_compared_with_the_encoder_if_available():
         (motion(turn, scale=1e-3),),
     )
     rule = {"motion_angle": {"within": 5e-4, "below": 0.3}}
-    told = checked(rule, solution(evidence, gyro_scale_x=0.9e-3))
-    assert told["motion_angle"].value == pytest.approx(1e-4 * turn, rel=0.02)
-    assert told["motion_angle"].passed
-    assert told["motion_angle"].where == Where(stage="excitation", rest=0, to=1)
-    assert told["motion_improvement"].value == pytest.approx(0.1, rel=0.02)
-    assert told["motion_improvement"].limit == 0.3
-    assert told["motion_improvement"].passed
+    found = checked(rule, solution(evidence, gyro_scale_x=0.9e-3))
+    assert found["motion_angle"].value == pytest.approx(1e-4 * turn, rel=0.02)
+    assert found["motion_angle"].passed
+    assert found["motion_angle"].where == Where(stage="excitation", rest=0, to=1)
+    assert found["motion_improvement"].value == pytest.approx(0.1, rel=0.02)
+    assert found["motion_improvement"].limit == 0.3
+    assert found["motion_improvement"].passed
     untouched = checked(rule, solution(evidence))
     assert not untouched["motion_angle"].passed
     assert not untouched["motion_improvement"].passed
@@ -171,9 +171,9 @@ def test_manual_motions_are_compared_with_gravity():
     turn = np.pi / 2.0
     evidence = Evidence("multi_position", (rest([0.0, 0.0, G]), rest([0.0, G, 0.0])), (motion(turn, scale=2e-3),))
     rule = {"motion_angle": {"within": 1e-3, "below": 0.5}}
-    told = checked(rule, solution(evidence, gyro_scale_x=2e-3))
-    assert told["motion_angle"].value < 1e-5
-    assert told["motion_improvement"].passed
+    found = checked(rule, solution(evidence, gyro_scale_x=2e-3))
+    assert found["motion_angle"].value < 1e-5
+    assert found["motion_improvement"].passed
     assert checked(rule, solution(evidence))["motion_angle"].value == pytest.approx(2e-3 * turn, rel=0.02)
 
 
@@ -193,10 +193,10 @@ def chain(reference: str = "encoders", broken: bool = False) -> Evidence:
 def test_any_two_positions_are_compared_with_all_motions_between_them(reference):
     evidence, turn = chain(reference), np.pi / 3.0
     rule = {"motion_angle": {"within": 1.0, "positions": [3, 0]}}
-    told = checked(rule, solution(evidence))["motion_angle"]
-    assert told.value == pytest.approx(3e-3 * turn, rel=0.01)
-    assert told.where == Where(stage="multi_position", rest=0, to=3)
-    assert str(told.where) == "multi_position rest 0 to 3"
+    found = checked(rule, solution(evidence))["motion_angle"]
+    assert found.value == pytest.approx(3e-3 * turn, rel=0.01)
+    assert found.where == Where(stage="multi_position", rest=0, to=3)
+    assert str(found.where) == "multi_position rest 0 to 3"
     every = checked({"motion_angle": {"within": 1.0, "positions": [0, 1, 3]}}, solution(evidence))["motion_angle"]
     assert every.value == pytest.approx(3e-3 * turn, rel=0.01)
     neighbours = checked({"motion_angle": {"within": 1.0}}, solution(evidence))["motion_angle"]
@@ -204,7 +204,7 @@ def test_any_two_positions_are_compared_with_all_motions_between_them(reference)
     better = checked(rule, solution(evidence, gyro_scale_x=1e-3))["motion_angle"]
     assert better.value < 1e-5
     lost = checked(rule, solution(chain(reference, broken=True)))["motion_angle"]
-    assert (lost.passed, lost.where) == (False, told.where)
+    assert (lost.passed, lost.where) == (False, found.where)
     assert np.isnan(lost.value)
 
 
@@ -218,9 +218,9 @@ def test_any_two_positions_are_compared_with_all_motions_between_them(reference)
     ],
 )
 def test_missing_rest_named_in_a_rule_fails_its_checks(rules, where):
-    told = checked(rules, solution(chain()))
-    assert told
-    for check in told.values():
+    found = checked(rules, solution(chain()))
+    assert found
+    for check in found.values():
         assert (check.passed, check.near_miss, str(check.where)) == (False, False, where)
         assert np.isnan(check.value)
     other = {name: {**rule, "stage": "six_position"} for name, rule in rules.items()}
@@ -248,19 +248,19 @@ def test_angle_between_positions_excludes_earth_rate(turns):
 
 def test_change_since_the_last_calibration_reports_the_worst_parameter():
     rule = {"previous": {"change_within": {"gyro_bias": 1e-6, "accel_scale_z": 1e-5}}}
-    found = solution(gyro_bias_x=1e-6, gyro_bias_y=-3e-6, accel_scale_z=1e-5)
-    told = checked(rule, found, {"gyro_bias_x": 9e-7, "gyro_bias_y": -1e-6, "accel_scale_z": 8e-6})
-    assert told["previous gyro_bias"].value == pytest.approx(2e-6)
-    assert told["previous gyro_bias"].where == Where("gyro_bias_y")
-    assert not told["previous gyro_bias"].passed
-    assert told["previous accel_scale_z"].passed
-    assert checked(rule, found) == {}
+    current = solution(gyro_bias_x=1e-6, gyro_bias_y=-3e-6, accel_scale_z=1e-5)
+    found = checked(rule, current, {"gyro_bias_x": 9e-7, "gyro_bias_y": -1e-6, "accel_scale_z": 8e-6})
+    assert found["previous gyro_bias"].value == pytest.approx(2e-6)
+    assert found["previous gyro_bias"].where == Where("gyro_bias_y")
+    assert not found["previous gyro_bias"].passed
+    assert found["previous accel_scale_z"].passed
+    assert checked(rule, current) == {}
 
 
 def test_excitation_check_requires_sufficient_sigma_reduction():
-    told = checked({"excitation": {"sigma_ratio_below": 0.05}}, solution(estimated=("gyro_bias_x",)))
-    assert told["excitation"].value == pytest.approx(0.01)
-    assert told["excitation"].passed
+    found = checked({"excitation": {"sigma_ratio_below": 0.05}}, solution(estimated=("gyro_bias_x",)))
+    assert found["excitation"].value == pytest.approx(0.01)
+    assert found["excitation"].passed
     assert not checked({"excitation": {"sigma_ratio_below": 0.005}}, solution())["excitation"].passed
 
 
@@ -268,12 +268,12 @@ def test_offline_result_must_equal_the_online_result():
     row = {"value": 1.0, "sigma": 0.1, "stage": "rate"}
     section = ChecksSection.model_validate({"offline_online": {"within_sigmas": 0.0}})
     assert offline_online(section, {"a": row}, {"a": row})[0].passed
-    (told,) = offline_online(section, {"a": row, "b": row}, {"a": {**row, "value": 1.05}, "b": row})
-    assert told.value == pytest.approx(0.5)
-    assert (told.passed, told.where) == (False, Where("a"))
+    (found,) = offline_online(section, {"a": row, "b": row}, {"a": {**row, "value": 1.05}, "b": row})
+    assert found.value == pytest.approx(0.5)
+    assert (found.passed, found.where) == (False, Where("a"))
     assert offline_online(section, {"a": row}, {"a": {**row, "stage": "excitation"}}) == []
-    (told,) = offline_online(section, {"a": row, "b": row}, {"a": row, "b": {**row, "value": np.nan}})
-    assert (told.passed, told.where) == (False, Where("b"))
+    (found,) = offline_online(section, {"a": row, "b": row}, {"a": row, "b": {**row, "value": np.nan}})
+    assert (found.passed, found.where) == (False, Where("b"))
 
 
 def test_no_check_is_made_without_data():
@@ -289,7 +289,7 @@ def test_no_check_is_made_without_data():
 
 
 def test_misspelled_rule_is_refused():
-    for wrong, told in (
+    for wrong, message in (
         ({"gravity_at_rst": {"within": 1.0}}, "Did you mean 'gravity_at_rest'"),
         ({"previous": {"change_within": {"gyro_bais": 1.0}}}, "Did you mean 'gyro_bias'"),
         ({"gravity_at_rest": {"within": 0.0}}, "greater than 0"),
@@ -300,7 +300,7 @@ def test_misspelled_rule_is_refused():
         ),
         ({"motion_angle": {"within": 1e-3, "below": 0.5, "or_within": 2e-3}}, r"motion_angle\.or_within"),
     ):
-        with pytest.raises(ConfigurationError, match=told):
+        with pytest.raises(ConfigurationError, match=message):
             validate(ChecksSection, wrong, Path("unit.toml"))
 
 

@@ -394,8 +394,8 @@ print(kept, flush=True)
 def test_full_disk_caused_by_other_files_is_reported_and_the_log_readable(tiny_disk: Path, meta: LogMeta) -> None:
     path = tiny_disk / "a.h5"
     command = [sys.executable, "-c", _FILLS_ITS_DISK, str(path), str(Path(__file__).parent)]
-    told = subprocess.run(command, input=meta.to_json(), capture_output=True, text=True, check=False).stdout
-    error, kept = told.strip().splitlines()
+    output = subprocess.run(command, input=meta.to_json(), capture_output=True, text=True, check=False).stdout
+    error, kept = output.strip().splitlines()
     assert "The log cannot be written any more (the disk is full)" in error
     log = open_log(path)
     assert log.outcome is None

@@ -143,7 +143,7 @@ def test_finished_registers_are_verified_before_the_first_stage_of_a_run(bench: 
     begun = [i for i, event in enumerate(events) if isinstance(event, StageStarted)]
     turns = [i for i, e in enumerate(events) if isinstance(e, StepStarted) and e.label == ("verify",)]
     assert sum(i < begun[0] for i in turns) == 11, "twice around, then to the load position"
-    assert turns[-1] > begun[-1], "and again behind the stages"
+    assert turns[-1] > begun[-1], "and again after the stages"
     first, second = register_journal.history(bench.runs, SERIAL)
     assert (first.closing, first.steps[-1]) == (second.closing, second.steps[-1]) == ("done", "turned")
 

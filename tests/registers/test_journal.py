@@ -85,7 +85,7 @@ def begun(runs: Path) -> journal.Transfer:
     return made
 
 
-def told(runs: Path) -> str:
+def complaint(runs: Path) -> str:
     """Return the error for a damaged journal, "" for a valid one; all readers agree."""
     said = set()
     for ask in (journal.history, journal.interrupted, journal.cycles):
@@ -108,7 +108,7 @@ def test_every_wrong_byte_is_detected(tmp_path: Path, apart: int) -> None:
             made.path.write_bytes(whole[:position] + bytes([wrong]) + whole[position + 1 :])
             line = whole[:position].count(b"\n") + 1
             lines = tuple(f"Data: {made.path}, line {number}: " for number in (line, line + 1))
-            assert told(tmp_path).startswith(lines), (position, wrong)
+            assert complaint(tmp_path).startswith(lines), (position, wrong)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_reordered_lines_are_detected(tmp_path: Path, order: tuple[int, ...], li
     lines = made.path.read_bytes().splitlines(keepends=True)
     assert len(lines) == 3
     made.path.write_bytes(b"".join(lines[i] for i in order))
-    assert told(tmp_path).startswith(f"Data: {made.path}, line {line}: ")
+    assert complaint(tmp_path).startswith(f"Data: {made.path}, line {line}: ")
 
 
 Spoil = Callable[[bytes], bytes]
@@ -141,7 +141,7 @@ Spoil = Callable[[bytes], bytes]
 def test_damaged_journal_blocks_its_unit_with_file_line_and_remedy(tmp_path: Path, spoil: Spoil, line: int) -> None:
     path = begun(tmp_path).path
     path.write_bytes(spoil(path.read_bytes()))
-    words = told(tmp_path)
+    words = complaint(tmp_path)
     assert words.startswith(f"Data: {path}, line {line}: ")
     assert "Compare the unit's registers with those of its last result" in words
     assert "\n" not in words
@@ -174,7 +174,7 @@ def test_damaged_journal_blocks_its_unit_with_file_line_and_remedy(tmp_path: Pat
 def test_unknown_journal_line_blocks_the_unit(tmp_path: Path, content: dict[str, object]) -> None:
     made = begun(tmp_path)
     append_line(made.path, {"id": made.id, "utc": "", **content})
-    assert told(tmp_path).startswith(f"Data: {made.path}, line 4: its content is unknown to this program")
+    assert complaint(tmp_path).startswith(f"Data: {made.path}, line 4: its content is unknown to this program")
 
 
 def before_checks(path: Path) -> None:
@@ -196,7 +196,7 @@ def test_journal_without_checksums_is_read_and_continued(tmp_path: Path) -> None
     assert [t.closing for t in journal.history(tmp_path, "SN-1")] == ["restored"]
     with made.path.open("a", encoding="utf-8") as stream:
         stream.write(json.dumps({"event": "closed", "id": made.id, "utc": "", "closing": "done"}) + "\n")
-    assert "line 5: its checksum is missing" in told(tmp_path)
+    assert "line 5: its checksum is missing" in complaint(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -207,7 +207,7 @@ def test_journal_without_checksums_is_validated(tmp_path: Path, right: str, wron
     before_checks(made.path)
     text = made.path.read_text(encoding="utf-8")
     made.path.write_text(text.replace(right, wrong), encoding="utf-8")
-    assert "its content is unknown to this program" in told(tmp_path)
+    assert "its content is unknown to this program" in complaint(tmp_path)
 
 
 def test_a_truncated_last_line_is_ignored_and_reported(tmp_path: Path) -> None:
@@ -217,7 +217,7 @@ def test_a_truncated_last_line_is_ignored_and_reported(tmp_path: Path) -> None:
     for cut in range(last + 1, len(whole) - 1):
         for tail in (b"", bytes(30)):  # a file system may have made room that it never filled
             made.path.write_bytes(whole[:cut] + tail)
-            assert told(tmp_path) == ""
+            assert complaint(tmp_path) == ""
             assert journal.truncated(tmp_path, "SN-1") == made.path
             assert journal.cycles(tmp_path, "SN-1") == 0
     made.path.write_bytes(whole[:-1])

@@ -111,15 +111,15 @@ def test_table_is_prepared_moved_for_verification_and_returned_to_load_position(
     floor.write_station(profile)
     settled = floor.operations.write(VALUES)
     assert (settled.closing, settled.proof) == ("done", "turn")
-    told = floor.operations.message_ids()
+    ids = floor.operations.message_ids()
     order = ["identified", "homing", "checking_mounting", "registers_writing", "verifying", "registers_proved"]
-    assert [ident for ident in told if ident in order] == order
+    assert [ident for ident in ids if ident in order] == order
     moves = floor.operations.moves()
     assert moves.count("verify") >= 11, "twice around"
     assert set(moves[-12:]) <= {"verify", "load"}
     assert "verify" not in moves[moves.index("load") :] if "load" in moves else True, "loaded at the end"
     states = [event.state for event in floor.operations.events if isinstance(event, StateChanged)]
-    assert states == ["preparing", "running", "done"], "what is no calibration has not passed"
+    assert states == ["preparing", "running", "done"], "an operation that is not a calibration does not pass"
     assert floor.left_alone()
 
 

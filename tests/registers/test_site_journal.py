@@ -45,9 +45,9 @@ def hardware(site_folder: SiteFolder) -> Iterator[RunRequest]:
     config = setup.bench_config()
     assert config is not None
     with closing(BenchHost.start({**config, "speed": 1.0, "watchdog_ms": 60_000})) as bench:
-        told = bench.endpoints
-        table = {"profile": "bench", "port": f"tcp://{told['table']}", "timeout_s": 5.0}
-        station = {**STATION, "table": table, "imu": {"port": told["imu"], "timeout_s": 5.0}}
+        endpoints = bench.endpoints
+        table = {"profile": "bench", "port": f"tcp://{endpoints['table']}", "timeout_s": 5.0}
+        station = {**STATION, "table": table, "imu": {"port": endpoints["imu"], "timeout_s": 5.0}}
         file = site_folder.folder / "hardware.toml"
         file.write_text(tomli_w.dumps(station), encoding="utf-8")
         yield replace(site_folder.request(), station=file, out=site_folder.folder / "monday")
@@ -119,8 +119,8 @@ def worn(site_folder: SiteFolder, home: Path) -> Worn:
 def test_a_nearly_worn_flash_is_reported(worn: Worn) -> None:
     worn.wear(9)
     events = worn.run()
-    (told,) = [event for event in events if isinstance(event, Message) and event.id == "flash_near"]
-    assert told.values == {"serial": SERIAL, "used": 9, "most": 10}
+    (message,) = [event for event in events if isinstance(event, Message) and event.id == "flash_near"]
+    assert message.values == {"serial": SERIAL, "used": 9, "most": 10}
     assert isinstance(events[-1], Verdict)
     assert events[-1].outcome == "passed"
     assert register_journal.cycles(worn.runs, SERIAL) == 10
@@ -159,6 +159,6 @@ def test_a_truncated_line_is_reported(worn: Worn) -> None:
     worn.wear(1)
     (journal,) = (worn.runs / register_journal.FOLDER).iterdir()
     journal.write_bytes(journal.read_bytes() + b'{"event": "int')
-    told = [event for event in worn.run() if isinstance(event, Message) and event.id == "journal_torn"]
-    assert [event.values["file"] for event in told] == [str(journal)]
+    messages = [event for event in worn.run() if isinstance(event, Message) and event.id == "journal_torn"]
+    assert [event.values["file"] for event in messages] == [str(journal)]
     assert len(register_journal.history(worn.runs, SERIAL)) == 2

@@ -90,9 +90,9 @@ def test_registers_of_a_unit_without_corrected_output_are_only_read_back(
     registers = verdict.result["registers"]
     assert (registers["verified"], registers["proved_on"]) == (True, "read_back")
     assert "difference" not in " ".join(check["name"] for check in registers["proof"])
-    told = [message.id for message in site_folder.events_of(Message)]
-    assert "registers_read_back" in told
-    assert "registers_written" not in told
+    ids = [message.id for message in site_folder.events_of(Message)]
+    assert "registers_read_back" in ids
+    assert "registers_written" not in ids
     (entry,) = register_journal.history(site_folder.folder / "runs", "SN-000042")
     assert (entry.closing, entry.steps[-1]) == ("done", "read_back")
 

@@ -149,8 +149,8 @@ def fill(unit: ImuUnit, wrong: ImuProfile, numbers: Mapping[int, list[float]]) -
     for entry in wrong.registers:
         kind = number(entry.type)
         if wrong.protocol == "vectornav":
-            told = ",".join(f"{value:.9G}" for value in numbers[entry.key])
-            assert b"VNERR" not in b"".join(check_cancelled(line(f"VNWRG,{entry.address},{told}", "xor8"), 1.0))
+            values_text = ",".join(f"{value:.9G}" for value in numbers[entry.key])
+            assert b"VNERR" not in b"".join(check_cancelled(line(f"VNWRG,{entry.address},{values_text}", "xor8"), 1.0))
             continue
         order = entry.byte_order or ("big" if wrong.modbus else "little")
         body = b"".join(kind.pack(value, order, entry.word_order) for value in numbers[entry.key])

@@ -408,15 +408,15 @@ def test_date_of_receipt_is_kept_with_the_certificate(
 def test_missing_report_is_explained_in_the_events(
     site_folder: SiteFolder, missing: str, report: dict[str, Any]
 ) -> None:
-    told: list[Event] = []
+    events: list[Event] = []
     with_laboratory(site_folder, report=report)
-    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append) == []
+    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), events.append) == []
     path = str(site_folder.folder / missing)
-    assert told == [Message("certificate_not_made", {"path": path})]
+    assert events == [Message("certificate_not_made", {"path": path})]
     assert f"No certificate was created: {path}, which" in sentence(event_text("certificate_not_made", {"path": path}))
     (site_folder.folder / missing).touch() if "." in missing else (site_folder.folder / missing).mkdir()
-    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
-    assert len(told) == 1
+    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), events.append)
+    assert len(events) == 1
 
 
 def test_unresponsive_network_share_delays_no_verdict(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -424,30 +424,30 @@ def test_unresponsive_network_share_delays_no_verdict(site_folder: SiteFolder, m
     monkeypatch.setattr(automatic_report, "missing_report_places", lambda *_: [goes_on.wait()])
     monkeypatch.setattr(automatic_report, "_SEARCH_S", 0.0)
     with_laboratory(site_folder, report={"folder": "reports"})
-    told: list[Event] = []
-    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
+    events: list[Event] = []
+    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), events.append)
     goes_on.set()
-    assert told == []
+    assert events == []
 
 
 def test_station_settings_request_reports_of_verdicts(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     started: list[Any] = []
-    told: list[Event] = []
+    events: list[Event] = []
     monkeypatch.setattr(subprocess, "Popen", lambda command, **options: started.append(command))
-    start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)])
+    start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), events.append)])
     assert not started
     for name in ("reports", "mine"):
         (site_folder.folder / name).mkdir()
     with_laboratory(site_folder, report={"folder": "reports", "language": "zh", "template": "mine"})
-    start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)])
+    start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), events.append)])
     automatic_report._started.clear()
     site_folder.write({"confirmation": {"required_for": ["certificate"]}})
     with_laboratory(site_folder, report={"folder": "reports"})
-    start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)])
+    start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), events.append)])
     assert "a second person must confirm its certificate" in caplog.text
-    assert told == [Message("certificate_waits")]
+    assert events == [Message("certificate_waits")]
     ((_, _, _, *command),) = started
     folder = site_folder.folder
     assert command == [

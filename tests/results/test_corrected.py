@@ -90,13 +90,13 @@ def test_calibration_is_replaced_without_a_gap(first_watch: tuple[Lines, Path], 
     assert lines[0]["schema"] == "calstation.corrected/1"
     assert lines[0]["imu2"] == {"serial": "BENCH-2"}
     assert_continuous(lines, recording)
-    told = [(line["calibration"], bool(line["values"])) for line in events(lines, "calibration")]
-    assert told == [(0, False), (1, True)]
+    calibrations = [(line["calibration"], bool(line["values"])) for line in events(lines, "calibration")]
+    assert calibrations == [(0, False), (1, True)]
     used = [line["imu2"]["calibration"] for line in data(lines)]
     assert used == sorted(used)
     assert set(used) == {0, 1}
     assert all(line["imu2"]["aligned"] for line in data(lines))
-    # told before the first samples corrected by it
+    # the calibration is reported before the first samples corrected by it
     assert lines.index(events(lines, "calibration")[1]) < lines.index(data(lines)[used.index(1)])
 
 

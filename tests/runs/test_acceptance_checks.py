@@ -148,8 +148,8 @@ def test_checks_of_a_shipped_product_pass_a_good_unit_and_detect_changes(product
     assert set(checks) >= FOUR_STAGES
     assert {"improvement_at_rest", "improvement_at_rest_floor"} & set(checks)
     assert {"motion_improvement", "motion_improvement_floor"} & set(checks)
-    told = {name: c for name, c in checks.items() if name in FOUR_STAGES or "improvement" in name}
-    assert max(c["value"] / c["limit"] for c in told.values()) < 0.8
+    improved = {name: c for name, c in checks.items() if name in FOUR_STAGES or "improvement" in name}
+    assert max(c["value"] / c["limit"] for c in improved.values()) < 0.8
 
     log = open_log(Path(verdict.log))
     size = context_from_meta(log.meta).imu.count_size

@@ -640,9 +640,9 @@ def test_log_of_a_removed_unit_receives_no_more_data() -> None:
     counts: list[int] = []
     ended = lost.ended
 
-    def end(told: Ended) -> None:
+    def end(event: Ended) -> None:
         counts.append(len(lost.journal.events))
-        ended(told)
+        ended(event)
 
     lost.ended = end  # type: ignore[method-assign]
     assert batch.run() is State.FAILED
@@ -654,9 +654,9 @@ def test_run_continues_while_the_result_of_a_removed_unit_is_written() -> None:
     lost = batch.units[0]
     over, waited = threading.Event(), []
 
-    def end(told: Ended) -> None:
+    def end(event: Ended) -> None:
         waited.append(over.wait(60.0))
-        lost.ends.append(told)
+        lost.ends.append(event)
 
     lost.ended = end  # type: ignore[method-assign]
     batch.on(StageStarted, 1.0, loses_its_port(lost))
@@ -673,16 +673,16 @@ def test_batch_of_sixteen_units_passes() -> None:
 
 def test_failed_result_write_does_not_affect_other_units() -> None:
     batch = Batch(2)
-    told: list[Ended] = []
+    events: list[Ended] = []
 
     def fail(ended: Ended) -> None:
-        told.append(ended)
+        events.append(ended)
         raise ConfigurationError("log.not_written", file="a.json", reason="")
 
     batch.units[0].ended = fail  # type: ignore[method-assign]
     with pytest.raises(ConfigurationError):
         batch.run()
-    assert len(told) == 1
+    assert len(events) == 1
     assert batch.units[1].end.state is State.PASSED
 
 
@@ -825,9 +825,9 @@ def test_result_of_a_removed_unit_is_written_after_its_solver_finishes() -> None
             loses_its_port(lost)()
             batch.clock.time += 0.05
 
-    def end(told: Ended) -> None:
+    def end(event: Ended) -> None:
         seen.append(done.is_set())
-        ended(told)
+        ended(event)
 
     emit = batch._take
 
@@ -849,10 +849,10 @@ def test_unexpected_error_keeps_the_result_of_a_removed_unit() -> None:
     mistaken = threading.Event()
     ended = lost.ended
 
-    def end(told: Ended) -> None:
+    def end(event: Ended) -> None:
         assert mistaken.wait(30.0)
         time.sleep(0.05)
-        ended(told)
+        ended(event)
 
     def ranking() -> None:
         if batch.ids("unit_left"):
@@ -872,8 +872,8 @@ def test_unit_removed_before_its_solver_is_compiled_does_not_end_the_run() -> No
     first, bad, _ = batch.units
     ended, over = bad.ended, threading.Event()
 
-    def end(told: Ended) -> None:
-        ended(told)
+    def end(event: Ended) -> None:
+        ended(event)
         over.set()
 
     bad.imu.upside_down = True
