@@ -8,6 +8,7 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication, QComboBox
 from pytestqt.qtbot import QtBot
 
+from calstation.config import library, load_product
 from calstation.gui.engineer.schedule_form import _number as schedule_number
 from calstation.gui.settings.fields import NumberEdit, VectorEdit
 from calstation.gui.text import language, parameter_text, product_text
@@ -88,3 +89,10 @@ def test_products_have_the_same_translated_name_everywhere(operator: Operator) -
         assert combo.currentText() == box.currentText() == product_text("Navigation grade A") == name
         assert Path(combo.currentData()).stem == "nav_a"
     assert product_text("our_unit") == "our_unit"
+
+
+def test_every_shipped_product_has_a_chinese_name(qapp: QApplication) -> None:
+    language.use("zh_CN")
+    files = (library.shipped_folder() / "products").glob("*.toml")
+    names = [load_product(file)[1].name for file in files]
+    assert [name for name in names if product_text(name) == name] == []
