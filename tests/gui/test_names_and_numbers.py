@@ -1,8 +1,10 @@
 """Parameter names and negative numbers are displayed consistently in the whole window."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+from pyqtgraph.graphicsItems.DateAxisItem import MONTH_SPACING
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication, QComboBox
@@ -10,6 +12,7 @@ from pytestqt.qtbot import QtBot
 
 from calstation.config import library, load_product
 from calstation.gui.engineer.schedule_form import _number as schedule_number
+from calstation.gui.quality.yield_view import DayAxis
 from calstation.gui.settings.fields import NumberEdit, VectorEdit
 from calstation.gui.text import language, parameter_text, product_text
 from calstation.gui.text.messages import show
@@ -96,3 +99,11 @@ def test_every_shipped_product_has_a_chinese_name(qapp: QApplication) -> None:
     files = (library.shipped_folder() / "products").glob("*.toml")
     names = [load_product(file)[1].name for file in files]
     assert [name for name in names if product_text(name) == name] == []
+
+
+@pytest.mark.parametrize(("code", "names"), [("en", ["Jan", "Dec"]), ("zh_CN", ["1月", "12月"])])
+def test_months_of_the_yield_are_in_the_current_language(qapp: QApplication, code: str, names: list[str]) -> None:
+    language.use(code)
+    axis = DayAxis("bottom", utcOffset=0)
+    starts = [datetime(2026, month, 1, tzinfo=UTC).timestamp() for month in (1, 12)]
+    assert axis.tickStrings(starts, 1.0, MONTH_SPACING) == names

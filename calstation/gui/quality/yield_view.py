@@ -1,13 +1,15 @@
 """Yield of the runs: fraction passed by day, failed checks by frequency, and fractions by station and operator."""
 
-from collections.abc import Mapping
-from datetime import date, timedelta
+from collections.abc import Mapping, Sequence
+from datetime import UTC, date, datetime, timedelta
 
 import numpy as np
 import pyqtgraph as pg
+from pyqtgraph.graphicsItems.DateAxisItem import MONTH_SPACING
+from PySide6.QtCore import QLocale
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import bind, check_name, on_language_change, product_text
+from calstation.gui.text import bind, check_name, language, on_language_change, product_text
 from calstation.gui.widgets import CellTable, ThemedPlot, column, label, row, split, theme
 from calstation.quality import FailedCheck, Share, Yields
 from calstation.records import Check
@@ -91,14 +93,25 @@ class YieldView(QWidget):
         self.table.show_cells(cells)
 
 
+class DayAxis(pg.DateAxisItem):  # type: ignore[misc]
+    """A time axis with the names of months in the current language."""
+
+    def tickStrings(self, values: Sequence[float], scale: float, spacing: float) -> list[str]:
+        """Return the labels of ticks."""
+        if spacing != MONTH_SPACING:
+            return list(super().tickStrings(values, scale, spacing))
+        locale = QLocale(language.current())
+        months = (datetime.fromtimestamp(value, UTC).month for value in values)
+        return [locale.monthName(month, QLocale.FormatType.ShortFormat) for month in months]
+
+
 class DailyYield(ThemedPlot):
     """The fraction that passed on each day, with its confidence interval."""
 
     def __init__(self) -> None:
         super().__init__()
         self._days: Mapping[str, Share] = {}
-        self.setAxisItems({"bottom": pg.DateAxisItem("bottom")})
-        self.getAxis("bottom").setStyle(tickFont=theme.font())
+        self.setAxisItems({"bottom": DayAxis("bottom", utcOffset=0)})
         self.getAxis("left").setWidth(8 * theme.GRID)
         self.showGrid(y=True, alpha=0.2)
         self.apply_theme()
@@ -111,6 +124,7 @@ class DailyYield(ThemedPlot):
 
     def _draw(self) -> None:
         self.setLabel("left", self.tr("yield, %"))
+        self.getAxis("bottom").setStyle(tickFont=theme.font())  # draws the months again in the current language
         self.getPlotItem().clear()
         if not self._days:
             return

@@ -58,7 +58,6 @@ class Convergence(QFrame):
         self._lines_of: dict[str, dict[str, Line]] = {}
         self._now = self._drawn = 0.0
         self._plot = ThemedPlot()
-        self._plot.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)
         self._plot.getAxis("left").setWidth(7 * theme.GRID)
         box = self._plot.getViewBox()
         box.sigTransformChanged.connect(self._label_lines)

@@ -27,7 +27,6 @@ class _Plot(QWidget):
         self.plot = ThemedPlot()
         self.plot.getAxis("left").setWidth(7 * theme.GRID)
         self.plot.getViewBox().setDefaultPadding(0.02)
-        self.plot.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)
         self._curves = [
             pg.PlotCurveItem(pen=pg.mkPen(colour, width=1), skipFiniteCheck=True, name=name)
             for name, colour in theme.AXIS_COLOURS.items()
