@@ -4,8 +4,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from calstation.config import access
+from calstation.config.product import ProductConfig
 from calstation.config.request import Confirmation, plain_text
-from calstation.config.station import ProductConfig, StationConfig
+from calstation.config.station import StationConfig
 from calstation.errors import ConfigurationError
 
 #: Release of a failed unit, or of production despite a failed check standard; a register write outside a run; or the

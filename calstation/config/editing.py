@@ -17,15 +17,9 @@ from tomlkit.items import AoT, InlineTable, Table
 
 from calstation.config import library
 from calstation.config.blocks import add_table, add_value, has_table, remove_table
+from calstation.config.product import ProductConfig, missing_files, register_conflicts, schedule_values, unknown_targets
 from calstation.config.slots import STATION_ENTRIES
-from calstation.config.station import (
-    ProductConfig,
-    StationConfig,
-    missing_files,
-    register_conflicts,
-    schedule_values,
-    unknown_targets,
-)
+from calstation.config.station import StationConfig
 from calstation.devices.profiles import FrameSection, ImuProfile, TableProfile, load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason

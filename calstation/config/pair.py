@@ -7,9 +7,9 @@ from typing import Any
 from pydantic import JsonValue
 
 from calstation.config import library
+from calstation.config.product import in_file, schedule_values
 from calstation.config.request import RunRequest
 from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
-from calstation.config.station import in_file, schedule_values
 from calstation.devices.profiles import load_imu_profile
 from calstation.records import LogMeta
 from calstation.schema import EntryError, validate

@@ -16,19 +16,18 @@ from pydantic import BaseModel, JsonValue
 from calstation import __version__
 from calstation.config import library, versions
 from calstation.config.check_standards import CheckStandardSection
-from calstation.config.request import RunRequest, computer_user
-from calstation.config.site_check import check_confirmation, check_gravity_sigma, check_site
-from calstation.config.slots import PLATFORM_AXES, STATION_ENTRIES, SlotSection, at_slot
-from calstation.config.station import (
+from calstation.config.product import (
     ProductConfig,
-    StationConfig,
     in_file,
     load_product,
-    load_station,
     register_conflicts,
     schedule_values,
     unknown_targets,
 )
+from calstation.config.request import RunRequest, computer_user
+from calstation.config.site_check import check_confirmation, check_gravity_sigma, check_site
+from calstation.config.slots import PLATFORM_AXES, STATION_ENTRIES, SlotSection
+from calstation.config.station import StationConfig, at_slot, load_station
 from calstation.devices.imu import RegisterMap
 from calstation.devices.links import SOCKETS
 from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile, span

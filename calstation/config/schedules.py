@@ -13,9 +13,9 @@ from pydantic.fields import FieldInfo
 
 from calstation.config import library, versions
 from calstation.config.editing import edit_toml, read_text
+from calstation.config.product import in_file
 from calstation.config.request import RunRequest
 from calstation.config.resolved import resolve_configuration
-from calstation.config.station import in_file
 from calstation.config.versions import Version
 from calstation.jobs import ProgressCallback
 from calstation.physics import TableGeometry, named

@@ -1,50 +1,38 @@
-"""Models of station and product files: a location and a unit type, checked before anything moves."""
+"""Model of a station file: a location with its table and units, checked before anything moves."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.config import library
-from calstation.config.check_standards import CheckStandardSection
 from calstation.config.laboratory import InstrumentSection, LaboratorySection, ReportSection
+from calstation.config.link_defaults import is_manual_table
 from calstation.config.records import RecordsSection
 from calstation.config.sign_in import SignInSection
-from calstation.config.slots import DeviceSection, SlotSection, check_slots
-from calstation.devices.codecs import SLOTS, legal_range, parameter_of
+from calstation.config.slots import MAX_UNITS, DeviceSection, SlotSection, takes_one
 from calstation.devices.links import host_and_port
-from calstation.devices.profiles import ImuProfile, RegisterEntry, SerialSettings, load_imu_profile, load_table_profile
+from calstation.devices.profiles import load_table_profile
 from calstation.errors import CalstationError, ConfigurationError
-from calstation.estimation.effects import CONSTANT
-from calstation.physics import INDEX, PARAMETERS, further_parameter, named
-from calstation.records import ChecksSection, ConformitySection, Limit, SiteSection, check_limit_names
-from calstation.schema import EntryError, Pattern, Problem, StrictModel, load, near_miss
-from procedures import DEFAULT_STAGES, method
-
-#: Recommended action for a unit outside its limits: remount it, repeat the run unchanged, or set it aside.
-Advice = Literal["reseat", "repeat", "set_aside"]
-
-#: Effects outside the model that a schedule can be required to detect.
-_CAUSES = tuple(candidate.cause for candidate in CONSTANT)
+from calstation.records import SiteSection
+from calstation.schema import EntryError, StrictModel, load, near_miss
 
 DEFAULT_STATION = "virtual_bench"
-DEFAULT_PRODUCT = "nav_a"
 
-#: Shipped virtual bench with a manual table, and the shipped product calibrated on it.
-MANUAL_STATION, MANUAL_PRODUCT = "virtual_hand", "mems_hand"
+#: Shipped virtual bench with a manual table.
+MANUAL_STATION = "virtual_hand"
 
 #: Serial number of the unit on the virtual bench, unless its settings or a recording name another one.
 VIRTUAL_UNIT = "SN-000001"
 
-#: Standard deviation of rounding to a step size of 1.
-_ROUNDING = 12.0**-0.5
-
 #: host:port without a scheme.
 _WITHOUT_SCHEME = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
+
+#: Settings of the virtual bench in a station file that apply to its first unit only.
+_OF_THE_FIRST = ("serial", "orders")
 
 
 class TableLinkSection(DeviceSection):
@@ -127,7 +115,7 @@ class StationConfig(StrictModel):
         """Names of the slots, in order; () at a station with one unit."""
         if self.slots:
             return tuple(slot.name for slot in self.slots)
-        units = int((self.bench or {}).get("units", 1))  # type: ignore[arg-type] # see `check_slots`
+        units = int((self.bench or {}).get("units", 1))  # type: ignore[arg-type] # see `_check_units`
         return tuple(str(number) for number in range(1, units + 1)) if units > 1 else ()
 
     @property
@@ -154,7 +142,7 @@ class StationConfig(StrictModel):
     def _ports(self) -> "StationConfig":
         if self.imu3 is not None and self.imu2 is None:
             raise EntryError("log.imu_numbers", number=3, missing=2)
-        check_slots(self)
+        _check_slots(self)
         slots = [(("slots", number), slot) for number, slot in enumerate(self.slots)]
         imus: list[tuple[tuple[str | int, ...], DeviceSection]] = [*slots] or [(("imu",), self.imu)]
         imus += [((f"imu{number}",), section) for number, section in self.secondaries.items()]
@@ -175,123 +163,70 @@ class StationConfig(StrictModel):
         return self
 
 
-class WarmUpSection(StrictModel):
-    """`[warm_up]`: minimum time, after which the temperature slope must be below a limit."""
-
-    time_s: float = Field(default=0.0, ge=0, le=86_400)
-    slope_c_per_min: float | None = Field(default=None, gt=0)
-    timeout_s: float = Field(default=3600.0, gt=0, le=86_400)
-
-
-class LoadAngleSection(StrictModel):
-    """`[load_angle]`: angles of the table while units are changed, degrees."""
-
-    outer_deg: float = 0.0
-    inner_deg: float = 0.0
-
-
-class ConfirmationSection(StrictModel):
-    """`[confirmation]` of a product: actions that a second engineer must confirm."""
-
-    #: Release of a failed unit, register writes outside a run, and the issue of a certificate.
-    required_for: list[Literal["override", "registers", "certificate"]] = Field(default_factory=list)
-
-
-class ProductConfig(StrictModel):
-    """A product file: a type of unit, its calibration, and its limits."""
-
-    name: str
-    imu: str  #: Name of the IMU profile.
-    bench_grade: Literal["nav", "tactical", "mems"] = "nav"  #: Grade of a virtual unit.
-    serial_pattern: Pattern  #: Regular expression for the whole serial number.
-    serial_example: str = "SN-000123"  #: A serial number that matches, shown when another one is refused.
-    #: Files next to the product file: drawing of the unit in its fixture, and label template for a passed unit.
-    picture: str | None = Field(default=None, pattern=r"^[^/\\]+\.(svg|png|jpe?g)$")
-    label: str | None = Field(default=None, pattern=r"^[^/\\]+\.(zpl|typ)$")
-    stages: list[str] = Field(default_factory=lambda: list(DEFAULT_STAGES), min_length=1)
-    schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Parameters of each stage's method.
-    targets: dict[str, float] = Field(default_factory=dict)  #: Sigmas at which a repeated stage may stop, SI.
-    limits: dict[str, Limit] = Field(default_factory=dict)
-    checks: ChecksSection | None = None
-    conformity: ConformitySection | None = None  #: Decision rule; simple acceptance without it.
-    confirmation: ConfirmationSection | None = None
-    #: Sizes of effects outside the model, SI, that a designed schedule must detect, by cause.
-    diagnosis: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
-    load_angle: LoadAngleSection = LoadAngleSection()
-    warm_up: WarmUpSection = WarmUpSection()
-    operator_ends_stages: bool = False  #: Whether the operator page offers to end a repeated stage early.
-    end_on_failure: bool = False  #: Whether to skip the remaining stages after a limit was exceeded.
-    #: Recommended action after the first, second, ... consecutive failure; the last entry applies to all later ones.
-    advice: list[Advice] = Field(default=["reseat", "repeat", "set_aside"], min_length=1)
-    #: Consecutive failures after which a unit is not calibrated again.
-    attempts_allowed: int | None = Field(default=None, ge=1)
-    check_standards: list[CheckStandardSection] = Field(default_factory=list)
-
-    @field_validator("stages")
-    @classmethod
-    def _stages(cls, stages: list[str]) -> list[str]:
-        if len(set(stages)) != len(stages):
-            raise EntryError("product.stage_twice")
-        return stages
-
-    @field_validator("diagnosis")
-    @classmethod
-    def _diagnosis(cls, sizes: dict[str, float]) -> dict[str, float]:
-        for cause in sizes:
-            if cause not in _CAUSES:
-                remedy = near_miss(cause, _CAUSES)
-                raise EntryError("entry.unknown_name", cause, name=cause, remedy=remedy)
-        return sizes
-
-    @field_validator("check_standards")
-    @classmethod
-    def _standards(cls, standards: list[CheckStandardSection]) -> list[CheckStandardSection]:
-        serials = [standard.serial for standard in standards]
-        for number, serial in enumerate(serials):
-            if serial in serials[:number]:
-                raise EntryError("product.standard_twice", number, "serial", serial=serial)
-        return standards
-
-    @field_validator("limits")
-    @classmethod
-    def _limits(cls, limits: dict[str, Limit]) -> dict[str, Limit]:
-        check_limit_names(limits)
-        return limits
-
-    @model_validator(mode="after")
-    def _example(self) -> "ProductConfig":
-        given = "serial_example" in self.model_fields_set
-        if given and not re.fullmatch(self.serial_pattern, self.serial_example):
-            values = {"example": self.serial_example, "pattern": self.serial_pattern}
-            raise EntryError("product.example_unlike", "serial_example", **values)
-        return self
-
-    def standard(self, serial: str) -> CheckStandardSection | None:
-        """Return the check standard with a serial number, None for any other unit."""
-        return next((standard for standard in self.check_standards if standard.serial == serial), None)
-
-    @property
-    def example(self) -> str:
-        """A matching serial number, or the pattern if the product contains no example."""
-        return self.serial_example if re.fullmatch(self.serial_pattern, self.serial_example) else self.serial_pattern
-
-    @model_validator(mode="after")
-    def _stages_of_checks(self) -> "ProductConfig":
-        for rule in ("improvement_at_rest", "level", "motion_angle"):
-            stage = getattr(getattr(self.checks, rule, None), "stage", None)
-            if stage is not None and stage not in self.stages:
-                keys = ("checks", rule, "stage")
-                raise EntryError("entry.unknown_name", *keys, name=stage, remedy=near_miss(stage, self.stages))
-        return self
+def _check_slots(station: StationConfig) -> None:
+    """Check the slots of a station against each other, its table and its virtual bench. Raises EntryError."""
+    _check_units(station)
+    if not station.slot_names:
+        return
+    for section in ("imu", "imu2", "imu3"):
+        if section in station.model_fields_set:
+            raise EntryError("station.slots_and_imu", section)
+    _check_unique("name", [slot.name for slot in station.slots])
+    _check_unique("port", [slot.port for slot in station.slots])
+    by_name: dict[str, str] = {}
+    for number, slot in enumerate(station.slots):
+        other = by_name.setdefault(slot.name.lower(), slot.name)
+        if other != slot.name:
+            raise EntryError("station.slot_case", "slots", number, "name", name=slot.name, other=other)
+    with suppress(ConfigurationError):  # reported with the profile itself
+        table = load_table_profile(library.find("tables", station.table.profile))
+        if takes_one(table):
+            raise EntryError("station.slots_need_table", "table", "profile", profile=table.name)
+        for number, slot in enumerate(station.slots):
+            if table.outer_lever == "fixed" and any(slot.lever_m):
+                raise EntryError("station.lever_fixed", "slots", number, "lever_m", profile=table.name)
 
 
-@contextmanager
-def in_file(path: Path) -> Iterator[None]:
-    """Convert an EntryError into a ConfigurationError that names the file and the entry."""
-    try:
-        yield
-    except EntryError as exc:
-        raise ConfigurationError("entry.in_file", file=path, what=Problem.of(exc).as_text) from exc
+def _check_units(station: StationConfig) -> None:
+    if len(station.slots) > MAX_UNITS:
+        raise EntryError("station.too_many_slots", "slots", count=len(station.slots), most=MAX_UNITS)
+    units = (station.bench or {}).get("units")
+    if units is None:
+        return
+    if type(units) is not int or not 1 <= units <= MAX_UNITS:
+        raise EntryError("station.units_out_of_range", "bench", "units", most=MAX_UNITS)
+    if station.slots and units != len(station.slots):
+        raise EntryError("station.units_unlike_slots", "bench", "units", units=units, slots=len(station.slots))
+
+
+def _check_unique(entry: str, values: Sequence[str | None]) -> None:
+    for number, found in enumerate(values):
+        if found is not None and found in values[:number]:
+            raise EntryError("station.slot_twice", "slots", number, entry, value=found)
+
+
+def at_slot(station: StationConfig, name: str | None) -> StationConfig:
+    """Return a station with the unit of one slot as its only unit, by default the first slot, if it has slots.
+
+    Raises EntryError for an unknown name.
+    """
+    names = station.slot_names
+    if name is not None and name not in names:
+        raise EntryError("station.unknown_slot", "slots", slot=name, remedy=near_miss(name, names))
+    if not names:
+        return station
+    number = 0 if name is None else names.index(name)
+    slot = station.slots[number] if station.slots else SlotSection(name=names[number])
+    return station.model_copy(update={"imu": slot, "bench": _bench_of(station.bench, number)})
+
+
+def _bench_of(bench: dict[str, Any] | None, number: int) -> dict[str, Any] | None:
+    """Return the bench settings of the unit in slot `number`, from 0: the table's settings, and its own."""
+    if bench is None:
+        return None
+    own = [{}, *bench.get("secondaries", ())][number:][:1]
+    left_out = ("secondaries", *(_OF_THE_FIRST if number else ()))
+    return {**{name: value for name, value in bench.items() if name not in left_out}, **(own[0] if own else {})}
 
 
 def load_station(path: Path | None) -> tuple[Path, StationConfig]:
@@ -300,131 +235,9 @@ def load_station(path: Path | None) -> tuple[Path, StationConfig]:
     return path, load(StationConfig, path)
 
 
-def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
-    """Load a product file, by default `DEFAULT_PRODUCT`; its stages must exist. Raises ConfigurationError."""
-    path = path or library.find("products", DEFAULT_PRODUCT)
-    product = load(ProductConfig, path)
-    for stage in (*product.stages, *product.schedule):
-        method(stage)
-    with in_file(path):
-        for error in missing_files(product, path):
-            raise error
-    return path, product
-
-
-def missing_files(product: ProductConfig, path: Path | None = None) -> Iterator[EntryError]:
-    """Yield errors for files named by a product at `path` that do not exist."""
-    for entry in ("picture", "label"):
-        name = getattr(product, entry)
-        if name is not None and library.find_beside(path, name) is None:
-            yield EntryError("product.no_file", entry, name=name, folder=library.site_folder() / "products")
-
-
-def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, Any]) -> dict[str, JsonValue]:
-    """Return the values of a stage's schedule; values in `instead` override the product's."""
-    values: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
-    fields = method(stage).schedule.model_fields
-    if "targets" in fields and "stop_at_limits" not in fields and product.targets and "targets" not in values:
-        values["targets"] = dict(product.targets)
-    return values
-
-
-def unknown_targets(targets: Iterable[str], *keys: str) -> Iterator[EntryError]:
-    """Yield errors for targets at `keys` that are not parameters or groups: the stop rule would ignore them."""
-    return (EntryError("product.target_unknown", *keys, name, name=name) for name in targets if not named(name))
-
-
-def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[EntryError]:
-    """Yield errors for limits that exceed the range or resolution of the unit's registers, one per entry."""
-    seen = set()
-    for register in imu.registers:
-        for name in filter(None, register.names):
-            parameter = parameter_of(name)
-            limit_name = _limit_of(product, parameter) if parameter else None
-            if limit_name is None:
-                continue
-            for error in _conflicts(register, name, limit_name, product.limits[limit_name], imu.name):
-                if error.place not in seen:
-                    seen.add(error.place)
-                    yield error
-
-
-def _limit_of(product: ProductConfig, parameter: str) -> str | None:
-    """Return the name under which a parameter's limit is given: its own or its group's."""
-    known = PARAMETERS[INDEX[parameter]] if parameter in INDEX else further_parameter(parameter)
-    group = "" if known is None else known.group
-    return next((name for name in (parameter, group) if name in product.limits), None)
-
-
-def _conflicts(register: RegisterEntry, name: str, limit_name: str, limit: Limit, profile: str) -> Iterator[EntryError]:
-    where = {"parameter": name, "register": register.address, "profile": profile}
-    if limit.interval is not None:
-        least, most = _needed(register, name, limit.interval)
-        low, high = register.range
-        if least < low or most > high:
-            values = {"least": least, "most": most, "low": low, "high": high}
-            yield EntryError("product.beyond_register", "limits", limit_name, "within", **where, **values)
-    sigma = limit.sigma_below
-    if sigma is not None and register.step * _ROUNDING > sigma:
-        values = {"sigma": sigma, "step": register.step}
-        yield EntryError("product.finer_than_step", "limits", limit_name, "sigma_below", **where, **values)
-    elif sigma is not None and register.tolerance > sigma:
-        values = {"sigma": sigma, "tolerance": register.tolerance}
-        yield EntryError("product.finer_than_tolerance", "limits", limit_name, "sigma_below", **where, **values)
-
-
-def _needed(register: RegisterEntry, name: str, interval: tuple[float, float]) -> tuple[float, float]:
-    """Return the range of a register's value over an interval of its parameter."""
-    parameter = parameter_of(name) if name in SLOTS else None
-    if parameter is None:
-        return interval
-    reach = legal_range(name, {parameter: max(map(abs, interval))}, register.effective_convention)
-    assert reach is not None
-    return reach
-
-
-def is_manual_table(profile: str) -> bool:
-    """Return whether a table profile is for a manual rig; False if it cannot be read."""
-    defaults = table_defaults(profile)
-    return defaults is not None and defaults.by_hand
-
-
 def uses_manual_rig(station: Path | None) -> bool:
     """Return whether a station file (by default the virtual bench's) has a manual table."""
     try:
         return is_manual_table(load_station(station)[1].table.profile)
     except CalstationError:
         return False
-
-
-def manual_product() -> Path | None:
-    """Return the shipped product that is calibrated manually, or None if it was removed."""
-    return library.find("products", MANUAL_PRODUCT) if MANUAL_PRODUCT in library.names("products") else None
-
-
-@dataclass(frozen=True)
-class LinkDefaults:
-    """Link settings of a device profile."""
-
-    serial: SerialSettings
-    timeout: float | None  #: Host time for a reply, s; None for a device that is never queried.
-    unit: int | None  #: Modbus unit number.
-    by_hand: bool = False  #: Whether it is a manual table, which has no link.
-
-
-def table_defaults(profile: str) -> LinkDefaults | None:
-    """Return the link settings of a table profile, or None if there is no valid profile with this name."""
-    try:
-        table = load_table_profile(library.find("tables", profile))
-    except ConfigurationError:
-        return None
-    return LinkDefaults(table.serial, table.timeout_s, table.unit, table.by_hand)
-
-
-def imu_defaults(product: Path | None, profile: str | None = None) -> LinkDefaults | None:
-    """Return the link settings of an IMU profile, by default the product's, or None if it is invalid."""
-    try:
-        imu = load_imu_profile(library.find("imus", profile or load_product(product)[1].imu))
-    except ConfigurationError:
-        return None
-    return LinkDefaults(imu.link, imu.timeout_s, None)

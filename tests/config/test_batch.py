@@ -12,8 +12,7 @@ from calstation.bench import BenchConfig
 from calstation.config import batch_bench_config, library, new_batch_id, prepare_batch, prepare_run, unit_requests
 from calstation.config.editing import check, check_data
 from calstation.config.request import RunRequest
-from calstation.config.slots import at_slot
-from calstation.config.station import StationConfig, load_station
+from calstation.config.station import StationConfig, at_slot, load_station
 from calstation.connection.compatibility import station_conflicts
 from calstation.errors import ConfigurationError
 from calstation.physics import orientation_matrix

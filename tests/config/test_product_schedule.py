@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from calstation.config import library, versions
+from calstation.config.product import load_product
 from calstation.config.schedules import save_schedule
-from calstation.config.station import load_product
 from calstation.errors import ConfigurationError
 from tests.helpers import complaint, ignore_progress
 

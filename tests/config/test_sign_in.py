@@ -8,10 +8,10 @@ import pytest
 import tomli_w
 
 from calstation.config import editing, library, versions
+from calstation.config.product import load_product
 from calstation.config.request import computer_user
 from calstation.config.resolved import prepare_run
 from calstation.config.sign_in import SignInSection
-from calstation.config.station import load_product
 from calstation.config.summary import run_summary
 from calstation.errors import ConfigurationError
 from tests.site_folder import BENCH, PRODUCT, STATION, SiteFolder

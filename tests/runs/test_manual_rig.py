@@ -7,10 +7,11 @@ import pytest
 import tomli_w
 
 from calstation.config import library
+from calstation.config.link_defaults import is_manual_table
 from calstation.config.request import RunRequest
 from calstation.config.resolved import prepare_run
 from calstation.config.schedules import schedule_options
-from calstation.config.station import is_manual_table, load_station
+from calstation.config.station import load_station
 from calstation.config.summary import run_summary
 from calstation.connection.link_test import LinkTestRequest, check_table_link
 from calstation.errors import ConfigurationError

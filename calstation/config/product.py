@@ -1,0 +1,241 @@
+"""Model of a product file: a unit type with its calibration and limits, checked before anything moves."""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, JsonValue, field_validator, model_validator
+
+from calstation.config import library
+from calstation.config.check_standards import CheckStandardSection
+from calstation.devices.codecs import SLOTS, legal_range, parameter_of
+from calstation.devices.profiles import ImuProfile, RegisterEntry
+from calstation.errors import ConfigurationError
+from calstation.estimation.effects import CONSTANT
+from calstation.physics import INDEX, PARAMETERS, further_parameter, named
+from calstation.records import ChecksSection, ConformitySection, Limit, check_limit_names
+from calstation.schema import EntryError, Pattern, Problem, StrictModel, load, near_miss
+from procedures import DEFAULT_STAGES, method
+
+#: Recommended action for a unit outside its limits: remount it, repeat the run unchanged, or set it aside.
+Advice = Literal["reseat", "repeat", "set_aside"]
+
+#: Effects outside the model that a schedule can be required to detect.
+_CAUSES = tuple(candidate.cause for candidate in CONSTANT)
+
+DEFAULT_PRODUCT = "nav_a"
+
+#: Shipped product that is calibrated manually.
+MANUAL_PRODUCT = "mems_hand"
+
+#: Standard deviation of rounding to a step size of 1.
+_ROUNDING = 12.0**-0.5
+
+
+class WarmUpSection(StrictModel):
+    """`[warm_up]`: minimum time, after which the temperature slope must be below a limit."""
+
+    time_s: float = Field(default=0.0, ge=0, le=86_400)
+    slope_c_per_min: float | None = Field(default=None, gt=0)
+    timeout_s: float = Field(default=3600.0, gt=0, le=86_400)
+
+
+class LoadAngleSection(StrictModel):
+    """`[load_angle]`: angles of the table while units are changed, degrees."""
+
+    outer_deg: float = 0.0
+    inner_deg: float = 0.0
+
+
+class ConfirmationSection(StrictModel):
+    """`[confirmation]` of a product: actions that a second engineer must confirm."""
+
+    #: Release of a failed unit, register writes outside a run, and the issue of a certificate.
+    required_for: list[Literal["override", "registers", "certificate"]] = Field(default_factory=list)
+
+
+class ProductConfig(StrictModel):
+    """A product file: a type of unit, its calibration, and its limits."""
+
+    name: str
+    imu: str  #: Name of the IMU profile.
+    bench_grade: Literal["nav", "tactical", "mems"] = "nav"  #: Grade of a virtual unit.
+    serial_pattern: Pattern  #: Regular expression for the whole serial number.
+    serial_example: str = "SN-000123"  #: A serial number that matches, shown when another one is refused.
+    #: Files next to the product file: drawing of the unit in its fixture, and label template for a passed unit.
+    picture: str | None = Field(default=None, pattern=r"^[^/\\]+\.(svg|png|jpe?g)$")
+    label: str | None = Field(default=None, pattern=r"^[^/\\]+\.(zpl|typ)$")
+    stages: list[str] = Field(default_factory=lambda: list(DEFAULT_STAGES), min_length=1)
+    schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Parameters of each stage's method.
+    targets: dict[str, float] = Field(default_factory=dict)  #: Sigmas at which a repeated stage may stop, SI.
+    limits: dict[str, Limit] = Field(default_factory=dict)
+    checks: ChecksSection | None = None
+    conformity: ConformitySection | None = None  #: Decision rule; simple acceptance without it.
+    confirmation: ConfirmationSection | None = None
+    #: Sizes of effects outside the model, SI, that a designed schedule must detect, by cause.
+    diagnosis: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
+    load_angle: LoadAngleSection = LoadAngleSection()
+    warm_up: WarmUpSection = WarmUpSection()
+    operator_ends_stages: bool = False  #: Whether the operator page offers to end a repeated stage early.
+    end_on_failure: bool = False  #: Whether to skip the remaining stages after a limit was exceeded.
+    #: Recommended action after the first, second, ... consecutive failure; the last entry applies to all later ones.
+    advice: list[Advice] = Field(default=["reseat", "repeat", "set_aside"], min_length=1)
+    #: Consecutive failures after which a unit is not calibrated again.
+    attempts_allowed: int | None = Field(default=None, ge=1)
+    check_standards: list[CheckStandardSection] = Field(default_factory=list)
+
+    @field_validator("stages")
+    @classmethod
+    def _stages(cls, stages: list[str]) -> list[str]:
+        if len(set(stages)) != len(stages):
+            raise EntryError("product.stage_twice")
+        return stages
+
+    @field_validator("diagnosis")
+    @classmethod
+    def _diagnosis(cls, sizes: dict[str, float]) -> dict[str, float]:
+        for cause in sizes:
+            if cause not in _CAUSES:
+                remedy = near_miss(cause, _CAUSES)
+                raise EntryError("entry.unknown_name", cause, name=cause, remedy=remedy)
+        return sizes
+
+    @field_validator("check_standards")
+    @classmethod
+    def _standards(cls, standards: list[CheckStandardSection]) -> list[CheckStandardSection]:
+        serials = [standard.serial for standard in standards]
+        for number, serial in enumerate(serials):
+            if serial in serials[:number]:
+                raise EntryError("product.standard_twice", number, "serial", serial=serial)
+        return standards
+
+    @field_validator("limits")
+    @classmethod
+    def _limits(cls, limits: dict[str, Limit]) -> dict[str, Limit]:
+        check_limit_names(limits)
+        return limits
+
+    @model_validator(mode="after")
+    def _example(self) -> "ProductConfig":
+        given = "serial_example" in self.model_fields_set
+        if given and not re.fullmatch(self.serial_pattern, self.serial_example):
+            values = {"example": self.serial_example, "pattern": self.serial_pattern}
+            raise EntryError("product.example_unlike", "serial_example", **values)
+        return self
+
+    def standard(self, serial: str) -> CheckStandardSection | None:
+        """Return the check standard with a serial number, None for any other unit."""
+        return next((standard for standard in self.check_standards if standard.serial == serial), None)
+
+    @property
+    def example(self) -> str:
+        """A matching serial number, or the pattern if the product contains no example."""
+        return self.serial_example if re.fullmatch(self.serial_pattern, self.serial_example) else self.serial_pattern
+
+    @model_validator(mode="after")
+    def _stages_of_checks(self) -> "ProductConfig":
+        for rule in ("improvement_at_rest", "level", "motion_angle"):
+            stage = getattr(getattr(self.checks, rule, None), "stage", None)
+            if stage is not None and stage not in self.stages:
+                keys = ("checks", rule, "stage")
+                raise EntryError("entry.unknown_name", *keys, name=stage, remedy=near_miss(stage, self.stages))
+        return self
+
+
+@contextmanager
+def in_file(path: Path) -> Iterator[None]:
+    """Convert an EntryError into a ConfigurationError that names the file and the entry."""
+    try:
+        yield
+    except EntryError as exc:
+        raise ConfigurationError("entry.in_file", file=path, what=Problem.of(exc).as_text) from exc
+
+
+def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
+    """Load a product file, by default `DEFAULT_PRODUCT`; its stages must exist. Raises ConfigurationError."""
+    path = path or library.find("products", DEFAULT_PRODUCT)
+    product = load(ProductConfig, path)
+    for stage in (*product.stages, *product.schedule):
+        method(stage)
+    with in_file(path):
+        for error in missing_files(product, path):
+            raise error
+    return path, product
+
+
+def missing_files(product: ProductConfig, path: Path | None = None) -> Iterator[EntryError]:
+    """Yield errors for files named by a product at `path` that do not exist."""
+    for entry in ("picture", "label"):
+        name = getattr(product, entry)
+        if name is not None and library.find_beside(path, name) is None:
+            yield EntryError("product.no_file", entry, name=name, folder=library.site_folder() / "products")
+
+
+def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, Any]) -> dict[str, JsonValue]:
+    """Return the values of a stage's schedule; values in `instead` override the product's."""
+    values: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
+    fields = method(stage).schedule.model_fields
+    if "targets" in fields and "stop_at_limits" not in fields and product.targets and "targets" not in values:
+        values["targets"] = dict(product.targets)
+    return values
+
+
+def unknown_targets(targets: Iterable[str], *keys: str) -> Iterator[EntryError]:
+    """Yield errors for targets at `keys` that are not parameters or groups: the stop rule would ignore them."""
+    return (EntryError("product.target_unknown", *keys, name, name=name) for name in targets if not named(name))
+
+
+def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[EntryError]:
+    """Yield errors for limits that exceed the range or resolution of the unit's registers, one per entry."""
+    seen = set()
+    for register in imu.registers:
+        for name in filter(None, register.names):
+            parameter = parameter_of(name)
+            limit_name = _limit_of(product, parameter) if parameter else None
+            if limit_name is None:
+                continue
+            for error in _conflicts(register, name, limit_name, product.limits[limit_name], imu.name):
+                if error.place not in seen:
+                    seen.add(error.place)
+                    yield error
+
+
+def _limit_of(product: ProductConfig, parameter: str) -> str | None:
+    """Return the name under which a parameter's limit is given: its own or its group's."""
+    known = PARAMETERS[INDEX[parameter]] if parameter in INDEX else further_parameter(parameter)
+    group = "" if known is None else known.group
+    return next((name for name in (parameter, group) if name in product.limits), None)
+
+
+def _conflicts(register: RegisterEntry, name: str, limit_name: str, limit: Limit, profile: str) -> Iterator[EntryError]:
+    where = {"parameter": name, "register": register.address, "profile": profile}
+    if limit.interval is not None:
+        least, most = _needed(register, name, limit.interval)
+        low, high = register.range
+        if least < low or most > high:
+            values = {"least": least, "most": most, "low": low, "high": high}
+            yield EntryError("product.beyond_register", "limits", limit_name, "within", **where, **values)
+    sigma = limit.sigma_below
+    if sigma is not None and register.step * _ROUNDING > sigma:
+        values = {"sigma": sigma, "step": register.step}
+        yield EntryError("product.finer_than_step", "limits", limit_name, "sigma_below", **where, **values)
+    elif sigma is not None and register.tolerance > sigma:
+        values = {"sigma": sigma, "tolerance": register.tolerance}
+        yield EntryError("product.finer_than_tolerance", "limits", limit_name, "sigma_below", **where, **values)
+
+
+def _needed(register: RegisterEntry, name: str, interval: tuple[float, float]) -> tuple[float, float]:
+    """Return the range of a register's value over an interval of its parameter."""
+    parameter = parameter_of(name) if name in SLOTS else None
+    if parameter is None:
+        return interval
+    reach = legal_range(name, {parameter: max(map(abs, interval))}, register.effective_convention)
+    assert reach is not None
+    return reach
+
+
+def manual_product() -> Path | None:
+    """Return the shipped product that is calibrated manually, or None if it was removed."""
+    return library.find("products", MANUAL_PRODUCT) if MANUAL_PRODUCT in library.names("products") else None
