@@ -31,7 +31,7 @@ from calstation.estimation.positions import (
     positions,
     valid_links,
 )
-from calstation.physics import INNER, JOINTS, NAMES, OUTER, PARAMETERS, Carry, Dwell, Move, Step, TableGeometry
+from calstation.physics import INNER, JOINTS, NAMES, OUTER, PARAMETERS, Dwell, ManualMove, Move, Step, TableGeometry
 
 GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign", "accel_bias", "accel_scale", "accel_misalign")
 ESTIMATED = tuple(p.name for p in PARAMETERS if p.group in GROUPS)
@@ -91,7 +91,7 @@ def _manual_steps(schedule: Schedule, poses: list[Pose]) -> Iterator[Step]:
         far = max(abs(a - b) for a, b in zip(pose, before, strict=True))
         turning = far / float(np.deg2rad(schedule.rate_dps))
         rest = schedule.rest_s if index > 1 else schedule.initial_rest_s
-        yield Carry(*pose, rest, turning + HESITATION if index > 1 else 0.0, index, len(way))
+        yield ManualMove(*pose, rest, turning + HESITATION if index > 1 else 0.0, index, len(way))
 
 
 def _around(geometry: TableGeometry, joint: int, step: float) -> Iterator[float]:

@@ -278,7 +278,7 @@ class BenchReport(BaseModel):
     enabled: bool
     moving: bool
     fault: str
-    obeyed: tuple[str, ...]
+    executed: tuple[str, ...]
     samples: int
     time: float
     flash_cycles: int

@@ -93,7 +93,7 @@ class LiveBench:
         self._orders = sorted(config.orders, key=lambda order: order.at)
         self.faults = StreamFaults(self._random)
         self.now = 0.0
-        self.obeyed: list[str] = []
+        self.executed: list[str] = []
         self.on_link: Callable[[Order], None] = lambda order: None
         self.clocks: Clocks = Clocks(lambda: self.device_time, host_time, self._reading_time)
         self.machine: TableMachine = TableMachine(
@@ -144,7 +144,7 @@ class LiveBench:
         while self._orders and self._orders[0].at <= (now - self._power_on) * self._gain:
             due = self._orders.pop(0)
             parts += self._advance_in_steps(max(self._power_on + due.at / self._gain, self.now))
-            self.obey(due)
+            self.execute(due)
         parts += self._advance_in_steps(now)
         return b"".join(parts)
 
@@ -153,14 +153,14 @@ class LiveBench:
         ends = (self._power_on + end / self._gain for end in self.faults.until.values())
         return [self._produce(cut) for cut in (*sorted(end for end in ends if self.now < end < now), now)]
 
-    def obey(self, order: Order) -> None:
+    def execute(self, order: Order) -> None:
         """Execute an order immediately, or schedule it if `after` is positive."""
         time, value, faults, machine = self.device_time, order.value, self.faults, self.machine
         if order.after > 0.0:
             later = order.model_copy(update={"after": 0.0, "at": time + order.after})
             self._orders = sorted([*self._orders, later], key=lambda o: o.at)
             return
-        self.obeyed.append(order.order)
+        self.executed.append(order.order)
         if order.order in _FAULTS:
             machine.trip(_FAULTS[order.order], time)
         elif order.order in faults.counts:

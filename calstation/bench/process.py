@@ -185,7 +185,7 @@ class BenchProcess:
                 enabled=machine.power is Power.ENABLED,
                 moving=time < machine.drive.end,
                 fault=machine.fault.name,
-                obeyed=tuple(name for unit in (self._bench, *self._others) for name in unit.obeyed),
+                executed=tuple(name for unit in (self._bench, *self._others) for name in unit.executed),
                 samples=self._bench.sampled,
                 time=time,
                 flash_cycles=self._bench.unit.flash.cycles,

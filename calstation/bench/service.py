@@ -74,7 +74,7 @@ class ClockService:
                 await self._advance(max(0.0, float(request["advance"])))
             elif "order" in request:
                 order = Order.model_validate(request)
-                self._concerned(order).obey(order)
+                self._concerned(order).execute(order)
             elif "carry" in request:
                 outer, inner = map(float, request["carry"])
                 self._units[0].carry(outer, inner, float(request.get("rest", 0.0)))

@@ -11,7 +11,7 @@ from calstation.config.resolved import ResolvedConfiguration, check_station, res
 from calstation.config.sign_in import SignInSection
 from calstation.devices.imu import RegisterMap
 from calstation.errors import ConfigurationError
-from calstation.physics import GROUPS, NAMES, Carry, Orientation, TableGeometry, group_indices, orientation_matrix
+from calstation.physics import GROUPS, NAMES, ManualMove, Orientation, TableGeometry, group_indices, orientation_matrix
 from calstation.sequencer import DURATION, plan_time
 
 
@@ -87,7 +87,7 @@ def run_summary(request: RunRequest) -> RunSummary:
         operator_ends_stages=setup.product.operator_ends_stages,
         by_hand=setup.by_hand,
         joint_order=setup.table.joint_order,
-        positions=tuple(_up(geometry, step) for plan in plans for step in plan.steps() if isinstance(step, Carry))
+        positions=tuple(_up(geometry, step) for plan in plans for step in plan.steps() if isinstance(step, ManualMove))
         if setup.by_hand
         else (),
         sign_in=setup.station.sign_in,
@@ -104,7 +104,7 @@ def _picture(setup: ResolvedConfiguration) -> Path | None:
     return None if name is None else library.find_beside(setup.sources["product"].path, name)
 
 
-def _up(geometry: TableGeometry, step: Carry) -> tuple[float, float, float]:
+def _up(geometry: TableGeometry, step: ManualMove) -> tuple[float, float, float]:
     x, y, z = geometry.body_to_home(step.outer, step.inner)[2]
     return float(x), float(y), float(z)
 

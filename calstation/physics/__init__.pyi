@@ -10,11 +10,11 @@ from .imu_model import compensation as compensation
 from .imu_model import compose as compose
 from .imu_model import composition as composition
 from .imu_model import parameter_vector as parameter_vector
-from .motion import Carry as Carry
 from .motion import Dwell as Dwell
 from .motion import Finish as Finish
 from .motion import GimbalTurn as GimbalTurn
 from .motion import GimbalZero as GimbalZero
+from .motion import ManualMove as ManualMove
 from .motion import Move as Move
 from .motion import Prepare as Prepare
 from .motion import RoundEnd as RoundEnd

@@ -35,7 +35,7 @@ class RoundEnd:
 
 
 @dataclass(frozen=True)
-class Carry:
+class ManualMove:
     """Ask the operator to turn both rails of a manual rig to approximately these angles and leave it at rest."""
 
     outer: float  #: Target angle of the outer rail, rad, cumulative.
@@ -74,4 +74,4 @@ class Finish:
     """Move to the load position and switch the axes off."""
 
 
-Step: TypeAlias = Prepare | Move | Dwell | RoundEnd | Carry | GimbalZero | GimbalTurn | Finish
+Step: TypeAlias = Prepare | Move | Dwell | RoundEnd | ManualMove | GimbalZero | GimbalTurn | Finish

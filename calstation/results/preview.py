@@ -15,7 +15,7 @@ from calstation.errors import ConfigurationError, InputError, InsufficientDataEr
 from calstation.estimation.common import PlannedSamples, profile
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
-from calstation.physics import JOINTS, NAMES, Carry, Finish, FloatArray, GimbalTurn, Move, RoundEnd, Step, named
+from calstation.physics import JOINTS, NAMES, Finish, FloatArray, GimbalTurn, ManualMove, Move, RoundEnd, Step, named
 from calstation.records import LogMeta, context_from_meta
 from calstation.results.calibration import current_calibration
 from calstation.results.history import History
@@ -207,7 +207,7 @@ class _Previewer:
                 elif isinstance(step, Finish):
                     break
                 else:
-                    if isinstance(step, Carry):
+                    if isinstance(step, ManualMove):
                         error = Text("preview.manual_motion")
                     elif isinstance(step, GimbalTurn):
                         error = Text("preview.gimbal_motion")
@@ -248,7 +248,7 @@ class _Previewer:
             course = [profile(t, a, b, step.rate, step.acceleration) for a, b in zip(self._joints, target, strict=True)]
             self._course.extend(zip((self._clock + t).tolist(), *(c.tolist() for c in course), strict=True))
             self._joints = target
-        elif isinstance(step, Carry):
+        elif isinstance(step, ManualMove):
             self._joints = (step.outer, step.inner)
             self._course.append((self._clock + step.travel_time, *self._joints))
         if stage:

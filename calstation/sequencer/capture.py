@@ -7,7 +7,7 @@ import numpy as np
 
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common import SampleBlock
-from calstation.physics import Carry, FloatArray, Move
+from calstation.physics import FloatArray, ManualMove, Move
 from calstation.sequencer.control import Interruption
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.units import Unit
@@ -30,7 +30,7 @@ _ATTEMPTS = 3
 DURATION = 45.0
 
 #: Expected time to turn a unit over manually, s.
-_CARRY_TIME = 6.0
+_MANUAL_MOVE_TIME = 6.0
 
 
 class Restarted(Interruption):
@@ -173,9 +173,9 @@ def carried_data(runner: StepRunner) -> VerificationData:
         start, end = (outer, over) if attempt % 2 == 0 else (over, outer)
         runner.begin_stage()
         with acquisition.tap() as blocks:
-            runner.run(Carry(start, inner, REST, _CARRY_TIME if attempt else 0.0, 1, 2))
+            runner.run(ManualMove(start, inner, REST, _MANUAL_MOVE_TIME if attempt else 0.0, 1, 2))
             first = sum(map(len, blocks))
-            runner.run(Carry(end, inner, REST, _CARRY_TIME, 2, 2))
+            runner.run(ManualMove(end, inner, REST, _MANUAL_MOVE_TIME, 2, 2))
         data = _carried(blocks, first, acquisition.scale)
         if data is not None:
             return data

@@ -8,7 +8,7 @@ import numpy as np
 
 from calstation.estimation.common import SampleBlock
 from calstation.estimation.positions import Guidance, PositionGuide
-from calstation.physics import Carry
+from calstation.physics import ManualMove
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import PositionGuided
 
@@ -47,7 +47,7 @@ class Guiding:
             yield
         self._blocks = []
 
-    def follow(self, step: Carry) -> None:
+    def follow(self, step: ManualMove) -> None:
         """Wait until the step's position is completed or the operator ends the stage; call it within `listening`."""
         guide = self._guide
         guide.ask(step.rest)
@@ -60,7 +60,7 @@ class Guiding:
         self._show(step, guide.now)
         self.asked = (step.outer, step.inner)
 
-    def _show(self, step: Carry, now: Guidance) -> None:
+    def _show(self, step: ManualMove, now: Guidance) -> None:
         """Emit changes immediately, and other updates a few times per second."""
         state, index, shown = self._shown
         moment = time.monotonic()
@@ -85,7 +85,7 @@ class Guiding:
         )
 
 
-def carry_label(step: Carry) -> tuple[str | float, ...]:
-    """Return the label of a carry: requested angles, degrees, rest, s, index and number of positions."""
+def manual_move_label(step: ManualMove) -> tuple[str | float, ...]:
+    """Return the label of a manual move: requested angles, degrees, rest, s, index and number of positions."""
     outer, inner = (float(np.rad2deg(angle)) for angle in (step.outer, step.inner))
     return ("carry", outer, inner, step.rest, float(step.index), float(step.count))

@@ -8,12 +8,12 @@ import numpy as np
 
 from calstation.physics import (
     GROUPS,
-    Carry,
     Dwell,
     Finish,
     FloatArray,
     GimbalTurn,
     GimbalZero,
+    ManualMove,
     Move,
     RoundEnd,
     Step,
@@ -112,7 +112,7 @@ def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) ->
     """Return the duration of a step from joint angles `start` (rad), s, including `settle` s after a move."""
     if isinstance(step, Move):
         return move_time(start, step) + settle
-    if isinstance(step, Carry):
+    if isinstance(step, ManualMove):
         return step.travel_time + step.rest
     if isinstance(step, GimbalTurn):
         return 2.0 * step.rest + step.angle / step.rate + settle

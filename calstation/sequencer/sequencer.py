@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
-from calstation.physics import Carry, Dwell, Finish, FloatArray, Move, Prepare, RoundEnd
+from calstation.physics import Dwell, Finish, FloatArray, ManualMove, Move, Prepare, RoundEnd
 from calstation.sequencer.context import Evaluation, Output, RunContext, Solving
 from calstation.sequencer.control import State, StopRequested
 from calstation.sequencer.driving import POLL, Driving
@@ -208,7 +208,7 @@ class Sequencer:
                     if (ranking := _solving(unit).ranking()) is not None:
                         unit.emit(StageRanked(stage.name, ranking.step, ranking.rank, ranking.strength))
                 ending = stage.rule.repeated and isinstance(step, Dwell) and self._context.control.ending_stage
-                if ending or (isinstance(step, Carry) and drive.runner.guiding.done):
+                if ending or (isinstance(step, ManualMove) and drive.runner.guiding.done):
                     return "operator", rounds
         return "plan", rounds
 

@@ -8,13 +8,13 @@ from typing import TypeAlias
 import numpy as np
 
 from calstation.errors import DeviceFaultError
-from calstation.physics import Carry, Dwell, GimbalTurn, GimbalZero, Move
+from calstation.physics import Dwell, GimbalTurn, GimbalZero, ManualMove, Move
 from calstation.sequencer.control import PauseRequested, State
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import Message, StepStarted
 from calstation.sequencer.gimbal import GimbalLoop
 from calstation.sequencer.guard import check_motion, check_move
-from calstation.sequencer.guiding import Guiding, carry_label
+from calstation.sequencer.guiding import Guiding, manual_move_label
 from calstation.sequencer.plan import move_time
 from calstation.sequencer.unit_stream import UnitStream
 from calstation.sequencer.units import StepInvalid, Unit
@@ -32,7 +32,7 @@ _RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
 
 logger = logging.getLogger(__name__)
 
-DrivenStep: TypeAlias = Move | Dwell | Carry | GimbalZero | GimbalTurn
+DrivenStep: TypeAlias = Move | Dwell | ManualMove | GimbalZero | GimbalTurn
 
 
 class StepRunner:
@@ -69,7 +69,7 @@ class StepRunner:
         Raises DeviceFaultError, also after too many repetitions, ConfigurationError for a move outside the limits, and
         StopRequested.
         """
-        if isinstance(step, Carry):
+        if isinstance(step, ManualMove):
             with self.guiding.listening():
                 self._run(step)
         else:
@@ -166,7 +166,7 @@ class StepRunner:
             self.gimbal.turn(step)
         else:
             self.stamps.step += 1
-            self._started("carry", carry_label(step))
+            self._started("carry", manual_move_label(step))
             self.guiding.follow(step)
 
     def _hold(self) -> None:

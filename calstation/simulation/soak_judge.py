@@ -82,8 +82,8 @@ def judge_run(
     bench = _bench_report(report)
     died = "engine_killed" in kinds and not list(request.out.glob(f"{request.serial}_*.json"))
     setup = resolve_configuration(request, with_faults)
-    obeyed = () if bench is None else bench.obeyed
-    happened = [kind for kind in kinds if kind in obeyed or _set_up(kind, setup)]
+    executed = () if bench is None else bench.executed
+    happened = [kind for kind in kinds if kind in executed or _set_up(kind, setup)]
     result, lost = _records(request, died)
     outcome = "hung" if hung else "lost" if result is None else result.outcome
     happened += [kind for kind in kinds if kind in HOST and outcome == "incomplete"]

@@ -78,13 +78,13 @@ def test_faults_are_injected_at_their_times():
 def test_frames_are_dropped_corrupted_and_silenced_on_request():
     live = bench()
     start = len(decode(live.advance(1.0)))
-    live.obey(Order(order="drop_frames", value=3))
+    live.execute(Order(order="drop_frames", value=3))
     assert list(decode(live.advance(1.1))["counter"][:2]) == [start + 3, start + 4]
-    live.obey(Order(order="corrupt_frames", value=2))
+    live.execute(Order(order="corrupt_frames", value=2))
     raw = np.frombuffer(live.advance(1.2), dtype=STREAM)
     wrong = [crc16(frame.tobytes()[2:-2]) != frame["crc"] for frame in raw]
     assert wrong == [True, True] + [False] * 18
-    live.obey(Order(order="silence_imu", value=0.5))
+    live.execute(Order(order="silence_imu", value=0.5))
     assert live.advance(1.6) == b""
     assert len(decode(live.advance(1.9))) == 40, "silent up to 1.7 s"
 

@@ -37,7 +37,7 @@ def restart(stage: str, *times: float) -> list[dict[str, Any]]:
 def assert_verified(fault_runs: FaultRuns, ran: Ran) -> None:
     """Assert that the unit passed, its registers were verified and its flash written once."""
     assert ran.verdict.outcome == "passed", ran.events[-3:]
-    assert "reset_imu" in ran.bench["obeyed"]
+    assert "reset_imu" in ran.bench["executed"]
     registers = ran.verdict.result["registers"]
     assert (registers["verified"], registers["proved_on"]) == (True, "corrected_output")
     assert ran.bench["flash_cycles"] == 1
@@ -91,7 +91,7 @@ def test_repeated_restarts_are_a_fault_and_leave_the_transfer_open(fault_runs: F
 def test_a_restart_at_rest_repeats_the_capture(fault_runs: FaultRuns, imu: str) -> None:
     operations = RegisterOperations(with_imu(fault_runs, imu).request(orders=[{"order": "reset_imu", "at": 17.0}]))
     assert operations.write({"accel_bias_x": 5e-3}, at_rest=True).proof == "rest"
-    assert Ran(fault_runs.folder).bench["obeyed"] == ["reset_imu"]
+    assert Ran(fault_runs.folder).bench["executed"] == ["reset_imu"]
     (entry,) = register_journal.history(fault_runs.folder / "runs", SERIAL)
     assert (entry.closing, entry.cycles) == ("done", 1)
 

@@ -13,8 +13,8 @@ from calstation.errors import ConfigurationError
 from calstation.messages.catalogue import entry, known
 from calstation.messages.progress import step_text
 from calstation.messages.rendering import sentence
-from calstation.physics import Carry, JointLimits, Move, RoundEnd, TableGeometry
-from calstation.sequencer.guiding import carry_label
+from calstation.physics import JointLimits, ManualMove, Move, RoundEnd, TableGeometry
+from calstation.sequencer.guiding import manual_move_label
 from procedures import method
 
 STAGES = sorted(path.stem for path in Path(procedures.__file__).parent.glob("*.py") if path.stem != "__init__")
@@ -34,8 +34,8 @@ def labels(stage: str) -> Iterator[tuple[str, tuple[str | float, ...]]]:
                 for step in takewhile(lambda each: not isinstance(each, RoundEnd), steps):
                     if isinstance(step, Move):
                         yield "move", step.label
-                    elif isinstance(step, Carry):
-                        yield "carry", carry_label(step)
+                    elif isinstance(step, ManualMove):
+                        yield "carry", manual_move_label(step)
             except ConfigurationError:
                 continue
 

@@ -21,7 +21,7 @@ from calstation.estimation.common import Belief
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.effects import EffectFound, EffectTests
 from calstation.estimation.effects.score import MOST_EXCESS
-from calstation.physics.motion import Carry, Dwell, Move
+from calstation.physics.motion import Dwell, ManualMove, Move
 from calstation.physics.parameters import INDEX, NAMES, group_indices, group_matrix, group_vector
 from calstation.physics.table import JointLimits, TableGeometry
 from calstation.results.resolving import resolve
@@ -189,7 +189,7 @@ def test_plan_covers_full_turns_in_both_directions_about_every_body_axis():
 def test_plan_for_a_manual_rig_contains_only_manual_moves():
     chosen = method("multi_position")
     steps = list(chosen.plan(TableGeometry(inner_axis=(0.0, 1.0, 0.0)), chosen.schedule(manual=True)))
-    assert {type(s) for s in steps} == {Carry}
+    assert {type(s) for s in steps} == {ManualMove}
     assert [s.index for s in steps] == list(range(1, len(steps) + 1))
     assert {s.count for s in steps} == {len(steps)}
     assert (steps[0].outer, steps[0].inner, steps[0].rest, steps[0].travel_time) == (0.0, 0.0, 30.0, 0.0)

@@ -12,7 +12,7 @@ from calstation.config import library
 from calstation.devices.interfaces import SampleBatch
 from calstation.devices.profiles.table import load_table_profile
 from calstation.devices.table.drivers import ManualTable
-from calstation.physics.motion import Carry, Step
+from calstation.physics.motion import ManualMove, Step
 from calstation.physics.rotation import rotation_vector
 from calstation.sequencer.control import Command, State
 from calstation.sequencer.events import (
@@ -92,7 +92,7 @@ class ManualScene(Scene):
     def __init__(self, poses: tuple[Pose, ...] = FOUR) -> None:
         def steps() -> Iterator[Step]:
             for index, pose in enumerate(poses, start=1):
-                yield Carry(*pose, REST, 3.0, index, len(poses))
+                yield ManualMove(*pose, REST, 3.0, index, len(poses))
 
         super().__init__(StagePlan("multi_position", steps), by_hand=True)
         self.imu = self.hand = CarriedImu(self)

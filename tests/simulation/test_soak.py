@@ -94,7 +94,7 @@ def test_verdicts_are_assessed_by_the_truth(tmp_path: Path) -> None:
 
 
 def test_soak_test_waits_for_a_report_that_is_being_written(tmp_path: Path) -> None:
-    report = BenchReport(enabled=False, moving=False, fault="NONE", obeyed=(), samples=1, time=1.0, flash_cycles=0)
+    report = BenchReport(enabled=False, moving=False, fault="NONE", executed=(), samples=1, time=1.0, flash_cycles=0)
     path = tmp_path / "report.json"
     path.write_text("{", encoding="utf-8")
     writing = threading.Timer(0.3, lambda: path.write_text(report.model_dump_json(), encoding="utf-8"))
