@@ -298,7 +298,7 @@ def check(
         Path | None,
         typer.Argument(
             metavar="[FILE]",
-            help="Station, table, IMU or product file, or its name; a recording; or audit.jsonl, the default.",
+            help="Station, table, IMU or product file, or its name; a recording; or audit*.jsonl, default the site's.",
         ),
     ] = None,
     json: JsonOption = None,
@@ -307,7 +307,7 @@ def check(
     from calstation.cli.audit import check_audit_command
     from calstation.cli.devices import check_command
 
-    if file is None or file.name == "audit.jsonl":
+    if file is None or file.match("audit*.jsonl"):
         raise typer.Exit(check_audit_command(file, json))
     raise typer.Exit(check_command(file, json))
 

@@ -12,7 +12,12 @@ from pydantic import ValidationError
 
 from calstation.errors import CalstationError, ConfigurationError
 
-_USAGE = {"int_parsing": "cli.not_whole", "float_parsing": "cli.not_a_number", "greater_than_equal": "cli.too_small"}
+_USAGE = {
+    "int_parsing": "cli.not_whole",
+    "float_parsing": "cli.not_a_number",
+    "greater_than_equal": "cli.too_small",
+    "value_error": "cli.not_a_date",
+}
 
 
 def complain(text: str) -> None:

@@ -70,7 +70,7 @@ def standards(
     out: FolderOption = Path("runs"),
     json: JsonOption = None,
 ) -> None:
-    """Show the check standards and certificates with their due dates; exit code 1 if production is refused."""
+    """List check standards, certificates and table charts; exit code 1 if production is refused or one alarms."""
     from calstation.cli.standards import standards_command
 
     raise typer.Exit(standards_command(station, product, out, json))

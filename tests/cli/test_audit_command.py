@@ -74,7 +74,9 @@ def test_check_reports_the_first_modified_line(calstation, home: Path) -> None:
     assert (done.code, "intact: 2 lines" in done.out) == (0, True)
     path = audit_path(home)
     path.write_bytes(path.read_bytes().replace(b"pin_set", b"pin_get"))
-    done = calstation("check", path)
+    dated = path.rename(path.with_name("audit_2026-11.jsonl"))
+    done = calstation("check", dated)
     assert (done.code, "at line 1" in done.out) == (2, True)
+    dated.rename(path)
     assert calstation("check", "--json", "-").json["first_bad"] == 1
     assert calstation("audit").code == 2
