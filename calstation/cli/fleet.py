@@ -153,7 +153,8 @@ def _solve(console: "Console", request: "FleetRequest") -> "FleetSummary":
 
         summary = resolve_fleet(request, show, stop)
     for status in summary.failures:
-        show_line(console, f"{status.location}: {status.error['error']}")
+        text = status.error["error"]
+        show_line(console, text if text.startswith(status.location) else f"{status.location}: {text}")
     code = "cli.fleet_stopped" if summary.stopped else "cli.fleet_done"
     names = ("version", "total", "solved_now", "already_there", "failed", "not_selected")
     numbers = {name: getattr(summary, name) for name in names}

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import math
 import subprocess
 import sys
 import threading
@@ -29,6 +30,9 @@ PAUSE_S = 2.0
 #: First and longest pause after failures of the exchange, and of the archive, s.
 FAILED_S, LONGEST_S = 1.0, 60.0
 ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S = 5.0, 600.0
+
+#: Longest time to copy the logs of the last runs at the end, s.
+_LAST_COPIES_S = 4.0
 
 #: Largest fraction of a core that exchanges of a large folder may use.
 _DUTY = 0.1
@@ -189,6 +193,12 @@ def watch(
         ended = wait(pause)
     stop.set()
     if exchange is not None:
+        if archiver is not None:
+            archiver.join(_LAST_COPIES_S)
+            try:
+                _exchange_part(exchange, folder)  # records the last copies
+            except Exception as exc:  # noqa: BLE001 - the next start continues
+                _known(exc, folder)
         exchange.close()
 
 
@@ -209,20 +219,23 @@ def _known(exc: Exception, folder: Path) -> CalstationError:
 
 
 def _copy_logs(folder: Path, archive: str, stop: threading.Event) -> None:
-    """Copy the closed logs of a folder to an archive until `stop` is set."""
+    """Copy the closed logs of a folder to an archive until `stop` is set, then once more for some seconds."""
     from calstation.database.archiver import LogArchiver
 
     archiver, pauses = None, growing_pauses(ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S)
-    while not stop.is_set():
-        pause = PAUSE_S
+    while True:
+        pause, last = PAUSE_S, stop.is_set()
+        end = time.monotonic() + _LAST_COPIES_S if last else math.inf
         try:
             archiver = archiver or LogArchiver(folder, archive)
-            while archiver.copy_next() and not stop.is_set():
+            while archiver.copy_next() and stop.is_set() == last and time.monotonic() < end:
                 pauses = growing_pauses(ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S)
         except Exception as exc:  # noqa: BLE001 - the next attempt may succeed
             with suppress(OSError):
                 change_state(folder, archive_error=_known(exc, folder).as_text.to_json())
             pause = next(pauses)
+        if last:
+            return
         stop.wait(pause)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from uuid import uuid4
 
 import pytest
+from sqlalchemy import create_engine, select
 
 from calstation.cli.app import run_app
 from calstation.config import library
@@ -16,6 +17,7 @@ from calstation.database import Exchange, fetch_log, fetch_result, read_state, r
 from calstation.database.archiver import LogArchiver
 from calstation.database.outbox import Outbox
 from calstation.database.process import ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S, PAUSE_S, _copy_logs
+from calstation.database.tables import log_copies
 from calstation.errors import ConfigurationError, InputError
 from calstation.records import RunFilter, RunIndex, RunRecord
 from calstation.records.files import take
@@ -158,6 +160,7 @@ def test_exchange_continues_without_the_archive_and_retries_it(url: str, folder:
 def test_unresponsive_archive_delays_no_exchange(
     url: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("calstation.database.process._LAST_COPIES_S", 0.1)
     hangs, goes_on = threading.Event(), threading.Event()
 
     def hang(*_: object) -> None:
@@ -177,6 +180,24 @@ def test_unresponsive_archive_delays_no_exchange(
     watch(folder, url, "line 1", wait, archive=str(tmp_path / "archive"))
     assert [name for name, _ in in_database(url)] == ["a", "b", "c"]
     goes_on.set()
+
+
+def test_logs_of_the_last_runs_are_archived_before_the_exchange_ends(url: str, folder: Path, archive: Path) -> None:
+    started = until(lambda: len(Outbox(folder).copies()) == 2)
+
+    def wait(pause: float) -> bool:
+        ended = started(pause)
+        if ended:
+            (folder / "c.h5").write_bytes(b"samples of c")
+            write_result(folder, "c", 3)
+        return ended
+
+    watch(folder, url, "line 1", wait, archive=str(archive))
+    assert sorted(Outbox(folder).copies()) == ["a", "b", "c"]
+    engine = create_engine(url)
+    with engine.connect() as connection:
+        assert sorted(connection.execute(select(log_copies.c.name)).scalars()) == ["a", "b", "c"]
+    engine.dispose()
 
 
 def test_archive_error_is_cleared_when_the_archive_is_removed_from_the_settings(

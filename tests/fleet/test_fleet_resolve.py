@@ -178,7 +178,9 @@ def test_parameters_only_solutions_are_a_separate_version(logs: list[Path], tmp_
         resolve_fleet(request_of(logs[0], url, diagnostics=False, stages=("designed",)))
 
 
-def test_damaged_logs_are_recorded_as_failed_and_the_rest_is_solved(logs: list[Path], tmp_path: Path) -> None:
+def test_damaged_logs_are_recorded_as_failed_and_the_rest_is_solved(
+    logs: list[Path], tmp_path: Path, calstation: Run
+) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     logs[0].write_bytes(logs[0].read_bytes()[:20_000])
     logs[1].write_bytes(b"no log at all")
@@ -203,6 +205,9 @@ def test_damaged_logs_are_recorded_as_failed_and_the_rest_is_solved(logs: list[P
     assert sorted(each.error["error"] for each in again.failures) == sorted(
         each.error["error"] for each in summary.failures
     )
+    shown = calstation("fleet", "resolve", logs[1], "--database", url)
+    assert shown.code == 1
+    assert "".join(shown.err.split()).count(str(logs[1])) == 1  # long lines are wrapped
 
 
 @pytest.mark.long
