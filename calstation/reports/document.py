@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
@@ -69,6 +69,7 @@ class _Document:
             "verdict": certificate.verdict,
             "verdict_text": self._say(self._verdict()),
             "simulated": self._say(Text("certificate.d_simulated")) if certificate.meta.is_simulated else None,
+            "notices": [self._say(text) for text in self._notices()],
             "rule": self._say(Text(f"certificate.rule_{certificate.rule}")),
             "coverage_factor": f"{COVERAGE_FACTOR:g}",
             "laboratory": None if laboratory is None else laboratory.model_dump(),
@@ -124,6 +125,13 @@ class _Document:
             return Text.of("certificate.ended", outcome=result.outcome)
         limits = self._meta.product is not None and (self._meta.product.limits or self._meta.product.checks)
         return Text("certificate.not_complete" if limits else "certificate.no_limits")
+
+    def _notices(self) -> Iterator[Text]:
+        """Yield what the first page says about the scope of the result."""
+        if self._result.outcome == "resolved":
+            yield Text("certificate.solved_again")
+        if self._certificate.verdict == "failed" and self._result.partial:
+            yield Text.of("certificate.partial_failed", stages=self._result.stages)
 
     def _performed(self) -> dict[str, str]:
         period = performed(self._result)

@@ -15,6 +15,7 @@ from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
 from calstation.records import Log, open_log
 from calstation.results import (
+    Registers,
     Result,
     find_log,
     load_result,
@@ -42,7 +43,7 @@ def load_source(report: ProgressCallback, path: Path) -> tuple[Result, Log]:
     """
     result, log = read_source(path)
     if result is None or result.outcome == "resolved":
-        result = _solved_again(report, path, result, log)
+        result = _with_registers(_solved_again(report, path, result, log), stored_result(log))
     elif path.suffix == ".json":
         result = _of_run(path, result, log)
     # The folder of the log is not part of the report.
@@ -102,6 +103,13 @@ def _solved_again(report: ProgressCallback, path: Path, result: Result | None, l
     printed = {key: value for key, value in found.to_json().items() if key not in _ONLY_ATTACHED}
     _require_same(path, log, _content(path, _ONLY_ATTACHED), printed, ROUNDING)
     return found
+
+
+def _with_registers(result: Result, run: Result | None) -> Result:
+    """Return the result of a log that was solved again with the registers of the unit before and after its run."""
+    if run is None or run.registers is None:
+        return result
+    return result.model_copy(update={"registers": Registers(old=run.registers.old, new=run.registers.new)})
 
 
 def _content(path: Path, omitted: tuple[str, ...]) -> dict[str, Any]:

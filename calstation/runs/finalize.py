@@ -88,7 +88,7 @@ class Finalization:
         # Only this thread may write the log, so the registers are read and logged before the transfer begins.
         run.emit(Message("registers_reading"))
         self._old = old = run_in_background(lambda: flash_registers(self.imu))
-        run.registers |= {"old": dict(old), "new": None, "verified": False}
+        run.set_registers(old)
         run.log.event({"event": "OldRegisters", "registers": dict(old)})
         run_in_background(run.log.begin_sync().result)
         run.log.service()

@@ -2,6 +2,7 @@
 
 import logging
 import re
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -114,6 +115,8 @@ class PreparedRun:
             register_pending(self.folder, log.path.stem)
         self.hooks.log_opened(log)
         run = OpenRun(self, meta, log, StageChain(meta), unverified)
+        if registers:
+            run.set_registers(registers)
         if message is not None:
             run.emit(message)
         return run
@@ -121,7 +124,7 @@ class PreparedRun:
 
 @dataclass
 class OpenRun:
-    """A run with its log; `registers` is the registers section of the result, {} if nothing was written."""
+    """A run with its log; `registers` is the registers section of the result, {} if no register was read."""
 
     prepared: PreparedRun
     meta: LogMeta
@@ -143,6 +146,10 @@ class OpenRun:
     def serial(self) -> str:
         """Serial number of the unit."""
         return self.meta.imu.serial
+
+    def set_registers(self, old: Mapping[str, float]) -> None:
+        """Record the registers read from the unit, by parameter, SI, before any is written."""
+        self.registers |= {"old": dict(old), "new": None, "verified": False}
 
     def emit(self, event: Event) -> None:
         """Pass an event to the log and the listener."""

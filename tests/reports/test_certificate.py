@@ -31,15 +31,18 @@ from calstation.reports.budget import LATITUDE_ERROR_DEG
 from calstation.reports.content import arrangement, build_certificate, held_registers, power_up_sigmas
 from calstation.reports.dcc import write_dcc
 from calstation.reports.deviations import deviations, not_included
+from calstation.reports.document import document
 from calstation.reports.issue import ReportRequest, attachments, issue_report
 from calstation.reports.numbers import exact
 from calstation.reports.pdf import typeset
-from calstation.results import Result
+from calstation.reports.source import load_source
+from calstation.results import Result, resolve
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Verdict
 from calstation.simulation.bench_recordings import make_recording
 from calstation.simulation.hooks import BenchHooks
+from tests.helpers import ignore_progress
 from tests.reports.certificates import KINDS, LABORATORY, Made, make
 from tests.shared_runs import SharedRuns
 
@@ -454,6 +457,37 @@ def test_as_found_and_as_left_values_are_the_estimate_minus_the_register(made: M
         assert quantity.as_left == quantity.value - registers.new[quantity.name]
         assert abs(quantity.as_left) < quantity.sigma
     assert seen == 27
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("made", ["failed"], indirect=True)
+def test_failed_unit_keeps_the_errors_as_found(made: Made) -> None:
+    registers = made.certificate.result.registers
+    assert registers is not None
+    assert registers.new is None
+    rows = [q for q in made.certificate.quantities if q.name in registers.old]
+    assert rows
+    assert all(q.as_found == q.as_left == q.value - registers.old[q.name] for q in rows)
+    partial = replace(made.certificate, result=made.certificate.result.model_copy(update={"partial": True}))
+    assert document(partial, made.analysis, "en")["notices"] == ["Partial calibration, Rate only."]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_repeated_solution_states_the_registers_before_and_after_the_run(made: Made, tmp_path: Path) -> None:
+    log = made.result_file.with_suffix(".h5")
+    file = tmp_path / "again.json"
+    file.write_text(json.dumps(resolve(log).result.to_json()), encoding="utf-8")
+    result, _ = load_source(ignore_progress, file)
+    run = made.certificate.result.registers
+    assert run is not None
+    assert result.registers is not None
+    assert (result.registers.old, result.registers.new, result.verified) == (run.old, run.new, False)
+    again = build_certificate(result, open_log(log).meta)
+    assert [q.as_left for q in again.quantities] == [q.as_left for q in made.certificate.quantities]
+    (notice,) = document(again, made.analysis, "en")["notices"]
+    assert "offline solution" in notice
+    assert document(made.certificate, made.analysis, "en")["notices"] == []
 
 
 @pytest.mark.long

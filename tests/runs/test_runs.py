@@ -64,7 +64,8 @@ def test_a_unit_outside_its_limits_keeps_its_registers(site_folder: SiteFolder) 
     site_folder.write(out_of_limits=True)
     verdict = site_folder.run("six_position")
     assert verdict.outcome == "failed"
-    assert verdict.result["registers"] is None
+    assert verdict.result["registers"]["old"]
+    assert verdict.result["registers"]["new"] is None
     assert any(m.id == "registers_kept" for m in site_folder.events_of(Message))
     failed = [c["name"] for c in verdict.result["checks"] if not c["passed"]]
     assert failed == ["accel_scale_y within"]
@@ -245,7 +246,8 @@ def test_missing_delivery_folder_does_not_fail_a_run(site_folder: SiteFolder) ->
 def test_stop_before_the_first_register_write_stops_the_run(site_folder: SiteFolder) -> None:
     verdict = site_folder.run("six_position", on_event=site_folder.once(StageSolved, Command.STOP))
     assert verdict.outcome == "stopped"
-    assert verdict.result["registers"] is None
+    assert verdict.result["registers"]["old"]
+    assert verdict.result["registers"]["new"] is None
     assert not [m for m in site_folder.events_of(Message) if m.id == "registers_transfer"]
 
 
