@@ -133,7 +133,7 @@ def status(out: OutOption = Path("runs"), json: JsonOption = None) -> None:
         return
     console = Console()
     contact = "-" if state.contact_utc is None else local_time(state.contact_utc.isoformat())
-    show_line(console, say("cli.exchange_state", pending=state.pending, contact=contact))
+    show_line(console, say("cli.exchange_state", pending=state.pending, logs=state.logs_pending, contact=contact))
     for error in (state.error_text, state.refusal_text, state.archive_error_text):
         if error is not None:
             show_line(console, sentence(error))

@@ -110,6 +110,16 @@ class StationConfig(StrictModel):
     slots: list[SlotSection] = Field(default_factory=list)
     records: RecordsSection = RecordsSection()
 
+    @field_validator("instruments")
+    @classmethod
+    def _due_later(cls, instruments: list[InstrumentSection]) -> list[InstrumentSection]:
+        # not a rule of the section, which is also read from logs
+        for number, instrument in enumerate(instruments):
+            calibrated, due = instrument.calibrated, instrument.due
+            if calibrated is not None and due is not None and due < calibrated:
+                raise EntryError("station.due_before_calibration", number, "due", due=due, calibrated=calibrated)
+        return instruments
+
     @property
     def slot_names(self) -> tuple[str, ...]:
         """Names of the slots, in order; () at a station with one unit."""

@@ -262,6 +262,15 @@ def test_improbable_locations_give_a_warning() -> None:
     assert site_advice(-85.0, 10.0, 0.0, 12.0, None) == ()
 
 
+def test_instrument_due_before_its_calibration_is_refused() -> None:
+    dates = "calibrated = 2026-03-01\ndue = 2025-03-01"
+    text = shipped("stations", "virtual_bench") + f'\n[[instruments]]\nname = "Table"\n{dates}\n'
+    (problem,) = check("stations", text)
+    assert problem.place == ("instruments", 0, "due")
+    assert problem.what.code == "station.due_before_calibration"
+    assert check("stations", text.replace("2025-03-01", "2027-03-01")) == []
+
+
 def test_station_in_the_documentation_is_valid() -> None:
     guide = (Path(__file__).parents[2] / "docs" / "how-to" / "connect.md").read_text(encoding="utf-8")
     (station,) = [t for t in re.findall(r"```toml\n(.*?)```", guide, re.DOTALL) if "[site]" in t]

@@ -311,7 +311,7 @@ def test_commands_exchange_runs_and_show_the_state(
     state = json.loads(capsys.readouterr().out)
     assert (state["pending"], state["error"]) == (0, None)
     assert run_app(["database", "status", "--out", str(folder)]) == 0
-    assert "Runs that wait for the shared database: 0; last contact: 20" in capsys.readouterr().out
+    assert "database: 0; logs that wait for the archive: 0; last contact: 20" in capsys.readouterr().out
     assert run_app(["database", "exchange", "--out", str(folder)]) == 2
     assert "names no shared database" in capsys.readouterr().err
 
