@@ -146,7 +146,7 @@ def test_gyros_detect_a_wrong_latitude_before_any_register_is_written(fault_runs
     )
     assert ran.fault.code == "site.latitude_contradicts"
     assert ran.verdict.result["stages"] == ["rate", "six_position"]
-    assert not ran.verdict.result["registers"]
+    assert ran.verdict.result["registers"]["new"] is None
     assert [c["name"] for c in ran.verdict.result["checks"] if not c["passed"]] == ["latitude"]
     assert not register_journal.history(fault_runs.folder / "runs", SERIAL)
     assert ran.verdict.result["advice"] != "resume"
@@ -187,7 +187,7 @@ def test_gyros_that_cannot_resolve_earth_rate_need_consistent_gravity_and_latitu
 def test_run_with_wrong_gravity_never_passes(fault_runs: FaultRuns) -> None:
     ran = fault_runs.run({"kind": "wrong_gravity", "value": 0.03}, stages=("six_position",))
     assert ran.verdict.outcome == "failed"
-    assert not ran.verdict.result["registers"]
+    assert ran.verdict.result["registers"]["new"] is None
     missed = [check["name"] for check in ran.verdict.result["checks"] if not check["passed"]]
     assert {"accel_scale_x within", "accel_scale_y within", "accel_scale_z within"} <= set(missed)
 
