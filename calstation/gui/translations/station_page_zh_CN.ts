@@ -148,11 +148,11 @@
     </message>
     <message>
         <source>empty: the PIN of this site</source>
-        <translation>留空：本台站的密码</translation>
+        <translation>留空：本站点的密码</translation>
     </message>
     <message>
         <source>the PIN of this site</source>
-        <translation>本台站的密码</translation>
+        <translation>本站点的密码</translation>
     </message>
     <message>
         <source>Change the PIN</source>
