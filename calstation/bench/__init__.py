@@ -3,6 +3,4 @@
 It shares only parameter names, steps of a plan and array types with the estimators, and none of their equations.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.bench.config import BenchConfig, BenchReport, Order, OrderName

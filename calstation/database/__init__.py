@@ -3,6 +3,18 @@
 The files of a station remain authoritative and no run waits for the database. The package contains no solvers.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.database.archiver import LogArchiver
+from calstation.database.connect import connect, failure, upgrade
+from calstation.database.exchange import Exchange
+from calstation.database.outbox import Outbox, adopt_folder
+from calstation.database.process import ExchangeProcess, exchange_once, start_exchange, watch
+from calstation.database.remote import (
+    export_shared_runs,
+    fetch_log,
+    fetch_result,
+    is_archived,
+    load_shared_results,
+    note_use,
+)
+from calstation.database.state import Claim, ExchangeState, read_state
+from calstation.database.tables import locations, log_copies, revisions, runs, solutions, versions

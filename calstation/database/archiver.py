@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from calstation.database.archive import archive_log
 from calstation.database.outbox import Outbox
 from calstation.database.state import change_state
 from calstation.errors import CalstationError
@@ -37,6 +36,8 @@ class LogArchiver:
         if not self._waiting:
             self._note(None)
             return False
+        from calstation.database.archive import archive_log  # the libraries of an extra
+
         name = self._waiting[0]
         try:
             copy = archive_log(self._log(name), self._archive, self._outbox.id)

@@ -2,7 +2,6 @@
 
 import logging
 import os
-from contextlib import suppress
 from pathlib import Path
 
 from sqlalchemy import URL, Engine, create_engine, event, make_url, text
@@ -12,18 +11,6 @@ from sqlalchemy.pool import NullPool
 from calstation.config import check_database_url
 from calstation.errors import ConfigurationError
 from calstation.schema import EntryError
-
-try:
-    import keyring
-    import psycopg  # noqa: F401 - used by SQLAlchemy
-    from alembic import command
-    from alembic.config import Config
-    from alembic.runtime.migration import MigrationContext
-    from alembic.script import ScriptDirectory
-    from alembic.util import CommandError
-    from keyring.errors import KeyringError
-except ImportError as exc:
-    raise ConfigurationError("database.not_installed") from exc
 
 # psycopg warns of a connection lost within a page, which the request reports as an error as well
 logging.getLogger("psycopg").setLevel(logging.ERROR)
@@ -62,18 +49,19 @@ def connect(url: str, *, create: bool = True, pooled: bool = True) -> Engine:
     is_sqlite = parsed.get_backend_name() == "sqlite"
     if is_sqlite and not create and not Path(parsed.database or "").is_file():
         raise ConfigurationError("database.missing", database=public(parsed))
-    scripts = ScriptDirectory.from_config(_alembic())
-    earlier = {None, *(script.revision for script in scripts.walk_revisions())} - {scripts.get_current_head()}
+    from calstation.database.migration import known_revisions, revision  # the libraries of an extra
+
+    head, earlier = known_revisions()
     engine = _engine(parsed, pooled=pooled)
     try:
-        found = _revision(engine)
+        found = revision(engine)
         if found in earlier and is_sqlite:
             upgrade(url)
-            found = _revision(engine)
+            found = revision(engine)
     except DBAPIError as exc:
         engine.dispose()
         raise failure(exc, parsed) from exc
-    if found == scripts.get_current_head():
+    if found == head:
         return engine
     engine.dispose()
     code = "database.older_version" if found in earlier else "database.newer_version"
@@ -86,6 +74,8 @@ def upgrade(url: str) -> bool:
     All changes are made in one transaction. If several processes upgrade an SQLite file at once, one changes the tables
     and the others wait for it.
     """
+    from calstation.database.migration import upgrade_tables
+
     parsed = _parse(url)
     engine = _engine(parsed)
     if parsed.get_backend_name() == "sqlite":
@@ -98,14 +88,10 @@ def upgrade(url: str) -> bool:
         except OperationalError as exc:
             raise failure(exc, parsed) from exc
         with connection, connection.begin():
-            configuration = _alembic()
-            configuration.attributes["connection"] = connection
             if parsed.get_backend_name() == "postgresql":
                 connection.execute(text("SET LOCAL statement_timeout = 0"))  # large tables take minutes
-            before = MigrationContext.configure(connection).get_current_revision()
-            command.upgrade(configuration, "head")
-            return MigrationContext.configure(connection).get_current_revision() != before
-    except CommandError as exc:  # a revision that is unknown to this version
+            return upgrade_tables(connection)
+    except LookupError as exc:  # a revision that is unknown to this version
         raise ConfigurationError("database.newer_version", database=public(parsed)) from exc
     except SQLAlchemyError as exc:
         raise ConfigurationError("database.not_upgraded", database=public(parsed), reason=reason_of(exc)) from exc
@@ -137,11 +123,6 @@ def reason_of(error: SQLAlchemyError) -> str:
     return text.partition("\n")[0]
 
 
-def _revision(engine: Engine) -> str | None:
-    with engine.connect() as connection:
-        return MigrationContext.configure(connection).get_current_revision()
-
-
 def _parse(url: str) -> URL:
     try:
         check_database_url(url)
@@ -157,12 +138,7 @@ def _engine(url: URL, *, pooled: bool = True) -> Engine:
     if url.get_backend_name() == "sqlite":
         return create_engine(url, connect_args={"timeout": 30.0}, poolclass=pool)
     if "PGPASSWORD" not in os.environ:
-        with suppress(KeyringError):  # a computer without a keyring
-            url = url.set(password=keyring.get_password(KEYRING, f"{url.username}@{url.host}"))
+        from calstation.database.migration import stored_password
+
+        url = url.set(password=stored_password(KEYRING, f"{url.username}@{url.host}"))
     return create_engine(url, connect_args=_CONNECTION, poolclass=pool, pool_pre_ping=True, hide_parameters=True)
-
-
-def _alembic() -> Config:
-    configuration = Config()
-    configuration.set_main_option("script_location", str(Path(__file__).parent / "migrations"))
-    return configuration

@@ -3,6 +3,7 @@
 Sigmas come from the run's own plan and filter; no code in this package drives a table.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.design.design import STAGE, Design, DesignRequest, Variation
+from calstation.design.designer import design_schedule
+from calstation.design.product import designed_product, save_design
+from calstation.design.stages import ShorterStages, shorten_stages, shorter_product

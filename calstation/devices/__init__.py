@@ -3,6 +3,17 @@
 No driver decides whether a motion is allowed; the sequencer does.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.devices.interfaces import (
+    LOCAL_CONTROL,
+    UNKNOWN_FAULT,
+    Gimbal,
+    Imu,
+    ImuIdentity,
+    LinkStats,
+    NoFramesError,
+    OtherModelError,
+    SampleBatch,
+    Table,
+    TableIdentity,
+    TableStatus,
+)

@@ -3,6 +3,17 @@
 They use no device, file, thread or window; the schedules are defined in `procedures`.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.estimation.common import Misfit, ModelTest
+from calstation.estimation.method import (
+    Estimate,
+    Innovations,
+    Method,
+    Progress,
+    Ranking,
+    RepeatedSchedule,
+    Solution,
+    StageSolver,
+    batch_method,
+    stage_residuals,
+    with_misfit,
+)

@@ -12,7 +12,8 @@ from queue import Empty, SimpleQueue
 
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.fleet.sources import StoredLog
-from calstation.fleet.task import Assignment, Status, WarmUp, error_of, solve_stored_log
+from calstation.fleet.status import Assignment, Status
+from calstation.fleet.task import WarmUp, error_of, solve_stored_log
 from calstation.messages import values_from_json
 
 try:

@@ -16,12 +16,12 @@ from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import Connection, Row, Select, exists, func, select
+from sqlalchemy import Connection, Row, Select, func, select
 
 from calstation.config import site_folder
 from calstation.database import revisions, runs, solutions
-from calstation.database import versions as version_table
 from calstation.errors import ConfigurationError
+from calstation.fleet.store import ONLINE, versions
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.physics import NAMES
@@ -33,8 +33,6 @@ try:
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
 
-#: Version name of the results stored by the runs.
-ONLINE = "online"
 #: Rows read from the database and written at a time.
 _CHUNK = 100_000
 #: Number of files above which they are joined.
@@ -152,21 +150,6 @@ def _current(folder: Path) -> list[Path]:
     for path in set(files) - set(current):
         path.unlink()
     return current
-
-
-def versions(connection: Connection) -> list[str]:
-    """Return the versions with solutions in the database, ``online`` first."""
-    name = version_table.c.version
-    found = connection.execute(select(name).where(exists().where(solutions.c.version == name)).order_by(name)).scalars()
-    online = connection.execute(select(runs.c.name).limit(1)).first() is not None
-    return [*([ONLINE] if online else []), *found]
-
-
-def require_version(connection: Connection, version: str) -> None:
-    """Raise ConfigurationError if the database has no solutions of a version."""
-    known = versions(connection)
-    if version not in known:
-        raise ConfigurationError("fleet.no_version", version=version, versions=known)
 
 
 def _source(version: str) -> "_Runs | _Solutions":

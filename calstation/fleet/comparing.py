@@ -3,64 +3,28 @@
 import os
 from collections.abc import Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calstation.errors import ConfigurationError
-from calstation.fleet.columns import ColumnFiles, export_columns, latest_rows, update_columns, usable
+from calstation.fleet.columns import ColumnFiles, latest_rows
 from calstation.fleet.comparison import GROUPS, VERDICTS, Comparison, Group, Move, VerdictChange
-from calstation.fleet.store import opened
 from calstation.jobs import ProgressCallback
-from calstation.messages import os_reason
 from calstation.physics import NAMES, FloatArray
 
 #: Fraction of the progress for updating the columns.
 _UPDATE = 0.9
 
 
-def compare(
-    report: ProgressCallback, url: str, before: str, after: str, numbers: Collection[int] | None = None
-) -> Comparison:
-    """Job: compare the solutions of two versions in the database at `url`; ``online`` means the results of the runs.
-
-    Of several solutions of a log under one version, the last counts. Raises ConfigurationError if the database is
-    missing, cannot be used or has no such version.
-
-    Parameters
-    ----------
-    report : called with the progress
-    url : URL of the database
-    before, after : versions to compare
-    numbers : numbers of the solutions of `after` that are compared; None for all
-    """
-    with opened(url, create=False) as engine, engine.connect() as connection:
-        old = update_columns(_part(report, 0.0), connection, before)
-        new = update_columns(_part(report, 0.5), connection, after)
-    with usable(new.paths[0].parent):
-        return _Pair(old, new, numbers).comparison(report, before, after)
-
-
-def export_version(report: ProgressCallback, url: str, version: str, path: Path) -> int:
-    """Job: write the solutions of a version to a Parquet file; return their number. Raises ConfigurationError."""
-    with opened(url, create=False) as engine, engine.connect() as connection:
-        files = update_columns(_part(report, 0.0), connection, version)
-    try:
-        return export_columns(files, path)
-    except OSError as exc:
-        raise ConfigurationError("csv.not_written", file=path, reason=os_reason(exc)) from exc
-
-
-def _part(report: ProgressCallback, begin: float) -> ProgressCallback:
+def part_of(report: ProgressCallback, begin: float) -> ProgressCallback:
     def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
         report(_UPDATE * (begin + 0.5 * fraction))
 
     return show
 
 
-class _Pair:
+class Pair:
     """Rows of the logs that two versions have in common."""
 
     def __init__(self, old: ColumnFiles, new: ColumnFiles, numbers: Collection[int] | None) -> None:

@@ -1,20 +1,59 @@
-"""Jobs of the window, which refers to them without importing the database."""
+"""Comparison of two versions, and the jobs of the window; pyarrow, of an extra, is imported when one runs."""
 
 import json
+from collections.abc import Collection
 from pathlib import Path
 
 from calstation.config import load_station
 from calstation.errors import ConfigurationError
 from calstation.fleet.comparison import Comparison
+from calstation.fleet.store import opened
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.records import write_atomic
 
 
+def compare(
+    report: ProgressCallback, url: str, before: str, after: str, numbers: Collection[int] | None = None
+) -> Comparison:
+    """Job: compare the solutions of two versions in the database at `url`; ``online`` means the results of the runs.
+
+    Of several solutions of a log under one version, the last counts. Raises ConfigurationError if the database is
+    missing, cannot be used or has no such version.
+
+    Parameters
+    ----------
+    report : called with the progress
+    url : URL of the database
+    before, after : versions to compare
+    numbers : numbers of the solutions of `after` that are compared; None for all
+    """
+    from calstation.fleet.columns import update_columns, usable
+    from calstation.fleet.comparing import Pair, part_of
+
+    with opened(url, create=False) as engine, engine.connect() as connection:
+        old = update_columns(part_of(report, 0.0), connection, before)
+        new = update_columns(part_of(report, 0.5), connection, after)
+    with usable(new.paths[0].parent):
+        return Pair(old, new, numbers).comparison(report, before, after)
+
+
+def export_version(report: ProgressCallback, url: str, version: str, path: Path) -> int:
+    """Job: write the solutions of a version to a Parquet file; return their number. Raises ConfigurationError."""
+    from calstation.fleet.columns import export_columns, update_columns
+    from calstation.fleet.comparing import part_of
+
+    with opened(url, create=False) as engine, engine.connect() as connection:
+        files = update_columns(part_of(report, 0.0), connection, version)
+    try:
+        return export_columns(files, path)
+    except OSError as exc:
+        raise ConfigurationError("csv.not_written", file=path, reason=os_reason(exc)) from exc
+
+
 def versions_job(report: ProgressCallback, station: Path | None) -> list[str]:
     """Job: return the versions of solutions in the database of a station. Raises ConfigurationError."""
     from calstation.fleet.columns import versions
-    from calstation.fleet.store import opened
 
     with opened(_database(station)) as engine, engine.connect() as connection:
         report(0.5)
@@ -23,8 +62,6 @@ def versions_job(report: ProgressCallback, station: Path | None) -> list[str]:
 
 def compare_job(report: ProgressCallback, station: Path | None, before: str, after: str) -> Comparison:
     """Job: compare two versions in the database of a station. Raises ConfigurationError."""
-    from calstation.fleet.comparing import compare
-
     return compare(report, _database(station), before, after)
 
 
@@ -33,8 +70,6 @@ def export_job(report: ProgressCallback, station: Path | None, before: str, afte
 
     Returns `target`. Raises ConfigurationError.
     """
-    from calstation.fleet.comparing import compare, export_version
-
     url = _database(station)
     if target.suffix == ".parquet":
         export_version(report, url, after, target)

@@ -10,12 +10,19 @@ from pathlib import Path
 
 from calstation.errors import ConfigurationError
 from calstation.fleet.changes import load_changes
-from calstation.fleet.cluster import solved, started_cluster, worker_count
-from calstation.fleet.columns import require_version
 from calstation.fleet.selection import Selection
 from calstation.fleet.sources import StoredLog, find_logs
-from calstation.fleet.store import KnownFile, Wanted, enter_version, known_files, last_number, opened, read_results
-from calstation.fleet.task import Assignment, Outcome, Status
+from calstation.fleet.status import Assignment, Outcome, Status
+from calstation.fleet.store import (
+    KnownFile,
+    Wanted,
+    enter_version,
+    known_files,
+    last_number,
+    opened,
+    read_results,
+    require_version,
+)
 from calstation.results import SCHEMA
 
 #: Label of solutions without diagnostics, or suffix of the label of the changes, unless a label is given.
@@ -131,6 +138,8 @@ def resolve_fleet(
     Raises InputError for a source without logs, ConfigurationError for the changes, the selection, the database or
     the scheduler.
     """
+    from calstation.fleet.cluster import solved, started_cluster, worker_count  # distributed, of an extra
+
     begin = time.monotonic()
     stop = stop or threading.Event()
     wanted = request.wanted()

@@ -15,11 +15,6 @@ from calstation.fleet.selection import Origin
 from calstation.messages import os_reason
 from calstation.records import SUFFIX, meta_path
 
-try:
-    from fsspec.core import url_to_fs
-except ImportError as exc:
-    raise ConfigurationError("database.not_installed") from exc
-
 #: Source name of all logs in the database's archive.
 ARCHIVE = "archive"
 #: Properties of a file in various file systems that change with its content.
@@ -72,7 +67,7 @@ def _archived(engine: Engine) -> Iterator[StoredLog]:
 def _found(source: str) -> Iterator[StoredLog]:
     """Yield the logs of a file or folder; one request lists them all with size and stamp."""
     try:
-        system, path = url_to_fs(source, use_listings_cache=False)
+        system, path = _file_system(source, use_listings_cache=False)
         if not system.exists(path):
             raise InputError("fleet.source_missing", source=source)
         if system.isdir(path):
@@ -81,7 +76,7 @@ def _found(source: str) -> Iterator[StoredLog]:
         else:
             beside = configuration_of(path)
             names, files = [path], {name: system.info(name) for name in (path, beside) if name and system.exists(name)}
-    except InputError:
+    except (InputError, ConfigurationError):
         raise
     except Exception as exc:  # every file system has its own errors, including an unknown kind of URL
         raise InputError("fleet.source_unreachable", source=source, reason=storage_reason(exc)) from exc
@@ -103,9 +98,18 @@ def configuration_of(path: str) -> str | None:
 
 def files_of(location: str) -> tuple[Any, list[str]]:
     """Return the file system of a log and the paths of its files. Raises errors of the file system."""
-    system, path = url_to_fs(location)
+    system, path = _file_system(location)
     beside = configuration_of(path)
     return system, [path] if beside is None else [path, beside]
+
+
+def _file_system(location: str, **options: bool) -> Any:
+    """Return the file system of a path or URL, and the path in it."""
+    try:
+        from fsspec.core import url_to_fs  # the library of an extra
+    except ImportError as exc:
+        raise ConfigurationError("database.not_installed") from exc
+    return url_to_fs(location, **options)
 
 
 def storage_reason(error: Exception) -> Any:

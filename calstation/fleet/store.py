@@ -9,16 +9,20 @@ from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 import numpy as np
-from sqlalchemy import ColumnElement, Connection, Engine, Table, and_, case, func, select
+from sqlalchemy import ColumnElement, Connection, Engine, Table, and_, case, exists, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import DBAPIError
 
-from calstation.database import connect, failure, locations, solutions, versions
+from calstation.database import connect, failure, locations, runs, solutions
+from calstation.database import versions as versions_table
+from calstation.errors import ConfigurationError
 from calstation.fleet.changes import Changes
 from calstation.fleet.selection import Origin
 from calstation.fleet.sources import StoredLog
 from calstation.results import Result
 
+#: Version name of the results stored by the runs.
+ONLINE = "online"
 #: Solutions read at a time.
 _CHUNK = 200
 #: Files read at a time.
@@ -88,8 +92,8 @@ def opened(url: str, *, create: bool = True) -> Iterator[Engine]:
 def enter_version(engine: Engine, wanted: Wanted) -> bool:
     """Enter a version if it is missing; return whether it has these settings, even if two jobs enter it at once."""
     with engine.begin() as connection:
-        connection.execute(_insert(connection, versions).values(wanted.columns).on_conflict_do_nothing())
-        same = select(versions.c.version).where(*_conditions(versions, wanted.columns))
+        connection.execute(_insert(connection, versions_table).values(wanted.columns).on_conflict_do_nothing())
+        same = select(versions_table.c.version).where(*_conditions(versions_table, wanted.columns))
         return connection.execute(same).first() is not None
 
 
@@ -114,6 +118,21 @@ def last_number(engine: Engine) -> int:
     """Return the largest number of a solution; 0 if there is none."""
     with engine.connect() as connection:
         return connection.execute(select(func.max(solutions.c.id))).scalar() or 0
+
+
+def versions(connection: Connection) -> list[str]:
+    """Return the versions with solutions in the database, ``online`` first."""
+    name = versions_table.c.version
+    found = connection.execute(select(name).where(exists().where(solutions.c.version == name)).order_by(name)).scalars()
+    online = connection.execute(select(runs.c.name).limit(1)).first() is not None
+    return [*([ONLINE] if online else []), *found]
+
+
+def require_version(connection: Connection, version: str) -> None:
+    """Raise ConfigurationError if the database has no solutions of a version."""
+    known = versions(connection)
+    if version not in known:
+        raise ConfigurationError("fleet.no_version", version=version, versions=known)
 
 
 def find_solution(engine: Engine, wanted: Wanted, log_sha256: str, configuration_sha256: str) -> StoredSolution | None:

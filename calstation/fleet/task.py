@@ -10,10 +10,10 @@ import tempfile
 import time
 from asyncio import to_thread
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 from distributed import Worker, WorkerPlugin, get_worker
 from sqlalchemy import Engine
@@ -23,8 +23,9 @@ from calstation import __version__
 from calstation.database import connect
 from calstation.database import failure as database_error
 from calstation.errors import CalstationError, ConfigurationError, InputError
-from calstation.fleet.selection import Origin, Selection
+from calstation.fleet.selection import Origin
 from calstation.fleet.sources import StoredLog, files_of, storage_reason
+from calstation.fleet.status import Assignment, Outcome, Status
 from calstation.fleet.store import Wanted, add_location, add_solution, find_solution, stored_error
 from calstation.messages import values_to_json
 from calstation.records import Log, LogMeta, locked, open_log
@@ -38,32 +39,6 @@ _COMPILED_WITHIN = 600.0
 logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
-
-#: ``failed``: stored as failed, now or before; ``unreachable``: failed without being stored.
-Outcome = Literal["solved", "there", "failed", "unreachable", "not_selected", "refused"]
-
-
-@dataclass(frozen=True)
-class Assignment:
-    """Settings common to all tasks."""
-
-    database: str
-    wanted: Wanted
-    selection: Selection = field(default_factory=Selection)
-    retry_failed: bool = False  #: Whether to solve again logs that are stored as failed.
-    software: str = __version__
-
-
-@dataclass(frozen=True)
-class Status:
-    """Outcome for a log."""
-
-    location: str
-    outcome: Outcome
-    solution: int | None = None  #: Number of its solution in the database; None without a solution.
-    error: dict[str, Any] = field(default_factory=dict)  #: The error as in a result JSON; {} if there is none.
-    changed: bool | None = None  #: Whether configuration, range or stages differ from the log's own; None if unknown.
-    seconds: dict[str, float] = field(default_factory=dict)  #: Duration of ``copy``, ``solve`` and ``write``.
 
 
 class UnreachableError(Exception):

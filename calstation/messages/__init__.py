@@ -1,5 +1,21 @@
 """The message catalogue: all errors, events, findings and terms shown to users, in English and Chinese."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.messages import rendering
+from calstation.messages.catalogue import entry, known
+from calstation.messages.finding import Finding, Report
+from calstation.messages.progress import event_text, short_step_text, step_text
+from calstation.messages.rendering import (
+    Language,
+    Rendered,
+    Text,
+    Value,
+    local_time,
+    os_reason,
+    parameter_name,
+    render,
+    sentence,
+    term,
+    values_from_json,
+    values_to_json,
+    with_minus,
+)

@@ -3,6 +3,82 @@
 This package uses no filter, file or device.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.physics.arrays import BoolArray, FloatArray, IntArray
+from calstation.physics.earth import RATE, normal_gravity, rotation_rate
+from calstation.physics.imu_model import Compensation, compensate, compensation, compose, composition, parameter_vector
+from calstation.physics.motion import Dwell, Finish, GimbalTurn, GimbalZero, ManualMove, Move, Prepare, RoundEnd, Step
+from calstation.physics.parameters import (
+    AXES,
+    CHANNELS,
+    COUNT,
+    EFFECT_PARAMETERS,
+    EFFECTS,
+    GROUPS,
+    INDEX,
+    NAMES,
+    OBSERVABLE,
+    PAIR_PARAMETERS,
+    PARAMETERS,
+    EffectName,
+    entry_of,
+    further_parameter,
+    group_indices,
+    group_matrix,
+    group_of,
+    group_vector,
+    named,
+    pair_name,
+    reached,
+)
+from calstation.physics.rotation import (
+    axis_rotation,
+    axis_rotations,
+    level_attitude,
+    rotate,
+    rotation_matrix,
+    rotation_vector,
+    skew,
+)
+from calstation.physics.strapdown import (
+    PARAMETER_START,
+    STATES,
+    Increments,
+    IntervalWork,
+    body_rotation,
+    dynamics,
+    increments,
+    interval_work,
+    propagate,
+    write_navigation_block,
+)
+from calstation.physics.table import (
+    ALIGNED,
+    DEFAULT_ORIENTATION,
+    INNER,
+    JOINTS,
+    ORIENTATIONS,
+    OUTER,
+    UP,
+    GimbalJoints,
+    JointLimits,
+    Orientation,
+    TableGeometry,
+    orientation_matrix,
+)
+from calstation.physics.units import (
+    ARCSECOND,
+    DEGREE,
+    DEGREE_PER_HOUR,
+    DISPLAY,
+    MICRO_G,
+    NOISE_DISPLAY,
+    STANDARD_GRAVITY,
+    aligned,
+    display,
+    display_by_unit,
+    from_unit,
+    in_unit,
+    number,
+    unit_of,
+    unit_of_parameter,
+)

@@ -1,5 +1,43 @@
 """Quality over time: control charts, capability, yield and measurement system analysis of stored runs."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.quality.capability import Capability, Interval, capability
+from calstation.quality.charts import (
+    BASELINE,
+    RULES,
+    CusumChart,
+    EwmaChart,
+    IndividualsChart,
+    Process,
+    Signals,
+    cusum_chart,
+    ewma_chart,
+    individuals_chart,
+    nelson_signals,
+)
+from calstation.quality.gauge import LEAST_CATEGORIES, AnovaRow, GaugeStudy, Variation, gauge_study
+from calstation.quality.gauge_plan import GaugePlan, Measurement
+from calstation.quality.random_effects import RandomEffects, random_effects
+from calstation.quality.runs import judged_runs, last_of_each_unit
+from calstation.quality.standards import (
+    FALSE_ALARM,
+    POWER,
+    Due,
+    StandardState,
+    due_certificates,
+    judge_result,
+    judge_standard,
+    require_standards,
+    standard_states,
+)
+from calstation.quality.station import StandardHistory, StationQuality, station_quality
+from calstation.quality.study import StudyState, evaluate_study
+from calstation.quality.summary import (
+    LEAST_VALUES,
+    Charts,
+    ParameterQuality,
+    QualitySummary,
+    limit_interval,
+    summarise_quality,
+)
+from calstation.quality.table_chart import WEIGHT, WIDTH, TableChart, alarms, table_charts, table_ewma
+from calstation.quality.yields import FailedCheck, Share, Yields, count_yields

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.signal import lfilter
 
 from calstation.errors import InputError
 from calstation.physics import BoolArray, FloatArray, IntArray
@@ -186,6 +185,8 @@ def ewma_chart(
 
     `weight` is lambda, `width` L in sigmas of the average. The other parameters are as in `individuals_chart`.
     """
+    from scipy.signal import lfilter  # takes 0.3 s to import
+
     average, _ = lfilter([weight], [1.0, weight - 1.0], values - center, zi=[0.0])
     average = np.asarray(average) + center
     spread = width * sigma * _ewma_sigmas(weight, len(values))

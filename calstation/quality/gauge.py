@@ -19,7 +19,7 @@ from itertools import combinations, product
 from typing import Literal
 
 import numpy as np
-from scipy import stats
+from scipy.special import fdtrc, gammaincinv
 
 from calstation.errors import InputError
 from calstation.physics import FloatArray
@@ -279,7 +279,7 @@ class _Model:
             return None, None
         spread = sum(self.value({each: factor}) ** 2 / self.dofs[each] for each, factor in by.items())
         ratio = self.squares[term] / self.dofs[term] / value
-        return ratio, float(stats.f.sf(ratio, self.dofs[term], value**2 / spread))
+        return ratio, float(fdtrc(self.dofs[term], value**2 / spread, ratio))
 
     def interval(self, sums: Sequence[_Sum], tail: float) -> tuple[float, float]:
         """Return the generalised confidence interval of the sum of variances, which is not below 0.
@@ -303,4 +303,4 @@ def _draws(dofs: tuple[int, ...]) -> list[FloatArray]:
     draws.
     """
     random = np.random.default_rng(_SEED)
-    return [stats.chi2.ppf((random.permutation(_DRAWS) + 0.5) / _DRAWS, dof) for dof in dofs]
+    return [np.asarray(2.0 * gammaincinv(0.5 * dof, (random.permutation(_DRAWS) + 0.5) / _DRAWS)) for dof in dofs]

@@ -3,6 +3,95 @@
 This package contains no solvers and no devices.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.records.audit import (
+    AUDIT_EVENTS,
+    AuditEvent,
+    AuditEventName,
+    AuditTrail,
+    AuditWriter,
+    append_audit,
+    audit_path,
+    audit_writer,
+    read_audit,
+)
+from calstation.records.checked_lines import DamagedLineError, Line, Lines, append_line, read_lines
+from calstation.records.checks import (
+    ChecksSection,
+    ConformitySection,
+    SampleClockLimit,
+    TemperatureLimit,
+    acceptance,
+    offline_online,
+)
+from calstation.records.columns import RecordingMeta
+from calstation.records.convert import export_corrected, export_csv, import_csv, partial_path, write_log
+from calstation.records.csv_log import is_text, meta_path
+from calstation.records.facts import LogFacts
+from calstation.records.files import locked, sync_folder, take, write_atomic
+from calstation.records.indexed_run import (
+    Categories,
+    IndexedRun,
+    RunChoices,
+    RunColumns,
+    RunFilter,
+    RunRecord,
+    verdict_of,
+)
+from calstation.records.laboratory import Day, InstrumentSection, LaboratorySection
+from calstation.records.limits import (
+    COVERAGE_FACTOR,
+    NEAR,
+    Check,
+    CheckKind,
+    Limit,
+    Rule,
+    Where,
+    acceptance_interval,
+    check_limit_names,
+    check_limits,
+    estimated_stage,
+    not_compared,
+    undetermined,
+    unobservable,
+)
+from calstation.records.log import Log, estimated_rows, open_log, read_truth, truth_path
+from calstation.records.meta import (
+    CalibrationSection,
+    FileSection,
+    ImuSection,
+    LogMeta,
+    ModelSection,
+    PriorSection,
+    ProductSection,
+    RunSection,
+    SiteSection,
+    TableSection,
+    context_from_meta,
+    correlation_of,
+    covariance_from,
+    load_pair,
+    pair_path,
+    prior_from_meta,
+    store_pair,
+)
+from calstation.records.raw_log import RESERVE, SUFFIX, RawLogWriter, free_space
+from calstation.records.raw_read import (
+    RawLogContents,
+    being_written,
+    damage_summary,
+    raw_rows,
+    read_contents,
+    solved_stages,
+    step_labels,
+)
+from calstation.records.reports import (
+    IssuedReport,
+    append_report,
+    audit_values,
+    issued_reports,
+    read_reports,
+    reports_locked,
+    reports_path,
+)
+from calstation.records.resolves import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolves_path
+from calstation.records.run_index import RunIndex, from_columns, to_columns

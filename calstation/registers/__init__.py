@@ -3,6 +3,16 @@
 The register maps of the drivers are in `devices`.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.registers import journal
+from calstation.registers.interrupted import UnverifiedTransfer, recover_interrupted
+from calstation.registers.journal import Kind, Purpose, Transfer, journal_folder
+from calstation.registers.operation import moves_table, run_operation
+from calstation.registers.preconditions import check_flash, check_interrupted
+from calstation.registers.unit_registers import Register, TargetRegisters, UnitRegisters, read_unit, wanted_registers
+from calstation.registers.verification import (
+    AppliedRegisters,
+    close_checked,
+    verified_on,
+    verify_output,
+    without_register,
+)

@@ -3,6 +3,15 @@
 Code that evaluates or computes values belongs to `calstation.results`.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.reports.budget import Budget
+from calstation.reports.content import Certificate, Quantity, build_certificate, certificate_number
+from calstation.reports.dcc import write_dcc
+from calstation.reports.issue import (
+    IssueState,
+    ReportRequest,
+    issue_certificate,
+    issue_report,
+    issue_state,
+    station_request,
+)
+from calstation.reports.label import label_template, print_label

@@ -1,5 +1,69 @@
 """The solver chain, re-solving of logs, the result model, history and hand-over; no devices, no estimators."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.results.calibration import current_calibration, estimate_of
+from calstation.results.corrected import CorrectedOutput, CorrectedStream
+from calstation.results.diagnostics import (
+    EXCESSIVE,
+    NOTABLE,
+    Diagnostics,
+    PositionResidual,
+    StageDiagnostics,
+    diagnose,
+    stage_diagnostics,
+)
+from calstation.results.handover import Delivery, HandOver, deliver_pending, register_pending
+from calstation.results.history import History, ShiftCount, count_shift, load_results, refresh_history, shift_start
+from calstation.results.inspection import Inspection, inspect_recording
+from calstation.results.judgement import (
+    Ending,
+    build_result,
+    cause_text,
+    is_partial,
+    judge,
+    missing_state,
+    solved_parameters,
+)
+from calstation.results.model_tests import ModelTests
+from calstation.results.offline import drop_partial, export_log, export_result, export_runs, offline_solve
+from calstation.results.override import override_required, override_result, recorded_release, run_files
+from calstation.results.pairs import (
+    PairCheckResult,
+    PairConsumer,
+    PairProgress,
+    PairSession,
+    PairWatchResult,
+    check_pair,
+    pair_report,
+    progress_from_note,
+    watch_log,
+)
+from calstation.results.preview import Preview, Violation, compute_preview
+from calstation.results.resolving import (
+    FinishedRun,
+    Resolved,
+    find_log,
+    load_finished_run,
+    resolve,
+    resolve_log,
+    resolve_with_state,
+    stored_result,
+    warm_up,
+    with_states,
+)
+from calstation.results.result import (
+    SCHEMA,
+    CyclePhase,
+    Override,
+    Parameter,
+    ParameterConformity,
+    Registers,
+    Result,
+    StandardVerdict,
+    Verification,
+    in_sigma,
+    load_result,
+    online_difference,
+    plain,
+    write_json,
+)
+from calstation.results.solver_chain import StageChain, one_blas_thread, solve

@@ -3,6 +3,9 @@
 Steps and motion are in `sequencer`; simulations use `RunHooks`.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.runs.engine import INTERNAL, Engine
+from calstation.runs.hooks import RunHooks
+from calstation.runs.incomplete import close_incomplete_job, finish_incomplete, recover_startup
+from calstation.runs.preparation import prepare
+from calstation.runs.resume import Resumable, filled, find_resumable, resumable_run, serial_of
+from calstation.runs.run import execute

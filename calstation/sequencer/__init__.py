@@ -3,6 +3,51 @@
 The package is independent of user interfaces; it writes the raw log only through `Slot.journal`.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.sequencer.acquisition import SLOWEST_POLL
+from calstation.sequencer.capture import DURATION, REST, mean_at_rest
+from calstation.sequencer.context import (
+    Clock,
+    Emit,
+    Ended,
+    Evaluation,
+    Judged,
+    LastSample,
+    Output,
+    PreflightLimits,
+    RunContext,
+    RunInBackground,
+    Slot,
+    StatusMasks,
+    Task,
+    UnitTask,
+)
+from calstation.sequencer.control import Command, Control, State, StopReason, StopRequested
+from calstation.sequencer.driving import Driving
+from calstation.sequencer.events import (
+    LOSSY,
+    Event,
+    Fault,
+    GimbalTurned,
+    JointsMoved,
+    Message,
+    PositionGuided,
+    Settled,
+    StageEnded,
+    StageProgress,
+    StageRanked,
+    StageSolved,
+    StageStarted,
+    StateChanged,
+    StepStarted,
+    TableMoved,
+    Trace,
+    Verdict,
+    from_json,
+    solution_events,
+    to_json,
+)
+from calstation.sequencer.guard import check_limits, check_power
+from calstation.sequencer.plan import StagePlan, StopRule, move_time, plan_time, planned, step_time
+from calstation.sequencer.sequencer import Sequencer
+from calstation.sequencer.units import NO_DATA
+from calstation.sequencer.verification_path import TurnDrift, Turned, VerificationData

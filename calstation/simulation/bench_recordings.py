@@ -31,7 +31,7 @@ from calstation.estimation.common import ImuModel, SampleBlock, snap_angles
 from calstation.estimation.gimbal import BIAS_TIME, GimbalIteration, turned_motion
 from calstation.physics import AXES, NAMES, PARAMETERS, FloatArray, group_indices, pair_name
 from calstation.records import LogFacts, LogMeta, RawLogWriter, context_from_meta
-from procedures.gimbal import Schedule as GimbalSchedule
+from procedures import method
 
 Kind = Literal["hand", "pair", "gimbal"]
 SAMPLE_RATE = 100.0
@@ -146,13 +146,15 @@ def _gimbal_block(samples: GimbalSamples) -> SampleBlock:
 
 
 def turn_gimbal(
-    bench: GimbalBench, schedule: GimbalSchedule, imu: ImuModel, keep: Callable[[SampleBlock], None]
+    bench: GimbalBench, schedule: Any, imu: ImuModel, keep: Callable[[SampleBlock], None]
 ) -> GimbalIteration:
     """Turn the bench's gimbal in closed loop with the method, until it ends; return the iteration.
 
-    `keep` is called with the samples of each motion and rest. Raises InputError if a turn is not found in the joints.
+    `schedule` is that of the method gimbal; `keep` is called with the samples of each motion and rest. Raises
+    InputError if a turn is not found in the joints.
     """
-    iteration, dwell = schedule.iteration(), schedule.dwell_s
+    iteration: GimbalIteration = schedule.iteration()
+    dwell = schedule.dwell_s
     rate = float(np.deg2rad(schedule.rate_dps))
     blocks: list[SampleBlock] = []
 
@@ -181,7 +183,7 @@ def turn_gimbal(
 
 def _gimbal(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, Any]]:
     imu, encoder_deg = _unit(grade, seed), 0.002
-    schedule = GimbalSchedule.model_validate({})
+    schedule: Any = method("gimbal").schedule()
     meta = _meta(
         imu, grade, table={"encoder_sigma_deg": encoder_deg}, schedule={"gimbal": schedule.model_dump(mode="json")}
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from calstation.errors import ConfigurationError
 from calstation.physics import INDEX, PARAMETERS, further_parameter
@@ -41,7 +41,7 @@ def run_method_study(
     for group, rows in errors.items():
         values = np.array(rows)
         count = len(values) * min(values.shape[1], 3)
-        low, high = np.sqrt(np.asarray(chi2.ppf(_BAND, count)) / count)
+        low, high = np.sqrt(2.0 * gammaincinv(count / 2.0, _BAND) / count)
         rms = float(np.sqrt(np.mean(values**2)))
         groups[group] = {
             "sigma": float(np.sqrt(np.mean(np.square(sigmas[group])))),

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from calstation.physics import GROUPS, NAMES, BoolArray, FloatArray, IntArray, group_indices
 
@@ -37,7 +37,7 @@ def rms_band(correlations: list[FloatArray]) -> tuple[float, float]:
     count = sum(len(c) for c in correlations)
     squares = sum(float(np.sum(c * c)) for c in correlations)
     freedom = count**2 / squares
-    low, high = np.asarray(chi2.ppf(BAND, freedom)) / freedom
+    low, high = 2.0 * gammaincinv(freedom / 2.0, BAND) / freedom
     return float(np.sqrt(low)), float(np.sqrt(high))
 
 
@@ -113,7 +113,7 @@ def _nees(units: list[UnitResult], estimated: IntArray) -> dict[str, Any]:
         covariance = unit.covariance[np.ix_(chosen, chosen)]
         total += float(unit.error[chosen] @ np.linalg.solve(covariance, unit.error[chosen]))
         count += len(chosen)
-    low, high = np.asarray(chi2.ppf(BAND, count)) / count
+    low, high = 2.0 * gammaincinv(count / 2.0, BAND) / count
     mean = total / count
     return {"mean": mean, "low": float(low), "high": float(high), "passed": bool(low <= mean <= high)}
 

@@ -69,7 +69,7 @@ def test_zooming_a_one_hour_log_at_2_khz_does_not_block_the_window(hour, benchma
     from PySide6.QtWidgets import QApplication
 
     from calstation.gui.logs.page import OfflinePage
-    from calstation.gui.shell.context import AppContext
+    from calstation.gui.state.context import AppContext
     from calstation.gui.widgets import theme
 
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.database import archive_log
-from calstation.database.archive import copy_to
+from calstation.database.archive import archive_log, copy_to
 from calstation.errors import InputError
 from tests.helpers import ignore_progress
 from tests.s3 import bucket as bucket
@@ -21,7 +20,7 @@ DIGEST = hashlib.sha256(CONTENT).hexdigest()
 KILLED = """
 import os, shutil, signal, sys
 from pathlib import Path
-from calstation.database import archive_log
+from calstation.database.archive import archive_log
 
 def copy(source, target, length):
     target.write(source.read({after}))
@@ -36,7 +35,7 @@ archive_log(Path(sys.argv[1]), sys.argv[2], "line 1")
 FULL = """
 import resource, signal, sys
 from pathlib import Path
-from calstation.database import archive_log
+from calstation.database.archive import archive_log
 from calstation.errors import InputError
 
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

@@ -167,7 +167,7 @@ def test_unresponsive_archive_delays_no_exchange(
         hangs.set()
         goes_on.wait()
 
-    monkeypatch.setattr("calstation.database.archiver.archive_log", hang)
+    monkeypatch.setattr("calstation.database.archive.archive_log", hang)
     written = []
 
     def wait(_: float) -> bool:

@@ -116,7 +116,7 @@ def test_file_without_a_timestamp_has_no_fingerprint(engine: Engine, monkeypatch
 def test_archive_is_listed_from_the_database_without_file_requests(
     engine: Engine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("calstation.fleet.sources.url_to_fs", None)  # no request to a file system
+    monkeypatch.setattr("fsspec.core.url_to_fs", None)  # no request to a file system
     content = {"station": "bench 2", "product": "nav", "outcome": "passed"}
     run = {"serial": "A", "started_utc": "2026-03-05T00:00:00+00:00", "content": json.dumps(content), "revision": 1}
     run |= {"failed_checks": "[]", "parameters": "[]", "numbers": b""}

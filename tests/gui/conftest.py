@@ -16,9 +16,9 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QPushB
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.shell.app import create_window
-from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.main_window import MainWindow
-from calstation.gui.shell.run_status import RunStatus
+from calstation.gui.state.context import AppContext
+from calstation.gui.state.run_status import RunStatus
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
 from calstation.jobs.queue import JobQueue
@@ -120,7 +120,7 @@ def job_queue(
     if not shared_queue or shared_queue[0]._closed:
         shared_queue[:] = [SharedJobQueue(warm_up)]
     shared_queue[0].use_folders_of(site_folder)
-    monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda warm_up: shared_queue[0])
+    monkeypatch.setattr("calstation.gui.state.context.JobQueue", lambda warm_up: shared_queue[0])
     return shared_queue[0]
 
 

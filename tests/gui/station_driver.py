@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QVBoxLa
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.settings.page import StationPage
-from calstation.gui.shell.context import AppContext
+from calstation.gui.state.context import AppContext
 
 PIN = "246813"
 

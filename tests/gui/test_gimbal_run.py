@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QComboBox
 
 from calstation.config import library
 from calstation.config.request import RunRequest
-from calstation.gui.shell.engine_link import EngineLink
+from calstation.gui.state.engine_link import EngineLink
 from calstation.physics.units import ARCSECOND
 from calstation.sequencer.events import GimbalTurned, JointsMoved, StageStarted, StateChanged, StepStarted
 from tests.gui.conftest import SERIAL, Operator

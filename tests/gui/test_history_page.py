@@ -17,8 +17,8 @@ from calstation.config.request import computer_user
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common.samples import SampleBlock
 from calstation.gui.history.page import HistoryPage
-from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.state.context import AppContext
 from calstation.gui.text import language
 from calstation.physics.units import DEGREE_PER_HOUR
 from calstation.records.meta import LogMeta

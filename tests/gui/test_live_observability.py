@@ -7,7 +7,7 @@ from pytestqt.qtbot import QtBot
 
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import language
 from calstation.sequencer import StageRanked, StateChanged, StepStarted
 

@@ -34,8 +34,8 @@ from calstation.gui.logs.comparison import Comparison
 from calstation.gui.logs.page import OfflinePage
 from calstation.gui.logs.range_bar import CountSpin
 from calstation.gui.logs.source_bar import SourceBar
-from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.state.context import AppContext
 from calstation.gui.text import language, parameter_text
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter

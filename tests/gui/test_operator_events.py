@@ -12,8 +12,8 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QListW
 from calstation.config import library
 from calstation.config.request import RunRequest
 from calstation.errors import InputError
-from calstation.gui.shell.engine_link import EngineLink
-from calstation.gui.shell.run_strip import RunStrip
+from calstation.gui.state.engine_link import EngineLink
+from calstation.gui.state.run_strip import RunStrip
 from calstation.gui.widgets import theme
 from calstation.jobs.queue import JobQueue
 from calstation.messages.rendering import Text

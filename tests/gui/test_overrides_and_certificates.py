@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QLineEdit, QPushButton
 
 from calstation.config import ConfirmationRequired, access
 from calstation.config.library import shipped_folder
-from calstation.gui.shell import PeoplePanel
+from calstation.gui.state import PeoplePanel
 from calstation.records import AuditEvent, audit_path, read_audit
 from calstation.results import load_result
 from calstation.sequencer import StateChanged, Verdict

@@ -19,7 +19,7 @@ from calstation.config import library
 from calstation.gui.operator import starting
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.production import shift_counter
-from calstation.gui.shell.engine_link import EngineLink
+from calstation.gui.state.engine_link import EngineLink
 from calstation.jobs.queue import JobQueue
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.site_folder import STATION

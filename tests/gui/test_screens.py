@@ -18,7 +18,7 @@ import json, sys
 from pathlib import Path
 from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QWidget
 from calstation.gui import create_window
-from calstation.gui.shell.run_strip import RunStrip
+from calstation.gui.state.run_strip import RunStrip
 
 def seen(widget):
     corner = widget.mapTo(window, widget.rect().topLeft())

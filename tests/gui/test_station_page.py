@@ -37,9 +37,9 @@ from calstation.gui.settings import page as page_module
 from calstation.gui.settings.fields import problem_text
 from calstation.gui.settings.page import StationPage
 from calstation.gui.settings.table_section import TravelPlot
-from calstation.gui.shell.context import AppContext
-from calstation.gui.shell.engine_link import EngineLink
 from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.state.context import AppContext
+from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.text import language
 from calstation.gui.widgets import NoticeBar, theme
 from calstation.messages.catalogue import family

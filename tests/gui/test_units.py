@@ -14,8 +14,8 @@ from calstation.config.request import RunRequest
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator import starting
 from calstation.gui.operator.live.table_panel import TablePicture
-from calstation.gui.shell.engine_link import EngineLink
-from calstation.gui.shell.run_strip import RunStrip
+from calstation.gui.state.engine_link import EngineLink
+from calstation.gui.state.run_strip import RunStrip
 from calstation.results.history import History
 from calstation.sequencer.events import (
     Fault,

@@ -12,7 +12,7 @@ import tomli_w
 from calstation.cli.app import run_app
 from calstation.config import load_product, load_station, site_folder
 from calstation.estimation.positions import TABLE_QUANTITIES
-from calstation.gui.shell.unit_status import UnitStatus
+from calstation.gui.state.unit_status import UnitStatus
 from calstation.messages import render
 from calstation.messages.progress import event_text
 from calstation.physics import FloatArray

@@ -3,6 +3,8 @@
 The measurements of its sensors are simulated in `bench.truth`.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.bench.imu.flash import burnt_cycles
+from calstation.bench.imu.modbus_dsp import DspUnit
+from calstation.bench.imu.stream_faults import StreamFaults
+from calstation.bench.imu.unit import ImuUnit
+from calstation.bench.imu.vectornav import SAMPLES, VectorNavUnit

@@ -3,6 +3,5 @@
 They contain no physics and no protocol states.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.bench.links.lines import Line, SocketLine, TerminalLine
+from calstation.bench.links.table_modbus import UNIT, TableLink

@@ -3,6 +3,9 @@
 The true motion of the joints is simulated in `bench.truth`.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.bench.table.axes import Axes
+from calstation.bench.table.cia402_drives import Drive, drives
+from calstation.bench.table.gimbal import GimbalController, GimbalDrive
+from calstation.bench.table.machine import Clocks, Fault, OutOfRange, Power, Refusal, TableLimits, TableMachine
+from calstation.bench.table.registers import SIZE, WRITABLE, TableRegisters
+from calstation.bench.table.text import LANGUAGES, TextController

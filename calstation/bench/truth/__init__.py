@@ -3,6 +3,15 @@
 It is independent of the estimators and contains no links or protocols.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.bench.truth.body import BodyMotion, BodyStream, draw_mounting
+from calstation.bench.truth.drive import EncoderTruth, TableDrive
+from calstation.bench.truth.effects import Effects, EffectTruth
+from calstation.bench.truth.free_unit import Field, Mounting, SecondaryTruth, pair_truth, record_pair
+from calstation.bench.truth.gimbal import GimbalBench, GimbalSamples, GimbalStream
+from calstation.bench.truth.grades import GRADES, GradeName, draw_imu, draw_power_ups
+from calstation.bench.truth.imu import ImuTruth, StreamOutput
+from calstation.bench.truth.manual_rig import HandStream, ManualRig, around, push, record
+from calstation.bench.truth.noise import INSTABILITY_TIMES, instability_variance
+from calstation.bench.truth.simulate import BenchTruth, Simulated, Simulator
+from calstation.bench.truth.stream import SensorStream
+from calstation.bench.truth.table import TableTruth, earth_rate_n, normal_gravity, rotation, unit_axes

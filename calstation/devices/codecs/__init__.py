@@ -3,6 +3,24 @@
 All functions are pure and depend on neither profiles nor ports.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.devices.codecs.conventions import (
+    SENSORS,
+    SLOTS,
+    Convention,
+    from_registers,
+    legal_range,
+    matrix_slots,
+    offset_slots,
+    parameter_of,
+    to_registers,
+)
+from calstation.devices.codecs.frame_checks import (
+    CHECK_WIDTHS,
+    CRC_WIDTHS,
+    CheckFunction,
+    check_bytes,
+    check_function,
+    parametric_crc,
+)
+from calstation.devices.codecs.numbers import ByteOrder, Number, NumberName, WordOrder, check_code, check_orders, number
+from calstation.devices.codecs.packets import PacketKind, Reply, ReplyKind, quoted, quoted_text, register_text

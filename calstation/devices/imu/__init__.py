@@ -3,6 +3,24 @@
 Stations are opened by `connection`.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.devices.imu.drivers import open_imu
+from calstation.devices.imu.framed_imu import FramedImu
+from calstation.devices.imu.frames import FrameDecoder
+from calstation.devices.imu.register_transfer import (
+    Closing,
+    Entry,
+    Holds,
+    Step,
+    Transferred,
+    check_serial,
+    finish,
+    flash_registers,
+    put_back,
+    recognise,
+    restore,
+    transfer,
+)
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu.sample_count import SampleCount
+from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
+from calstation.devices.imu.text_frames import TextFrame

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Mapping
 
-from calstation.devices import ImuIdentity
 from calstation.devices.imu.framed_imu import FramedImu
 from calstation.devices.imu.modbus_imu import ModbusImu
 from calstation.devices.imu.registered_imu import RegisteredImu
 from calstation.devices.imu.streamed_imu import StreamedImu
 from calstation.devices.imu.vectornav_imu import VectorNavImu
+from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.links import SerialLink
 from calstation.devices.profiles import ImuProfile
 

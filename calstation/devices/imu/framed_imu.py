@@ -3,11 +3,11 @@
 import struct
 from collections.abc import Iterator
 
-from calstation.devices import ImuIdentity, OtherModelError
 from calstation.devices.codecs import Reply, number
 from calstation.devices.imu.frames import command_frame
 from calstation.devices.imu.registered_imu import ATTEMPTS, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Question
+from calstation.devices.interfaces import ImuIdentity, OtherModelError
 from calstation.devices.links import SerialLink
 from calstation.devices.profiles import OPS, ImuProfile, RegisterEntry
 from calstation.errors import DeviceFaultError

@@ -5,10 +5,10 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from calstation.devices import ImuIdentity
 from calstation.devices.codecs import ByteOrder, Reply, WordOrder, number, register_text
 from calstation.devices.imu.registered_imu import ATTEMPTS, POLL, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Question
+from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.links import ACKNOWLEDGED, NOT_YET, REFUSED, RtuReply, RtuRequest, SerialLink
 from calstation.devices.profiles import ImuProfile, RegisterEntry, TextRegisters, WordCommand
 from calstation.errors import DeviceFaultError

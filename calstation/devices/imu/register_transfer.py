@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
-from calstation.devices import Imu
 from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.interfaces import Imu
 from calstation.errors import CalstationError, DeviceFaultError
 
 

@@ -12,10 +12,10 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
-from calstation.devices import ImuIdentity, OtherModelError
 from calstation.devices.codecs import SENSORS, ReplyKind, matrix_slots, number
 from calstation.devices.imu.registers import RegisterMap, alike
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
+from calstation.devices.interfaces import ImuIdentity, OtherModelError
 from calstation.devices.links import SerialLink
 from calstation.devices.profiles import CommandSection, ImuProfile, RegisterEntry
 from calstation.errors import DeviceFaultError

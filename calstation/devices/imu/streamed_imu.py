@@ -10,10 +10,10 @@ from typing import Generic, TypeVar, cast
 
 import numpy as np
 
-from calstation.devices import Imu, LinkStats, NoFramesError, SampleBatch
 from calstation.devices.codecs import Reply, ReplyKind
 from calstation.devices.imu.frames import FrameDecoder, Samples
 from calstation.devices.imu.sample_count import SampleCount
+from calstation.devices.interfaces import Imu, LinkStats, NoFramesError, SampleBatch
 from calstation.devices.links import QUIET, SerialLink, Unanswered
 from calstation.devices.profiles import CommandSection, FrameSection, ImuProfile
 from calstation.errors import DeviceFaultError

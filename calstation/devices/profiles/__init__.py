@@ -3,6 +3,19 @@
 The files are found and edited by `config`.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.devices.profiles.entries import hex_bytes
+from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, CrcSection, FrameField, FrameSection, Span, span
+from calstation.devices.profiles.imu import ImuProfile, check_baud, load_imu_profile
+from calstation.devices.profiles.imu_sections import (
+    OPS,
+    CommandSection,
+    StatusSection,
+    TextRegisters,
+    VectorNavSection,
+    WordCommand,
+)
+from calstation.devices.profiles.registers import RegisterEntry
+from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.devices.profiles.table import TableProfile, load_table_profile
+from calstation.devices.profiles.table_registers import JOINTS, RATE_COMMAND, ModbusRegister
+from calstation.devices.profiles.text import CheckedLines, Flag, TextSection

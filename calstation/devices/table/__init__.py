@@ -3,6 +3,9 @@
 The drivers execute commands; motion limits are checked before a command is given.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.devices.table.drivers import ManualTable, open_table
+from calstation.devices.table.gimbal_table import GimbalTable
+from calstation.devices.table.modbus_table import ModbusTable
+from calstation.devices.table.register_table import RegisterTable
+from calstation.devices.table.shared_table import SharedTable
+from calstation.devices.table.text_table import TextTable

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from calstation.devices import Table, TableIdentity, TableStatus
+from calstation.devices.interfaces import Table, TableIdentity, TableStatus
 from calstation.devices.profiles import SerialSettings, TableProfile
 from calstation.devices.table.gimbal_table import GimbalTable
 from calstation.devices.table.modbus_table import ModbusTable

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calstation.devices import Gimbal, TableStatus
+from calstation.devices.interfaces import Gimbal, TableStatus
 from calstation.devices.profiles import SerialSettings, TableProfile
 from calstation.devices.table.text_table import TextTable
 from calstation.errors import ConfigurationError

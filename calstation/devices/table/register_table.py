@@ -6,8 +6,15 @@ from typing import Protocol
 
 import numpy as np
 
-from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, OtherModelError, Table, TableIdentity, TableStatus
 from calstation.devices.codecs import register_text
+from calstation.devices.interfaces import (
+    LOCAL_CONTROL,
+    UNKNOWN_FAULT,
+    OtherModelError,
+    Table,
+    TableIdentity,
+    TableStatus,
+)
 from calstation.devices.profiles import JOINTS, RATE_COMMAND, ModbusRegister, TableProfile
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import snap_angles

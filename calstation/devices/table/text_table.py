@@ -5,8 +5,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, OtherModelError, Table, TableIdentity, TableStatus
 from calstation.devices.codecs import quoted_text
+from calstation.devices.interfaces import (
+    LOCAL_CONTROL,
+    UNKNOWN_FAULT,
+    OtherModelError,
+    Table,
+    TableIdentity,
+    TableStatus,
+)
 from calstation.devices.links import TextLink, UnlikeAnswerError
 from calstation.devices.profiles import JOINTS, Flag, SerialSettings, TableProfile
 from calstation.errors import ConfigurationError, DeviceFaultError

@@ -1,5 +1,66 @@
 """Code that all solvers share: samples, rests, noise, alignment and least squares."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.estimation.common.alignment import (
+    AMBIGUOUS_AZIMUTH_SIGMA,
+    FREE_AZIMUTH_SIGMA,
+    SHORTEST_REST,
+    Start,
+    levelled,
+    starts,
+)
+from calstation.estimation.common.by_position import (
+    CHANNELS,
+    EXCESSIVE,
+    NOTABLE,
+    LocalScores,
+    PositionResidual,
+    ScoreFunction,
+    StageResiduals,
+    position_residuals,
+)
+from calstation.estimation.common.context import Belief, ImuModel, Secondary, Site, SolveContext, StoredPair, TableModel
+from calstation.estimation.common.gravity import gravity_sensitivity, with_gravity, without_gravity
+from calstation.estimation.common.latitude import LatitudeEstimate, RestOutput, resolves_earth_rate
+from calstation.estimation.common.least_squares import (
+    Consistency,
+    chi_square_quantile,
+    gauss_newton,
+    nis_consistency,
+    restricted,
+)
+from calstation.estimation.common.localisation import Concentration, concentration
+from calstation.estimation.common.model_test import Agreement, Misfit, ModelTest, stage_agreement
+from calstation.estimation.common.noise import (
+    BIAS_DRIFT_PER_INSTABILITY,
+    BIAS_DRIFT_TIME,
+    FilterNoise,
+    RestNoise,
+    filter_noise,
+    gyro_excess,
+    noise_tests,
+    rest_mean_variance,
+    rest_noise,
+    widened,
+)
+from calstation.estimation.common.planned import PlannedSamples, profile
+from calstation.estimation.common.residuals import RestResiduals, before_after, rest_residuals
+from calstation.estimation.common.samples import SampleBlock, has_gyros, joined, since, snap_angles
+from calstation.estimation.common.sequence import SequenceError, SequenceUnwrapper, unwrap_counter
+from calstation.estimation.common.spool import Spool
+from calstation.estimation.common.stage import (
+    BIAS_SIGMAS,
+    REST_MARGIN,
+    REST_WINDOW,
+    SLOWEST,
+    StageData,
+    find_rests,
+    group_means,
+    largest,
+    mean_angles,
+    quietest,
+    runs,
+    slope_weights,
+    stage_data,
+    window_mean,
+)
+from calstation.estimation.common.stillness import Link, Stillness, find_stillness

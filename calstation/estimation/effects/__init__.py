@@ -1,5 +1,25 @@
 """Tests for effects outside the error model, one added effect at a time (score tests)."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.estimation.effects.candidates import (
+    CONSTANT,
+    OF_ACCELEROMETERS,
+    Candidate,
+    Motion,
+    changing,
+    effect_errors,
+)
+from calstation.estimation.effects.score import (
+    MOST_EXCESS,
+    EffectFound,
+    EffectLimit,
+    EffectTests,
+    Estimated,
+    effect_tests,
+)
+from calstation.estimation.effects.sensitivity import (
+    Sensitivity,
+    all_errors,
+    batch_sensitivity,
+    mean_errors,
+    mean_regressors,
+)

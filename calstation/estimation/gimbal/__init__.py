@@ -1,5 +1,14 @@
 """Gyro misalignment from the joints of a stabilised gimbal."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.estimation.gimbal.fit import GimbalFit, fit_gimbal
+from calstation.estimation.gimbal.iteration import (
+    BIAS_TIME,
+    AxisTurns,
+    GimbalIteration,
+    contraction,
+    drift_matrix,
+    largest_gain,
+    others,
+    sign_of,
+)
+from calstation.estimation.gimbal.motions import TURNED, Motion, find_motions, turned_motion

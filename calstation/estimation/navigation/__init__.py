@@ -1,5 +1,7 @@
 """The 39-state navigation filter, its relinearisation and its observability analysis."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation.information import Segment, advanced, joined, segment_information, sigmas
+from calstation.estimation.navigation.relinearise import solve_navigation
+from calstation.estimation.navigation.stage import NavigationStage, result_sensitivity, warm_up
+from calstation.estimation.navigation.velocity_group import BIAS

@@ -13,8 +13,8 @@ from typing import Any
 import numba as nb
 import numpy as np
 
-from calstation.estimation import Ranking
 from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise
+from calstation.estimation.method import Ranking
 from calstation.estimation.navigation.filter import POSITION_SIGMA, History
 from calstation.physics import (
     NAMES,

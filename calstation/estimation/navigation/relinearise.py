@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation import Progress
 from calstation.estimation.common import (
     AMBIGUOUS_AZIMUTH_SIGMA,
     SHORTEST_REST,
@@ -20,6 +19,7 @@ from calstation.estimation.common import (
     quietest,
     starts,
 )
+from calstation.estimation.method import Progress
 from calstation.estimation.navigation.filter import History, NavigationFilter
 from calstation.estimation.navigation.group_update import Updates
 from calstation.physics import (

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from calstation.estimation import Innovations, Progress, Ranking, Solution, with_misfit
 from calstation.estimation.common import (
     Belief,
     ImuModel,
@@ -31,6 +30,7 @@ from calstation.estimation.common import (
     widened,
 )
 from calstation.estimation.effects import Sensitivity
+from calstation.estimation.method import Innovations, Progress, Ranking, Solution, with_misfit
 from calstation.estimation.navigation.filter import NavigationFilter
 from calstation.estimation.navigation.local_scores import local_scores
 from calstation.estimation.navigation.observability import ObservabilityAnalysis, observability_analysis

@@ -1,5 +1,31 @@
 """Joint solution of rests and motions without table angles, and checks and guidance for such recordings."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.estimation.positions.evidence import (
+    Evidence,
+    MotionEvidence,
+    RestEvidence,
+    Turn,
+    angle_errors,
+    gather,
+    gravity_misses,
+    turn_between,
+)
+from calstation.estimation.positions.fit import MOST_ITERATIONS, PositionFit, fit_positions
+from calstation.estimation.positions.guidance import Guidance, PositionGuide
+from calstation.estimation.positions.recording_faults import frozen_columns, require_changing, valid_links
+from calstation.estimation.positions.rows import (
+    GYRO_COLUMNS,
+    Position,
+    Scatter,
+    gyro_derivative,
+    integrate_rotation,
+    positions,
+    square_root,
+)
+from calstation.estimation.positions.table_fit import (
+    TABLE_QUANTITIES,
+    TableQuantity,
+    TableRests,
+    table_axes,
+    table_rests,
+)

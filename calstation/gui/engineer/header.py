@@ -3,7 +3,7 @@
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QLabel, QLineEdit, QVBoxLayout, QWidget
 
-from calstation.gui.shell import EndStageButton, RunStatus, RunStrip
+from calstation.gui.state import EndStageButton, RunStatus, RunStrip
 from calstation.gui.text import bind, on_language_change
 from calstation.gui.widgets import button, column, label, row, theme
 

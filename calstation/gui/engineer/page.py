@@ -18,7 +18,7 @@ from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.registers_view import UNNAMED, RegistersView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
-from calstation.gui.shell import AppContext, Page
+from calstation.gui.state import AppContext, Page
 from calstation.gui.text import error_text, event_sentence, on_language_change, product_text, say
 from calstation.gui.widgets import (
     Choice,

@@ -21,7 +21,7 @@ from calstation.config import (
 )
 from calstation.errors import CalstationError
 from calstation.gui.engineer.verdict import verdict_badge
-from calstation.gui.shell import AppContext, PeoplePanel
+from calstation.gui.state import AppContext, PeoplePanel
 from calstation.gui.text import (
     bind,
     error_text,

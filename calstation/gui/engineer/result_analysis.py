@@ -13,7 +13,7 @@ from calstation.gui.engineer.diagnostics_views import InnovationsView, Residuals
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.verdict import verdict_badge, verdict_text
 from calstation.gui.operator import advice
-from calstation.gui.shell import AppContext, ReleaseBar
+from calstation.gui.state import AppContext, ReleaseBar
 from calstation.gui.text import (
     bind,
     error_text,

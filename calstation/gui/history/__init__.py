@@ -1,5 +1,3 @@
 """The History page: stored runs, their details and trends; `results` searches and reads them."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.gui.history.page import HistoryPage

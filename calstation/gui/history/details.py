@@ -14,7 +14,7 @@ from calstation.gui.history.comparison import limits_of
 from calstation.gui.history.resolves_table import ResolvesTable
 from calstation.gui.history.run_table import stages_text
 from calstation.gui.operator import CertificateButton, FiguresTable, LabelButton, advice
-from calstation.gui.shell import ReleaseBar
+from calstation.gui.state import ReleaseBar
 from calstation.gui.text import (
     KINDS,
     bind,

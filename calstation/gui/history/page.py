@@ -16,7 +16,7 @@ from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
 from calstation.gui.history.versions_view import VersionsView
 from calstation.gui.operator import CertificateButton, LabelButton
-from calstation.gui.shell import AppContext, Page, ReleaseBar
+from calstation.gui.state import AppContext, Page, ReleaseBar
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import (
     Choice,

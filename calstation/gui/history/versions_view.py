@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QAbstractItemView, QComboBox, QTableWidget, QTable
 
 from calstation.fleet import GROUPS, Comparison, VerdictChange, compare_job, export_job, versions_job
 from calstation.gui.history.moves_plot import MovesPlot
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import bind, on_language_change, parameter_text, product_text, term
 from calstation.gui.widgets import (
     ROW,

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import Version, computer_user, save_noise
 from calstation.gui.logs.methods import MethodPlot
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import duration_text, say
 from calstation.gui.widgets import (
     Choice,

@@ -20,7 +20,7 @@ from calstation.gui.logs.methods import MethodBar
 from calstation.gui.logs.range_bar import RangeBar, StageChoice
 from calstation.gui.logs.source_bar import ENDINGS, MAX_RECENT, SourceBar
 from calstation.gui.logs.time_axis import time_text
-from calstation.gui.shell import AppContext, Page
+from calstation.gui.state import AppContext, Page
 from calstation.gui.text import on_language_change, say, step_sentence, term
 from calstation.gui.widgets import (
     EmptyState,

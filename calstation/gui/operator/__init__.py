@@ -1,5 +1,6 @@
 """The operator page: loading, scan, START, live view and verdict; the run status is in `gui.shell`."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.gui.operator import advice
+from calstation.gui.operator.page import OperatorPage
+from calstation.gui.operator.production import CertificateButton, LabelButton
+from calstation.gui.operator.verdict import FiguresTable

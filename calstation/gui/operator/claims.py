@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from calstation.database import Claim
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import event_sentence
 from calstation.gui.widgets import NoticeBar
 

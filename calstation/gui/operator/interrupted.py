@@ -9,7 +9,7 @@ from calstation.config import RunSummary, computer_user, library, load_product
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import event_sentence
 from calstation.gui.widgets import JobWatch, NoticeBar
 from calstation.messages import Text

@@ -27,7 +27,7 @@ from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.units import SlotsPanel, VerdictGrid
 from calstation.gui.operator.verdict import VerdictPanel
-from calstation.gui.shell import AppContext, ExchangeLabel, Page, run_badge
+from calstation.gui.state import AppContext, ExchangeLabel, Page, run_badge
 from calstation.gui.text import (
     event_sentence,
     fault_text,

@@ -24,7 +24,7 @@ from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.interrupted import InterruptedRuns, product_file
 from calstation.gui.operator.questions import ask
 from calstation.gui.operator.units import Slots
-from calstation.gui.shell import AppContext, PeoplePanel
+from calstation.gui.state import AppContext, PeoplePanel
 from calstation.gui.text import on_language_change
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text

@@ -13,7 +13,7 @@ from calstation.errors import InputError
 from calstation.gui.operator import advice
 from calstation.gui.operator.production import CertificateButton, LabelButton
 from calstation.gui.operator.units import Banner
-from calstation.gui.shell import AppContext, ResetBar
+from calstation.gui.state import AppContext, ResetBar
 from calstation.gui.text import duration_text, event_sentence, fault_text, say
 from calstation.gui.widgets import (
     NoticeBar,

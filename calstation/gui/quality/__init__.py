@@ -3,6 +3,4 @@
 Statistics are computed in `calstation.quality`; single runs are shown on the History page.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.gui.quality.page import QualityPage

@@ -15,7 +15,7 @@ from calstation.gui.quality.control_view import ControlView
 from calstation.gui.quality.standards_view import StandardsView
 from calstation.gui.quality.study_view import StudyView
 from calstation.gui.quality.yield_view import YieldView
-from calstation.gui.shell import AppContext, Page
+from calstation.gui.state import AppContext, Page
 from calstation.gui.text import bind, offered_products, on_language_change, say
 from calstation.gui.widgets import (
     EmptyState,

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLineEdit, QSpinBox, QWidg
 
 from calstation.config import load_product
 from calstation.errors import CalstationError
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import bind, error_text, on_language_change, parameter_text, say
 from calstation.gui.widgets import (
     CellTable,

@@ -3,6 +3,4 @@
 `config` checks and stores the files.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.gui.settings.page import StationPage

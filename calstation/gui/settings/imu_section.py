@@ -7,7 +7,7 @@ from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Section, problem_text_with_name
 from calstation.gui.settings.form_view import FormView
 from calstation.gui.settings.link_section import LinkSection
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import button, column, enable, label, row, show_text, theme
 

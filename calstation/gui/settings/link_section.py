@@ -32,7 +32,7 @@ from calstation.gui.settings.fields import (
     Section,
     choices_of,
 )
-from calstation.gui.shell import AppContext, ResetBar
+from calstation.gui.state import AppContext, ResetBar
 from calstation.gui.text import error_text, offered_products, on_language_change, rendered, say, term
 from calstation.gui.widgets import (
     JobRow,

@@ -19,7 +19,7 @@ from calstation.gui.settings.records_section import RecordsSection
 from calstation.gui.settings.site_section import SiteSection
 from calstation.gui.settings.station_section import StationSection
 from calstation.gui.settings.table_section import TableSection
-from calstation.gui.shell import AppContext, Page, RunStrip
+from calstation.gui.state import AppContext, Page, RunStrip
 from calstation.gui.text import bind, error_text, on_language_change
 from calstation.gui.widgets import (
     Choice,

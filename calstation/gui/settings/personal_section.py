@@ -9,7 +9,7 @@ from calstation.config import access
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import default_author
 from calstation.gui.settings.fields import ChoiceBox, Row, choices_of, panel
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import bind, error_text, language, on_language_change, say
 from calstation.gui.widgets import button, column, enable, label, row, theme
 

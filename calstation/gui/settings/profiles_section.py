@@ -13,7 +13,7 @@ from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Draft, Drafts
 from calstation.gui.settings.fields import ChoiceBox
 from calstation.gui.settings.form_view import FormView
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import bind, error_text, on_language_change, say, show, term
 from calstation.gui.widgets import button, column, enable, label, row, show_text, theme
 from calstation.messages import local_time

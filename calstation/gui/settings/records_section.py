@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QFileDialog
 
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import EDITOR, Field, Row, Section, WordEdit, panel
-from calstation.gui.shell import AppContext, ExchangeLabel
+from calstation.gui.state import AppContext, ExchangeLabel
 from calstation.gui.text import on_language_change, rendered, say
 from calstation.gui.widgets import button, column, label, row, show_text, theme
 from calstation.messages import local_time

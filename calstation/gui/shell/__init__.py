@@ -1,5 +1,6 @@
-"""The main window and the objects that all pages share: application context, engine link, run status and role."""
+"""The frame of the window: the application, the main window with its pages and STOP, and the exchange of records.
 
-import lazy_loader as lazy
+What the pages share belongs in `calstation.gui.state`.
+"""
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.gui.shell.app import create_window, main

@@ -8,9 +8,9 @@ from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication
 
-from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.exchange import RecordsExchange
 from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.state import AppContext
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
 

@@ -4,7 +4,7 @@ from PySide6.QtCore import QObject, QTimer
 
 from calstation.database import ExchangeProcess, start_exchange
 from calstation.errors import CalstationError
-from calstation.gui.shell.context import AppContext
+from calstation.gui.state import AppContext
 
 #: Time between two readings of the state of the exchange, ms.
 _READ_MS = 1000

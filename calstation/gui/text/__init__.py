@@ -1,5 +1,22 @@
 """Translated texts of the window: catalogue sentences, check texts and language bindings; no widget classes."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.gui.text import language
+from calstation.gui.text.binding import bind, on_language_change
+from calstation.gui.text.checks import CheckText, check_name, check_text, of_parameter, of_product, parameter_text
+from calstation.gui.text.messages import (
+    KINDS,
+    duration_text,
+    error_text,
+    event_sentence,
+    fault_text,
+    free_text,
+    rendered,
+    say,
+    short_step,
+    show,
+    step_sentence,
+    term,
+    with_minus,
+    without_minus,
+)
+from calstation.gui.text.products import offered_products, product_text

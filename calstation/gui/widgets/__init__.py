@@ -1,5 +1,67 @@
 """Widgets shared by several pages, and the theme; this package does not depend on runs, stations or devices."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.gui.widgets import theme
+from calstation.gui.widgets.badge import (
+    StateBadge,
+    StateIcon,
+    draw_state,
+    padlock_icon,
+    painted_pixmap,
+    state_colour,
+    state_icon,
+    theme_icon,
+)
+from calstation.gui.widgets.checks_table import ChecksTable
+from calstation.gui.widgets.comparison_table import Compared, ComparisonTable
+from calstation.gui.widgets.drawing import VIEWER, Drawing, basis, circle, depth, screen
+from calstation.gui.widgets.exports import FileExport
+from calstation.gui.widgets.files import ask_file
+from calstation.gui.widgets.jobs import JobRow, JobStack, JobWatch
+from calstation.gui.widgets.layout import (
+    PANEL,
+    STEPS,
+    ElidedLabel,
+    EmptyState,
+    Item,
+    PageArea,
+    ViewTabs,
+    Words,
+    button,
+    clear,
+    column,
+    enable,
+    grid,
+    label,
+    panel,
+    progress_bar,
+    row,
+    scroll_area,
+    show_text,
+    split,
+    stack,
+)
+from calstation.gui.widgets.missing_state import MissingState
+from calstation.gui.widgets.notice import Choice, NoticeBar
+from calstation.gui.widgets.parameter_table import (
+    NOTABLE_SIGMAS,
+    ROW,
+    CellTable,
+    Column,
+    ParameterModel,
+    ParameterTable,
+    align_columns,
+    ordered,
+)
+from calstation.gui.widgets.plot import (
+    LineLabel,
+    LineLabels,
+    LogAxis,
+    NumberAxis,
+    PlotMenu,
+    PlotNote,
+    ThemedPlot,
+    fit_below_note,
+    spread,
+)
+from calstation.gui.widgets.stacked_plots import Band, StackedPlots, dashed, time_unit
+from calstation.gui.widgets.zoom_box import TimeBox, ZoomBox

@@ -1,5 +1,22 @@
 """Computation of plot data in jobs, without drawing."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.results.plots.allan import FLOOR, AllanCurve, AllanDeviation, allan_deviation, longest_rest
+from calstation.results.plots.compensation import (
+    Applied,
+    ImuOutput,
+    apply_to_recording,
+    before_and_found,
+    read_recording,
+)
+from calstation.results.plots.corrected import CorrectedTrace, CorrectedTraceBuilder
+from calstation.results.plots.index import LogIndex, StageSpan, log_index, samples
+from calstation.results.plots.method_answer import (
+    GimbalAxis,
+    GimbalPlotData,
+    MethodAnswer,
+    PositionPlotData,
+    gimbal_turns,
+    solve_method,
+)
+from calstation.results.plots.min_max_pyramid import BINS, CHANNELS, Columns, MinMaxPyramid, Values, group_of, joined
+from calstation.results.plots.pairs import PairPlotData, PairResiduals, SecondaryPlotData, StoredPairFile, stored_pairs

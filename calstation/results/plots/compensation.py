@@ -11,7 +11,7 @@ from calstation.estimation.common import SampleBlock, before_after, find_stillne
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, RATE, FloatArray
 from calstation.records import LogMeta, context_from_meta, open_log
-from calstation.results import Parameter
+from calstation.results.result import Parameter
 
 _COLUMNS = 2000
 #: Minimum averaging time of the curves, s; single samples would show only noise.

@@ -23,8 +23,9 @@ from calstation.records import (
     prior_from_meta,
     read_truth,
 )
-from calstation.results import Parameter, Resolved, Result, resolve
 from calstation.results.plots.pairs import PairPlotData, pair_plot_data, stored_values
+from calstation.results.resolving import Resolved, resolve
+from calstation.results.result import Parameter, Result
 from calstation.schema import validate
 from calstation.sequencer import GimbalTurned
 from procedures import method

@@ -3,6 +3,4 @@
 The search is in `calstation.design`.
 """
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.gui.engineer.designer.view import DesignView

@@ -1,5 +1,6 @@
 """Panels of the Offline page for the methods that need no rate table; `procedures` contains the methods."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.gui.logs.methods.gimbal_view import GimbalView
+from calstation.gui.logs.methods.kinds import MethodBar
+from calstation.gui.logs.methods.panel import MethodPanel
+from calstation.gui.logs.methods.plots import MethodPlot

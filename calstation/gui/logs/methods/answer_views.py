@@ -10,7 +10,7 @@ from calstation.gui.logs.methods.kinds import CROSS_CALIBRATION, GIMBAL, MULTI_P
 from calstation.gui.logs.methods.pair_live import PairLiveView
 from calstation.gui.logs.methods.pair_view import PairCheckView, PairResidualsView
 from calstation.gui.logs.methods.positions_view import PositionsView
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import duration_text, event_sentence, on_language_change
 from calstation.gui.widgets import (
     ChecksTable,

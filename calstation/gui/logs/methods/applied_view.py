@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QWidget
 from calstation.connection import SECONDS, OtherUnit, apply_to_unit
 from calstation.gui.logs.methods.plots import Figure, MethodPlot, three_digits
 from calstation.gui.logs.source_bar import ask_log
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import say
 from calstation.gui.widgets import (
     ElidedLabel,

@@ -9,7 +9,7 @@ from calstation.errors import CalstationError
 from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
 from calstation.gui.logs.methods.pair_view import PairBars, schedule_text
 from calstation.gui.logs.methods.plots import MethodPlot
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import on_language_change, say, show, term
 from calstation.gui.widgets import StateBadge, button, column, enable, label, panel, row, show_text, theme
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G

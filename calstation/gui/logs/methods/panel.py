@@ -10,7 +10,7 @@ from calstation.gui.logs.exports import Exports
 from calstation.gui.logs.methods.answer_views import AnswerViews
 from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
 from calstation.gui.logs.source_bar import SourceBar
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import JobRow, JobStack, JobWatch, NoticeBar, button, column, enable, label, row
 from calstation.results import check_pair, progress_from_note

@@ -1,5 +1,5 @@
 """A run in progress: the table or the manual rig, traces, convergence, and the tiles of several units."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.gui.operator.live.live_view import LiveView
+from calstation.gui.operator.live.position_picture import PositionPicture
+from calstation.gui.operator.live.table_panel import TablePicture

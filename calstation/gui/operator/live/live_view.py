@@ -11,7 +11,7 @@ from calstation.gui.operator.live.position_panel import PositionPanel
 from calstation.gui.operator.live.table_panel import TablePanel
 from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.units import COLUMNS, UnitTiles
-from calstation.gui.shell import RunStatus, largest_sigmas
+from calstation.gui.state import RunStatus, largest_sigmas
 from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import PANEL, StateIcon, column, grid, label, row, stack, theme
 from calstation.messages import Text

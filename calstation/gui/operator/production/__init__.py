@@ -1,5 +1,7 @@
 """Additions to the operator page for a production line: badges, the shift counter, pictures and labels."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.gui.operator.production.badge_field import BadgeField
+from calstation.gui.operator.production.certificate_button import CertificateButton
+from calstation.gui.operator.production.fixture_picture import FixturePicture
+from calstation.gui.operator.production.label_button import LabelButton
+from calstation.gui.operator.production.shift_counter import ShiftCounter

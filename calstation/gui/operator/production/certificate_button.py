@@ -9,7 +9,7 @@ from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QPushButton
 
 from calstation.config import Person, computer_user
-from calstation.gui.shell import AppContext, PeoplePanel
+from calstation.gui.state import AppContext, PeoplePanel
 from calstation.gui.text import bind, language
 from calstation.gui.widgets import Choice, JobWatch, NoticeBar
 from calstation.reports import IssueState, issue_certificate, issue_state

@@ -8,7 +8,7 @@ from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QPushButton
 
 from calstation.errors import CalstationError
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import bind
 from calstation.gui.widgets import JobWatch, NoticeBar
 from calstation.reports import label_template, print_label

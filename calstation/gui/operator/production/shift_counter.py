@@ -6,7 +6,7 @@ from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QLabel
 
 from calstation.config import RunSummary
-from calstation.gui.shell import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import duration_text, on_language_change
 from calstation.gui.widgets import JobWatch, show_text
 from calstation.results import ShiftCount, count_shift, shift_start

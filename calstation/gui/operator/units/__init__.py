@@ -1,5 +1,8 @@
 """Several units on one table: the slots before a run, tiles of the units during it, and their verdicts."""
 
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from calstation.gui.operator.units.banner import Banner
+from calstation.gui.operator.units.slots import Slot, Slots
+from calstation.gui.operator.units.slots_panel import SlotsPanel
+from calstation.gui.operator.units.tile import COLUMNS
+from calstation.gui.operator.units.unit_tiles import UnitTiles
+from calstation.gui.operator.units.verdict_grid import VerdictGrid

@@ -5,7 +5,7 @@ from functools import partial
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.operator.units.tile import Tile, arrange, pass_clicks
-from calstation.gui.shell import TRANSFER, RunStatus, UnitStatus
+from calstation.gui.state import TRANSFER, RunStatus, UnitStatus
 from calstation.gui.text import KINDS, fault_text, on_language_change, term
 from calstation.gui.widgets import ElidedLabel, StateIcon, column, grid, label, row, theme
 

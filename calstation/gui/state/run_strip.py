@@ -4,7 +4,7 @@ from collections import Counter
 
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.shell.run_status import RunStatus
+from calstation.gui.state.run_status import RunStatus
 from calstation.gui.text import KINDS, duration_text, on_language_change, term
 from calstation.gui.widgets import STEPS, StateBadge, column, label, progress_bar, row, theme
 

@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.connection import LinkTestRequest, TableReset, reset_table
 from calstation.errors import CalstationError
-from calstation.gui.shell.context import AppContext
+from calstation.gui.state.context import AppContext
 from calstation.gui.text import error_text, on_language_change, say, term
 from calstation.gui.widgets import JobWatch, StateIcon, button, column, enable, label, row, show_text
 

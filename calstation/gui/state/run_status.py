@@ -7,8 +7,8 @@ from PySide6.QtCore import QObject, QTimer, Signal
 
 from calstation.config import RunRequest, RunSummary, run_summary
 from calstation.errors import CalstationError
-from calstation.gui.shell.engine_link import EngineLink
-from calstation.gui.shell.unit_status import TRANSFER, StageState, UnitStatus
+from calstation.gui.state.engine_link import EngineLink
+from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus
 from calstation.sequencer import (
     Command,
     Event,

@@ -9,9 +9,9 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import library
 from calstation.database import ExchangeState
-from calstation.gui.shell.engine_link import EngineLink
-from calstation.gui.shell.role import RoleLock
-from calstation.gui.shell.run_status import RunStatus
+from calstation.gui.state.engine_link import EngineLink
+from calstation.gui.state.role import RoleLock
+from calstation.gui.state.run_status import RunStatus
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
 from calstation.jobs import JobQueue

@@ -6,8 +6,8 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import ConfirmationRequired, Person, computer_user
 from calstation.errors import CalstationError
-from calstation.gui.shell.context import AppContext
-from calstation.gui.shell.people_panel import PeoplePanel
+from calstation.gui.state.context import AppContext
+from calstation.gui.state.people_panel import PeoplePanel
 from calstation.gui.text import error_text
 from calstation.gui.widgets import JobWatch, button, column, label, show_text
 from calstation.results import Result, override_required, override_result

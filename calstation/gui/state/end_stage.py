@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from PySide6.QtWidgets import QPushButton
 
-from calstation.gui.shell.run_status import RunStatus
+from calstation.gui.state.run_status import RunStatus
 from calstation.gui.text import bind, on_language_change, term
 from calstation.gui.widgets import enable
 

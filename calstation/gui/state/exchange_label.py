@@ -5,7 +5,7 @@ from datetime import datetime
 from PySide6.QtWidgets import QLabel
 
 from calstation.database import ExchangeState
-from calstation.gui.shell.context import AppContext
+from calstation.gui.state.context import AppContext
 from calstation.gui.text import on_language_change, show
 from calstation.gui.widgets import show_text, theme
 from calstation.messages import local_time

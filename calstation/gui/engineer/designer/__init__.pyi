@@ -1,1 +1,0 @@
-from .view import DesignView as DesignView
