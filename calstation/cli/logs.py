@@ -8,7 +8,7 @@ from typing import cast, get_args
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from calstation.cli.show import check_json, emit_json, job_progress, residual_table, result_table, say, show_line
+from calstation.cli.show import check_json, emit_json, residual_table, result_table, say, show_line
 from calstation.config import load_station
 from calstation.connection import import_capture
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
@@ -16,7 +16,7 @@ from calstation.messages import event_text, sentence
 from calstation.physics import EffectName
 from calstation.records import SUFFIX, export_csv, open_log, truth_path, write_log
 from calstation.results import resolve, write_json
-from calstation.simulation import GradeName, Kind, make_recording, record_logs
+from calstation.simulation import GradeName, Kind, make_recording
 
 
 def resolve_command(
@@ -106,7 +106,7 @@ def export_command(log: Path, target: Path) -> int:
 def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
     """Write a recording of the virtual bench as the raw log `target`, and its true values as NAME.truth.json."""
     for option, value, choices in (
-        ("KIND", kind, (*get_args(Kind), "history", "logs")),
+        ("KIND", kind, get_args(Kind)),
         ("--grade", grade, get_args(GradeName)),
     ):
         _check_choice(option, value, choices)
@@ -116,17 +116,6 @@ def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
     beside = truth_path(target)
     write_json(beside, truth)
     show_line(Console(stderr=True), f"{target}: {facts.samples} samples; truth in {beside}")
-    return 0
-
-
-def record_logs_command(folder: Path, count: int, grade: str, seed: int) -> int:
-    """Write many short logs of the virtual bench into a folder without other files."""
-    _check_choice("--grade", grade, get_args(GradeName))
-    if folder.is_dir() and any(folder.iterdir()):
-        raise ConfigurationError("cli.folder_not_empty", folder=folder)
-    with job_progress("making logs") as progress:
-        record_logs(progress, folder, count, cast(GradeName, grade), seed)
-    show_line(Console(stderr=True), f"{folder}: {count} logs")
     return 0
 
 

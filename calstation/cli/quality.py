@@ -1,4 +1,4 @@
-"""`quality` and `record history`: statistics of stored runs over time, gauge studies, and a synthetic history."""
+"""`quality`: statistics of stored runs over time, and gauge studies."""
 
 import sys
 from collections.abc import Sequence
@@ -30,7 +30,6 @@ from calstation.quality import (
     summarise_quality,
 )
 from calstation.results import History, refresh_history
-from calstation.simulation import synthesise_runs
 
 #: Width of the tables, characters.
 _WIDTH = 170
@@ -130,16 +129,6 @@ def study_command(path: Path, product: Path | None, parameter: str | None, out: 
             runs = len(state.plan.order)
             show_line(console, say("quality.order_not_kept", count=state.out_of_order, runs=runs))
     return 1 if any(study.verdict == "unacceptable" for study in studies.values()) else 0
-
-
-def history_command(folder: Path, runs: int, seed: int) -> int:
-    """Write a synthetic history of runs into a folder without other runs."""
-    if folder.is_dir() and any(folder.iterdir()):
-        raise ConfigurationError("cli.folder_not_empty", folder=folder)
-    with job_progress("making runs") as progress:
-        plan = synthesise_runs(progress, folder, runs, seed)
-    show_line(Console(stderr=True), say("quality.history_made", folder=folder, runs=runs, plan=plan))
-    return 0
 
 
 def _names(text: str | None) -> list[str]:

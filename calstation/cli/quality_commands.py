@@ -74,18 +74,3 @@ def standards(
     from calstation.cli.standards import standards_command
 
     raise typer.Exit(standards_command(station, product, out, json))
-
-
-@quality.command("golden-demo")
-def golden_demo(
-    runs: Annotated[int, typer.Option(min=1, help="Golden runs without a shift.")] = 370,
-    shift: Annotated[float, typer.Option(help="Shift afterwards, in standard deviations from run to run.")] = 1.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of units, table and noise.")] = 1,
-    quantity: Annotated[str, typer.Option(help="orthogonality, tilt_x or tilt_y.")] = "orthogonality",
-    production: Annotated[int, typer.Option(min=0, help="Runs of production before each golden run.")] = 4,
-    json: JsonOption = None,
-) -> None:
-    """Chart the table's geometry over golden runs on the virtual bench, before and after a shift of an axis."""
-    from calstation.cli.standards import golden_demo_command
-
-    raise typer.Exit(golden_demo_command(runs, shift, seed, quantity, production, json))

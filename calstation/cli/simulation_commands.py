@@ -12,24 +12,12 @@ simulation = typer.Typer()
 
 @simulation.command()
 def record(
-    kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="hand, pair (of IMUs on one body) or gimbal; many: history, logs.")
-    ],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Raw log to write; history, logs: folder.", metavar="LOG")],
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="hand, pair (of IMUs on one body) or gimbal.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Raw log to write.", metavar="LOG")],
     grade: Annotated[str, typer.Option(help="nav, tactical or mems.")] = "mems",
     seed: Annotated[int, typer.Option(min=0, help="Of unit, motion and noise.")] = 1,
-    runs: Annotated[int, typer.Option(min=1, help="history: number of runs.")] = 2000,
-    count: Annotated[int, typer.Option(min=1, help="logs: number of logs.")] = 300,
 ) -> None:
-    """Make a virtual-bench recording for the methods that need no table, a history of runs, or many logs."""
-    if kind == "history":
-        from calstation.cli.quality import history_command
-
-        raise typer.Exit(history_command(out, runs, seed))
-    if kind == "logs":
-        from calstation.cli.logs import record_logs_command
-
-        raise typer.Exit(record_logs_command(out, count, grade, seed))
+    """Make a virtual-bench recording for the methods that need no table."""
     from calstation.cli.logs import record_command
 
     raise typer.Exit(record_command(kind, out, grade, seed))

@@ -1,24 +1,16 @@
-"""`quality standards` and `quality golden-demo`: state of check standards, and charts of the table on the bench."""
+"""`quality standards`: state of check standards and certificates, and charts of the table."""
 
-import sys
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from math import degrees
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-from calstation.cli.show import check_json, ignore_progress, report, say, show_line
+from calstation.cli.show import check_json, ignore_progress, report, say
 from calstation.config import load_product, load_station
-from calstation.errors import ConfigurationError
-from calstation.estimation.positions import TABLE_QUANTITIES
 from calstation.physics import display
 from calstation.quality import BASELINE, POWER, Due, StandardHistory, StandardState, TableChart, station_quality
 from calstation.results import refresh_history
-from calstation.simulation import LockStep, golden_demo, lock_demo
 
 
 def standards_command(station: Path | None, product: Path | None, out: Path, json: str | None) -> int:
@@ -49,60 +41,6 @@ def standards_command(station: Path | None, product: Path | None, out: Path, jso
     lines += [say("cli.table_check")] if alarmed else []
     report(row, json, lines)
     return 1 if alarmed or overdue or any(state.wrong is not None for state in states) else 0
-
-
-def golden_demo_command(runs: int, shift: float, seed: int, quantity: str, production: int, json: str | None) -> int:
-    """Demonstrate when production is refused, and chart golden runs on the bench before and after a shift of an axis.
-
-    Returns 1 if a step differs from its expectation.
-    """
-    check_json(json)
-    if quantity not in TABLE_QUANTITIES:
-        choices = list(TABLE_QUANTITIES)
-        raise ConfigurationError("cli.unknown_choice", option="--quantity", value=quantity, choices=choices)
-    lines = json != "-"
-    steps = []
-    with TemporaryDirectory(prefix="calstation") as folder:
-        for step in lock_demo(Path(folder), seed):
-            steps.append({"step": step.code.removeprefix("lock_"), "passed": step.passed})
-            if lines:
-                show_line(Console(file=sys.stdout), _step_line(step))
-    columns = (TextColumn("runs"), BarColumn(30), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("")
-        found = golden_demo(
-            runs, shift, seed, quantity, production, lambda done, count: bar.update(task, completed=done, total=count)
-        )
-    found |= {"lock": steps, "passed": found["passed"] and all(step["passed"] for step in steps)}
-    report(found, json, _demo_lines(found))
-    return 0 if found["passed"] else 1
-
-
-def _step_line(step: LockStep) -> str:
-    """Return the sentence of a step, marked if it differs from its expectation."""
-    return say(f"cli.{step.code}", **step.values) if step.passed else say("cli.lock_wrong", step=step.code)
-
-
-def _demo_lines(found: Mapping[str, Any]) -> list[str]:
-    """Return the behaviour of the charts in a demonstration."""
-    quantity, period = found["quantity"], found["production"] + 1
-    sigma = 3600.0 * degrees(found["sigma"][quantity])
-    common = {"quantity": quantity, "sigma": sigma, "within": found["within_runs"]}
-    lines = [say("cli.golden_steady", **{name: found[name] for name in ("runs", "production", "alarms")})]
-    for size, after, name in (
-        (found["shift"], found["alarmed_after_runs"], "shift"),
-        (found["axis_error"], found["axis_alarmed_after_runs"], "axis"),
-    ):
-        values = {**common, "size": size, "arcsec": size * sigma}
-        if after is None:
-            lines.append(say(f"cli.golden_{name}_missed", **values))
-        else:
-            lines.append(say(f"cli.golden_{name}", **values, after=-(-after // period), after_runs=after))
-    rates = {"length": found["run_length"], "few": 100.0 * found["few_alarms"]}
-    in_time, median = 100.0 * found["alarmed_in_time"][quantity], found["median_runs"][quantity]
-    lines.append(say("cli.golden_rates", **rates, **common, in_time=in_time, median=median))
-    alone = {name: 100.0 * each["alarmed_in_time"][quantity] for name, each in found["golden_alone"].items()}
-    return [*lines, say("cli.golden_alone", shift=alone["shift"], axis=alone["axis_error"])]
 
 
 def _state_row(state: StandardState) -> dict[str, Any]:

@@ -4,12 +4,8 @@ Production packages do not import it; its hooks are passed to a run by the calle
 """
 
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
-from calstation.simulation.golden import golden_demo
 from calstation.simulation.hooks import BenchHooks
-from calstation.simulation.many_logs import record_logs
 from calstation.simulation.method_study import run_method_study
-from calstation.simulation.production_lock import LockStep, lock_demo
 from calstation.simulation.recordings import record_on_bench, recordings_folder
-from calstation.simulation.run_history import synthesise_runs
 from calstation.simulation.soak_series import Soak, soak
 from calstation.simulation.study import SEEDS, run_study

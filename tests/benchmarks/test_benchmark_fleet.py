@@ -5,9 +5,9 @@ from time import perf_counter
 
 import pyarrow.parquet as pq
 import pytest
+from synthetic.many_logs import record_logs
 
 from calstation.fleet import FleetRequest, compare, export_version, resolve_fleet
-from calstation.simulation import record_logs
 from tests.fleet.synthetic import add_solutions
 from tests.helpers import ignore_progress
 from tests.postgres import postgres as postgres

@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from synthetic.many_logs import record_logs
 
 from calstation import __version__
 from calstation.cli.app import run_app
 from calstation.database import Exchange, adopt_folder
 from calstation.errors import ConfigurationError
 from calstation.fleet import FleetRequest, compare, compare_job, resolve_fleet, versions_job
-from calstation.simulation import record_logs
 from tests.database.result_files import in_database, in_index, write_result
 from tests.database.test_claims import station_file
 from tests.helpers import ignore_progress, raises_code

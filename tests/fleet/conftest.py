@@ -6,8 +6,8 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from synthetic.many_logs import record_logs
 
-from calstation.simulation import record_logs
 from tests.cli.conftest import calstation as calstation
 from tests.helpers import ignore_progress
 from tests.postgres import postgres as postgres

@@ -13,6 +13,7 @@ import pytest
 import tomli_w
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QLineEdit, QPushButton, QTabBar, QTableView
+from synthetic.run_history import synthesise_runs
 
 from calstation.cli.app import run_app
 from calstation.config import library
@@ -22,7 +23,6 @@ from calstation.gui.text import language, parameter_text, with_minus
 from calstation.physics import NAMES, display
 from calstation.quality import BASELINE, GaugePlan, StationQuality, TableChart
 from calstation.results import load_result
-from calstation.simulation import synthesise_runs
 from tests.gui.conftest import Operator
 from tests.site_folder import BENCH, STATION
 

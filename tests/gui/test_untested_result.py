@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QTabBar
+from synthetic.many_logs import record_logs
 
 from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.text import language
 from calstation.results import resolve, write_json
-from calstation.simulation import record_logs
 from tests.gui.conftest import Operator
 from tests.helpers import ignore_progress
 

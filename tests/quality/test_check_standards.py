@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import tomli_w
 from scipy import stats
+from synthetic.golden import golden_run, golden_unit
 
 from calstation.bench import BenchConfig
 from calstation.cli.app import run_app
@@ -26,7 +27,6 @@ from calstation.runs import finalize
 from calstation.runs.preparation import prepare
 from calstation.sequencer import Control, Message
 from calstation.simulation import BenchHooks
-from calstation.simulation.golden import golden_run, golden_unit
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 

@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
+from synthetic import golden
+from synthetic.golden import detection, false_alarms, golden_run
+from synthetic.production_lock import lock_demo
 
 from calstation.cli.app import run_app
 from calstation.config import load_product, load_station, site_folder
@@ -19,8 +22,6 @@ from calstation.physics import FloatArray
 from calstation.quality import BASELINE, WEIGHT, WIDTH, TableChart, alarms, ewma_chart, table_charts
 from calstation.records import RunFilter
 from calstation.sequencer import Message
-from calstation.simulation import golden, lock_demo
-from calstation.simulation.golden import detection, false_alarms, golden_run
 from tests.results.test_history import refreshed, write
 from tests.site_folder import BENCH, STATION, SiteFolder
 
@@ -183,8 +184,3 @@ def test_demonstration_locks_and_unlocks_the_station(tmp_path: Path) -> None:
     assert all(step.passed for step in steps)
     assert "no run of check standard SN-000001 has passed" in steps[0].values["reason"]
     assert site_folder() == before, "the site's own folder stays as it is"
-
-
-def test_demonstration_refuses_an_unknown_quantity(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_app(["quality", "golden-demo", "--quantity", "azimuth"]) == 2
-    assert "tilt_y" in capsys.readouterr().err

@@ -5,13 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from synthetic.many_logs import record_logs
 
 from calstation.errors import InputError
 from calstation.physics import EffectName
 from calstation.records import read_resolves, resolves_path
 from calstation.reports.issue import load_source
 from calstation.results import resolve, write_json
-from calstation.simulation import Kind, make_recording, record_logs
+from calstation.simulation import Kind, make_recording
 from tests.estimation.simulated_stages import log_with
 from tests.helpers import ignore_progress, raises_code
 from tests.shared_runs import SharedRuns
