@@ -8,7 +8,7 @@ import numpy as np
 
 from calstation.estimation.common import Belief, PlannedSamples, SolveContext, stage_data, starts
 from calstation.estimation.effects import Candidate
-from calstation.estimation.navigation import NavigationFilter, Segment, advanced, joined, segment_information
+from calstation.estimation.navigation import ClosedLoopFilter, Segment, advanced, joined, segment_information
 from calstation.physics import Dwell, FloatArray, Move, Step
 from calstation.sequencer import step_time
 
@@ -87,7 +87,7 @@ class SegmentLibrary:
             duration += seconds
         data = stage_data(blocks, c.context.imu)
         (start,) = starts(data, c.context, c.prior)
-        run, begin = NavigationFilter(c.context, c.prior, c.prior.mean), replace(start, begin=round(_BEGIN / data.dt))
+        run, begin = ClosedLoopFilter(c.context, c.prior, c.prior.mean), replace(start, begin=round(_BEGIN / data.dt))
         segment = segment_information(run, data, begin, c.context, c.effects)
         self.states = segment.states
         return segment, duration

@@ -15,14 +15,14 @@ from scipy.linalg import block_diag
 
 from calstation.bench.truth import INSTABILITY_TIMES, instability_variance
 from calstation.estimation.common import Belief, SampleBlock, SolveContext, StageData, stage_data
-from calstation.estimation.navigation import BIAS, NavigationFilter, solve_navigation
+from calstation.estimation.navigation import BIAS, ReferencePass, solve_navigation
 from calstation.physics import NAMES, PARAMETER_START, STATES, FloatArray
 
 
 class MismatchedCovariance:
     """Joint covariance of the filter's error and the true bias processes, propagated over one pass of the filter."""
 
-    def __init__(self, run: NavigationFilter, context: SolveContext) -> None:
+    def __init__(self, run: ReferencePass, context: SolveContext) -> None:
         imu = context.imu
         levels = [imu.gyro_bias_instability] * 3 + [imu.accel_bias_instability] * 3
         variance = np.repeat([float(instability_variance(b)) for b in levels], len(INSTABILITY_TIMES))
@@ -33,7 +33,7 @@ class MismatchedCovariance:
         start[STATES:], start[:, STATES:] = 0.0, 0.0
         self.P = block_diag(start, np.diag(variance))
 
-    def advance(self, run: NavigationFilter) -> None:
+    def advance(self, run: ReferencePass) -> None:
         """Propagate over one group of observations with the transition, gain and Jacobian just used by `run`."""
         group, root = run.group, run.last.root[0]
         gain = np.linalg.solve(root.T, run.last.gain[0]).T
@@ -65,17 +65,17 @@ def instability_ratio(block: SampleBlock, context: SolveContext, prior: Belief) 
     """
     data: StageData = stage_data([block], context.imu)
     settled = solve_navigation("excitation", data, context, prior, np.zeros(len(NAMES), dtype=np.bool_))
-    run = NavigationFilter(context, prior, prior.mean)
+    run = ReferencePass(context, prior, prior.mean)
     start, attitude = settled.starts[0], settled.attitudes[0]
     true: list[MismatchedCovariance] = []
 
-    def after(filtered: NavigationFilter) -> None:
+    def after(filtered: ReferencePass) -> None:
         if not true:
             true.append(MismatchedCovariance(filtered, context))
         else:
             true[0].advance(filtered)
 
-    run.run(data, start, attitude, True, after)
+    run.run(data, start, attitude, after)
     sigma = run.belief.sigma
     parameters = slice(PARAMETER_START, STATES)
     return np.asarray(true[0].P[parameters, parameters] / np.outer(sigma, sigma))

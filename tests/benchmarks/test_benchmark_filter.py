@@ -1,7 +1,7 @@
 """Speed of a filter pass, absolute and relative to the same filter in plain Python."""
 
 from dataclasses import replace
-from time import perf_counter
+from time import perf_counter, process_time
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,23 +9,23 @@ import pytest
 from plain_filter import plain_pass
 
 from calstation.estimation.common.noise import filter_noise
-from calstation.estimation.navigation import filter as navigation
-from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation import ClosedLoopFilter, ReferencePass, navigation_pass
+from calstation.estimation.navigation.stage import LiveFilter
 from calstation.results.solver_chain import one_blas_thread
 
 #: Samples of the stretch that both filters pass over: half a minute with a turn and three rests.
 STRETCH = 6000
 
 
-def compiled_pass(stage, last):
-    """Run the project's filter over the first `last` samples, closed loop."""
-    run = NavigationFilter(stage.context, stage.prior, stage.prior.mean)
+def project_pass(stage, last, kind):
+    """Run a pass of the project's filter over the first `last` samples."""
+    run = kind(stage.context, stage.prior, stage.prior.mean)
     start = replace(stage.start, end=last, prior=stage.start.attitude)
-    run.run(stage.data, start, start.attitude, smooth=False)
+    run.run(stage.data, start, start.attitude)
     return run.belief
 
 
-def reference_pass(stage, last):
+def comparison_pass(stage, last):
     """Run the plain filter over the same samples."""
     return plain_pass(
         stage.context,
@@ -41,10 +41,10 @@ def reference_pass(stage, last):
 
 @pytest.mark.long
 def test_plain_filter_gives_the_same_solution(stage, monkeypatch):
-    monkeypatch.setattr(navigation, "GROUP_TIME", 0.1)  # back to the reference after every observation, as there
+    monkeypatch.setattr(navigation_pass, "GROUP_TIME", 0.1)  # back to the reference after every observation, as there
     with one_blas_thread():
-        mean, covariance = reference_pass(stage, STRETCH)
-        belief = compiled_pass(stage, STRETCH)
+        mean, covariance = comparison_pass(stage, STRETCH)
+        belief = project_pass(stage, STRETCH, ClosedLoopFilter)
     sigma = np.sqrt(np.diag(covariance))
     assert len(set(stage.data.step[:STRETCH])) >= 3
     assert belief.sigma == pytest.approx(sigma, rel=0.01)
@@ -52,11 +52,11 @@ def test_plain_filter_gives_the_same_solution(stage, monkeypatch):
     assert np.min(sigma / stage.prior.sigma) < 0.1
 
 
-@pytest.mark.parametrize("smooth", [False, True], ids=["closed loop", "about a smoothed reference"])
-def test_speed_of_a_filter_pass_is_measured(stage, benchmark, figures, smooth):
+@pytest.mark.parametrize("kind", [ClosedLoopFilter, ReferencePass], ids=["closed loop", "about a smoothed reference"])
+def test_speed_of_a_filter_pass_is_measured(stage, benchmark, figures, kind):
     def one_pass():
-        run = NavigationFilter(stage.context, stage.prior, stage.prior.mean)
-        run.run(stage.data, stage.start, stage.start.attitude, smooth=smooth)
+        run = kind(stage.context, stage.prior, stage.prior.mean)
+        run.run(stage.data, stage.start, stage.start.attitude)
 
     with one_blas_thread():
         one_pass()
@@ -73,11 +73,34 @@ def test_compiled_filter_is_faster_than_a_plain_loop(stage, benchmark, figures, 
     table = replace(stage.context.table, velocity_interval=interval)
     stage = SimpleNamespace(**{**vars(stage), "context": replace(stage.context, table=table)})
     with one_blas_thread():
-        compiled_pass(stage, STRETCH)
+        project_pass(stage, STRETCH, ReferencePass)
         begin = perf_counter()
-        reference_pass(stage, STRETCH)
+        comparison_pass(stage, STRETCH)
         plain = perf_counter() - begin
-        benchmark.pedantic(compiled_pass, args=(stage, STRETCH), rounds=5)
+        benchmark.pedantic(project_pass, args=(stage, STRETCH, ReferencePass), rounds=5)
     ratio = plain / benchmark.stats["min"]
     figures(plain_us_per_sample=round(plain / STRETCH * 1e6, 1), ratio=round(ratio, 1))
     assert ratio > least
+
+
+def test_live_filters_of_sixteen_units_take_less_than_a_twentieth_of_a_core(stage, benchmark, figures):
+    second = round(stage.context.imu.sample_rate)
+    blocks = [stage.block.part(first, first + second) for first in range(0, 30 * second, second)]
+
+    def live():
+        shown = LiveFilter(stage.context, stage.prior)
+        for block in blocks:
+            shown.feed(block)
+            shown.sigma()
+
+    def cpu_time():
+        begin = process_time()  # other processes do not count
+        live()
+        return process_time() - begin
+
+    with one_blas_thread():
+        least = min(cpu_time() for _ in range(6))
+        benchmark.pedantic(live, rounds=1)
+    share = 16 * least / len(blocks)
+    figures(us_per_group=round(least / (2 * len(blocks)) * 1e6), percent_of_a_core=round(100.0 * share, 1))
+    assert share < 0.05

@@ -15,7 +15,7 @@ from calstation.estimation.common import (
 )
 from calstation.estimation.effects import CONSTANT, EffectTests
 from calstation.estimation.navigation import (
-    NavigationFilter,
+    ClosedLoopFilter,
     advanced,
     joined,
     result_sensitivity,
@@ -54,16 +54,16 @@ def setting():
 
 def test_segment_information_gives_the_covariance_of_the_filter(setting):
     context, prior, data, start = setting
-    segment = segment_information(NavigationFilter(context, prior, prior.mean), data, start, context, ())
+    segment = segment_information(ClosedLoopFilter(context, prior, prior.mean), data, start, context, ())
     end = advanced(segment.start[None], segment.motion[None])
-    run = NavigationFilter(context, prior, prior.mean)
-    run.run(data, start, start.attitude, smooth=False)
+    run = ClosedLoopFilter(context, prior, prior.mean)
+    run.run(data, start, start.attitude)
     np.testing.assert_allclose(sigmas(end, segment.states)[0], run.belief.sigma, rtol=1e-5)
 
 
 def test_joining_segments_is_associative(setting):
     context, prior, data, start = setting
-    segment = segment_information(NavigationFilter(context, prior, prior.mean), data, start, context, ())
+    segment = segment_information(ClosedLoopFilter(context, prior, prior.mean), data, start, context, ())
     m, part = segment.states, segment.motion
     left = joined(joined(part, part, m), part, m)
     right = joined(part, joined(part, part, m), m)
@@ -78,7 +78,7 @@ def test_joining_segments_is_associative(setting):
 def test_undetectable_effect_sizes_agree_with_the_score_tests(setting):
     context, prior, data, start = setting
     effects = tuple(c for c in CONSTANT if c.cause in ("gyro_asymmetry", "accel_cubic", "g_sensitivity"))
-    segment = segment_information(NavigationFilter(context, prior, prior.mean), data, start, context, effects)
+    segment = segment_information(ClosedLoopFilter(context, prior, prior.mean), data, start, context, effects)
     found = sigmas(advanced(segment.start[None], segment.motion[None]), segment.states)[0, COUNT:]
     mask = np.ones(COUNT, dtype=bool)
     result = solve_navigation("s", data, context, prior, mask)

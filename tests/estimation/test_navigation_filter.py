@@ -1,6 +1,7 @@
-"""One pass of the 39-state filter: Kalman equations, noise, innovations at the truth, gaps."""
+"""Passes of the 39-state filter: Kalman equations, closed loop and reference, noise, innovations at the truth, gaps."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,14 +9,14 @@ from filterpy.kalman import KalmanFilter
 from scipy.linalg import expm
 from simulated_stages import block_of, errors_in_sigma, solved
 
+from calstation.estimation.common import PlannedSamples, stage_data
 from calstation.estimation.common.alignment import starts
 from calstation.estimation.common.context import Belief
 from calstation.estimation.common.least_squares import nis_consistency
-from calstation.estimation.common.stage import stage_data
-from calstation.estimation.navigation import filter as navigation
-from calstation.estimation.navigation.filter import NavigationFilter
-from calstation.physics.parameters import COUNT, PARAMETERS
-from calstation.physics.rotation import skew
+from calstation.estimation.navigation import ClosedLoopFilter, ReferencePass, navigation_pass, reference_pass
+from calstation.estimation.navigation.group_update import State, predict, update
+from calstation.estimation.navigation.reference import Reference
+from calstation.physics import COUNT, PARAMETERS, Dwell, Move, interval_work, propagate, skew
 
 
 @pytest.fixture(scope="module")
@@ -24,31 +25,29 @@ def data(nav_stage):
     return stage_data([nav_stage.block], nav_stage.context.imu)
 
 
-def begun(stage, data, prior=None):
-    """Return a closed-loop filter at the start of the stage."""
-    prior = prior or stage.prior
-    run = NavigationFilter(stage.context, prior, prior.mean)
-    (start,) = starts(data, stage.context, prior)
+def begun(stage, data, kind=ClosedLoopFilter):
+    """Return a pass at the start of the stage."""
+    run = kind(stage.context, stage.prior, stage.prior.mean)
+    (start,) = starts(data, stage.context, stage.prior)
     run.begin(data, start, start.attitude)
     return run, start
 
 
 @pytest.mark.parametrize("count", [1, 5])
 @pytest.mark.parametrize("drift", [0.0, 1.0], ids=["39 states", "with bias drift"])
-def test_prediction_and_update_agree_with_filterpy(nav_stage, data, count, drift):
+def test_compiled_prediction_and_update_agree_with_filterpy(nav_stage, data, count, drift):
     noise = {"gyro_bias_instability": 1e-7 * drift, "accel_bias_instability": 1e-4 * drift}
     imu = replace(nav_stage.context.imu, **noise)
     context, prior = replace(nav_stage.context, imu=imu), nav_stage.prior
     (start,) = starts(data, context, prior)
-    run = NavigationFilter(context, prior, prior.mean)
+    run = ReferencePass(context, prior, prior.mean)
     run.begin(data, start, start.attitude)
     done = start.begin + 20 * 5 * run.stride
     run.observe(data, start.begin, 5, groups=20)
     size = len(run.state.x)
     kf = KalmanFilter(dim_x=size, dim_z=3 * count)
     kf.x, kf.P = run.state.x.copy(), run.state.P.copy()
-    attitude = np.tile(run.attitude, (count, 1, 1))
-    run.observe(data, done, count, (attitude, np.zeros((count, 3))))
+    run.observe(data, done, count)
     group, last = run.group, run.last
     kf.F, kf.Q, kf.M = group.transition, group.noise, group.M
     assert group.M.any() == (count > 1)
@@ -69,10 +68,70 @@ def test_prediction_and_update_agree_with_filterpy(nav_stage, data, count, drift
     assert np.abs((run.state.P - joseph) / np.outer(scale, scale)).max() < 1e-6
 
 
-def test_groups_processed_together_equal_groups_one_by_one(nav_stage, data):
+@pytest.mark.parametrize("drift", [0.0, 1.0], ids=["39 states", "with bias drift"])
+def test_closed_loop_agrees_with_a_compiled_pass_along_its_trajectory_over_a_whole_stage(
+    nav_stage, data, monkeypatch, drift
+):
+    noise = {"gyro_bias_instability": 1e-7 * drift, "accel_bias_instability": 1e-4 * drift}
+    context = replace(nav_stage.context, imu=replace(nav_stage.context.imu, **noise))
+    known = Belief(nav_stage.truth.parameters, np.diag((1e-2 * nav_stage.prior.sigma) ** 2))
+    (start,) = starts(data, context, known)
+    closed = ClosedLoopFilter(context, known, known.mean)
+    states = []
+    closed.run(data, start, start.attitude, lambda run: states.append([x.copy() for x in run.work[1:3]]))
+    # attitude and velocity at every observation, before the feedback that follows it
+    trajectory, work, edges = [states[0]], interval_work(), [start.begin, *closed.history.index]
+    for k, (first, last) in enumerate(pairwise(edges)):
+        if k % closed.group_size == 0:
+            work.attitude[:], work.velocity[:] = states[k // closed.group_size]
+        propagate(
+            closed.constants, closed.earth, closed.gravity, data.dt, closed._motion(data), first, last, work, False
+        )
+        trajectory.append([work.attitude.copy(), work.velocity.copy()])
+    reference = Reference(*(np.array(x) for x in zip(*trajectory, strict=True)))
+    np.testing.assert_array_equal(reference.attitude[1:], closed.history.attitude)
+    monkeypatch.setattr(reference_pass, "smoothed_reference", lambda *arguments: reference)
+    along = ReferencePass(context, known, known.mean)
+    along.run(data, start, start.attitude)
+    assert len(closed.state.x) == len(along.state.x) == (45 if drift else 39)
+    assert along.belief.sigma == pytest.approx(closed.belief.sigma, rel=2e-4)
+    # the feedback is not linear: differences of second order in its corrections remain
+    assert np.abs((along.belief.mean - closed.belief.mean) / closed.belief.sigma).max() < 1e-1
+    assert along.history.innovation == pytest.approx(closed.history.innovation, abs=0.05)
+
+
+@pytest.mark.parametrize("drift", [0.0, 1.0], ids=["39 states", "with bias drift"])
+def test_filterpy_agrees_with_the_compiled_algebra_over_a_whole_stage(nav_stage, data, drift):
+    noise = {"gyro_bias_instability": 1e-7 * drift, "accel_bias_instability": 1e-4 * drift}
+    context = replace(nav_stage.context, imu=replace(nav_stage.context.imu, **noise))
+    run = ClosedLoopFilter(context, nav_stage.prior, nav_stage.prior.mean)
+    compiled, innovations = [], []
+
+    def check(run):
+        if not compiled:
+            compiled.append(State(run.state.x.copy(), run.state.P.copy()))
+            return
+        rows, size = run.group.H.shape
+        innovation, (state,) = np.empty(rows), compiled
+        predict(run.group, state, np.empty((9, size)))
+        update(run.group, state, np.empty((rows, rows)), np.empty((rows, size)), innovation)
+        state.x[:6] = run.state.x[:6]  # the same feedback
+        innovations.append(innovation)
+
+    (start,) = starts(data, context, nav_stage.prior)
+    run.run(data, start, start.attitude, check)
+    (state,) = compiled
+    scale = np.sqrt(np.diag(state.P))
+    assert np.abs((run.state.P - state.P) / np.outer(scale, scale)).max() < 1e-8
+    assert np.abs((run.state.x - state.x) / scale).max() < 1e-6
+    assert np.concatenate(innovations) == pytest.approx(run.history.innovation.ravel(), abs=1e-7)
+
+
+@pytest.mark.parametrize("kind", [ClosedLoopFilter, ReferencePass])
+def test_groups_processed_together_equal_groups_one_by_one(nav_stage, data, kind):
     runs = []
     for together in (1, 30):
-        run, start = begun(nav_stage, data)
+        run, start = begun(nav_stage, data, kind)
         for k in range(0, 30, together):
             run.observe(data, start.begin + k * run.group_size * run.stride, run.group_size, groups=together)
         runs.append(run)
@@ -88,9 +147,9 @@ def test_grouped_observations_equal_single_observations(nav_stage, data, monkeyp
     noisy = replace(nav_stage.context.imu, gyro_arw=1e-4, accel_vrw=1e-3)
     runs = []
     for seconds in (0.1, together):
-        monkeypatch.setattr(navigation, "GROUP_TIME", seconds)
-        run = NavigationFilter(replace(nav_stage.context, imu=noisy), nav_stage.prior, nav_stage.truth.parameters)
-        run.run(data, start, start.attitude, smooth=True)
+        monkeypatch.setattr(navigation_pass, "GROUP_TIME", seconds)
+        run = ReferencePass(replace(nav_stage.context, imu=noisy), nav_stage.prior, nav_stage.truth.parameters)
+        run.run(data, start, start.attitude)
         runs.append(run)
     single, group = runs
     assert (single.group_size, group.group_size) == (1, round(together / 0.1))
@@ -101,16 +160,28 @@ def test_grouped_observations_equal_single_observations(nav_stage, data, monkeyp
     assert np.array_equal(group.history.index, single.history.index)
 
 
-def test_covariance_stays_symmetric_and_positive_definite(nav_stage, data):
-    run, start = begun(nav_stage, data)
-    samples = run.group_size * run.stride
-    for k in range(start.begin, len(data) - samples, samples):
-        run.observe(data, k, run.group_size)
-    P = run.state.P
-    scale = np.sqrt(np.diag(P))
-    correlation = P / np.outer(scale, scale)
-    assert np.array_equal(P, P.T)
-    assert np.linalg.eigvalsh(correlation).min() > -1e-9
+def test_covariance_in_closed_loop_stays_symmetric_and_positive_definite_for_an_hour(nav_stage):
+    context = replace(nav_stage.context, imu=replace(nav_stage.context.imu, sample_rate=20.0))
+    prior = Belief(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
+    samples, blocks, joints = PlannedSamples(context, prior.mean, np.full(3, 0.005)), [], np.zeros(2)
+    while samples.time < 3600.0:
+        joints[samples.step % 2] += 0.5 * np.pi
+        blocks += samples.run(Dwell(10.0), 10.0, "excitation")
+        blocks += samples.run(Move(*joints, 0.4, 0.4), 6.0, "excitation")
+    hour = stage_data(blocks, context.imu)
+    (start,) = starts(hour, context, prior)
+    run, groups = ClosedLoopFilter(context, prior, prior.mean), []
+
+    def check(run):
+        P = run.state.P
+        assert np.array_equal(P, P.T)
+        groups.append(len(groups))
+        if groups[-1] % 20 == 0:
+            scale = np.sqrt(np.diag(P))
+            assert np.linalg.eigvalsh(P / np.outer(scale, scale))[0] > 1e-10
+
+    run.run(hour, start, start.attitude, check)
+    assert len(groups) > 7000
 
 
 def test_process_noise_at_rest_agrees_with_van_loan(nav_stage, data):
@@ -132,7 +203,7 @@ def test_process_noise_at_rest_agrees_with_van_loan(nav_stage, data):
 
 def test_bias_drifts_about_a_known_constant(nav_stage, data):
     imu = replace(nav_stage.context.imu, gyro_bias_instability=1e-7, accel_bias_instability=1e-4)
-    run = NavigationFilter(replace(nav_stage.context, imu=imu), nav_stage.prior, nav_stage.prior.mean)
+    run = ClosedLoopFilter(replace(nav_stage.context, imu=imu), nav_stage.prior, nav_stage.prior.mean)
     assert np.diag(run.state.P)[39:] == pytest.approx(run.noise.bias_drift**2)
     (start,) = starts(data, nav_stage.context, nav_stage.prior)
     run.begin(data, start, start.attitude)
@@ -145,9 +216,9 @@ def test_bias_drifts_about_a_known_constant(nav_stage, data):
 
 def test_innovations_at_the_truth_agree_with_their_sigmas(nav_stage, data):
     known = Belief(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
-    run = NavigationFilter(nav_stage.context, known, known.mean)
+    run = ClosedLoopFilter(nav_stage.context, known, known.mean)
     (start,) = starts(data, nav_stage.context, known)
-    run.run(data, start, start.attitude, smooth=False)
+    run.run(data, start, start.attitude)
     nis = run.history.nis
     consistency = nis_consistency(sum(nis), len(nis), 3)
     assert consistency.passed
@@ -157,17 +228,17 @@ def test_innovations_at_the_truth_agree_with_their_sigmas(nav_stage, data):
 def test_innovations_reveal_incorrect_velocity_noise(nav_stage, data):
     known = Belief(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
     table = replace(nav_stage.context.table, velocity_sigma=0.7e-3)
-    run = NavigationFilter(replace(nav_stage.context, table=table), known, known.mean)
+    run = ClosedLoopFilter(replace(nav_stage.context, table=table), known, known.mean)
     (start,) = starts(data, nav_stage.context, known)
-    run.run(data, start, start.attitude, smooth=False)
+    run.run(data, start, start.attitude)
     assert not nis_consistency(sum(run.history.nis), len(run.history.nis), 3).passed
 
 
 def test_attitude_error_of_a_pass_agrees_with_its_sigma(nav_stage, data):
     known = Belief(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
-    run = NavigationFilter(nav_stage.context, known, known.mean)
+    run = ClosedLoopFilter(nav_stage.context, known, known.mean)
     (start,) = starts(data, nav_stage.context, known)
-    run.run(data, start, start.attitude, smooth=False)
+    run.run(data, start, start.attitude)
     # the plan ends at rest: up as the unit feels it is up as the filter says
     up_b = data.accel[-200:].mean(axis=0) - known.mean[[p.group == "accel_bias" for p in PARAMETERS]]
     tilt = np.cross(run.attitude @ up_b / np.linalg.norm(up_b), [0.0, 0.0, 1.0])

@@ -12,8 +12,7 @@ from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.errors import InsufficientDataError
 from calstation.estimation.common import Belief, stage_data
-from calstation.estimation.navigation import relinearise, solve_navigation
-from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation import NavigationPass, ReferencePass, relinearise, solve_navigation
 from calstation.physics.motion import Dwell
 from calstation.physics.parameters import COUNT, INDEX, NAMES
 from tests.helpers import raises_code
@@ -160,14 +159,14 @@ def test_all_passes_linearise_about_the_prior_if_no_parameter_is_estimated(nav_s
 
 def passes_of(stage, prior, monkeypatch, fits):
     """Return for each pass whether it used a smoothed reference, and the solution."""
-    ways, run = [], NavigationFilter.run
+    ways, run = [], NavigationPass.run
 
-    def watched(self, data, start, attitude, smooth, **others):
-        ways.append(smooth)
-        run(self, data, start, attitude, smooth, **others)
+    def watched(self, *arguments, **others):
+        ways.append(isinstance(self, ReferencePass))
+        run(self, *arguments, **others)
 
     monkeypatch.setattr(relinearise, "FITS", fits)
-    monkeypatch.setattr(NavigationFilter, "run", watched)
+    monkeypatch.setattr(NavigationPass, "run", watched)
     data = stage_data([stage.block], stage.context.imu)
     found = solve_navigation("excitation", data, stage.context, prior, np.ones(COUNT, np.bool_))
     monkeypatch.undo()
@@ -186,9 +185,9 @@ def test_consistent_first_pass_is_not_repeated_in_closed_loop(nav_stage, monkeyp
 def test_diverged_closed_loop_pass_is_discarded(nav_stage, solution, monkeypatch):
     one_pass = relinearise._Relinearisation.one_pass
 
-    def astray(self, point, found, attitudes, smooth):
-        run, ends = one_pass(self, point, found, attitudes, smooth)
-        if smooth:
+    def astray(self, kind, point, found, attitudes):
+        run, ends = one_pass(self, kind, point, found, attitudes)
+        if kind is ReferencePass:
             return run, ends
         return SimpleNamespace(history=SimpleNamespace(nis=np.array([np.nan]))), ends
 

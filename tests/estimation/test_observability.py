@@ -9,7 +9,7 @@ from simulated_stages import SCHEDULES, block_of, cut, geometry_of, solved
 
 from calstation.estimation.common.alignment import starts
 from calstation.estimation.common.stage import stage_data
-from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation import ClosedLoopFilter
 from calstation.estimation.navigation.observability import (
     LARGEST_TURN,
     STATE_NAMES,
@@ -27,9 +27,9 @@ from procedures import method
 def passed(nav_stage):
     """Samples, history of one pass over the stage, and its observability analysis."""
     data = stage_data([nav_stage.block], nav_stage.context.imu)
-    run = NavigationFilter(nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
+    run = ClosedLoopFilter(nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
     (start,) = starts(data, nav_stage.context, nav_stage.prior)
-    run.run(data, start, start.attitude, smooth=False)
+    run.run(data, start, start.attitude)
     found = observability_analysis(data, run.history, nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
     return data, run.history, found
 

@@ -1,4 +1,4 @@
-"""Compiled Kalman algebra of a pass: prediction and update with groups of correlated observations.
+"""Compiled Kalman algebra of a pass along a reference: prediction and update with groups of correlated observations.
 
 Only the navigation states change, and the bias drift decays, so that prediction changes nine rows of the covariance. An
 observation whose noise is correlated with the process noise (M) updates it by
@@ -15,8 +15,8 @@ import numba as nb
 import numpy as np
 
 from calstation.estimation.navigation.small_matrices import add_product, cholesky, forward
-from calstation.estimation.navigation.velocity_group import NAVIGATION, Setting, VelocityGroup, observe
-from calstation.physics import STATES, Compensation, FloatArray, Increments, IntervalWork, rotate
+from calstation.estimation.navigation.velocity_group import NAVIGATION, Setting, VelocityGroup, observe_along
+from calstation.physics import STATES, Compensation, FloatArray, Increments, IntervalWork
 
 
 class State(NamedTuple):
@@ -24,9 +24,6 @@ class State(NamedTuple):
 
     x: FloatArray  #: Shape (n,).
     P: FloatArray  #: Shape (n, n).
-    #: The filter mean that would result if every observation agreed with the linearisation point, shape (n,).
-    offset: FloatArray
-    arm_velocity: FloatArray  #: C (ω_nb × outer_lever) at the last observation, m/s, shape (3,).
 
 
 class Updates(NamedTuple):
@@ -67,12 +64,13 @@ def process(
     start: int,
     attitudes: FloatArray,
     velocities: FloatArray,
+    arm_velocity: FloatArray,
     work: IntervalWork,
     group: VelocityGroup,
     state: State,
     out: Updates,
 ) -> None:
-    """Process the groups of observations in `out` from sample `start`: strapdown, prediction, update and feedback.
+    """Process the groups of observations in `out` from sample `start` along a reference: strapdown, prediction, update.
 
     Parameters
     ----------
@@ -80,22 +78,21 @@ def process(
     motion : increments of all samples
     start : index of the first sample
     attitudes, velocities : reference C_bn and velocity, m/s, at the ends of the intervals, shapes (g k, 3, 3) and
-        (g k, 3); empty for closed loop
+        (g k, 3)
+    arm_velocity : C (ω_nb × outer_lever) at the last observation, m/s, shape (3,); updated in place
     work, state : state of navigation and filter; updated in place
     group : decay and noise of the bias drift on input; the last group on output
     out : output
     """
     count, rows, size = group.attitude.shape[0], group.H.shape[0], len(state.x)
-    follow = len(attitudes) > 0
     moved = np.empty((NAVIGATION, size))
     for g in range(len(out.H)):
-        part = slice(g * count, (g + 1) * count) if follow else slice(0, 0)
+        part = slice(g * count, (g + 1) * count)
         first = start + g * count * s.stride
-        observe(c, s, motion, first, attitudes[part], velocities[part], state.arm_velocity, work, group)
+        observe_along(c, s, motion, first, attitudes[part], velocities[part], arm_velocity, work, group)
         predict(group, state, moved)
-        if follow:
-            for i in range(NAVIGATION):
-                state.x[i] += group.shift[i]
+        for i in range(NAVIGATION):
+            state.x[i] += group.shift[i]
         update(group, state, out.root[g], out.gain[g], out.innovation[g])
         for i in range(NAVIGATION):
             for j in range(size):
@@ -108,8 +105,6 @@ def process(
                 out.rate[g * count + k, i] = group.rate[k, i]
                 for j in range(3):
                     out.attitude[g * count + k, i, j] = group.attitude[k, i, j]
-        if not follow:
-            _feed_back(state, work, group, out.root[g], out.gain[g])
 
 
 @nb.njit(cache=True)
@@ -218,35 +213,3 @@ def update(group: VelocityGroup, state: State, root: FloatArray, gain: FloatArra
         for j in range(size):
             x[j] += t * gain[r, j]
     _subtract_square(gain, P)
-
-
-@nb.njit(cache=True)
-def _feed_back(state: State, work: IntervalWork, group: VelocityGroup, root: FloatArray, gain: FloatArray) -> None:
-    """Close the loop on the observations only, not on the mean of the prior.
-
-    x = offset + correction: the offset remains in x and decays with each observation. Only the correction is applied to
-    the reference, which therefore stays near the levelled start from the first sample on.
-    """
-    x, offset = state.x, state.offset
-    moved = np.zeros(NAVIGATION)
-    size, rows = len(x), len(root)
-    for i in range(NAVIGATION):
-        for j in range(size):
-            moved[i] += group.transition[i, j] * offset[j]
-    for i in range(NAVIGATION):
-        offset[i] = moved[i]
-    for i in range(STATES, size):
-        offset[i] *= group.transition[i, i]
-    white = np.zeros((rows, 1))
-    for r in range(rows):
-        for j in range(size):
-            white[r, 0] += group.H[r, j] * offset[j]
-    forward(root, white)
-    for r in range(rows):
-        for j in range(size):
-            offset[j] -= white[r, 0] * gain[r, j]
-    for i in range(3):
-        work.velocity[i] += x[3 + i] - offset[3 + i]
-    rotate(x - offset, work.attitude)
-    for i in range(6):
-        x[i] = offset[i]

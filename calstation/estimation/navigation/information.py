@@ -17,7 +17,7 @@ import numpy as np
 
 from calstation.estimation.common import SolveContext, StageData, Start
 from calstation.estimation.effects import Candidate, mean_errors
-from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation.closed_loop import ClosedLoopFilter
 from calstation.estimation.navigation.response import motion_between_observations
 from calstation.estimation.navigation.velocity_group import BIAS
 from calstation.physics import COUNT, PARAMETER_START, PARAMETERS, STATES, FloatArray, IntArray
@@ -38,11 +38,11 @@ class Segment(NamedTuple):
 
 
 def segment_information(
-    run: NavigationFilter, data: StageData, start: Start, context: SolveContext, effects: Sequence[Candidate]
+    run: ClosedLoopFilter, data: StageData, start: Start, context: SolveContext, effects: Sequence[Candidate]
 ) -> Segment:
     """Pass a new filter over samples from `start`; return their information."""
     gatherer = _Gatherer()
-    run.run(data, start, start.attitude, smooth=False, watch=gatherer)
+    run.run(data, start, start.attitude, gatherer)
     counts = np.array([group.rows // 3 for group in gatherer.groups])
     moved = motion_between_observations(run.history, data, (start,), context, run.belief.mean)
     return gatherer.segment(mean_errors(moved, effects, counts))
@@ -58,13 +58,13 @@ class _Group(NamedTuple):
 
 
 class _Gatherer:
-    """Collects the equations of a pass of `NavigationFilter`, which calls it at the start and after every group."""
+    """Collects the equations of a pass of `ClosedLoopFilter`, which calls it at the start and after every group."""
 
     def __init__(self) -> None:
         self._start: FloatArray | None = None
         self.groups: list[_Group] = []
 
-    def __call__(self, run: NavigationFilter) -> None:
+    def __call__(self, run: ClosedLoopFilter) -> None:
         states = _boundary(run)
         if self._start is None:
             both = np.r_[states, _PARAMETERS]
@@ -105,7 +105,7 @@ class _Gatherer:
         return Segment(start, total, m)
 
 
-def _boundary(run: NavigationFilter) -> IntArray:
+def _boundary(run: ClosedLoopFilter) -> IntArray:
     """Return the indices of the boundary states in the filter's state."""
     return np.asarray(np.r_[0:_OBSERVED, STATES : len(run.state.x)])
 

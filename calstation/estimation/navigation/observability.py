@@ -15,7 +15,7 @@ import numpy as np
 
 from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise
 from calstation.estimation.method import Ranking
-from calstation.estimation.navigation.filter import POSITION_SIGMA, History
+from calstation.estimation.navigation.navigation_pass import POSITION_SIGMA, History
 from calstation.physics import (
     NAMES,
     OBSERVABLE,

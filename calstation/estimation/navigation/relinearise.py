@@ -5,6 +5,7 @@ near the solution, so the likeliest of several headings is refined with a narrow
 """
 
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,8 +21,10 @@ from calstation.estimation.common import (
     starts,
 )
 from calstation.estimation.method import Progress
-from calstation.estimation.navigation.filter import History, NavigationFilter
+from calstation.estimation.navigation.closed_loop import ClosedLoopFilter
 from calstation.estimation.navigation.group_update import Updates
+from calstation.estimation.navigation.navigation_pass import History, NavigationPass
+from calstation.estimation.navigation.reference_pass import ReferencePass
 from calstation.physics import (
     BoolArray,
     FloatArray,
@@ -47,6 +50,9 @@ CONVERGED = 0.01
 AZIMUTHS_TRIED = 12
 #: Prior sigma, rad, of an azimuth found from the data while it is being refined.
 NARROW_AZIMUTH_SIGMA = 0.3
+
+
+Pass = TypeVar("Pass", ClosedLoopFilter, ReferencePass)
 
 
 @dataclass(frozen=True)
@@ -107,7 +113,7 @@ def pass_about(
 ) -> NavigationResult:
     """Run one pass, with the noise of `context`, about the solution `near`."""
     solver = _Relinearisation(data, context, prior, estimated, _Meter(None, USUAL_PASSES))
-    run, _ = solver.one_pass(near.point, list(near.starts), list(near.attitudes), smooth=True)
+    run, _ = solver.one_pass(ReferencePass, near.point, list(near.starts), list(near.attitudes))
     return replace(near, belief=run.belief, history=run.history, updates=tuple(run.updates))
 
 
@@ -141,7 +147,7 @@ class _Meter:
             self.report(0.9 * (done - beyond) / self.expected + 0.1 * (1.0 - 0.5**beyond))
 
 
-def _misfit(run: NavigationFilter) -> float:
+def _misfit(run: NavigationPass) -> float:
     """Return the sum of the squared normalised innovations; infinity for a pass that diverged."""
     return float(np.nan_to_num(np.sum(run.history.nis), nan=np.inf))
 
@@ -177,7 +183,7 @@ class _Relinearisation:
         for k in range(AZIMUTHS_TRIED):
             turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTHS_TRIED)
             turned = [replace(s, prior=turn @ s.prior, attitude=turn @ s.attitude) for s in found]
-            run, _ = self.one_pass(point, turned, [s.attitude for s in turned], smooth=False)
+            run, _ = self.one_pass(ClosedLoopFilter, point, turned, [s.attitude for s in turned])
             candidates.append((_misfit(run), k, turned))
         return min(candidates, key=lambda c: c[:2])[2]
 
@@ -191,11 +197,13 @@ class _Relinearisation:
         moved = 1.0  # the rate at which steps shrink is unknown before the first pass
         for _ in range(MOST_PASSES):
             self.passes += 1
-            run, ends = self.one_pass(point, found, attitudes, smooth=True)
+            smooth, ends = self.one_pass(ReferencePass, point, found, attitudes)
+            run: NavigationPass = smooth
             nis = run.history.nis
             if self.passes == 1 and not np.sum(nis) < FITS * len(nis):
-                other = self.one_pass(point, found, attitudes, smooth=False)
-                run, ends = min(other, (run, ends), key=lambda each: _misfit(each[0]))
+                other, other_ends = self.one_pass(ClosedLoopFilter, point, found, attitudes)
+                if _misfit(other) <= _misfit(run):
+                    run, ends = other, other_ends
             belief = run.belief
             sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
             before, moved = moved, float(np.max((np.abs(belief.mean - point) / sigma)[self.estimated], initial=0.0))
@@ -216,24 +224,24 @@ class _Relinearisation:
             self.passes,
             converged,
             azimuth_free=False,
-            updates=tuple(run.updates),
+            updates=tuple(smooth.updates),  # a pass in closed loop is never the last
         )
 
     def one_pass(
-        self, point: FloatArray, found: list[Start], attitudes: list[FloatArray], smooth: bool
-    ) -> tuple[NavigationFilter, list[FloatArray]]:
-        """Run one pass about a point and start attitudes; also return the attitudes at the ends."""
-        run = NavigationFilter(self.context, self.prior, point)
+        self, kind: type[Pass], point: FloatArray, found: list[Start], attitudes: list[FloatArray]
+    ) -> tuple[Pass, list[FloatArray]]:
+        """Run one pass of a kind about a point and start attitudes; also return the attitudes at the ends."""
+        run = kind(self.context, self.prior, point)
         ends = []
         self.meter.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) for s in found))
         for start, attitude in zip(found, attitudes, strict=True):
-            run.run(self.data, start, attitude, smooth, progress=self.meter.advance)
+            run.run(self.data, start, attitude, progress=self.meter.advance)
             ends.append(run.attitude)
         self.meter.passes += 1
         return run, ends
 
     def _carry_back(
-        self, run: NavigationFilter, point: FloatArray, found: list[Start], ends: list[FloatArray]
+        self, run: NavigationPass, point: FloatArray, found: list[Start], ends: list[FloatArray]
     ) -> list[FloatArray]:
         """Compute start from end attitudes: C_end = Exp(−Ω T) C_start B, with B from the gyros and `point`."""
         constants, dt = compensation(point), self.data.dt

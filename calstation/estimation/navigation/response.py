@@ -9,8 +9,8 @@ from scipy.linalg import solve_triangular
 
 from calstation.estimation.common import SolveContext, StageData, Start, group_means
 from calstation.estimation.effects import CONSTANT, Motion, Sensitivity, changing, mean_regressors
-from calstation.estimation.navigation.filter import History
 from calstation.estimation.navigation.group_update import Updates
+from calstation.estimation.navigation.navigation_pass import History
 from calstation.estimation.navigation.small_matrices import add_product, forward, subtract_transposed_product
 from calstation.estimation.navigation.velocity_group import BIAS, OBSERVED
 from calstation.physics import (

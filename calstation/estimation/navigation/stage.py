@@ -31,7 +31,7 @@ from calstation.estimation.common import (
 )
 from calstation.estimation.effects import Sensitivity
 from calstation.estimation.method import Innovations, Progress, Ranking, Solution, with_misfit
-from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation.closed_loop import ClosedLoopFilter
 from calstation.estimation.navigation.local_scores import local_scores
 from calstation.estimation.navigation.observability import ObservabilityAnalysis, observability_analysis
 from calstation.estimation.navigation.relinearise import NavigationResult
@@ -48,7 +48,7 @@ class LiveFilter:
 
     def __init__(self, context: SolveContext, prior: Belief) -> None:
         self._context, self._prior = context, prior
-        self._filter = NavigationFilter(context, prior, prior.mean)
+        self._filter = ClosedLoopFilter(context, prior, prior.mean)
         self._observability = ObservabilityAnalysis(context, prior, prior.mean)
         self._pending: list[SampleBlock] = []
         self._aligned = False

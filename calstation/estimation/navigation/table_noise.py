@@ -6,7 +6,7 @@ import numpy as np
 
 from calstation.estimation.common import Belief, SolveContext, StageData
 from calstation.estimation.method import Progress
-from calstation.estimation.navigation.filter import History
+from calstation.estimation.navigation.navigation_pass import History
 from calstation.estimation.navigation.relinearise import NavigationResult, pass_about, solve_navigation
 from calstation.physics import BoolArray, FloatArray
 

@@ -184,74 +184,109 @@ def observe(
     s: Setting,
     motion: Increments,
     start: int,
-    follow_attitude: FloatArray,
-    follow_velocity: FloatArray,
     arm_velocity: FloatArray,
     work: IntervalWork,
     group: VelocityGroup,
 ) -> None:
     """Integrate the strapdown equations over the observation intervals of a group and write the result to `group`.
 
-    The effect of φ on velocity is computed with the force implied by reference and lever arm (gravity and the change
-    of the arm's velocity), not with the measured force. The measured force contains the vibration of the base, and a
-    regressor as noisy as the observation would appear to determine the azimuth to 1/√(2N) rad.
-
     Parameters
     ----------
     c, s : constants of the assumed parameters and of the pass
     motion : increments of all samples
     start : index of the first sample
-    follow_attitude, follow_velocity : reference C_bn and velocity, m/s, at the ends of the intervals, shapes (k, 3, 3)
-        and (k, 3); empty for closed loop
     arm_velocity : C(ω_nb × r) at the last observation, m/s, shape (3,); updated in place
     work : navigation state; updated in place
     group : output
     """
     count = group.attitude.shape[0]
-    T = s.stride * s.dt
-    steps = np.empty((count, NAVIGATION, STATES))
-    forces, shifts = np.empty((count, 3)), np.zeros((count + 1, NAVIGATION))
-    step, turned = np.zeros(NAVIGATION), np.empty((3, 3))
+    steps, forces = np.empty((count, NAVIGATION, STATES)), np.empty((count, 3))
     group.H[:] = 0.0
     for k in range(count):
         first = start + k * s.stride
         propagate(c, s.earth, s.gravity, s.dt, motion, first, first + s.stride, work)
         forces[k] = work.force
-        if len(follow_attitude):
-            for i in range(3):
-                for j in range(3):
-                    turned[i, j] = 0.0
-                    for m in range(3):
-                        turned[i, j] += follow_attitude[k, i, m] * work.attitude[j, m]
-            step[:3] = rotation_vector(turned)
-            for i in range(3):
-                step[3 + i] = follow_velocity[k, i] - work.velocity[i]
-            work.attitude[:] = follow_attitude[k]
-            work.velocity[:] = follow_velocity[k]
-        rows = slice(3 * k, 3 * k + 3)
-        u = observation(work, s.earth, c, group.z[rows], group.H[rows])
-        force_sum = u - arm_velocity
-        force_sum[2] += s.gravity * T
-        arm_velocity[:] = u
-        write_navigation_block(work.transition, s.earth, force_sum, 0.5 * T * force_sum, T)
+        _linearise(c, s, k, arm_velocity, work, group, steps)
+    _refer_to_end(s, steps, forces, np.zeros((count + 1, NAVIGATION)), group)
+
+
+@nb.njit(cache=True)
+def observe_along(
+    c: Compensation,
+    s: Setting,
+    motion: Increments,
+    start: int,
+    attitudes: FloatArray,
+    velocities: FloatArray,
+    arm_velocity: FloatArray,
+    work: IntervalWork,
+    group: VelocityGroup,
+) -> None:
+    """Do the same as `observe` along a reference, to which the navigation state is reset after every interval.
+
+    `attitudes` and `velocities` are the reference C_bn and velocity, m/s, at the ends of the intervals, shapes
+    (k, 3, 3) and (k, 3).
+    """
+    count = group.attitude.shape[0]
+    steps, forces = np.empty((count, NAVIGATION, STATES)), np.empty((count, 3))
+    shifts, step, turned = np.zeros((count + 1, NAVIGATION)), np.zeros(NAVIGATION), np.empty((3, 3))
+    group.H[:] = 0.0
+    for k in range(count):
+        first = start + k * s.stride
+        propagate(c, s.earth, s.gravity, s.dt, motion, first, first + s.stride, work)
+        forces[k] = work.force
+        for i in range(3):
+            for j in range(3):
+                turned[i, j] = 0.0
+                for m in range(3):
+                    turned[i, j] += attitudes[k, i, m] * work.attitude[j, m]
+        step[:3] = rotation_vector(turned)
+        for i in range(3):
+            step[3 + i] = velocities[k, i] - work.velocity[i]
+        work.attitude[:] = attitudes[k]
+        work.velocity[:] = velocities[k]
+        _linearise(c, s, k, arm_velocity, work, group, steps)
         for i in range(NAVIGATION):
-            for j in range(STATES):
-                steps[k, i, j] = work.transition[i, j]
             t = -step[i]
             for j in range(NAVIGATION):
                 t += steps[k, i, j] * shifts[k, j]
             shifts[k + 1, i] = t
-        group.attitude[k] = work.attitude
-        group.rate[k] = work.rate
-    _refer_to_end(s, T, steps, forces, shifts, group)
+    _refer_to_end(s, steps, forces, shifts, group)
 
 
 @nb.njit(cache=True)
-def _refer_to_end(
-    s: Setting, T: float, steps: FloatArray, forces: FloatArray, shifts: FloatArray, group: VelocityGroup
+def _linearise(
+    c: Compensation,
+    s: Setting,
+    k: int,
+    arm_velocity: FloatArray,
+    work: IntervalWork,
+    group: VelocityGroup,
+    steps: FloatArray,
 ) -> None:
+    """Write observation `k` of a group, and the transition over its interval into `steps`, shape (count, 9, 39).
+
+    The effect of φ on velocity is computed with the force implied by attitude and lever arm (gravity and the change of
+    the arm's velocity), not with the measured force. The measured force contains the vibration of the base, and a
+    regressor as noisy as the observation would appear to determine the azimuth to 1/√(2N) rad.
+    """
+    T, rows = s.stride * s.dt, slice(3 * k, 3 * k + 3)
+    u = observation(work, s.earth, c, group.z[rows], group.H[rows])
+    force_sum = u - arm_velocity
+    force_sum[2] += s.gravity * T
+    arm_velocity[:] = u
+    write_navigation_block(work.transition, s.earth, force_sum, 0.5 * T * force_sum, T)
+    for i in range(NAVIGATION):
+        for j in range(STATES):
+            steps[k, i, j] = work.transition[i, j]
+    group.attitude[k] = work.attitude
+    group.rate[k] = work.rate
+
+
+@nb.njit(cache=True)
+def _refer_to_end(s: Setting, steps: FloatArray, forces: FloatArray, shifts: FloatArray, group: VelocityGroup) -> None:
     """Express the observations of a group in terms of the state at its end, from the last interval to the first."""
-    count = len(steps)
+    count, T = len(steps), s.stride * s.dt
     N, B = np.eye(NAVIGATION), np.zeros((NAVIGATION, COUNT))
     W, Q = np.zeros((NAVIGATION, NAVIGATION)), np.zeros((NAVIGATION, NAVIGATION))
     moved, row, end = np.empty(NAVIGATION), np.empty(OBSERVED), shifts[count]

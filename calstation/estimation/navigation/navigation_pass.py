@@ -1,19 +1,22 @@
-"""The 39-state filter: one pass over a stage, linear in the parameters, closed loop in attitude and velocity.
+"""What both passes of the 39-state filter over a stage have in common: states, start at rest, observations.
 
 The states are φ, δv, δp, the errors of the 30 parameters and, if the profile specifies bias instability, the drift of
 the six biases about their constants. The observation is the velocity of the table's centre of rotation,
 `v − C (ω_nb × outer_lever)`, which is zero except for vibration of the base (Groves, *Principles of GNSS, Inertial and
 Multisensor Integrated Navigation Systems*, 2nd ed., ch. 3, 14; resets: Savage, *Strapdown Analytics*, 2nd ed., ch. 15).
+
+The 12 states of azimuth flips are φ, δv and the biases; the other parameters are consider states of the same filter.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from calstation.estimation.common import BIAS_DRIFT_TIME, Belief, SolveContext, StageData, Start, filter_noise
-from calstation.estimation.navigation.group_update import State, Updates, process, updates
-from calstation.estimation.navigation.reference import smoothed_reference
+from calstation.estimation.navigation.group_update import State
 from calstation.estimation.navigation.velocity_group import BIAS, Setting, VelocityGroup, observation, velocity_group
 from calstation.physics import (
     PARAMETER_START,
@@ -37,6 +40,8 @@ POSITION_SIGMA = 1e-3
 START_VELOCITY_SIGMA = 1.0
 #: Duration of a group of observations that are processed together, s.
 GROUP_TIME = 0.5
+#: Number of groups that are processed between two progress reports.
+_TOGETHER = 200
 
 
 @dataclass(frozen=True)
@@ -54,22 +59,10 @@ class History:
         return np.asarray(np.sum(self.innovation**2, axis=1))
 
 
-#: Empty reference, which selects closed-loop operation.
-_FREE = (np.empty((0, 3, 3)), np.empty((0, 3)))
-#: Number of groups that are processed between two progress reports.
-_TOGETHER = 200
-
-
-class NavigationFilter:
+class NavigationPass(ABC):
     """One pass over a stage: processes groups of observations in order; provides `belief`, `history` and `attitude`.
 
     `point` contains the parameters of the linearisation, SI, shape (30,).
-
-    The live display closes the loop: corrections of attitude and velocity are fed back immediately. A pass of a
-    solution follows a smoothed `Reference` instead, and closes the loop only far from the solution. The transitions
-    along a reference that jumps at every observation have unobservable directions that differ by the size of the jumps,
-    so a bias and a tilt of which only the sum is observable would appear to be observable separately (Huang, Mourikis,
-    Roumeliotis, *Observability-based rules for designing consistent EKF SLAM estimators*, IJRR 29(5), 2010).
     """
 
     def __init__(self, context: SolveContext, prior: Belief, point: FloatArray) -> None:
@@ -82,18 +75,17 @@ class NavigationFilter:
         self.point = point
         self.constants = compensation(point)
         self.work = interval_work()
+        #: C (ω_nb × outer_lever) at the last observation, m/s, shape (3,).
+        self.arm_velocity = np.zeros(3)
         self._moved: tuple[StageData, Increments] | None = None
         self._history: list[tuple[FloatArray | IntArray, ...]] = [
             (np.empty(0, np.int64), np.empty((0, 3, 3)), np.empty((0, 3)), np.empty((0, 3)))
         ]
-        #: All updates of a pass that follows a reference.
-        self.updates: list[Updates] = []
         #: Number of observations in a group.
         self.group_size = max(round(GROUP_TIME / (self.stride * self.dt)), 1)
         self._groups: dict[int, VelocityGroup] = {}
-        #: The last group of observations, and how the last call of `observe` processed its groups.
+        #: The last group of observations.
         self.group: VelocityGroup
-        self.last: Updates
         self._has_drift = bool(np.any(self.noise.bias_drift))
         size = STATES + len(BIAS) if self._has_drift else STATES
         x, P = np.zeros(size), np.zeros((size, size))
@@ -102,7 +94,7 @@ class NavigationFilter:
         if self._has_drift:
             bias_drift = np.arange(STATES, size)
             P[bias_drift, bias_drift] = self.noise.bias_drift**2
-        self.state = State(x, P, x.copy(), np.zeros(3))
+        self.state = State(x, P)
         lever = float(np.sum((point[group_indices("outer_lever")]) ** 2))
         variance = self.noise.velocity + lever * self.noise.end_rate
         self.setting = Setting(
@@ -126,27 +118,73 @@ class NavigationFilter:
         del self._history[1:]
         return found
 
+    @property
+    def attitude(self) -> FloatArray:
+        """Current estimate of C_bn, shape (3, 3)."""
+        return np.asarray(rotation_matrix(self.state.x[:3]) @ self.work.attitude)
+
+    @abstractmethod
     def begin(self, data: StageData, start: Start, attitude: FloatArray) -> None:
         """Start or restart at rest: reset the navigation states and keep the parameters.
 
-        `attitude` is the C_bn of the linearisation. The velocity is initially unknown and is observed immediately.
-        Assuming zero would ignore the effect of the gyro bias uncertainty on the velocity of the lever arm.
+        `attitude` is the C_bn of the linearisation.
         """
-        x, P = self.state.x, self.state.P
+
+    @abstractmethod
+    def observe(self, data: StageData, first: int, count: int, groups: int = 1) -> None:
+        """Process groups of `count` observations from sample `first`."""
+
+    def run(
+        self,
+        data: StageData,
+        start: Start,
+        attitude: FloatArray,
+        watch: Callable[[Self], None] | None = None,
+        progress: Callable[[int], None] = lambda groups: None,
+    ) -> None:
+        """Process a whole segment in intervals of the stride; a remainder shorter than an interval is omitted.
+
+        `attitude` is the C_bn of the linearisation at the start. `watch` is called after the start and after every
+        group, `progress` periodically with the number of groups processed since its last call.
+        """
+        self.begin(data, start, attitude)
+        if watch is not None:
+            watch(self)
+        observations = (start.end - start.begin) // self.stride
+        done = 0
+        while done < observations:
+            count = min(self.group_size, observations - done)
+            groups = 1 if watch is not None else min(_TOGETHER, (observations - done) // count)
+            self.observe(data, start.begin + done * self.stride, count, groups)
+            done += groups * count
+            progress(groups)
+            if watch is not None:
+                watch(self)
+
+    def _reset(self, start: Start, attitude: FloatArray) -> None:
+        """Reset the navigation states to the prior of a start, relative to the attitude of the linearisation."""
+        x, P = self.state
         x[:PARAMETER_START] = 0.0
         x[:3] = rotation_vector(start.prior @ attitude.T)
         P[:PARAMETER_START, :] = 0.0
         P[:, :PARAMETER_START] = 0.0
         variances = [*start.prior_sigma**2, *[START_VELOCITY_SIGMA**2] * 3, *[POSITION_SIGMA**2] * 3]
         P[range(PARAMETER_START), range(PARAMETER_START)] = variances
-        self.state.offset[:] = x
         self.work.attitude[:] = attitude
         self.work.velocity[:] = 0.0
+
+    def _observe_start(self, data: StageData, begin: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Observe the velocity at rest; return Jacobian, Cholesky factor of the innovations and gain, as in `Updates`.
+
+        The velocity is initially unknown and is observed immediately. Assuming zero would ignore the effect of the gyro
+        bias uncertainty on the velocity of the lever arm.
+        """
+        x, P = self.state
         propagate(
-            self.constants, self.earth, self.gravity, self.dt, self._motion(data), start.begin, start.begin, self.work,
+            self.constants, self.earth, self.gravity, self.dt, self._motion(data), begin, begin, self.work
         )  # fmt: skip
         z, H = np.zeros(3), np.zeros((3, len(x)))
-        self.state.arm_velocity[:] = observation(self.work, self.earth, self.constants, z, H)
+        self.arm_velocity[:] = observation(self.work, self.earth, self.constants, z, H)
         if self._has_drift:
             H[:, STATES:] = H[:, BIAS]
         # Joseph form, because the observation is much more accurate than the velocity before it
@@ -157,33 +195,7 @@ class NavigationFilter:
         x += K @ (z - H @ x)
         left = np.eye(len(x)) - K @ H
         P[:] = left @ P @ left.T + K @ R @ K.T
-        none = np.empty((1, 0, 0))
-        self.updates.append(Updates(none, np.empty(0), H[None], root[None], gain[None], none[0], none, none[0]))
-
-    def observe(
-        self,
-        data: StageData,
-        start: int,
-        count: int,
-        follow: tuple[FloatArray, FloatArray] | None = None,
-        groups: int = 1,
-    ) -> None:
-        """Process groups of `count` observations: strapdown, prediction, update and feedback.
-
-        `follow` contains the attitudes, shape (groups count, 3, 3), and velocities, m/s, shape (groups count, 3), of
-        the reference; None closes the loop.
-        """
-        group = self._group(count)
-        found = updates(groups, count, np.diag(group.transition)[STATES:].copy())
-        process(
-            self.constants, self.setting, self._motion(data), start, *(follow or _FREE), self.work, group, self.state,
-            found,
-        )  # fmt: skip
-        index = start + self.stride * np.arange(1, groups * count + 1)
-        self._history.append((index, found.attitude, found.rate, found.innovation.reshape(-1, 3)))
-        self.group, self.last = group, found
-        if follow is not None:
-            self.updates.append(found)
+        return H, root, gain
 
     def _motion(self, data: StageData) -> Increments:
         """Return the increments of all samples, computed once for the same data."""
@@ -202,47 +214,3 @@ class NavigationFilter:
                 group.noise[bias_drift, bias_drift] = self.noise.bias_drift**2 * (1.0 - decay**2)
             self._groups[count] = group
         return self._groups[count]
-
-    @property
-    def attitude(self) -> FloatArray:
-        """Current estimate of C_bn, shape (3, 3)."""
-        return np.asarray(rotation_matrix(self.state.x[:3]) @ self.work.attitude)
-
-    def run(
-        self,
-        data: StageData,
-        start: Start,
-        attitude: FloatArray,
-        smooth: bool,
-        watch: Callable[["NavigationFilter"], None] | None = None,
-        progress: Callable[[int], None] = lambda groups: None,
-    ) -> None:
-        """Process a whole segment in intervals of the stride; a remainder shorter than an interval is omitted.
-
-        `attitude` is the C_bn of the linearisation at the start. With `smooth` the pass follows a smoothed reference
-        and does not close the loop. `watch` is called after the start and after every group, `progress` periodically
-        with the number of groups processed since its last call.
-        """
-        span = (start.begin, start.end, self.stride)
-        reference = None
-        if smooth:
-            reference = smoothed_reference(
-                self.constants, self.earth, self.gravity, self.noise, self._motion(data), self.dt, span, attitude,
-                float(start.prior_sigma[0]),
-            )  # fmt: skip
-            attitude = reference.attitude[0]
-        self.begin(data, start, attitude)
-        if watch is not None:
-            watch(self)
-        observations = (start.end - start.begin) // self.stride
-        done = 0
-        while done < observations:
-            count = min(self.group_size, observations - done)
-            groups = 1 if watch is not None else min(_TOGETHER, (observations - done) // count)
-            ends = slice(done + 1, done + groups * count + 1)
-            follow = reference and (reference.attitude[ends], reference.velocity[ends])
-            self.observe(data, start.begin + done * self.stride, count, follow, groups)
-            done += groups * count
-            progress(groups)
-            if watch is not None:
-                watch(self)
