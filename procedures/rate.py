@@ -29,7 +29,7 @@ from calstation.estimation.common import (
     restricted,
     widened,
 )
-from calstation.estimation.effects import Motion, all_errors, batch_sensitivity, changing
+from calstation.estimation.effects import StageEffects
 from calstation.messages import Text
 from calstation.physics import (
     INNER,
@@ -37,6 +37,7 @@ from calstation.physics import (
     NAMES,
     Dwell,
     FloatArray,
+    Motion,
     Move,
     Step,
     TableGeometry,
@@ -271,8 +272,9 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
     result = gauss_newton("rate", model, observed, variance, prior, zero, sigma, mask, encoders, GROUPS)
     sensitivity = None
     if context.diagnostics:
-        added = np.concatenate([_effects(data, t) for t in turns])
-        sensitivity = batch_sensitivity(*result.gain, added, mask, float(data.time[0]), len(data) * data.dt)
+        effects = StageEffects(float(data.time[0]), len(data) * data.dt)
+        added = np.concatenate([_effects(data, t, effects) for t in turns])
+        sensitivity = effects.of_batch(result.gain, added, mask)
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="rate",
@@ -297,7 +299,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
     )
 
 
-def _effects(data: StageData, turn: Turn) -> FloatArray:
+def _effects(data: StageData, turn: Turn, effects: StageEffects) -> FloatArray:
     """Return the contribution of every effect to the integral of the raw rate over a rotation, rad, shape (3, k)."""
     stride = max(round(EFFECT_INTERVAL / data.dt), 1)
     length = turn.stop - turn.start
@@ -308,9 +310,8 @@ def _effects(data: StageData, turn: Turn) -> FloatArray:
         for x in (data.gyro, data.accel)
     )
     time = (data.seq[turn.start] - data.seq[0] + (np.arange(count) + 0.5) / count * length) * data.dt
-    motion = Motion(rate, force, np.zeros_like(rate), np.zeros_like(rate), time)
-    candidates = tuple(changing(len(data) * data.dt))
-    return np.asarray(all_errors(motion, candidates, np.array([count]))[0, :3] * turn.duration)
+    errors = effects.errors(Motion.steady(rate, force, time), np.array([count]))
+    return np.asarray(errors[0, :3] * turn.duration)
 
 
 def _earth_integral(

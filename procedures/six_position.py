@@ -28,11 +28,12 @@ from calstation.estimation.common import (
     slope_weights,
     widened,
 )
-from calstation.estimation.effects import Motion, all_errors, batch_sensitivity, changing
+from calstation.estimation.effects import StageEffects
 from calstation.physics import (
     NAMES,
     Dwell,
     FloatArray,
+    Motion,
     Move,
     Step,
     TableGeometry,
@@ -183,9 +184,12 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
     )
     sensitivity = None
     if context.diagnostics:
-        duration = len(data) * data.dt
-        added = _effects(data, positions, duration).reshape(len(observed), -1)
-        sensitivity = batch_sensitivity(*result.gain, added, mask, float(data.time[0]), duration)
+        effects = StageEffects(float(data.time[0]), len(data) * data.dt)
+        time = np.array([data.seq[(p.start + p.stop) // 2] - data.seq[0] for p in positions]) * data.dt
+        force = observed.reshape(-1, 3)
+        motion = Motion.steady(np.zeros_like(force), force, time)
+        added = effects.errors(motion, np.ones(len(force), dtype=np.int64))[:, 3:].reshape(len(observed), -1)
+        sensitivity = effects.of_batch(result.gain, added, mask)
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="six_position",
@@ -203,15 +207,6 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
         sensitivity=sensitivity,
         messages=result.messages,
     )
-
-
-def _effects(data: StageData, positions: list[Position], duration: float) -> FloatArray:
-    """Return the contribution of every effect to the mean force of each of n rests, m/s², shape (n, 3, k)."""
-    force = np.array([p.force for p in positions])
-    still = np.zeros_like(force)
-    time = np.array([data.seq[(p.start + p.stop) // 2] - data.seq[0] for p in positions]) * data.dt
-    motion = Motion(still, force, still, still, time)
-    return all_errors(motion, tuple(changing(duration)), np.ones(len(force), dtype=np.int64))[:, 3:]
 
 
 def _tangents(direction: FloatArray) -> FloatArray:

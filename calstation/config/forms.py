@@ -11,7 +11,7 @@ from calstation.devices.codecs import SENSORS
 from calstation.devices.profiles import ImuProfile
 from calstation.physics import (
     EFFECT_PARAMETERS,
-    EFFECTS,
+    EFFECT_STATES,
     GROUPS,
     NAMES,
     PAIR_PARAMETERS,
@@ -364,7 +364,7 @@ def _new_register(_: Get, profile: BaseModel | None) -> dict[str, Any]:
 
 
 #: Names of groups and of the unit's own matrices that are offered as register contents.
-_CONTENTS = (*GROUPS, *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")), *EFFECTS)
+_CONTENTS = (*GROUPS, *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")), *EFFECT_STATES)
 
 _FURTHER_GROUPS = tuple(dict.fromkeys(p.group for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)))
 

@@ -13,8 +13,7 @@ from calstation.config.check_standards import CheckStandardSection
 from calstation.devices.codecs import SLOTS, legal_range, parameter_of
 from calstation.devices.profiles import ImuProfile, RegisterEntry
 from calstation.errors import ConfigurationError
-from calstation.estimation.effects import CONSTANT
-from calstation.physics import INDEX, PARAMETERS, further_parameter, named
+from calstation.physics import EFFECTS, INDEX, PARAMETERS, further_parameter, named
 from calstation.records import ChecksSection, ConformitySection, Limit, check_limit_names
 from calstation.schema import EntryError, Pattern, Problem, StrictModel, load, near_miss
 from procedures import DEFAULT_STAGES, method
@@ -23,7 +22,7 @@ from procedures import DEFAULT_STAGES, method
 Advice = Literal["reseat", "repeat", "set_aside"]
 
 #: Effects outside the model that a schedule can be required to detect.
-_CAUSES = tuple(candidate.cause for candidate in CONSTANT)
+_CAUSES = tuple(effect.cause for effect in EFFECTS)
 
 DEFAULT_PRODUCT = "nav_a"
 

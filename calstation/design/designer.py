@@ -16,9 +16,9 @@ from calstation.design.segments import LATTICE_DEG, REST_UNIT, Conditions, Posit
 from calstation.design.trial import MORE_NOISE, Moves, Trial
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import without_gravity
-from calstation.estimation.effects import CONSTANT, MOST_EXCESS
+from calstation.estimation.effects import MOST_EXCESS
 from calstation.jobs import ProgressCallback
-from calstation.physics import COUNT, DISPLAY, NAMES, PARAMETERS, FloatArray, Move
+from calstation.physics import COUNT, DISPLAY, EFFECTS, NAMES, PARAMETERS, FloatArray, Move
 from calstation.records import context_from_meta, prior_from_meta
 from calstation.results import compute_preview, one_blas_thread
 from calstation.sequencer import check_limits
@@ -78,7 +78,7 @@ class _Designer:
         self._rate_dps, self._acceleration_dps2 = speeds(setup, request)
         rate, acceleration = float(np.deg2rad(self._rate_dps)), float(np.deg2rad(self._acceleration_dps2))
         check_limits(self._geometry.limits, Move(0.0, 0.0, rate, acceleration))
-        self._effects = tuple(c for c in CONSTANT if c.cause in self._product.diagnosis)
+        self._effects = tuple(c for c in EFFECTS if c.cause in self._product.diagnosis)
         trial = Trial(self._meta, self._geometry, self._settle, self._rate_dps, self._acceleration_dps2)
         self._trial = trial
         prior = prior_from_meta(self._meta)

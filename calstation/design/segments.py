@@ -7,9 +7,8 @@ from typing import Final
 import numpy as np
 
 from calstation.estimation.common import Belief, PlannedSamples, SolveContext, stage_data, starts
-from calstation.estimation.effects import Candidate
 from calstation.estimation.navigation import ClosedLoopFilter, Segment, advanced, joined, segment_information
-from calstation.physics import Dwell, FloatArray, Move, Step
+from calstation.physics import Dwell, Effect, FloatArray, Move, Step
 from calstation.sequencer import step_time
 
 #: Joint angles in a schedule are multiples of this, °.
@@ -35,7 +34,7 @@ class Conditions:
     rate: float  #: Rate of all moves, rad/s.
     acceleration: float  #: Acceleration of all moves, rad/s².
     mount: FloatArray  #: Assumed mounting rotation, rad, shape (3,).
-    effects: tuple[Candidate, ...] = ()  #: Effects that the motion should detect.
+    effects: tuple[Effect, ...] = ()  #: Effects that the motion should detect.
 
 
 class SegmentLibrary:

@@ -5,29 +5,32 @@ This package uses no filter, file or device.
 
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 from calstation.physics.earth import RATE, normal_gravity, rotation_rate
+from calstation.physics.effects import EFFECTS, OF_ACCELEROMETERS, OF_GYROS, Effect, Motion, Term
+from calstation.physics.further_parameters import (
+    EFFECT_PARAMETERS,
+    EFFECT_STATES,
+    PAIR_PARAMETERS,
+    EffectName,
+    entry_of,
+    further_parameter,
+    group_of,
+    pair_name,
+)
 from calstation.physics.imu_model import Compensation, compensate, compensation, compose, composition, parameter_vector
 from calstation.physics.motion import Dwell, Finish, GimbalTurn, GimbalZero, ManualMove, Move, Prepare, RoundEnd, Step
 from calstation.physics.parameters import (
     AXES,
     CHANNELS,
     COUNT,
-    EFFECT_PARAMETERS,
-    EFFECTS,
     GROUPS,
     INDEX,
     NAMES,
     OBSERVABLE,
-    PAIR_PARAMETERS,
     PARAMETERS,
-    EffectName,
-    entry_of,
-    further_parameter,
     group_indices,
     group_matrix,
-    group_of,
     group_vector,
     named,
-    pair_name,
     reached,
 )
 from calstation.physics.rotation import (
@@ -39,9 +42,27 @@ from calstation.physics.rotation import (
     rotation_vector,
     skew,
 )
-from calstation.physics.strapdown import (
+from calstation.physics.states import (
+    ACCEL_BIAS,
+    ACCEL_MISALIGN,
+    ACCEL_QUADRATIC,
+    ACCEL_SCALE,
+    DP,
+    DV,
+    GYRO_BIAS,
+    GYRO_MISALIGN,
+    GYRO_SCALE,
+    GYROS,
+    INNER_LEVER,
+    NAVIGATION,
+    OUTER_LEVER,
     PARAMETER_START,
+    PARAMETER_STATES,
+    PHI,
+    SENSORS,
     STATES,
+)
+from calstation.physics.strapdown import (
     Increments,
     IntervalWork,
     body_rotation,

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import EFFECT_PARAMETERS, NAMES, PARAMETERS, group_matrix, group_vector
+from calstation.physics.further_parameters import EFFECT_PARAMETERS
+from calstation.physics.parameters import NAMES, PARAMETERS, group_matrix, group_vector
 
 
 class Compensation(NamedTuple):

@@ -1,6 +1,6 @@
 """Compiled strapdown navigation at the sample rate, with the transition matrix of its errors.
 
-The order of the error states is φ (0:3), δv (3:6), δp (6:9), the 30 parameters (9:39), where
+The error states (`states`) are φ, δv, δp and the 30 parameters, where
 `C_true = (I + [φ×]) C_computed`, `v_true = v + δv`. With ω, f compensated with the assumed parameters:
 
     φ̇  = −Ω×φ + C δω                 δv̇ = −[C f×] φ − 2Ω×δv + C δf              δṗ = δv
@@ -22,9 +22,30 @@ import numpy as np
 
 from calstation.physics.arrays import FloatArray
 from calstation.physics.imu_model import Compensation
+from calstation.physics.parameters import COUNT
+from calstation.physics.states import (
+    ACCEL_BIAS,
+    ACCEL_MISALIGN,
+    ACCEL_QUADRATIC,
+    ACCEL_SCALE,
+    DP,
+    DV,
+    GYRO_BIAS,
+    GYRO_MISALIGN,
+    GYRO_SCALE,
+    GYROS,
+    INNER_LEVER,
+    PARAMETER_START,
+    PHI,
+    SENSORS,
+    STATES,
+)
 
-STATES = 39
-PARAMETER_START = 9
+# first indices of groups, for the kernels
+_BG, _SG, _MG = GYRO_BIAS.start, GYRO_SCALE.start, GYRO_MISALIGN.start
+_B, _S, _M, _Q = ACCEL_BIAS.start, ACCEL_SCALE.start, ACCEL_MISALIGN.start, ACCEL_QUADRATIC.start
+_L, _GYROS, _SENSORS = INNER_LEVER.start, GYROS.stop, SENSORS.stop
+_PHI, _DV, _DP = PHI.start, DV.start, DP.start
 
 
 class IntervalWork(NamedTuple):
@@ -48,50 +69,7 @@ class Increments(NamedTuple):
 
 def interval_work() -> IntervalWork:
     """Allocate the arrays for `propagate`."""
-    return IntervalWork(np.eye(STATES), np.eye(3), np.zeros(3), np.zeros(3), np.zeros((3, 30)), np.zeros(3))
-
-
-@nb.njit(cache=True)
-def _rate_jacobian(c: Compensation, omega: FloatArray, out: FloatArray) -> None:
-    """Write ∂ω/∂(gyro bias 0:3, scale 3:6, misalignments 6:12) = −(I+M_g)⁻¹ [I, diag ω, ...], shape (3, ≥12)."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = -c.gyro_inverse[i, j]
-            out[i, 3 + j] = -c.gyro_inverse[i, j] * omega[j]
-        out[i, 6] = -c.gyro_inverse[i, 0] * omega[1]
-        out[i, 7] = -c.gyro_inverse[i, 0] * omega[2]
-        out[i, 8] = -c.gyro_inverse[i, 1] * omega[0]
-        out[i, 9] = -c.gyro_inverse[i, 1] * omega[2]
-        out[i, 10] = -c.gyro_inverse[i, 2] * omega[0]
-        out[i, 11] = -c.gyro_inverse[i, 2] * omega[1]
-
-
-@nb.njit(cache=True)
-def _force_jacobian(
-    c: Compensation, omega: FloatArray, force: FloatArray, rate_jacobian: FloatArray, out: FloatArray
-) -> None:
-    """Write ∂f/∂parameters at the reference point: gyro terms (0:12), accelerometer (12:24), inner lever (24:27)."""
-    for i in range(3):
-        for j in range(3):  # first-order inverse of I + M_a + 2 diag(K2 f): K2 f is a few 1e-4 at most
-            inverse = c.accel_inverse[i, j] * (1.0 - 2.0 * c.quadratic[j] * force[j])
-            out[i, 12 + j] = -inverse
-            out[i, 15 + j] = -inverse * force[j]
-            out[i, 21 + j] = -inverse * force[j] * force[j]
-            out[i, 24 + j] = 0.0
-        out[i, 18] = out[i, 13] * force[0]
-        out[i, 19] = out[i, 14] * force[0]
-        out[i, 20] = out[i, 14] * force[1]
-        square = 0.0
-        for j in range(3):
-            if j != i:
-                square += omega[j] * omega[j]
-        out[i, 24 + i] = square
-        for k in range(12):
-            change = 0.0
-            for j in range(3):
-                if j != i:
-                    change += omega[j] * rate_jacobian[j, k]
-            out[i, k] = 2.0 * c.inner_lever[i] * change
+    return IntervalWork(np.eye(STATES), np.eye(3), np.zeros(3), np.zeros(3), np.zeros((3, COUNT)), np.zeros(3))
 
 
 #: A vector in registers: an array for each would cost more than the computation.
@@ -286,8 +264,8 @@ def propagate(
     """
     F, middle = work.transition, np.empty((3, 3))
     rows = 3 if jacobian else 0
-    psi_phi, psi_v, psi_p = np.zeros((rows, 12)), np.zeros((rows, 27)), np.zeros((rows, 27))
-    turn, push = np.empty((rows, 12)), np.empty((rows, 27))
+    psi_phi, psi_v, psi_p = np.zeros((rows, _GYROS)), np.zeros((rows, _SENSORS)), np.zeros((rows, _SENSORS))
+    turn, push = np.empty((rows, _GYROS)), np.empty((rows, _SENSORS))
     force_sum, force_moment = np.zeros(3), np.zeros(3)
     rates, rotations, velocities = motion
     rotation, v = _vector(earth), _vector(work.velocity)
@@ -322,8 +300,13 @@ def propagate(
         for i in range(3):
             for j in range(3):
                 middle[i, j] = 0.5 * (before[i][j] + C[i][j])
-        _parameter_columns(c, gravity, _row(rates, k), before[2], middle, turn, push)
-        for p in range(12):
+        omega, up = _row(rates, k), before[2]
+        central = _cross_product(omega, _cross_product(omega, _vector(c.outer_lever)))
+        implied = (central[0] + up[0] * gravity, central[1] + up[1] * gravity, central[2] + up[2] * gravity)
+        _rate_columns(c, omega, middle, turn)
+        _size_effect_columns(c, omega, middle, push)
+        _force_columns(c, omega, implied, middle, push)
+        for p in range(_GYROS):
             x, y, z = turn[0, p] * dt, turn[1, p] * dt, turn[2, p] * dt
             tilt = (psi_phi[0, p] + 0.5 * x, psi_phi[1, p] + 0.5 * y, psi_phi[2, p] + 0.5 * z)
             push[0, p] -= f[1] * tilt[2] - f[2] * tilt[1]
@@ -333,7 +316,7 @@ def propagate(
             psi_phi[1, p] += y
             psi_phi[2, p] += z
         for i in range(3):
-            for p in range(27):
+            for p in range(_SENSORS):
                 change = push[i, p] * dt
                 psi_p[i, p] += (psi_v[i, p] + 0.5 * change) * dt
                 psi_v[i, p] += change
@@ -348,61 +331,74 @@ def propagate(
         work.velocity[i], work.rate[i] = v[i], rate[i]
         work.attitude[i, 0], work.attitude[i, 1], work.attitude[i, 2] = C[i]
         work.force[i] = force_sum[i] / T if stop > start else 0.0
-        F[6 + i, 3 + i] = T
+        F[_DP + i, _DV + i] = T
     write_navigation_block(F, earth, force_sum, force_moment, T)
     if jacobian:
-        _rate_jacobian(c, work.rate, work.rate_jacobian)
+        _rate_columns(c, rate, np.eye(3), work.rate_jacobian)
         for i in range(3):
-            for p in range(12):
-                F[i, 9 + p] = psi_phi[i, p]
-            for p in range(27):
-                F[3 + i, 9 + p] = psi_v[i, p]
-                F[6 + i, 9 + p] = psi_p[i, p]
+            for p in range(_GYROS):
+                F[_PHI + i, PARAMETER_START + p] = psi_phi[i, p]
+            for p in range(_SENSORS):
+                F[_DV + i, PARAMETER_START + p] = psi_v[i, p]
+                F[_DP + i, PARAMETER_START + p] = psi_p[i, p]
 
 
 @nb.njit(cache=True)
-def _parameter_columns(
-    c: Compensation, gravity: float, omega: Vector, up: Vector, C: FloatArray, turn: FloatArray, push: FloatArray
-) -> None:
-    """Write C ∂ω/∂p, shape (3, 12), and C ∂f/∂p, shape (3, 27), as in `dynamics`; shared products are computed once.
-
-    `up` is the upward direction in b, for the force implied by gravity and rotation.
-    """
+def _rate_columns(c: Compensation, omega: Vector, C: FloatArray, out: FloatArray) -> None:
+    """Write C ∂ω/∂p of the gyro parameters, ∂ω/∂p = −(I + M_g)⁻¹ [I, diag ω, ...], shape (3, ≥ 12)."""
     x, y, z = omega
-    lever, g, a, q = c.inner_lever, c.gyro_inverse, c.accel_inverse, c.quadratic
-    central = _cross_product(omega, _cross_product(omega, _vector(c.outer_lever)))
-    force = (central[0] + up[0] * gravity, central[1] + up[1] * gravity, central[2] + up[2] * gravity)
-    weight = (1.0 - 2.0 * q[0] * force[0], 1.0 - 2.0 * q[1] * force[1], 1.0 - 2.0 * q[2] * force[2])
-    square = _squares(omega)
+    g = c.gyro_inverse
     for i in range(3):
         s, t, u = C[i, 0], C[i, 1], C[i, 2]
         d = -(s * g[0, 0] + t * g[1, 0] + u * g[2, 0])
         e = -(s * g[0, 1] + t * g[1, 1] + u * g[2, 1])
         f = -(s * g[0, 2] + t * g[1, 2] + u * g[2, 2])
-        turn[i, 0], turn[i, 1], turn[i, 2] = d, e, f
-        turn[i, 3], turn[i, 4], turn[i, 5] = d * x, e * y, f * z
-        turn[i, 6], turn[i, 7], turn[i, 8] = d * y, d * z, e * x
-        turn[i, 9], turn[i, 10], turn[i, 11] = e * z, f * x, f * y
-        # the size effect turns an error of the rate into an error of the force
+        _write_gyro_columns(x, y, z, d, e, f, out[i])
+
+
+@nb.njit(cache=True)
+def _size_effect_columns(c: Compensation, omega: Vector, C: FloatArray, out: FloatArray) -> None:
+    """Write C ∂f/∂p of the gyro parameters, shape (3, ≥ 12): the size effect turns an error of ω into one of f."""
+    x, y, z = omega
+    lever, g = c.inner_lever, c.gyro_inverse
+    for i in range(3):
+        s, t, u = C[i, 0], C[i, 1], C[i, 2]
         m = 2.0 * x * (t * lever[1] + u * lever[2])
         n = 2.0 * y * (s * lever[0] + u * lever[2])
         o = 2.0 * z * (s * lever[0] + t * lever[1])
         d = -(m * g[0, 0] + n * g[1, 0] + o * g[2, 0])
         e = -(m * g[0, 1] + n * g[1, 1] + o * g[2, 1])
         f = -(m * g[0, 2] + n * g[1, 2] + o * g[2, 2])
-        push[i, 0], push[i, 1], push[i, 2] = d, e, f
-        push[i, 3], push[i, 4], push[i, 5] = d * x, e * y, f * z
-        push[i, 6], push[i, 7], push[i, 8] = d * y, d * z, e * x
-        push[i, 9], push[i, 10], push[i, 11] = e * z, f * x, f * y
+        _write_gyro_columns(x, y, z, d, e, f, out[i])
+
+
+@nb.njit(cache=True)
+def _force_columns(c: Compensation, omega: Vector, force: Vector, C: FloatArray, out: FloatArray) -> None:
+    """Write C ∂f/∂p at the reference point of the accelerometer parameters and the inner lever arm, shape (3, ≥ 27)."""
+    a, q = c.accel_inverse, c.quadratic
+    # first-order inverse of I + M_a + 2 diag(K2 f): K2 f is a few 1e-4 at most
+    weight = (1.0 - 2.0 * q[0] * force[0], 1.0 - 2.0 * q[1] * force[1], 1.0 - 2.0 * q[2] * force[2])
+    square = _squares(omega)
+    for i in range(3):
+        s, t, u, row = C[i, 0], C[i, 1], C[i, 2], out[i]
         d = -(s * a[0, 0] + t * a[1, 0] + u * a[2, 0]) * weight[0]
         e = -(s * a[0, 1] + t * a[1, 1] + u * a[2, 1]) * weight[1]
         f = -(s * a[0, 2] + t * a[1, 2] + u * a[2, 2]) * weight[2]
-        push[i, 12], push[i, 13], push[i, 14] = d, e, f
-        push[i, 15], push[i, 16], push[i, 17] = d * force[0], e * force[1], f * force[2]
-        push[i, 18], push[i, 19], push[i, 20] = e * force[0], f * force[0], f * force[1]
-        push[i, 21], push[i, 22] = d * force[0] * force[0], e * force[1] * force[1]
-        push[i, 23] = f * force[2] * force[2]
-        push[i, 24], push[i, 25], push[i, 26] = s * square[0], t * square[1], u * square[2]
+        row[_B], row[_B + 1], row[_B + 2] = d, e, f
+        row[_S], row[_S + 1], row[_S + 2] = d * force[0], e * force[1], f * force[2]
+        row[_M], row[_M + 1], row[_M + 2] = e * force[0], f * force[0], f * force[1]
+        row[_Q], row[_Q + 1] = d * force[0] * force[0], e * force[1] * force[1]
+        row[_Q + 2] = f * force[2] * force[2]
+        row[_L], row[_L + 1], row[_L + 2] = s * square[0], t * square[1], u * square[2]
+
+
+@nb.njit(cache=True)
+def _write_gyro_columns(x: float, y: float, z: float, d: float, e: float, f: float, row: FloatArray) -> None:
+    """Write a row of derivatives by gyro bias, scale and misalignment: (d, e, f) per rad/s of each raw rate."""
+    row[_BG], row[_BG + 1], row[_BG + 2] = d, e, f
+    row[_SG], row[_SG + 1], row[_SG + 2] = d * x, e * y, f * z
+    row[_MG], row[_MG + 1], row[_MG + 2] = d * y, d * z, e * x
+    row[_MG + 3], row[_MG + 4], row[_MG + 5] = e * z, f * x, f * y
 
 
 @nb.njit(cache=True)
@@ -413,26 +409,26 @@ def write_navigation_block(
 
     `force_sum` and `force_moment` are ∫f dt and ∬f dt² in n, m/s and m, shape (3,).
     """
-    for r, scale in ((0, 1.0), (3, 2.0)):
+    for r, scale in ((_PHI, 1.0), (_DV, 2.0)):
         F[r, r + 1] = scale * earth[2] * T
         F[r, r + 2] = -scale * earth[1] * T
         F[r + 1, r] = -scale * earth[2] * T
         F[r + 1, r + 2] = scale * earth[0] * T
         F[r + 2, r] = scale * earth[1] * T
         F[r + 2, r + 1] = -scale * earth[0] * T
-    for r, s in ((3, force_sum), (6, force_moment)):
-        F[r, 1] = s[2]
-        F[r, 2] = -s[1]
-        F[r + 1, 0] = -s[2]
-        F[r + 1, 2] = s[0]
-        F[r + 2, 0] = s[1]
-        F[r + 2, 1] = -s[0]
+    for r, s in ((_DV, force_sum), (_DP, force_moment)):
+        F[r, _PHI + 1] = s[2]
+        F[r, _PHI + 2] = -s[1]
+        F[r + 1, _PHI] = -s[2]
+        F[r + 1, _PHI + 2] = s[0]
+        F[r + 2, _PHI] = s[1]
+        F[r + 2, _PHI + 1] = -s[0]
 
 
 @nb.njit(cache=True)
 def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop: int) -> FloatArray:
     """Return the body rotation between two samples relative to inertial space, C_b(start)←b(stop), shape (3, 3)."""
-    B = np.eye(3)
+    B: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     last = _angular_rate(c, gyro, start - 1 if start > 0 else start)
     for k in range(start, stop):
         omega = _angular_rate(c, gyro, k)
@@ -445,17 +441,21 @@ def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop
             )
         )
         last = omega
-        for i in range(3):
-            x, y, z = B[i, 0], B[i, 1], B[i, 2]
-            for j in range(3):
-                B[i, j] = x * E[0][j] + y * E[1][j] + z * E[2][j]
-    return B
+        B = (_times(B[0], E), _times(B[1], E), _times(B[2], E))
+    return np.array(B)
 
 
 @nb.njit(cache=True)
 def dynamics(c: Compensation, omega: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return ∂ω/∂p and ∂f/∂p, SI, shape (3, 27), of all parameters but the outer lever at a given rate and force."""
-    rate_jacobian, force_jacobian = np.zeros((3, 27)), np.zeros((3, 27))
-    _rate_jacobian(c, omega, rate_jacobian)
-    _force_jacobian(c, omega, force, rate_jacobian, force_jacobian)
+    rate_jacobian, force_jacobian = np.zeros((3, _SENSORS)), np.zeros((3, _SENSORS))
+    _rate_columns(c, _vector(omega), np.eye(3), rate_jacobian)
+    _force_columns(c, _vector(omega), _vector(force), np.eye(3), force_jacobian)
+    for i in range(3):
+        for k in range(_GYROS):
+            change = 0.0
+            for j in range(3):
+                if j != i:
+                    change += omega[j] * rate_jacobian[j, k]
+            force_jacobian[i, k] = 2.0 * c.inner_lever[i] * change
     return rate_jacobian, force_jacobian

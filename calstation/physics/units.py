@@ -5,7 +5,8 @@ from decimal import Decimal
 
 import numpy as np
 
-from calstation.physics.parameters import INDEX, PARAMETERS, further_parameter
+from calstation.physics.further_parameters import EFFECT_PARAMETERS, further_parameter
+from calstation.physics.parameters import INDEX, PARAMETERS
 
 DEGREE = np.pi / 180.0
 ARCSECOND = DEGREE / 3600.0
@@ -14,41 +15,7 @@ STANDARD_GRAVITY = 9.80665
 FIGURE_SPACE, POINT_SPACE = "\u2007", "\u2008"
 MICRO_G = 1e-6 * STANDARD_GRAVITY
 
-#: Display unit of each parameter group and its size in SI.
-DISPLAY: dict[str, tuple[str, float]] = {
-    "gyro_bias": ("°/h", DEGREE_PER_HOUR),
-    "gyro_scale": ("ppm", 1e-6),
-    "gyro_misalign": ("″", ARCSECOND),
-    "accel_bias": ("µg", MICRO_G),
-    "accel_scale": ("ppm", 1e-6),
-    "accel_misalign": ("″", ARCSECOND),
-    "accel_quadratic": ("µg/g²", MICRO_G / STANDARD_GRAVITY**2),
-    "inner_lever": ("mm", 1e-3),
-    "outer_lever": ("mm", 1e-3),
-    "secondary_gyro_bias": ("°/h", DEGREE_PER_HOUR),
-    "secondary_gyro_matrix": ("1", 1.0),
-    "secondary_accel_bias": ("µg", MICRO_G),
-    "secondary_accel_matrix": ("1", 1.0),
-    "secondary_lever": ("mm", 1e-3),
-    "clock_offset": ("µs", 1e-6),
-    "g_sensitivity": ("°/h/g", DEGREE_PER_HOUR / STANDARD_GRAVITY),
-    "gyro_asymmetry": ("ppm", 1e-6),
-    "accel_cubic": ("µg/g³", MICRO_G / STANDARD_GRAVITY**3),
-    "accel_cross": ("µg/g²", MICRO_G / STANDARD_GRAVITY**2),
-    "accel_off_axis": ("mm", 1e-3),
-    "time_skew": ("ms", 1e-3),
-}
-
-
-#: SI unit, display unit and its size in SI of each entry of `[noise]` in an IMU profile.
-NOISE_DISPLAY: dict[str, tuple[str, str, float]] = {
-    "gyro_arw": ("rad/√s", "°/√h", DEGREE / 60.0),
-    "accel_vrw": ("m/s/√s", "µg/√Hz", MICRO_G),
-    "gyro_bias_instability": ("rad/s", "°/h", DEGREE_PER_HOUR),
-    "accel_bias_instability": ("m/s²", "µg", MICRO_G),
-}
-
-#: Display unit of a quantity that is not a parameter, and its size in SI, by its SI unit.
+#: Display unit of a quantity that is not one of the 30 parameters, and its size in SI, by its SI unit.
 _BY_UNIT: dict[str, tuple[str, float]] = {
     "rad": ("″", ARCSECOND),
     "rad/s": ("°/h", DEGREE_PER_HOUR),
@@ -67,6 +34,34 @@ _BY_UNIT: dict[str, tuple[str, float]] = {
     "m/s": ("mm/s", 1e-3),
     "s": ("ms", 1e-3),
     "1": ("ppm", 1e-6),
+}
+
+#: Display unit of each parameter group and its size in SI.
+DISPLAY: dict[str, tuple[str, float]] = {
+    "gyro_bias": ("°/h", DEGREE_PER_HOUR),
+    "gyro_scale": ("ppm", 1e-6),
+    "gyro_misalign": ("″", ARCSECOND),
+    "accel_bias": ("µg", MICRO_G),
+    "accel_scale": ("ppm", 1e-6),
+    "accel_misalign": ("″", ARCSECOND),
+    "accel_quadratic": ("µg/g²", MICRO_G / STANDARD_GRAVITY**2),
+    "inner_lever": ("mm", 1e-3),
+    "outer_lever": ("mm", 1e-3),
+    "secondary_gyro_bias": ("°/h", DEGREE_PER_HOUR),
+    "secondary_gyro_matrix": ("1", 1.0),
+    "secondary_accel_bias": ("µg", MICRO_G),
+    "secondary_accel_matrix": ("1", 1.0),
+    "secondary_lever": ("mm", 1e-3),
+    "clock_offset": ("µs", 1e-6),
+    **{p.group: _BY_UNIT[p.unit] for p in EFFECT_PARAMETERS},
+}
+
+#: SI unit, display unit and its size in SI of each entry of `[noise]` in an IMU profile.
+NOISE_DISPLAY: dict[str, tuple[str, str, float]] = {
+    "gyro_arw": ("rad/√s", "°/√h", DEGREE / 60.0),
+    "accel_vrw": ("m/s/√s", "µg/√Hz", MICRO_G),
+    "gyro_bias_instability": ("rad/s", "°/h", DEGREE_PER_HOUR),
+    "accel_bias_instability": ("m/s²", "µg", MICRO_G),
 }
 
 

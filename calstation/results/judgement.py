@@ -13,7 +13,7 @@ from calstation.estimation import Misfit, Solution
 from calstation.estimation.common import Belief
 from calstation.estimation.positions import TableQuantity
 from calstation.messages import Text, values_from_json, values_to_json
-from calstation.physics import EFFECTS, INDEX, PARAMETERS, display, display_by_unit
+from calstation.physics import EFFECT_STATES, INDEX, PARAMETERS, display, display_by_unit
 from calstation.records import (
     NEAR,
     Check,
@@ -265,5 +265,5 @@ def cause_text(check: Check) -> Text | None:
 
 def missing_state(result: Result) -> Check | None:
     """Return the most significant failed check whose cause another state of the model would describe, or None."""
-    failed = [c for c in result.failed_checks if c.misfit is not None and c.misfit.cause in EFFECTS]
+    failed = [c for c in result.failed_checks if c.misfit is not None and c.misfit.cause in EFFECT_STATES]
     return max(failed, key=lambda check: check.value, default=None)

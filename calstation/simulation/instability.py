@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 from calstation.bench.truth import INSTABILITY_TIMES, instability_variance
 from calstation.estimation.common import Belief, SampleBlock, SolveContext, StageData, stage_data
 from calstation.estimation.navigation import BIAS, ReferencePass, solve_navigation
-from calstation.physics import NAMES, PARAMETER_START, STATES, FloatArray
+from calstation.physics import NAMES, NAVIGATION, PARAMETER_STATES, STATES, FloatArray
 
 
 class MismatchedCovariance:
@@ -41,7 +41,7 @@ class MismatchedCovariance:
         size = len(run.state.x)
         I_KH = np.eye(size) - gain @ group.H
         into = np.zeros((size, len(BIAS)))
-        into[:PARAMETER_START] = group.transition[:PARAMETER_START, BIAS]
+        into[NAVIGATION] = group.transition[NAVIGATION, BIAS]
         seen = gain @ group.H[:, BIAS] @ self._into_bias
         T = np.block(
             [
@@ -77,5 +77,4 @@ def instability_ratio(block: SampleBlock, context: SolveContext, prior: Belief) 
 
     run.run(data, start, attitude, after)
     sigma = run.belief.sigma
-    parameters = slice(PARAMETER_START, STATES)
-    return np.asarray(true[0].P[parameters, parameters] / np.outer(sigma, sigma))
+    return np.asarray(true[0].P[PARAMETER_STATES, PARAMETER_STATES] / np.outer(sigma, sigma))

@@ -12,7 +12,7 @@ from calstation.bench.truth.grades import GRADES
 from calstation.bench.truth.simulate import BenchTruth, Simulated, Simulator
 from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
 from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.effects import CONSTANT, Motion
+from calstation.physics import EFFECTS, Motion
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import COUNT, PARAMETERS
 from calstation.physics.table import TableGeometry
@@ -136,5 +136,5 @@ def with_effect(
     )
     dt = 1.0 / context.imu.sample_rate
     motion = Motion(rate, force, np.gradient(rate, dt, axis=0), np.gradient(force, dt, axis=0), block.time)
-    errors = next(c for c in CONSTANT if c.cause == cause).errors(motion)[:, :, component]
+    errors = next(c for c in EFFECTS if c.cause == cause).errors(motion)[:, :, component]
     return replace(block, counts=block.counts + size * errors / context.imu.count_size)

@@ -5,8 +5,8 @@ import pytest
 from simulated_stages import with_effect
 
 from calstation.estimation.common import Belief
-from calstation.estimation.effects import CONSTANT, EffectFound, EffectTests, Motion, batch_sensitivity, changing
-from calstation.physics import COUNT, INDEX, NAMES, PARAMETERS
+from calstation.estimation.effects import EffectFound, EffectTests, StageEffects, changing
+from calstation.physics import COUNT, EFFECTS, INDEX, NAMES, PARAMETERS, Motion
 from calstation.simulation.study import draw_unit, simulate_stages, study_prior
 from procedures import DEFAULT_STAGES, method
 
@@ -15,18 +15,20 @@ SIGMA = np.array([p.prior_sigma for p in PARAMETERS])
 
 def test_score_test_equals_the_estimate_of_the_augmented_model() -> None:
     random = np.random.default_rng(1)
-    count = sum(len(c.components) for c in CONSTANT)
+    count = sum(len(c.components) for c in EFFECTS)
     H, constant = random.normal(size=(80, COUNT)) / SIGMA, random.normal(size=(80, count))
     added = np.hstack([constant, np.zeros((80, sum(len(c.components) for c in changing(1.0))))])
     truth = SIGMA * random.normal(size=COUNT)
     tests, belief = EffectTests(SIGMA), Belief(np.zeros(COUNT), np.diag(SIGMA**2))
-    size = 0.02 * np.array([c.plausible for c in CONSTANT if c.cause == "time_skew"])[0]
+    size = 0.02 * np.array([c.plausible for c in EFFECTS if c.cause == "time_skew"])[0]
     observed = H @ truth + size * constant[:, -1] + 1e-4 * random.normal(size=80)
     for rows in (slice(0, 45), slice(45, 80)):
         h, y = H[rows], observed[rows] - H[rows] @ belief.mean
         S = h @ belief.covariance @ h.T + 1e-8 * np.eye(len(h))
         K = np.linalg.solve(S, h @ belief.covariance).T
-        tests.add("a stage", batch_sensitivity(h, K, S, y, added[rows], np.ones(COUNT, dtype=bool), 0.0, 1.0), NAMES)
+        tests.add(
+            "a stage", StageEffects(0.0, 1.0).of_batch((h, K, S, y), added[rows], np.ones(COUNT, dtype=bool)), NAMES
+        )
         belief = Belief(belief.mean + K @ y, belief.covariance - K @ h @ belief.covariance)
     found = next(f for f in tests.found(belief) if f.cause == "time_skew")
     augmented, plausible = np.hstack([H, constant[:, -1:]]), 0.02
@@ -60,7 +62,7 @@ def test_drift_is_estimated_across_the_stages_of_a_run() -> None:
     theta = 0.1 * np.repeat(SIGMA[i], 2) * random.normal(size=6)
     observed = regressors @ theta + 1e-4 * random.normal(size=80)
     tests, belief = EffectTests(SIGMA), Belief(np.zeros(COUNT), np.diag(SIGMA**2))
-    count = sum(len(c.components) for c in CONSTANT)
+    count = sum(len(c.components) for c in EFFECTS)
     for (begin, duration), rows in stages.items():
         h, y = H[rows], observed[rows] - H[rows] @ belief.mean
         S = h @ belief.covariance @ h.T + 1e-8 * np.eye(len(h))
@@ -74,7 +76,7 @@ def test_drift_is_estimated_across_the_stages_of_a_run() -> None:
             for c in changing(duration)
         ]
         columns = np.hstack([np.zeros((len(h), count)), *added])
-        tests.add("a stage", batch_sensitivity(h, K, S, y, columns, np.ones(COUNT, bool), begin, duration), NAMES)
+        tests.add("a stage", StageEffects(begin, duration).of_batch((h, K, S, y), columns, np.ones(COUNT, bool)), NAMES)
         belief = Belief(belief.mean + K @ y, belief.covariance - K @ h @ belief.covariance)
     found = next(f for f in tests.found(belief) if f.cause == "drift_throughout" and f.parameter in names)
     augmented = np.hstack([H, regressors])
@@ -126,7 +128,7 @@ def test_effect_is_reported_with_its_size_and_parameter_shifts() -> None:
 
 
 #: Sizes and components: a gyro's sensitivity to force along its own axis is an azimuth rate, which gravity hides.
-EFFECTS = {
+SIZES = {
     "g_sensitivity": (5e-8, 1),
     "gyro_asymmetry": (2e-5, 0),
     "accel_cubic": (1e-6, 0),
@@ -136,9 +138,9 @@ EFFECTS = {
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("cause", EFFECTS)
+@pytest.mark.parametrize("cause", SIZES)
 def test_every_significant_effect_is_listed_first(cause: str) -> None:
-    size, component = EFFECTS[cause]
+    size, component = SIZES[cause]
     found, errors, _ = solved(2, cause, size, {}, DEFAULT_STAGES, component)
     assert found[0].excess > 30.0
     alike = {"gyro_asymmetry", "gyro_square"}  # the same at one rate

@@ -13,7 +13,7 @@ from calstation.estimation.common import (
     stage_data,
     starts,
 )
-from calstation.estimation.effects import CONSTANT, EffectTests
+from calstation.estimation.effects import EffectTests
 from calstation.estimation.navigation import (
     ClosedLoopFilter,
     advanced,
@@ -23,7 +23,7 @@ from calstation.estimation.navigation import (
     sigmas,
     solve_navigation,
 )
-from calstation.physics import COUNT, NAMES, PARAMETERS, Dwell, Move
+from calstation.physics import COUNT, EFFECTS, NAMES, PARAMETERS, Dwell, Move
 
 IMU = ImuModel("unit", 100.0, "rate", 1e-8, 1e-7, 6e-6, 2e-4, 1e-6, 1e-4)
 STEPS = [
@@ -77,7 +77,7 @@ def test_joining_segments_is_associative(setting):
 
 def test_undetectable_effect_sizes_agree_with_the_score_tests(setting):
     context, prior, data, start = setting
-    effects = tuple(c for c in CONSTANT if c.cause in ("gyro_asymmetry", "accel_cubic", "g_sensitivity"))
+    effects = tuple(c for c in EFFECTS if c.cause in ("gyro_asymmetry", "accel_cubic", "g_sensitivity"))
     segment = segment_information(ClosedLoopFilter(context, prior, prior.mean), data, start, context, effects)
     found = sigmas(advanced(segment.start[None], segment.motion[None]), segment.states)[0, COUNT:]
     mask = np.ones(COUNT, dtype=bool)

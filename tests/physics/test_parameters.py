@@ -3,18 +3,24 @@
 import numpy as np
 import pytest
 
-from calstation.physics.parameters import (
+from calstation.physics import (
     COUNT,
+    DISPLAY,
     GROUPS,
     INDEX,
     NAMES,
+    OUTER_LEVER,
+    PARAMETER_START,
     PARAMETERS,
+    PHI,
+    STATES,
+    display,
     entry_of,
     group_indices,
     group_matrix,
     group_vector,
+    states,
 )
-from calstation.physics.units import DISPLAY, display
 
 CONTRACT = """
     gyro_bias         x y z              rad/s
@@ -103,3 +109,13 @@ def test_values_are_converted_to_display_units(name, value, shown, unit):
 
 def test_every_group_has_a_display_unit():
     assert set(DISPLAY) >= set(GROUPS)
+
+
+def test_order_of_the_states_follows_from_the_parameters() -> None:
+    assert (39, 9, slice(0, 3)) == (STATES, PARAMETER_START, PHI)
+    for group in GROUPS:
+        members = np.arange(COUNT)[getattr(states, group.upper())]
+        assert members.tolist() == group_indices(group)
+    assert PARAMETER_START + OUTER_LEVER.stop == STATES
+    others = [i for i, p in enumerate(PARAMETERS) if p.group != "outer_lever"]
+    assert np.arange(COUNT)[states.SENSORS].tolist() == others

@@ -21,7 +21,7 @@ from calstation.estimation.common.context import (
 )
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.method import Solution
-from calstation.physics.parameters import PAIR_PARAMETERS, group_indices
+from calstation.physics import PAIR_PARAMETERS, group_indices
 from procedures import method
 
 RATE = 100.0

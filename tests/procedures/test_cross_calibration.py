@@ -31,8 +31,8 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.pairs.calibration import PairCalibration, compensate_secondary, pair_vector
 from calstation.estimation.pairs.schedule import PairSchedule, Threshold
 from calstation.estimation.pairs.watch import PairWatch, call_now
+from calstation.physics import PAIR_PARAMETERS, further_parameter, group_indices, pair_name
 from calstation.physics.imu_model import compensation
-from calstation.physics.parameters import PAIR_PARAMETERS, further_parameter, group_indices, pair_name
 from calstation.physics.table import TableGeometry
 from calstation.results.resolving import resolve
 from procedures import method

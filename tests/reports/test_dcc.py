@@ -12,7 +12,7 @@ from dsi_unit import DsiUnit
 from lxml import etree
 
 from calstation.messages import Text
-from calstation.physics.parameters import EFFECT_PARAMETERS, PAIR_PARAMETERS, PARAMETERS
+from calstation.physics import EFFECT_PARAMETERS, PAIR_PARAMETERS, PARAMETERS
 from calstation.records.laboratory import InstrumentSection, LaboratorySection
 from calstation.records.log import open_log
 from calstation.reports.content import Certificate, build_certificate

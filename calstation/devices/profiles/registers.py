@@ -23,7 +23,7 @@ from calstation.devices.codecs import (
 )
 from calstation.devices.profiles.entries import LAST_ADDRESS, Address, Scale
 from calstation.messages import Text
-from calstation.physics import AXES, EFFECT_PARAMETERS, EFFECTS, GROUPS, NAMES, PARAMETERS
+from calstation.physics import AXES, EFFECT_PARAMETERS, EFFECT_STATES, GROUPS, NAMES, PARAMETERS
 from calstation.schema import EntryError, StrictModel, entry, field_name, near_miss
 
 #: Number of standard deviations of its prior for which a parameter must fit its register.
@@ -39,7 +39,7 @@ _KNOWN = (
     *GROUPS,
     *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")),
     *_EFFECTS,
-    *EFFECTS,
+    *EFFECT_STATES,
 )
 _NEVER_IN_REGISTERS = "outer_lever"
 

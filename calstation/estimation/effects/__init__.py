@@ -1,13 +1,6 @@
 """Tests for effects outside the error model, one added effect at a time (score tests)."""
 
-from calstation.estimation.effects.candidates import (
-    CONSTANT,
-    OF_ACCELEROMETERS,
-    Candidate,
-    Motion,
-    changing,
-    effect_errors,
-)
+from calstation.estimation.effects.changes import changing, effect_errors
 from calstation.estimation.effects.score import (
     MOST_EXCESS,
     EffectFound,
@@ -16,10 +9,4 @@ from calstation.estimation.effects.score import (
     Estimated,
     effect_tests,
 )
-from calstation.estimation.effects.sensitivity import (
-    Sensitivity,
-    all_errors,
-    batch_sensitivity,
-    mean_errors,
-    mean_regressors,
-)
+from calstation.estimation.effects.sensitivity import Sensitivity, StageEffects, mean_errors, mean_regressors

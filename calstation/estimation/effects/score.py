@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.estimation.common import Belief, Misfit, ModelTest
-from calstation.estimation.effects.candidates import CONSTANT, Candidate, drifted
+from calstation.estimation.effects.changes import drifted
 from calstation.estimation.effects.sensitivity import Sensitivity
-from calstation.physics import AXES, COUNT, INDEX, FloatArray, IntArray
+from calstation.physics import AXES, COUNT, EFFECTS, INDEX, Effect, FloatArray, IntArray
 
 #: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect shifts a parameter by
 #: more than `LEAST_MOVE` of its sigmas. An effect with a smaller shift is harmless, but may explain other failures.
@@ -83,26 +83,26 @@ class EffectLimit:
 
 @dataclass
 class _Tested:
-    """A candidate with its score, information and accumulated parameter error."""
+    """An effect with its score, information and accumulated parameter error."""
 
-    candidate: Candidate
+    effect: Effect
     stage: str
     score: FloatArray
     information: FloatArray
-    cross: FloatArray  #: Information shared with the components of `CONSTANT`, shape (k, components).
+    cross: FloatArray  #: Information shared with the components of `EFFECTS`, shape (k, components).
     error: FloatArray
 
     @classmethod
-    def begun(cls, candidate: Candidate, stage: str, error: FloatArray, constants: int) -> "_Tested":
-        """Return a test before any stage; `error` is the contribution of the effect to the prior, shape (30, k)."""
-        k = error.shape[1]
-        return cls(candidate, stage, np.zeros(k), np.zeros((k, k)), np.zeros((k, constants)), error)
+    def begun(cls, effect: Effect, stage: str, constants: int) -> "_Tested":
+        """Return a test before any stage."""
+        k = len(effect.components)
+        return cls(effect, stage, np.zeros(k), np.zeros((k, k)), np.zeros((k, constants)), np.zeros((COUNT, k)))
 
     def follow(self, s: Sensitivity, constant: FloatArray, direct: FloatArray | None = None) -> None:
         """Add a stage.
 
-        The effect also contributes `direct` times the columns after the parameters and `CONSTANT`. `constant` is the
-        contribution of each component of `CONSTANT` to the parameters and its own column.
+        The effect also contributes `direct` times the columns after the parameters and `EFFECTS`. `constant` is the
+        contribution of each component of `EFFECTS` to the parameters and its own column.
         """
         both, own = len(constant), self.error
         if direct is not None:
@@ -113,19 +113,19 @@ class _Tested:
         self.cross = self.cross + own.T @ s.information[:n, :both] @ constant
         self.error = s.error[:, :n] @ own
 
-    def change(self, amount: FloatArray) -> None:
+    def change(self, amount: FloatArray | float) -> None:
         """Change the parameters themselves by `amount` per unit of each size, shape (k,)."""
-        self.error[[INDEX[name] for name in self.candidate.parameters], range(len(amount))] += amount
+        self.error[[INDEX[name] for name in self.effect.parameters], range(len(self.score))] += amount
 
     def in_units_of(self, sizes: FloatArray) -> "_Tested":
         """Return the same test with its sizes in other units, shape (k,)."""
         information = self.information * np.outer(sizes, sizes)
         scaled = self.score * sizes, information, self.cross * sizes[:, None], self.error * sizes
-        return _Tested(self.candidate, self.stage, *scaled)
+        return _Tested(self.effect, self.stage, *scaled)
 
     def limits(self, chi_square: float, sigma: FloatArray, names: Sequence[str]) -> Iterator[EffectLimit]:
         """Yield the limit of each component."""
-        c = self.candidate
+        c = self.effect
         for k, component in enumerate(c.components):
             information = float(self.information[k, k])
             size = float(np.sqrt(chi_square / information)) if information > 0.0 else np.inf
@@ -140,14 +140,14 @@ class _Tested:
         score = self.score - shared @ known.size
         information = self.information - shared @ known.covariance @ shared.T
         error = self.error - known.error @ known.covariance @ shared.T
-        changed = [before[INDEX[name]] for name in self.candidate.parameters]
-        plausible = np.diag(changed or len(score) * [self.candidate.plausible])
+        changed = [before[INDEX[name]] for name in self.effect.parameters]
+        plausible = np.diag(changed or len(score) * [self.effect.plausible])
         covariance = plausible @ np.linalg.inv(plausible @ information @ plausible + np.eye(len(score))) @ plausible
         size, own = covariance @ score, np.sqrt(np.diag(covariance))
         freedom = float(np.sum(covariance * information))
         best, at = int(np.argmax(np.abs(size) / own)), [INDEX[name] for name in names]
         moved = error @ size / np.where(sigma > 0.0, sigma, np.inf)
-        c = self.candidate
+        c = self.effect
         return EffectFound(
             c.cause, c.components[best], c.parameter_of(best), self.stage, float(score @ size) - freedom,
             float(size[best]), float(own[best]), c.unit, dict(zip(names, moved[at].tolist(), strict=True)),
@@ -158,7 +158,7 @@ class _Tested:
 class Estimated:
     """Estimate of the effects in the model of the unit."""
 
-    columns: IntArray  #: Indices of the components within `CONSTANT`, shape (k,).
+    columns: IntArray  #: Indices of the components within `EFFECTS`, shape (k,).
     names: tuple[str, ...]  #: Contract names of the components.
     units: tuple[str, ...]
     size: FloatArray  #: Shape (k,).
@@ -183,13 +183,12 @@ class EffectTests:
     def __init__(self, before: FloatArray, states: Sequence[str] = ()) -> None:
         """Begin with the sigmas of the 30 parameters before calibration, shape (30,), and the effects in the model."""
         self._before = before
-        causes = [(c, k) for c in CONSTANT for k in range(len(c.components))]
+        causes = [(effect, name) for effect in EFFECTS for name in effect.names]
         self._states = tuple(states)
-        self._columns = np.array([i for i, (c, _) in enumerate(causes) if c.cause in states], dtype=np.int64)
+        self._columns = np.array([i for i, (effect, _) in enumerate(causes) if effect.cause in states], dtype=np.int64)
         chosen = [causes[i] for i in self._columns]
-        self._names = tuple(f"{c.cause}_{c.components[k]}".rstrip("_") for c, k in chosen)
-        self._units = tuple(c.unit for c, _ in chosen)
-        self._plausible = np.array([c.plausible or np.nan for c, _ in chosen])
+        self._names, self._units = tuple(name for _, name in chosen), tuple(effect.unit for effect, _ in chosen)
+        self._plausible = np.array([effect.plausible or np.nan for effect, _ in chosen])
         count = len(causes)
         self._score, self._information = np.zeros(count), np.zeros((count, count))
         self._last, self._noise_ratio = (self._score, self._information), 1.0
@@ -215,32 +214,31 @@ class EffectTests:
             self._changes += [_jump_before(stage, group, count) for group in _JUMPING]
         for change in self._changes:
             change.follow(s, into)
-        if s.changing:
-            self._add_changing(stage, s, into)
+        self._add_changing(stage, s, into)
         self._parameters |= dict.fromkeys(estimated)
 
     def _add_changing(self, stage: str, s: Sensitivity, into: FloatArray) -> None:
         """Add the changes within a stage, and continue the drifts throughout the run."""
-        widths = [len(c.components) for c in s.changing]
+        changing, duration = s.effects.changing, s.effects.duration
+        widths = [len(effect.components) for effect in changing]
         units = np.split(np.eye(sum(widths)), np.cumsum(widths)[:-1], axis=1)
         count = len(self._score)
-        for candidate, unit in zip(s.changing, units, strict=True):
-            test = _Tested.begun(candidate, stage, np.zeros((COUNT, len(candidate.components))), count)
+        for effect, unit in zip(changing, units, strict=True):
+            test = _Tested.begun(effect, stage, count)
             test.follow(s, into, unit)
-            test.change(candidate.change(s.duration))
+            test.change(1.0)
             self._changes.append(test)
-        drifts = [(c, unit) for c, unit in zip(s.changing, units, strict=True) if c.cause == "drift"]
+        drifts = [(effect, unit) for effect, unit in zip(changing, units, strict=True) if effect.cause == "drift"]
         if not self._drifts:
-            self._begin, nothing = s.begin, np.zeros((COUNT, 6))
-            whole = [replace(c, cause="drift_throughout") for c, _ in drifts]
-            self._drifts = [_Tested.begun(c, "", nothing.copy(), count) for c in whole]
-        start = max(s.begin - self._begin, self._elapsed)
-        last, first, end = drifted(np.array([self._elapsed, start, start + s.duration]))
+            self._begin = s.effects.begin
+            self._drifts = [_Tested.begun(replace(e, cause="drift_throughout"), "", count) for e, _ in drifts]
+        start = max(s.effects.begin - self._begin, self._elapsed)
+        last, first, end = drifted(np.array([self._elapsed, start, start + duration]))
         for test, (_, unit) in zip(self._drifts, drifts, strict=True):
             test.change(np.tile(first - last, 3))
             test.follow(s, into, unit * np.tile(end - first, 3))
             test.change(np.tile(end - first, 3))
-        self._elapsed = start + s.duration
+        self._elapsed = start + duration
 
     def estimated(self) -> Estimated:
         """Return the estimate of the effects in the model."""
@@ -271,11 +269,11 @@ class EffectTests:
     def _tested(self) -> Iterator[_Tested]:
         """Yield the effects outside the model."""
         at = 0
-        for c in CONSTANT:
-            own = slice(at, at := at + len(c.components))
+        for effect in EFFECTS:
+            own = slice(at, at := at + len(effect.components))
             parts = self._score[own], self._information[own, own], self._information[own], self._error[:, own]
-            if c.cause not in self._states:
-                yield _Tested(c, "", *parts)
+            if effect.cause not in self._states:
+                yield _Tested(effect, "", *parts)
         at_end = np.tile(drifted(np.array([self._elapsed]))[0], 3)
         yield from (drift.in_units_of(1.0 / at_end) for drift in self._drifts)
         yield from self._changes
@@ -285,5 +283,7 @@ def _jump_before(stage: str, group: str, count: int) -> _Tested:
     """Return the test for a jump of the parameters of a group before a stage."""
     unit = {"gyro_bias": "rad/s", "accel_bias": "m/s²"}.get(group, "1")
     names = tuple(f"{group}_{axis}" for axis in AXES)
-    candidate = Candidate("jump_before", unit, None, 3 * ("",), lambda motion: np.empty((0, 0)), (), names)
-    return _Tested.begun(candidate, stage, np.eye(COUNT)[:, [INDEX[name] for name in names]], count)
+    effect = Effect("jump_before", unit, None, 3 * ("",), lambda motion: np.empty((0, 0)), (), parameters=names)
+    test = _Tested.begun(effect, stage, count)
+    test.change(1.0)
+    return test

@@ -6,62 +6,111 @@ estimate). Both follow from the gains of the estimator, optimal or not.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba as nb
 import numpy as np
 
-from calstation.estimation.effects.candidates import CONSTANT, Candidate, Motion, changing
-from calstation.physics import COUNT, BoolArray, FloatArray, IntArray
+from calstation.estimation.effects.changes import changing
+from calstation.physics import COUNT, EFFECTS, BoolArray, Effect, FloatArray, IntArray, Motion
+
+
+@dataclass(frozen=True)
+class StageEffects:
+    """The effects for which a stage is tested, from which its solver builds its `Sensitivity`."""
+
+    begin: float  #: Time at which the stage begins, s.
+    duration: float  #: s
+
+    @cached_property
+    def changing(self) -> tuple[Effect, ...]:
+        """Effects that change a parameter during the stage, see `changing`."""
+        return tuple(changing(self.duration))
+
+    @property
+    def tested(self) -> tuple[Effect, ...]:
+        """All effects: `EFFECTS`, then `changing`."""
+        return (*EFFECTS, *self.changing)
+
+    def errors(self, motion: Motion, counts: IntArray) -> FloatArray:
+        """Return the errors of the six channels, averaged over k groups of `counts` intervals, shape (k, 6, c)."""
+        return mean_errors(motion, self.tested, counts)
+
+    def sensitivity(
+        self,
+        score: FloatArray,
+        information: FloatArray,
+        remaining: FloatArray,
+        estimated: BoolArray,
+        noise_ratio: float = 1.0,
+    ) -> "Sensitivity":
+        """Return the sensitivity of a stage.
+
+        Parameters
+        ----------
+        score, information, noise_ratio : as in `Sensitivity`
+        remaining : error left in each parameter if all were estimated, shape (30, c)
+        estimated : True for the parameters that the stage estimates, shape (30,)
+        """
+        error = np.where(estimated[:, None], remaining, np.eye(COUNT, len(score)))
+        return Sensitivity(score, information, error, self, noise_ratio)
+
+    def of_batch(
+        self, gain: tuple[FloatArray, FloatArray, FloatArray, FloatArray], added: FloatArray, estimated: BoolArray
+    ) -> "Sensitivity":
+        """Return the sensitivity of an estimate from m observations in one batch.
+
+        Parameters
+        ----------
+        gain : Jacobian and gain of the 30 parameters, shapes (m, 30) and (30, m); covariance and innovations, shapes
+            (m, m) and (m,)
+        added : contribution of each component of `tested` to the observations, shape (m, components)
+        estimated : True for the parameters that the gain corrects, shape (30,)
+        """
+        jacobian, K, covariance, innovation = gain
+        response = np.hstack([jacobian, added])
+        weighted = np.linalg.solve(covariance, response)
+        remaining = np.eye(COUNT, response.shape[1]) - K @ response
+        return self.sensitivity(weighted.T @ innovation, response.T @ weighted, remaining, estimated)
 
 
 @dataclass(frozen=True)
 class Sensitivity:
     """Score and information of c columns, and the estimation errors that they cause.
 
-    The columns are an error of each parameter's prior mean (30), the components of `CONSTANT`, and the components of
-    `changing`.
+    The columns are an error of each parameter's prior mean (30), and the components of the `tested` effects.
     """
 
     score: FloatArray  #: Jᵀ S⁻¹ ν, shape (c,).
     information: FloatArray  #: Jᵀ S⁻¹ J, shape (c, c).
     error: FloatArray  #: D: error left in each parameter, truth minus estimate, shape (30, c).
-    changing: tuple[Candidate, ...] = ()  #: Effects that change a parameter during the stage.
-    begin: float = 0.0  #: Time at which the stage begins, s.
-    duration: float = 0.0  #: Duration of the stage, s.
+    effects: StageEffects
     #: χ² of the innovations with the noise of the estimate, divided by χ² with the noise of `score` and `information`.
     noise_ratio: float = 1.0
 
 
-def all_errors(motion: Motion, candidates: Sequence[Candidate], counts: IntArray) -> FloatArray:
-    """Return the errors of the six channels due to the constant effects and `candidates`, shape (k, 6, components).
-
-    They are averaged over k groups of `counts` intervals, shape (k,).
-    """
-    return mean_errors(motion, (*CONSTANT, *candidates), counts)
-
-
-def mean_errors(motion: Motion, candidates: Sequence[Candidate], counts: IntArray) -> FloatArray:
-    """Return the same as `all_errors` for `candidates` alone."""
-    regressors, places = mean_regressors(motion, candidates, counts)
-    errors = np.zeros((len(counts), 6, sum(len(c.components) for c in candidates)))
-    channel, component, regressor = places.T
+def mean_errors(motion: Motion, effects: Sequence[Effect], counts: IntArray) -> FloatArray:
+    """Return the errors of the six channels, averaged over k groups of `counts` intervals, shape (k, 6, components)."""
+    regressors, terms = mean_regressors(motion, effects, counts)
+    errors = np.zeros((len(counts), 6, sum(len(effect.components) for effect in effects)))
+    channel, component, regressor = terms.T
     errors[:, channel, component] = regressors[:, regressor]
     return errors
 
 
-def mean_regressors(motion: Motion, candidates: Sequence[Candidate], counts: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return the regressors of candidates averaged over k groups of `counts` intervals, and the channels they apply to.
+def mean_regressors(motion: Motion, effects: Sequence[Effect], counts: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return the regressors averaged over k groups of `counts` intervals, shape (k, r), and their terms, shape (t, 3).
 
-    The means have the shape (k, r), the places (channel, component, regressor) the shape (places, 3).
+    The components and regressors of the terms are counted over all effects.
     """
     means = [np.empty((len(counts), 0))]
-    places: list[tuple[int, int, int]] = []
+    terms: list[tuple[int, int, int]] = []
     component = regressor = 0
-    for c in candidates:
-        means.append(_means(c.regressors(motion), counts))
-        places += [(p.channel, component + p.component, regressor + p.regressor) for p in c.places]
-        component, regressor = component + len(c.components), regressor + means[-1].shape[1]
-    return np.hstack(means), np.array(places, dtype=np.int64).reshape(-1, 3)
+    for effect in effects:
+        means.append(_means(effect.regressors(motion), counts))
+        terms += [(t.channel, component + t.component, regressor + t.regressor) for t in effect.terms]
+        component, regressor = component + len(effect.components), regressor + means[-1].shape[1]
+    return np.hstack(means), np.array(terms, dtype=np.int64).reshape(-1, 3)
 
 
 @nb.njit(cache=True)
@@ -76,31 +125,3 @@ def _means(values: FloatArray, counts: IntArray) -> FloatArray:
             means[g, j] /= counts[g]
         first += counts[g]
     return means
-
-
-def batch_sensitivity(
-    jacobian: FloatArray,
-    gain: FloatArray,
-    covariance: FloatArray,
-    innovation: FloatArray,
-    added: FloatArray,
-    estimated: BoolArray,
-    begin: float,
-    duration: float,
-) -> Sensitivity:
-    """Return the sensitivity of an estimate from m observations in one batch.
-
-    Parameters
-    ----------
-    jacobian, gain : of the 30 parameters, shapes (m, 30) and (30, m)
-    covariance, innovation : of the innovations, shapes (m, m) and (m,)
-    added : contribution of each component of `CONSTANT` and of `changing` to the observations, shape (m, components)
-    estimated : True for the parameters that the gain corrects, shape (30,)
-    begin, duration : of the stage, s
-    """
-    response = np.hstack([jacobian, added])
-    weighted = np.linalg.solve(covariance, response)
-    before = np.eye(COUNT, response.shape[1])
-    error = before - np.where(estimated[:, None], gain, 0.0) @ response
-    score, information = weighted.T @ innovation, response.T @ weighted
-    return Sensitivity(score, information, error, tuple(changing(duration)), begin, duration)

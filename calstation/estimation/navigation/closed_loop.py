@@ -12,8 +12,8 @@ import numpy as np
 from calstation.estimation.common import StageData, Start
 from calstation.estimation.navigation.navigation_pass import NavigationPass
 from calstation.estimation.navigation.small_matrices import cholesky, forward
-from calstation.estimation.navigation.velocity_group import VelocityGroup, observe
-from calstation.physics import FloatArray, rotate
+from calstation.estimation.navigation.velocity_group import OBSERVED, VelocityGroup, observe
+from calstation.physics import DV, PHI, FloatArray, rotate
 
 if TYPE_CHECKING:
     from filterpy.kalman import KalmanFilter
@@ -83,7 +83,7 @@ class ClosedLoopFilter(NavigationPass):
         offset = group.transition @ self._offset
         self._offset = offset - kalman.K @ (H @ offset)
         correction = x - self._offset
-        self.work.velocity[:] += correction[3:6]
-        rotate(correction, self.work.attitude)
-        x[:6] = self._offset[:6]
+        self.work.velocity[:] += correction[DV]
+        rotate(correction[PHI], self.work.attitude)
+        x[:OBSERVED] = self._offset[:OBSERVED]
         return np.asarray(kalman.y)

@@ -16,14 +16,14 @@ from typing import NamedTuple
 import numpy as np
 
 from calstation.estimation.common import SolveContext, StageData, Start
-from calstation.estimation.effects import Candidate, mean_errors
+from calstation.estimation.effects import mean_errors
 from calstation.estimation.navigation.closed_loop import ClosedLoopFilter
 from calstation.estimation.navigation.response import motion_between_observations
 from calstation.estimation.navigation.velocity_group import BIAS
-from calstation.physics import COUNT, PARAMETER_START, PARAMETERS, STATES, FloatArray, IntArray
+from calstation.physics import COUNT, DV, PARAMETER_START, PARAMETERS, STATES, Effect, FloatArray, IntArray
 
 #: Number of navigation states at a boundary: φ and δv; no observation depends on δp.
-_OBSERVED = 6
+_OBSERVED = DV.stop
 #: Variance of a known parameter, in units of its usual prior variance.
 _KNOWN = 1e-12
 _PARAMETERS = np.arange(PARAMETER_START, STATES)
@@ -38,7 +38,7 @@ class Segment(NamedTuple):
 
 
 def segment_information(
-    run: ClosedLoopFilter, data: StageData, start: Start, context: SolveContext, effects: Sequence[Candidate]
+    run: ClosedLoopFilter, data: StageData, start: Start, context: SolveContext, effects: Sequence[Effect]
 ) -> Segment:
     """Pass a new filter over samples from `start`; return their information."""
     gatherer = _Gatherer()

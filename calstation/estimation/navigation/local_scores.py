@@ -11,7 +11,7 @@ import numpy as np
 from calstation.estimation.common import LocalScores, StageData
 from calstation.estimation.navigation.group_update import Updates
 from calstation.estimation.navigation.velocity_group import BIAS
-from calstation.physics import PARAMETER_START, STATES, FloatArray, IntArray
+from calstation.physics import NAVIGATION, PARAMETER_STATES, STATES, FloatArray, IntArray
 
 #: Number of groups of observations that are added together.
 _TOGETHER = 100
@@ -33,7 +33,7 @@ def local_scores(
     observed = 0
     for update in updates:
         if not update.transition.size:
-            effect[:PARAMETER_START] = 0.0
+            effect[NAVIGATION] = 0.0
             effect -= update.gain[0].T @ np.linalg.solve(update.root[0], update.H[0] @ effect)
             continue
         rows_of_groups = zip(update.transition, update.H, update.root, update.gain, update.innovation, strict=True)
@@ -44,7 +44,7 @@ def local_scores(
             begun, now = 6 * (span + 1), slice(6 * span, 6 * span + 6)
             moved = transition @ effect[:, :begun]
             moved[:, now] += transition[:, BIAS]
-            effect[:PARAMETER_START, :begun] = moved
+            effect[NAVIGATION, :begun] = moved
             effect[STATES:] *= update.decay[:, None]
             white = np.zeros((len(H), width + 1))
             white[:, :begun] = H @ effect[:, :begun]
@@ -60,4 +60,4 @@ def local_scores(
                 score += rows[:, :-1].T @ rows[:, -1]
                 information += rows[:, :-1].T @ rows[:, :-1]
                 together.clear()
-    return LocalScores(score, information, -effect[PARAMETER_START:STATES], own_score, own_information)
+    return LocalScores(score, information, -effect[PARAMETER_STATES], own_score, own_information)

@@ -19,13 +19,15 @@ from calstation.estimation.common import BIAS_DRIFT_TIME, Belief, SolveContext, 
 from calstation.estimation.navigation.group_update import State
 from calstation.estimation.navigation.velocity_group import BIAS, Setting, VelocityGroup, observation, velocity_group
 from calstation.physics import (
-    PARAMETER_START,
+    NAVIGATION,
+    OUTER_LEVER,
+    PARAMETER_STATES,
+    PHI,
     STATES,
     FloatArray,
     Increments,
     IntArray,
     compensation,
-    group_indices,
     increments,
     interval_work,
     propagate,
@@ -89,13 +91,13 @@ class NavigationPass(ABC):
         self._has_drift = bool(np.any(self.noise.bias_drift))
         size = STATES + len(BIAS) if self._has_drift else STATES
         x, P = np.zeros(size), np.zeros((size, size))
-        x[PARAMETER_START:STATES] = prior.mean - point
-        P[PARAMETER_START:STATES, PARAMETER_START:STATES] = prior.covariance
+        x[PARAMETER_STATES] = prior.mean - point
+        P[PARAMETER_STATES, PARAMETER_STATES] = prior.covariance
         if self._has_drift:
             bias_drift = np.arange(STATES, size)
             P[bias_drift, bias_drift] = self.noise.bias_drift**2
         self.state = State(x, P)
-        lever = float(np.sum((point[group_indices("outer_lever")]) ** 2))
+        lever = float(np.sum((point[OUTER_LEVER]) ** 2))
         variance = self.noise.velocity + lever * self.noise.end_rate
         self.setting = Setting(
             self.earth, self.gravity, self.dt, self.stride, self.noise.rate, self.noise.force, variance
@@ -104,8 +106,8 @@ class NavigationPass(ABC):
     @property
     def belief(self) -> Belief:
         """Current posterior of the parameters."""
-        s = slice(PARAMETER_START, STATES)
-        return Belief(self.point + self.state.x[s], self.state.P[s, s].copy())
+        P = self.state.P[PARAMETER_STATES, PARAMETER_STATES]
+        return Belief(self.point + self.state.x[PARAMETER_STATES], P.copy())
 
     @property
     def history(self) -> History:
@@ -121,7 +123,7 @@ class NavigationPass(ABC):
     @property
     def attitude(self) -> FloatArray:
         """Current estimate of C_bn, shape (3, 3)."""
-        return np.asarray(rotation_matrix(self.state.x[:3]) @ self.work.attitude)
+        return np.asarray(rotation_matrix(self.state.x[PHI]) @ self.work.attitude)
 
     @abstractmethod
     def begin(self, data: StageData, start: Start, attitude: FloatArray) -> None:
@@ -164,12 +166,12 @@ class NavigationPass(ABC):
     def _reset(self, start: Start, attitude: FloatArray) -> None:
         """Reset the navigation states to the prior of a start, relative to the attitude of the linearisation."""
         x, P = self.state
-        x[:PARAMETER_START] = 0.0
-        x[:3] = rotation_vector(start.prior @ attitude.T)
-        P[:PARAMETER_START, :] = 0.0
-        P[:, :PARAMETER_START] = 0.0
+        x[NAVIGATION] = 0.0
+        x[PHI] = rotation_vector(start.prior @ attitude.T)
+        P[NAVIGATION, :] = 0.0
+        P[:, NAVIGATION] = 0.0
         variances = [*start.prior_sigma**2, *[START_VELOCITY_SIGMA**2] * 3, *[POSITION_SIGMA**2] * 3]
-        P[range(PARAMETER_START), range(PARAMETER_START)] = variances
+        P[NAVIGATION, NAVIGATION] = np.diag(variances)
         self.work.attitude[:] = attitude
         self.work.velocity[:] = 0.0
 

@@ -17,8 +17,15 @@ from calstation.estimation.common import Belief, SolveContext, StageData, filter
 from calstation.estimation.method import Ranking
 from calstation.estimation.navigation.navigation_pass import POSITION_SIGMA, History
 from calstation.physics import (
+    DP,
+    DV,
     NAMES,
+    NAVIGATION,
     OBSERVABLE,
+    OUTER_LEVER,
+    PARAMETER_START,
+    PHI,
+    SENSORS,
     STATES,
     Compensation,
     FloatArray,
@@ -36,6 +43,9 @@ STATE_NAMES = (
 SLOWEST_MOTION = np.deg2rad(0.5)
 #: Largest rotation of a piece, rad.
 LARGEST_TURN = np.deg2rad(5.0)
+#: First parameter, the parameters of the sensors, and the outer lever arm among the states.
+_START, _SENSORS = PARAMETER_START, slice(PARAMETER_START, PARAMETER_START + SENSORS.stop)
+_LEVER = slice(PARAMETER_START + OUTER_LEVER.start, STATES)
 #: Number of powers of F used: φ → δv → δp and the biases need four; each further power adds a factor earth rate × T.
 POWERS = 6
 
@@ -189,47 +199,47 @@ def _rows(
     """
     found = np.zeros((len(time), 3 * POWERS, STATES))
     first = np.zeros((len(time), 3 * POWERS, STATES))
-    F, term, moved = np.zeros((9, STATES)), np.zeros((9, STATES)), np.zeros((9, STATES))
+    F, term, moved = np.zeros((_START, STATES)), np.zeros((_START, STATES)), np.zeros((_START, STATES))
     for n in range(len(time)):
         C, omega, T, rows = attitude[n], rate[n], time[n], found[n]
         w = omega - C.T @ earth
         force = C[2] * gravity + np.cross(w, np.cross(w, c.outer_lever))
         rate_jacobian, force_jacobian = dynamics(c, omega, force)
-        F[0:3, 0:3] = -_skew(earth)
-        F[3:6, 3:6] = -2.0 * _skew(earth)
-        F[3:6, 0:3] = -_skew(C @ force)
-        F[6:9, 3:6] = np.eye(3)
-        F[0:3, 9:36] = C @ rate_jacobian
-        F[3:6, 9:36] = C @ force_jacobian
-        rows[:3, 0:3] = _skew(C @ np.cross(w, c.outer_lever))
-        rows[:3, 3:6] = np.eye(3)
-        rows[:3, 9:36] = C @ _skew(c.outer_lever) @ rate_jacobian
-        rows[:3, 36:39] = -C @ _skew(w)
+        F[PHI, PHI] = -_skew(earth)
+        F[DV, DV] = -2.0 * _skew(earth)
+        F[DV, PHI] = -_skew(C @ force)
+        F[DP, DV] = np.eye(3)
+        F[PHI, _SENSORS] = C @ rate_jacobian
+        F[DV, _SENSORS] = C @ force_jacobian
+        rows[:3, PHI] = _skew(C @ np.cross(w, c.outer_lever))
+        rows[:3, DV] = np.eye(3)
+        rows[:3, _SENSORS] = C @ _skew(c.outer_lever) @ rate_jacobian
+        rows[:3, _LEVER] = -C @ _skew(w)
         for r in range(3, 3 * POWERS):
             _add_product(rows[r - 3], F, T / (r // 3), rows[r])
         for r in range(3 * POWERS):
-            first[n, r, 9:] = rows[r, 9:]
+            first[n, r, _START:] = rows[r, _START:]
             _add_product(rows[r], carried, 1.0, first[n, r])
         transition = F * T
         term[:] = transition
         for k in range(2, POWERS + 1):
             moved[:] = 0.0
-            for i in range(9):
+            for i in range(_START):
                 _add_product(term[i], F, T / k, moved[i])
             term[:] = moved
             transition += term
-        for i in range(9):  # the transition minus identity
+        for i in range(_START):  # the transition minus identity
             moved[i] = 0.0
-            moved[i, 9:] = transition[i, 9:]
+            moved[i, _START:] = transition[i, _START:]
             _add_product(transition[i], carried, 1.0, moved[i])
-        carried[:9] += moved
+        carried[NAVIGATION] += moved
     return found, first
 
 
 @nb.njit(cache=True)
 def _add_product(row: FloatArray, A: FloatArray, factor: float, out: FloatArray) -> None:
     """Add the first six columns of `row` times the first six rows of A, times `factor`, to `out`."""
-    for k in range(6):
+    for k in range(DV.stop):
         t = row[k] * factor
         for j in range(STATES):
             out[j] += t * A[k, j]

@@ -8,19 +8,21 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solve_triangular
 
 from calstation.estimation.common import SolveContext, StageData, Start, group_means
-from calstation.estimation.effects import CONSTANT, Motion, Sensitivity, changing, mean_regressors
+from calstation.estimation.effects import Sensitivity, StageEffects, mean_regressors
 from calstation.estimation.navigation.group_update import Updates
 from calstation.estimation.navigation.navigation_pass import History
 from calstation.estimation.navigation.small_matrices import add_product, forward, subtract_transposed_product
 from calstation.estimation.navigation.velocity_group import BIAS, OBSERVED
 from calstation.physics import (
     COUNT,
-    PARAMETER_START,
+    NAVIGATION,
+    PARAMETER_STATES,
     STATES,
     UP,
     BoolArray,
     FloatArray,
     IntArray,
+    Motion,
     compensate,
     compensation,
     group_vector,
@@ -47,48 +49,46 @@ def filter_sensitivity(
     An effect is an additional sensor error, averaged over each group of observations. Jumps are followed from the
     update in which they begin.
     """
-    duration = len(data) * data.dt
-    candidates = tuple(changing(duration))
+    effects = StageEffects(float(data.time[0]), len(data) * data.dt)
     motion = motion_between_observations(history, data, starts, context, point)
     counts = np.repeat([u.innovation.shape[1] // 3 for u in updates], [len(u.innovation) for u in updates])
-    regressors, places = mean_regressors(motion, (*CONSTANT, *candidates), counts[counts > 0])
-    columns = COUNT + sum(len(c.components) for c in (*CONSTANT, *candidates))
-    begin = np.repeat([c.begin for c in candidates], [len(c.components) for c in candidates])
+    regressors, terms = mean_regressors(motion, effects.tested, counts[counts > 0])
+    columns = COUNT + sum(len(c.components) for c in effects.tested)
+    begin = np.repeat([c.begin for c in effects.changing], [len(c.components) for c in effects.changing])
     ends = motion.time[np.cumsum(counts) - 1]
     error = np.zeros((updates[0].H.shape[2], columns - len(begin)))
-    error[PARAMETER_START:STATES, :COUNT] = np.eye(COUNT)
+    error[PARAMETER_STATES, :COUNT] = np.eye(COUNT)
     score, information = np.zeros(columns), np.zeros((columns, columns))
     done = 0
     for update in updates:
         if not update.transition.size:
-            error[:PARAMETER_START] = 0.0
+            error[NAVIGATION] = 0.0
             error -= update.gain[0].T @ solve_triangular(update.root[0], update.H[0] @ error, lower=True)
             continue
         first, done = done, done + len(update.H)
         begun = columns - len(begin) + int(np.searchsorted(begin, ends[done - 1], side="right"))
         error = np.hstack([error, np.zeros((len(error), begun - error.shape[1]))])
         white = np.empty((update.innovation.size, begun))
-        _follow(update, regressors[first:done], places[places[:, 1] < begun - COUNT], error, white)
+        _follow(update, regressors[first:done], terms[terms[:, 1] < begun - COUNT], error, white)
         information[:begun, :begun] += white.T @ white
         score[:begun] += white.T @ update.innovation.ravel()
     error = np.hstack([error, np.zeros((len(error), columns - error.shape[1]))])
-    left = np.where(estimated[:, None], error[PARAMETER_START:STATES], np.eye(COUNT, columns))
-    return Sensitivity(score, information, left, candidates, float(data.time[0]), duration)
+    return effects.sensitivity(score, information, error[PARAMETER_STATES], estimated)
 
 
 @nb.njit(cache=True)
-def _follow(update: Updates, regressors: FloatArray, places: IntArray, error: FloatArray, white: FloatArray) -> None:
+def _follow(update: Updates, regressors: FloatArray, terms: IntArray, error: FloatArray, white: FloatArray) -> None:
     """Write the effect of the errors on the normalised innovations of g groups, shape (g r, columns).
 
-    `regressors` and `places` are the results of `mean_regressors` for these groups. `error`, the error of the states,
+    `regressors` and `terms` are the results of `mean_regressors` for these groups. `error`, the error of the states,
     shape (n, columns), is updated in place, except for δp, on which nothing depends.
     """
     groups, rows, _ = update.H.shape
     size, columns = error.shape
     moved, added = np.empty((OBSERVED, columns)), np.zeros((len(BIAS), columns - COUNT))
     for g in range(groups):
-        for k in range(len(places)):
-            added[places[k, 0], places[k, 1]] = regressors[g, places[k, 2]]
+        for k in range(len(terms)):
+            added[terms[k, 0], terms[k, 1]] = regressors[g, terms[k, 2]]
         F, H, response = update.transition[g], update.H[g], white[g * rows : (g + 1) * rows]
         moved[:] = 0.0
         add_product(F[:OBSERVED], error, moved)

@@ -17,24 +17,30 @@ import numba as nb
 import numpy as np
 
 from calstation.physics import (
+    ACCEL_BIAS,
     COUNT,
+    DP,
+    DV,
+    GYRO_BIAS,
+    GYROS,
+    OUTER_LEVER,
     PARAMETER_START,
+    PHI,
     STATES,
     Compensation,
     FloatArray,
     Increments,
     IntervalWork,
-    group_indices,
     propagate,
     rotation_vector,
     write_navigation_block,
 )
 
-NAVIGATION = PARAMETER_START
+#: Number of navigation states, and of those that an observation depends on: φ and δv, which never depend on δp.
+NAVIGATION, OBSERVED = PARAMETER_START, DV.stop
 #: Indices of the six biases in the state; with bias instability, six drift states follow the 39 states.
-BIAS = np.array([NAVIGATION + i for i in (*group_indices("gyro_bias"), *group_indices("accel_bias"))])
-#: Number of navigation states that an observation depends on: φ and δv, which never depend on δp.
-OBSERVED = 6
+BIAS = PARAMETER_START + np.r_[GYRO_BIAS, ACCEL_BIAS]
+_DV, _DP, _LEVER, _GYROS = DV.start, DP.start, PARAMETER_START + OUTER_LEVER.start, GYROS.stop
 
 
 class Setting(NamedTuple):
@@ -100,17 +106,17 @@ def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q
     A[1, 0], A[2, 0], A[2, 1] = -fz, fy, -fx
     for i in range(3):
         Q[i, i] = rate_q * T
-        Q[6 + i, 6 + i] = force_q * T**3 / 3.0
-        Q[3 + i, 6 + i] = force_q * T**2 / 2.0
-        Q[6 + i, 3 + i] = Q[3 + i, 6 + i]
+        Q[_DP + i, _DP + i] = force_q * T**3 / 3.0
+        Q[_DV + i, _DP + i] = force_q * T**2 / 2.0
+        Q[_DP + i, _DV + i] = Q[_DV + i, _DP + i]
         for j in range(3):
-            Q[3 + i, j] = A[i, j] * rate_q * T**2 / 2.0
-            Q[j, 3 + i] = Q[3 + i, j]
+            Q[_DV + i, j] = A[i, j] * rate_q * T**2 / 2.0
+            Q[j, _DV + i] = Q[_DV + i, j]
             s = 0.0
             for k in range(3):
                 s += A[i, k] * A[j, k]
-            Q[3 + i, 3 + j] = s * rate_q * T**3 / 3.0
-        Q[3 + i, 3 + i] += force_q * T
+            Q[_DV + i, _DV + j] = s * rate_q * T**3 / 3.0
+        Q[_DV + i, _DV + i] += force_q * T
 
 
 @nb.njit(cache=True)
@@ -130,14 +136,14 @@ def observation(work: IntervalWork, earth: FloatArray, c: Compensation, z: Float
     for i in range(3):
         u[i] = C[i, 0] * arm[0] + C[i, 1] * arm[1] + C[i, 2] * arm[2]
         z[i] = u[i] - work.velocity[i]
-        H[i, 3 + i] = 1.0
-        H[i, 36] = -(C[i, 1] * w[2] - C[i, 2] * w[1])
-        H[i, 37] = -(C[i, 2] * w[0] - C[i, 0] * w[2])
-        H[i, 38] = -(C[i, 0] * w[1] - C[i, 1] * w[0])
+        H[i, _DV + i] = 1.0
+        H[i, _LEVER] = -(C[i, 1] * w[2] - C[i, 2] * w[1])
+        H[i, _LEVER + 1] = -(C[i, 2] * w[0] - C[i, 0] * w[2])
+        H[i, _LEVER + 2] = -(C[i, 0] * w[1] - C[i, 1] * w[0])
         a, b, d = C[i, 1] * r[2] - C[i, 2] * r[1], C[i, 2] * r[0] - C[i, 0] * r[2], C[i, 0] * r[1] - C[i, 1] * r[0]
-        for p in range(12):
+        for p in range(_GYROS):
             jacobian = work.rate_jacobian
-            H[i, 9 + p] = a * jacobian[0, p] + b * jacobian[1, p] + d * jacobian[2, p]
+            H[i, PARAMETER_START + p] = a * jacobian[0, p] + b * jacobian[1, p] + d * jacobian[2, p]
     H[0, 1], H[0, 2], H[1, 2] = -u[2], u[1], -u[0]
     H[1, 0], H[2, 0], H[2, 1] = u[2], -u[1], u[0]
     return u
@@ -164,17 +170,17 @@ def _add_interval_noise(N: FloatArray, force: FloatArray, s: Setting, T: float, 
 @nb.njit(cache=True)
 def _inverse_transition(N: FloatArray) -> FloatArray:
     """Return the inverse of the φ, δv block of a transition, shape (6, 6), which has the form [[a, 0], [s, e]]."""
-    a, e = _inverse(N[:3, :3]), _inverse(N[3:6, 3:6])
+    a, e = _inverse(N[PHI, PHI]), _inverse(N[DV, DV])
     back = np.zeros((OBSERVED, OBSERVED))
     for i in range(3):
         for j in range(3):
             back[i, j] = a[i, j]
-            back[3 + i, 3 + j] = e[i, j]
+            back[_DV + i, _DV + j] = e[i, j]
             t = 0.0
             for k in range(3):
                 for m in range(3):
-                    t -= e[i, k] * N[3 + k, m] * a[m, j]
-            back[3 + i, j] = t
+                    t -= e[i, k] * N[_DV + k, m] * a[m, j]
+            back[_DV + i, j] = t
     return back
 
 
@@ -240,9 +246,9 @@ def observe_along(
                 turned[i, j] = 0.0
                 for m in range(3):
                     turned[i, j] += attitudes[k, i, m] * work.attitude[j, m]
-        step[:3] = rotation_vector(turned)
+        step[PHI] = rotation_vector(turned)
         for i in range(3):
-            step[3 + i] = velocities[k, i] - work.velocity[i]
+            step[_DV + i] = velocities[k, i] - work.velocity[i]
         work.attitude[:] = attitudes[k]
         work.velocity[:] = velocities[k]
         _linearise(c, s, k, arm_velocity, work, group, steps)

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.effects import CONSTANT, OF_ACCELEROMETERS, Candidate, EffectFound, Motion, changing
-from calstation.physics import AXES, FloatArray
+from calstation.estimation.effects import EffectFound, changing
+from calstation.physics import AXES, EFFECTS, OF_ACCELEROMETERS, Effect, FloatArray, Motion
 
 #: Second-order term of the accelerometers, which is one of the 30 parameters in other methods.
-_QUADRATIC = Candidate("accel_quadratic", "s²/m", 1e-3, tuple(AXES), lambda m: m.force**2, OF_ACCELEROMETERS)
+_QUADRATIC = Effect("accel_quadratic", "s²/m", 1e-3, tuple(AXES), lambda m: m.force**2, OF_ACCELEROMETERS)
 
 
 #: Smallest number of blocks for a test: the jackknife has as many degrees of freedom.
@@ -46,7 +46,7 @@ def jackknife(normals: FloatArray, gradient: FloatArray, prior: FloatArray | flo
 
 def pair_effects(
     blocks: Sequence[Block],
-    tested: Callable[[Candidate], bool],
+    tested: Callable[[Effect], bool],
     scale: FloatArray,
     axes: FloatArray,
     duration: float,
@@ -73,7 +73,7 @@ def pair_effects(
         return []
     # a jump near an end would be determined by a few blocks only
     drifts = (c for c in changing(duration) if c.cause == "drift")
-    candidates = [c for c in (*CONSTANT, _QUADRATIC, *drifts) if tested(c)]
+    candidates = [c for c in (*EFFECTS, _QUADRATIC, *drifts) if tested(c)]
     if not candidates:
         return []
     k, normals, gradients = len(names), [], []
@@ -93,7 +93,7 @@ def pair_effects(
 
 
 def _found(
-    candidate: Candidate,
+    candidate: Effect,
     normals: FloatArray,
     gradients: FloatArray,
     axes: FloatArray,

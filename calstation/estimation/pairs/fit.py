@@ -23,10 +23,10 @@ from typing import Literal
 import numpy as np
 
 from calstation.estimation.common import BIAS_DRIFT_PER_INSTABILITY, BIAS_DRIFT_TIME, ImuModel
-from calstation.estimation.effects import Candidate, EffectFound, Motion
+from calstation.estimation.effects import EffectFound
 from calstation.estimation.pairs.effects import Block, jackknife, pair_effects
 from calstation.estimation.pairs.filtering import PairData, Signals, coarse_offset, low_pass, signals
-from calstation.physics import PAIR_PARAMETERS, BoolArray, Compensation, FloatArray, compensate
+from calstation.physics import PAIR_PARAMETERS, BoolArray, Compensation, Effect, FloatArray, Motion, compensate
 
 Model = Literal["bias", "scale", "full"]
 #: Duration of a jackknife block, s; residuals further apart are independent.
@@ -69,12 +69,11 @@ class PairChoice:
         chosen[OFFSET] = self.offset
         return chosen
 
-    def tests(self, effect: Candidate) -> bool:
+    def tests(self, effect: Effect) -> bool:
         """Return whether an effect can be distinguished with the terms that are not fitted."""
-        if effect.cause == "time_skew":
+        if effect.between_sensors:
             return self.offset and self.gyro == self.accel == "full"
-        gyro = effect.cause.startswith("g") or effect.parameter_of(0).startswith("gyro")
-        return (self.gyro if gyro else self.accel) == "full"
+        return (self.gyro if effect.terms[0].channel < 3 else self.accel) == "full"
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,130 @@
+"""Effects outside the 30-parameter model: one entry of `EFFECTS` each, from which everything else finds them.
+
+A new effect needs an entry here, its texts in `group.toml` and `cause.toml` of the message catalogue, its row in the
+reference of the profiles, and an independent truth in `bench/truth/effects.py`; tests over `EFFECTS` check them.
+
+Sources: IEEE Std 952-2020 and 1293-2018 (error models of gyros and accelerometers); Cai, Yang, Song, Wang, *Measurement
+Science and Technology* 27 (2016) 095005 (g-sensitivity and cross-coupling on a two-axis table).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from calstation.physics.arrays import FloatArray
+from calstation.physics.parameters import AXES
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion of an IMU in n intervals, in body axes."""
+
+    rate: FloatArray  #: Angular rate, rad/s, shape (n, 3).
+    force: FloatArray  #: Specific force, m/s², shape (n, 3).
+    angular_acceleration: FloatArray  #: rad/s², shape (n, 3)
+    jerk: FloatArray  #: Rate of change of the specific force in body axes, m/s³, shape (n, 3).
+    time: FloatArray  #: Time since the start of the stage, s, shape (n,).
+
+    @classmethod
+    def steady(cls, rate: FloatArray, force: FloatArray, time: FloatArray) -> "Motion":
+        """Return a motion with constant rate and force in every interval."""
+        still = np.zeros_like(rate)
+        return cls(rate, force, still, still, time)
+
+
+class Term(NamedTuple):
+    """An error of a channel due to an effect: a component's size times a regressor."""
+
+    channel: int  #: 0 to 5: gyro x y z, accel x y z.
+    component: int
+    regressor: int
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect with one unknown size per component."""
+
+    cause: str  #: Name; code of the families ``cause`` and ``group`` of the message catalogue.
+    unit: str  #: Unit of its sizes, SI.
+    #: Expected standard deviation of a size; None for the parameter's sigma before calibration. Without it, a regressor
+    #: that is little more than noise would get an absurd size.
+    plausible: float | None
+    components: tuple[str, ...]  #: Names of the components: axes or pairs of axes, or "".
+    #: Function (motion) -> channel errors per unit of a size, shape (n, r).
+    regressors: Callable[[Motion], FloatArray]
+    terms: tuple[Term, ...]  #: Errors of the channels.
+    is_state: bool = False  #: Whether the model of a unit may contain it; otherwise it is only tested.
+    between_sensors: bool = False  #: Whether it relates gyros and accelerometers to each other.
+    #: Parameter that each component changes during the stage, by 1 per unit of its size; empty for a constant effect.
+    parameters: tuple[str, ...] = ()
+    begin: float = 0.0  #: Time in the stage before which its errors are zero, s.
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Contract names of the sizes, one per component."""
+        return tuple(f"{self.cause}_{component}".rstrip("_") for component in self.components)
+
+    def errors(self, motion: Motion) -> FloatArray:
+        """Return the error of the six channels per unit of each size, shape (n, 6, k)."""
+        regressors = self.regressors(motion)
+        errors = np.zeros((len(regressors), 6, len(self.components)))
+        for term in self.terms:
+            errors[:, term.channel, term.component] = regressors[:, term.regressor]
+        return errors
+
+    def parameter_of(self, component: int) -> str:
+        """Return the parameter that a component changes, "" for a constant effect."""
+        return self.parameters[component] if self.parameters else ""
+
+
+#: Terms of an effect with one regressor and one component for each gyro, or each accelerometer.
+OF_GYROS, OF_ACCELEROMETERS = (tuple(Term(first + i, i, i) for i in range(3)) for first in (0, 3))
+#: Axis of an accelerometer and another axis.
+_PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)
+_AXES = tuple(AXES)
+
+
+def _off_axis(m: Motion) -> FloatArray:
+    """Return the errors of two accelerometers displaced along the axis of the third, each by half the distance.
+
+    The force at a displacement d is ω̇×d + ω×(ω×d), of which an accelerometer senses the component along its axis. The
+    part common to both displacements is a lever arm.
+    """
+    errors = np.zeros((len(m.rate), 6))
+    for axis in range(3):
+        unit = np.eye(3)[axis]
+        force = np.cross(m.angular_acceleration, unit) + np.cross(m.rate, np.cross(m.rate, unit))
+        errors[:, 2 * axis] = 0.5 * force[:, (axis + 1) % 3]
+        errors[:, 2 * axis + 1] = -0.5 * force[:, (axis + 2) % 3]
+    return errors
+
+
+#: Effects that are constant throughout a run.
+EFFECTS: tuple[Effect, ...] = (
+    Effect(
+        "g_sensitivity", "rad·s/m", 1e-4, tuple(f"{a}{b}" for a in AXES for b in AXES),
+        lambda m: m.force, tuple(Term(k // 3, k, k % 3) for k in range(9)), is_state=True,
+    ),
+    Effect("gyro_asymmetry", "1", 1e-2, _AXES, lambda m: np.abs(m.rate), OF_GYROS, is_state=True),
+    Effect("gyro_square", "s/rad", 1e-2, _AXES, lambda m: m.rate**2, OF_GYROS),
+    Effect("gyro_cubic", "s²/rad²", 1e-2, _AXES, lambda m: m.rate**3, OF_GYROS),
+    Effect("accel_cubic", "s⁴/m²", 1e-5, _AXES, lambda m: m.force**3, OF_ACCELEROMETERS, is_state=True),
+    Effect(
+        "accel_cross", "s²/m", 1e-4, tuple(f"{AXES[i]}{AXES[j]}" for i, j in _PAIRS),
+        lambda m: m.force * np.roll(m.force, -1, axis=1),
+        # regressor k is the product of axes k and k + 1
+        tuple(Term(3 + i, k, i if j == (i + 1) % 3 else j) for k, (i, j) in enumerate(_PAIRS)),
+        is_state=True,
+    ),
+    Effect("accel_asymmetry", "1", 1e-2, _AXES, lambda m: np.abs(m.force), OF_ACCELEROMETERS),
+    Effect(
+        "accel_off_axis", "m", 0.1, _AXES, _off_axis,
+        tuple(Term(3 + (k // 2 + k % 2 + 1) % 3, k // 2, k) for k in range(6)), is_state=True,
+    ),
+    Effect(
+        "time_skew", "s", 0.02, ("",), lambda m: -m.jerk, tuple(Term(3 + i, 0, i) for i in range(3)),
+        is_state=True, between_sensors=True,
+    ),
+)  # fmt: skip
