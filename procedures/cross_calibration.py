@@ -17,7 +17,7 @@ from calstation.estimation.common import (
     SampleBlock,
     Secondary,
     SolveContext,
-    Spool,
+    StageBuffer,
     StageData,
     StoredPair,
     nis_consistency,
@@ -60,14 +60,14 @@ class PairStage:
         self._context, self._prior, self._schedule = context, prior, schedule
         self._calibration = PairCalibration(context, prior, schedule)
         self._watch: PairWatch | None = None
-        self.spool = Spool(context.imu)
+        self.buffer = StageBuffer(context.imu)
         self._events: list[WatchEvent] = []
         if schedule.trigger != "command":
             self._watch = PairWatch(context.imu, context.secondaries, self._calibration)
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""
-        self.spool.append(block)
+        self.buffer.append(block)
         if self._watch is not None:
             self._events += self._watch.feed(block)
 
@@ -81,7 +81,7 @@ class PairStage:
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the recording. Raises InputError if it is unusable."""
         if self._watch is None:
-            return self._all(self.spool.data(), progress)
+            return self._all(self.buffer.data(), progress)
         return self._watched(self._watch)
 
     def _all(self, data: StageData, progress: Progress | None) -> Solution:

@@ -22,7 +22,7 @@ from calstation.estimation.common import (
     StageData,
     filter_noise,
     find_rests,
-    gauss_newton,
+    map_estimate,
     mean_angles,
     rest_mean_variance,
     rest_noise,
@@ -135,9 +135,7 @@ def _first_rotation(geometry: TableGeometry, joint: int, sign: int, at: float, t
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
     """Solve the stage from its whole turns. Raises InsufficientDataError if some are missing."""
-    bias = group_indices("gyro_bias")
-    measured = rest_noise(data, context, prior.mean[bias], float(prior.sigma[bias].max()))
-    context = widened(context, measured)
+    context = widened(context, rest_noise(data, context, prior.gyro_bias))
     turns, assumed = find_turns(data, context, prior)
     _require_turns(turns, data.gaps)
     return _solve(data, turns, context, prior, assumed)
@@ -146,10 +144,9 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
 def find_turns(data: StageData, context: SolveContext, prior: Belief) -> tuple[list[Turn], bool]:
     """Find whole turns between rests; also return whether, without encoder angles, they were assumed to be whole."""
     geometry = context.table.geometry
-    bias = group_indices("gyro_bias")
     found, assumed, rest_count = [], False, 0
     for segment in data.segments:
-        still = find_rests(data, segment, context.imu, prior.mean[bias], float(prior.sigma[bias].max()))
+        still = find_rests(data, context.imu, prior.gyro_bias, [segment])
         for number, ((a0, a1), (b0, b1)) in enumerate(itertools.pairwise(still)):
             start, stop = (a0 + a1) // 2, (b0 + b1) // 2
             duration = (stop - start) * data.dt
@@ -269,7 +266,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
     variance = np.repeat([noise.rate * t.duration + bias_drift * t.duration**3 / 3.0 for t in turns], 3)
     mask = np.array([name in ESTIMATED for name in NAMES])
     zero, encoders = np.zeros(len(sigma)), slice(len(sigma) - 2 * len(places), None)
-    result = gauss_newton("rate", model, observed, variance, prior, zero, sigma, mask, encoders, GROUPS)
+    result = map_estimate("rate", model, observed, variance, prior, zero, sigma, mask, encoders, GROUPS)
     sensitivity = None
     if context.diagnostics:
         effects = StageEffects(float(data.time[0]), len(data) * data.dt)

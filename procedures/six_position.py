@@ -5,7 +5,7 @@ three scale factors and three biases without redundancy. Four oblique positions,
 test: the sum of the magnitude of gravity over them depends neither on misalignments nor on biases.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,15 +17,13 @@ from calstation.estimation.common import (
     Belief,
     SolveContext,
     StageData,
-    filter_noise,
     find_rests,
     find_stillness,
-    gauss_newton,
+    map_estimate,
     mean_angles,
-    rest_mean_variance,
+    rest_force,
     rest_noise,
     restricted,
-    slope_weights,
     widened,
 )
 from calstation.estimation.effects import StageEffects
@@ -38,7 +36,6 @@ from calstation.physics import (
     Step,
     TableGeometry,
     compensation,
-    group_indices,
     group_matrix,
     group_vector,
 )
@@ -104,9 +101,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
     """Solve the stage from its rests. Raises InsufficientDataError if faces are missing."""
-    bias = group_indices("gyro_bias")
-    measured = rest_noise(data, context, prior.mean[bias], float(prior.sigma[bias].max()))
-    context = widened(context, measured)
+    context = widened(context, rest_noise(data, context, prior.gyro_bias))
     positions = find_positions(data, context, prior)
     _require_faces(positions, prior)
     return _solve(data, positions, context, prior)
@@ -114,18 +109,16 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
 
 def find_positions(data: StageData, context: SolveContext, prior: Belief) -> list[Position]:
     """Find the rests of a stage in its data and compute their mean force."""
-    bias = group_indices("gyro_bias")
-    alone = () if data.has_gyros else find_stillness(data, context.imu, SHORTEST_REST).rests
-    stride = max(round(filter_noise(context).interval / data.dt), 1)
-    found = []
-    for segment in data.segments:
-        rests = find_rests(data, segment, context.imu, prior.mean[bias], float(prior.sigma[bias].max()))
-        for a, b in rests if data.has_gyros else (r for r in alone if segment[0] <= r[0] < segment[1]):
-            if (b - a) * data.dt >= SHORTEST_REST:
-                force = slope_weights(b - a, stride) @ data.accel[a:b]
-                variance = rest_mean_variance(context, (b - a) * data.dt)
-                found.append(Position(a, b, force, variance, mean_angles(data, a, b)))
-    return found
+    rests: Sequence[tuple[int, int]]
+    if data.has_gyros:
+        rests = find_rests(data, context.imu, prior.gyro_bias)
+    else:
+        rests = find_stillness(data, context.imu, SHORTEST_REST).rests
+    return [
+        Position(a, b, *rest_force(data, context, a, b), mean_angles(data, a, b))
+        for a, b in rests
+        if (b - a) * data.dt >= SHORTEST_REST
+    ]
 
 
 def _require_faces(positions: list[Position], prior: Belief) -> None:
@@ -171,7 +164,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
         return np.asarray(force @ M.T + K2 * force**2 + bias).ravel()
 
     mask = np.array([name in ESTIMATED for name in NAMES])
-    result = gauss_newton(
+    result = map_estimate(
         "six_position",
         model,
         observed,

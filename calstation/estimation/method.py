@@ -7,7 +7,6 @@ from typing import Annotated, Any, Protocol
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from calstation.estimation.common import (
-    CHANNELS,
     Belief,
     Consistency,
     LatitudeEstimate,
@@ -17,7 +16,7 @@ from calstation.estimation.common import (
     SampleBlock,
     ScoreFunction,
     SolveContext,
-    Spool,
+    StageBuffer,
     StageData,
     StageResiduals,
     concentration,
@@ -27,7 +26,7 @@ from calstation.estimation.common import (
 from calstation.estimation.effects import Sensitivity
 from calstation.estimation.positions import Evidence
 from calstation.messages import Text
-from calstation.physics import NAMES, FloatArray, IntArray, Step, TableGeometry
+from calstation.physics import CHANNELS, NAMES, FloatArray, IntArray, Step, TableGeometry
 
 #: Number of rests or moves that a message lists.
 _MOST_NAMED = 3
@@ -128,7 +127,7 @@ def with_misfit(solution: Solution, data: StageData, context: SolveContext) -> S
 class StageSolver(Protocol):
     """Processes the blocks of a stage; the solution does not depend on how the samples are divided into blocks."""
 
-    spool: Spool  #: All samples of the stage.
+    buffer: StageBuffer  #: All samples of the stage.
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""
@@ -196,11 +195,11 @@ class BatchStage:
     ) -> None:
         self.context, self.prior = context, prior
         self._solve = solve
-        self.spool = Spool(context.imu)
+        self.buffer = StageBuffer(context.imu)
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""
-        self.spool.append(block)
+        self.buffer.append(block)
 
     def sigma(self) -> FloatArray:
         """Return the standard deviations of the prior, SI, shape (30,)."""
@@ -212,7 +211,7 @@ class BatchStage:
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage; it is too fast for progress reports."""
-        data = self.spool.data()
+        data = self.buffer.data()
         return with_misfit(self._solve(data, self.context, self.prior), data, self.context)
 
 

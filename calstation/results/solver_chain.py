@@ -13,7 +13,7 @@ from calstation.estimation import Progress, Ranking, Solution, StageSolver
 from calstation.estimation.common import (
     RestOutput,
     SampleBlock,
-    Spool,
+    StageBuffer,
     gravity_sensitivity,
     has_gyros,
     resolves_earth_rate,
@@ -111,16 +111,16 @@ class StageChain:
         if self._lacks_gyros:
             raise InsufficientDataError("recording.no_gyros")
         if self._resting is not None:
-            self._resting.feed(self._solver.spool.block())
+            self._resting.feed(self._solver.buffer.block())
         try:
             solution = self._solver.finish(progress)
         except np.linalg.LinAlgError as exc:
             what = Text.of("solution.diverged", detail=str(exc))
             raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
-        spool, self._solver = self._solver.spool, None
+        buffer, self._solver = self._solver.buffer, None
         solved = solution.belief
         if self._diagnostics:
-            solution = self._tested(solution, spool)
+            solution = self._tested(solution, buffer)
         else:
             solution = replace(self._model.with_states(solution), observability={}, tests=())
         self._gravity = gravity_sensitivity(self._solved, solved, solution.estimated, self._gravity)
@@ -130,16 +130,16 @@ class StageChain:
         self.solutions.append(solution)
         return solution
 
-    def _tested(self, solution: Solution, spool: Spool) -> Solution:
+    def _tested(self, solution: Solution, buffer: StageBuffer) -> Solution:
         """Return a solution with the findings from its samples in addition to the parameters."""
-        data = spool.data()
+        data = buffer.data()
         if self._gather:
             found = gather(self._stage, data, self._context, self._uncalibrated, solution.belief.mean)
             solution = replace(solution, evidence=found)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))
         solution = self._model.tested(solution, self.solutions, self.belief)
-        solution = self._data_checks.checked(solution, spool.block(), data)
+        solution = self._data_checks.checked(solution, buffer.block(), data)
         if not data.joints.size:  # a gimbal has three joints, and no stationary base
             self._table_rests.append(table_rests(data, self._context, solution.belief))
         return solution

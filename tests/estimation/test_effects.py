@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from simulated_stages import with_effect
 
-from calstation.estimation.common import Belief
+from calstation.estimation.common import BatchGain, Belief
 from calstation.estimation.effects import EffectFound, EffectTests, StageEffects, changing
 from calstation.physics import COUNT, EFFECTS, INDEX, NAMES, PARAMETERS, Motion
 from calstation.simulation.study import draw_unit, simulate_stages, study_prior
@@ -27,7 +27,9 @@ def test_score_test_equals_the_estimate_of_the_augmented_model() -> None:
         S = h @ belief.covariance @ h.T + 1e-8 * np.eye(len(h))
         K = np.linalg.solve(S, h @ belief.covariance).T
         tests.add(
-            "a stage", StageEffects(0.0, 1.0).of_batch((h, K, S, y), added[rows], np.ones(COUNT, dtype=bool)), NAMES
+            "a stage",
+            StageEffects(0.0, 1.0).of_batch(BatchGain(h, K, S, y), added[rows], np.ones(COUNT, dtype=bool)),
+            NAMES,
         )
         belief = Belief(belief.mean + K @ y, belief.covariance - K @ h @ belief.covariance)
     found = next(f for f in tests.found(belief) if f.cause == "time_skew")
@@ -76,7 +78,11 @@ def test_drift_is_estimated_across_the_stages_of_a_run() -> None:
             for c in changing(duration)
         ]
         columns = np.hstack([np.zeros((len(h), count)), *added])
-        tests.add("a stage", StageEffects(begin, duration).of_batch((h, K, S, y), columns, np.ones(COUNT, bool)), NAMES)
+        tests.add(
+            "a stage",
+            StageEffects(begin, duration).of_batch(BatchGain(h, K, S, y), columns, np.ones(COUNT, bool)),
+            NAMES,
+        )
         belief = Belief(belief.mean + K @ y, belief.covariance - K @ h @ belief.covariance)
     found = next(f for f in tests.found(belief) if f.cause == "drift_throughout" and f.parameter in names)
     augmented = np.hstack([H, regressors])

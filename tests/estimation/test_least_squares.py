@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from calstation.estimation.common.context import Belief
 from calstation.estimation.common.least_squares import (
-    MOST_ITERATIONS,
-    gauss_newton,
+    MAX_ITERATIONS,
+    map_estimate,
     nis_consistency,
     redundant,
     restricted,
@@ -46,7 +46,7 @@ def linear_case(seed, nuisances=4, observations=20):
 @given(SEEDS)
 def test_linear_model_gives_the_gaussian_posterior(seed):
     model, arguments, _, posterior, covariance = linear_case(seed)
-    result = gauss_newton("test", model, *arguments, ALL)
+    result = map_estimate("test", model, *arguments, ALL)
     assert result.belief.mean == pytest.approx(posterior[:COUNT], abs=1e-6)
     assert result.nuisance == pytest.approx(posterior[COUNT:], abs=1e-6)
     assert result.belief.covariance == pytest.approx(covariance[:COUNT, :COUNT], abs=1e-6)
@@ -61,9 +61,9 @@ def test_only_parameters_in_the_model_are_varied():
         calls.append(p)
         return model(np.where(entering, p, 0.0), n)
 
-    every = gauss_newton("test", counted, *arguments, ALL)
+    every = map_estimate("test", counted, *arguments, ALL)
     all_calls = len(calls)
-    chosen = gauss_newton("test", counted, *arguments, ALL, groups=("gyro_bias", "gyro_scale", "gyro_misalign"))
+    chosen = map_estimate("test", counted, *arguments, ALL, groups=("gyro_bias", "gyro_scale", "gyro_misalign"))
     assert len(calls) - all_calls < all_calls
     assert np.array_equal(chosen.belief.mean, every.belief.mean)
     assert np.array_equal(chosen.belief.covariance, every.belief.covariance)
@@ -72,7 +72,7 @@ def test_only_parameters_in_the_model_are_varied():
 @given(SEEDS)
 def test_residual_is_evaluated_at_the_posterior_mean(seed):
     model, arguments, *_ = linear_case(seed)
-    result = gauss_newton("test", model, *arguments, ALL)
+    result = map_estimate("test", model, *arguments, ALL)
     assert result.residual == pytest.approx(arguments[0] - model(result.belief.mean, result.nuisance), abs=1e-9)
 
 
@@ -150,7 +150,7 @@ def test_random_nuisance_parameters_count_as_noise():
         return p[0] + n
 
     found = [
-        gauss_newton("test", model, observed, noise, prior, np.zeros(2), np.ones(2), ALL, noisy).redundancy
+        map_estimate("test", model, observed, noise, prior, np.zeros(2), np.ones(2), ALL, noisy).redundancy
         for noisy in (slice(0, 0), slice(0, 2))
     ]
     assert [f.freedom for f in found] == [0, 1]
@@ -164,7 +164,7 @@ def test_exactly_known_parameters_do_not_change():
     covariance = prior.covariance.copy()
     for known in (0, 7):
         covariance[known, :] = covariance[:, known] = 0.0
-    result = gauss_newton("test", model, observed, noise, Belief(prior.mean, covariance), nuisance, nuisance_sigma, ALL)
+    result = map_estimate("test", model, observed, noise, Belief(prior.mean, covariance), nuisance, nuisance_sigma, ALL)
     assert np.all(np.isfinite(result.belief.covariance))
     for known in (0, 7):
         assert result.belief.mean[known] == pytest.approx(prior.mean[known], abs=1e-12)
@@ -173,7 +173,7 @@ def test_exactly_known_parameters_do_not_change():
 
 def test_nonlinear_model_is_relinearised_at_its_solution():
     prior = Belief(np.zeros(COUNT), np.diag(np.r_[1.0, np.full(COUNT - 1, 1e-12)]))
-    result = gauss_newton(
+    result = map_estimate(
         "test",
         lambda p, n: np.array([np.exp(p[0])]),
         np.array([np.e]),
@@ -199,7 +199,7 @@ def test_consider_parameters_are_not_relinearised():
     prior = Belief(np.zeros(COUNT), np.diag(np.r_[1.0, 0.5, np.full(COUNT - 2, 1e-12)]) ** 2)
     estimated = ALL.copy()
     estimated[1] = False
-    gauss_newton("test", model, np.array([1.0, 0.8]), np.full(2, 1e-4), prior, np.zeros(0), np.zeros(0), estimated)
+    map_estimate("test", model, np.array([1.0, 0.8]), np.full(2, 1e-4), prior, np.zeros(0), np.zeros(0), estimated)
     # the last calls evaluate the residual and its redundancy; all before are small steps about the prior's mean
     assert max(abs(value) for value in seen[: -2 * COUNT - 1]) < 1e-4
 
@@ -228,7 +228,7 @@ def test_consider_posterior_equals_schmidts_update(seed, count):
     estimated[random.choice(COUNT, count, replace=False)] = True
     prior = correlated_prior(random)
     H, noise, observed = random.normal(size=(12, COUNT)), random.uniform(0.1, 1.0, 12), random.normal(size=12)
-    full = gauss_newton("test", lambda p, n: H @ p, observed, noise, prior, np.zeros(0), np.zeros(0), ALL).belief
+    full = map_estimate("test", lambda p, n: H @ p, observed, noise, prior, np.zeros(0), np.zeros(0), ALL).belief
     found = restricted(prior, full, estimated)
     mean, covariance = schmidt(prior, H, noise, observed, estimated)
     assert found.mean == pytest.approx(mean, abs=1e-5)
@@ -243,7 +243,7 @@ def test_consider_posterior_equals_schmidts_update(seed, count):
 def test_consider_posterior_has_the_correct_limit_cases():
     model, arguments, *_ = linear_case(8)
     prior = arguments[2]
-    full = gauss_newton("test", model, *arguments, ALL).belief
+    full = map_estimate("test", model, *arguments, ALL).belief
     nothing = restricted(prior, full, ~ALL)
     assert np.array_equal(nothing.mean, prior.mean)
     assert nothing.covariance == pytest.approx(prior.covariance, rel=1e-12)
@@ -271,7 +271,7 @@ def test_nis_above_its_bounds_fails_and_below_its_bounds_warns():
 def test_divergence_is_reported():
     jump = iter(range(10_000))
     prior = Belief(np.zeros(COUNT), np.eye(COUNT))
-    result = gauss_newton(
+    result = map_estimate(
         "rate",
         lambda p, n: np.array([p[0] + (-1.0) ** (next(jump) // (2 * COUNT + 1))]),
         np.array([0.0]),
@@ -281,4 +281,4 @@ def test_divergence_is_reported():
         np.zeros(0),
         ALL,
     )
-    assert result.messages == (("not_settled", {"stage": "rate", "passes": MOST_ITERATIONS}),)
+    assert result.messages == (("not_settled", {"stage": "rate", "passes": MAX_ITERATIONS}),)

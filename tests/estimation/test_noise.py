@@ -110,7 +110,7 @@ def noise_of(seconds: float = 3000.0, **settings: object) -> RestNoise:
     plain = BenchConfig(grade="tactical", seed=5, sample_rate_hz=100.0, instability=False).truth()
     samples = Simulator(truth, 5).run([Dwell(seconds)], "six_position")
     context, bias = context_of(plain), truth.parameters[group_indices("gyro_bias")]
-    return rest_noise(stage_data([block_of(samples)], context.imu), context, bias, 1e-4)
+    return rest_noise(stage_data([block_of(samples)], context.imu), context, (bias, 1e-4))
 
 
 def test_noise_at_rest_matches_the_profile():

@@ -9,7 +9,6 @@ from calstation.estimation.common.alignment import (
     starts,
 )
 from calstation.estimation.common.by_position import (
-    CHANNELS,
     EXCESSIVE,
     NOTABLE,
     LocalScores,
@@ -22,9 +21,11 @@ from calstation.estimation.common.context import Belief, ImuModel, Secondary, Si
 from calstation.estimation.common.gravity import gravity_sensitivity, with_gravity, without_gravity
 from calstation.estimation.common.latitude import LatitudeEstimate, RestOutput, resolves_earth_rate
 from calstation.estimation.common.least_squares import (
+    BatchGain,
     Consistency,
     chi_square_quantile,
     gauss_newton,
+    map_estimate,
     nis_consistency,
     restricted,
 )
@@ -38,6 +39,7 @@ from calstation.estimation.common.noise import (
     filter_noise,
     gyro_excess,
     noise_tests,
+    rest_force,
     rest_mean_variance,
     rest_noise,
     widened,
@@ -46,18 +48,19 @@ from calstation.estimation.common.planned import PlannedSamples, profile
 from calstation.estimation.common.residuals import RestResiduals, before_after, rest_residuals
 from calstation.estimation.common.samples import SampleBlock, has_gyros, joined, since, snap_angles
 from calstation.estimation.common.sequence import SequenceError, SequenceUnwrapper, unwrap_counter
-from calstation.estimation.common.spool import Spool
 from calstation.estimation.common.stage import (
     BIAS_SIGMAS,
     REST_MARGIN,
     REST_WINDOW,
     SLOWEST,
+    StageBuffer,
     StageData,
     find_rests,
     group_means,
     largest,
     mean_angles,
-    quietest,
+    means,
+    no_rest_error,
     runs,
     slope_weights,
     stage_data,

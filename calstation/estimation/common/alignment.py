@@ -13,7 +13,6 @@ from calstation.physics import (
     axis_rotation,
     compensate,
     compensation,
-    group_indices,
     level_attitude,
     rotation_matrix,
 )
@@ -47,12 +46,10 @@ def starts(data: StageData, context: SolveContext, belief: Belief) -> list[Start
     The rate at an observation is the mean of the samples before and after it. One sample is therefore omitted on
     either side of a gap, so that a rotation beyond the gap does not count as motion at rest.
     """
-    bias = group_indices("gyro_bias")
     found = []
     for first, last in data.segments:
         segment = (first + (first > 0), last - (last < len(data)))
-        sigma = float(belief.sigma[bias].max())
-        for a, b in find_rests(data, segment, context.imu, belief.mean[bias], sigma):
+        for a, b in find_rests(data, context.imu, belief.gyro_bias, [segment]):
             if (b - a) * data.dt >= SHORTEST_REST:
                 found.append(_align(data, a, min(b, a + int(LONGEST_REST / data.dt)), segment[1], context, belief))
                 break
@@ -103,5 +100,4 @@ def gyrocompass(rate_b: FloatArray, up_b: FloatArray, latitude: float, belief: B
     """
     level = level_attitude(up_b)
     attitude = axis_rotation((0.0, 0.0, 1.0), _heading_offset(level @ rate_b)) @ level
-    bias = float(belief.sigma[group_indices("gyro_bias")].max())
-    return attitude, bias / max(RATE * float(np.cos(latitude)), 1e-12)
+    return attitude, belief.gyro_bias[1] / max(RATE * float(np.cos(latitude)), 1e-12)

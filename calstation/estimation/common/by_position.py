@@ -11,16 +11,12 @@ from calstation.estimation.common.context import Belief
 from calstation.estimation.common.residuals import RestResiduals
 from calstation.estimation.common.stage import StageData
 from calstation.messages import Text
-from calstation.physics import FloatArray, IntArray, group_indices
+from calstation.physics import CHANNELS, JOINTS, FloatArray, IntArray
 
 #: A rotation smaller than this, rad, does not count as a move; earth rate is 0.25° per minute.
 SMALLEST_MOVE = np.deg2rad(1.0)
-#: Names of the joints in a residual.
-_JOINTS = ("outer", "inner")
 #: Sigmas above which a rest or move is notable, and above which its data contradict the model.
 NOTABLE, EXCESSIVE = 4.0, 5.0
-#: Names of the channels.
-CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
 
 
 @dataclass(frozen=True)
@@ -181,15 +177,18 @@ def position_residuals(
         means = np.nansum(z, axis=0) / np.sqrt(np.maximum(count, 1))
         freedom, total = int(count.sum()), float(np.nansum(z**2))
         component = int(np.argmax(np.abs(means)))
-        error: tuple[int | None, float, float] = (
-            (None, np.nan, np.nan) if scores is None else scores.single([index], np.ones(1))
-        )
-        kind: Literal["rest", "move"] = "move" if rest is None else "rest"
+        error: tuple[int | None, float, float] = (None, np.nan, np.nan)
+        if scores is not None:
+            error = scores.single([index], np.ones(1))
+        kind: Literal["rest", "move"]
         if rest is None:
+            kind, residual = "move", (np.nan, np.nan, np.nan)
             axis, turned, body = _rotation(data, start, stop, found)
         else:
+            kind, residual = "rest", rests.in_sigma(rest)
             axis, turned, body = rests.axis(rest), 0.0, ""
-        residual = (np.nan, np.nan, np.nan) if rest is None else rests.in_sigma(rest)
+        polled = np.flatnonzero(np.isfinite(data.angles[start:stop]).all(axis=1))
+        outer, inner = data.angles[start + polled[-1]].tolist() if len(polled) else (np.nan, np.nan)
         excess = np.nan
         if freedom:
             excess = normal_deviate(total, freedom) if white else float(np.abs(means).max())
@@ -204,7 +203,7 @@ def position_residuals(
                 axis,
                 turned,
                 body,
-                _last_angles(data, start, stop),
+                (outer, inner),
                 freedom,
                 total,
                 excess,
@@ -234,45 +233,39 @@ def _spans(data: StageData, rests: RestResiduals, found: Belief) -> list[tuple[i
     begin = np.searchsorted(data.seq, rests.first_seq)
     end = np.searchsorted(data.seq, rests.last_seq) + 1
     changed = np.flatnonzero(np.diff(data.step)) + 1
+
+    def still(start: int, stop: int) -> bool:
+        return bool(abs(_rotation(data, start, stop, found)[1]) < SMALLEST_MOVE)
+
     spans: list[tuple[int, int, int | None]] = []
     for first, last in data.segments:
         inside = np.flatnonzero((begin >= first) & (end <= last))
         cuts = np.unique([first, last, *begin[inside], *end[inside], *changed[(changed > first) & (changed < last)]])
-        found_here: list[tuple[int, int, int | None]] = []
+        here: list[tuple[int, int, int | None]] = []
         for start, stop in pairwise(cuts.tolist()):
             rest = next((int(k) for k in inside if begin[k] <= start and stop <= end[k]), None)
-            if rest is None and found_here and abs(_rotation(data, start, stop, found)[1]) < SMALLEST_MOVE:
-                found_here[-1] = (found_here[-1][0], stop, found_here[-1][2])
-            elif rest is not None and found_here and (found_here[-1][2] == rest or _idle(data, found_here[-1], found)):
-                found_here[-1] = (found_here[-1][0], stop, rest)
-            else:
-                found_here.append((start, stop, rest))
-        spans += found_here
+            if here:
+                last_start, last_stop, last_rest = here[-1]
+                if rest is None and still(start, stop):
+                    here[-1] = (last_start, stop, last_rest)
+                    continue
+                if rest is not None and (last_rest == rest or (last_rest is None and still(last_start, last_stop))):
+                    here[-1] = (last_start, stop, rest)
+                    continue
+            here.append((start, stop, rest))
+        spans += here
     return spans
-
-
-def _idle(data: StageData, span: tuple[int, int, int | None], found: Belief) -> bool:
-    """Return whether a span is not a rest and yet contains no rotation."""
-    start, stop, rest = span
-    return rest is None and abs(_rotation(data, start, stop, found)[1]) < SMALLEST_MOVE
 
 
 def _rotation(data: StageData, start: int, stop: int, found: Belief) -> tuple[str, float, str]:
     """Return axis, angle, rad, and signed body axis of a rotation, see `PositionResidual`."""
-    body = (data.gyro[start:stop] - found.mean[group_indices("gyro_bias")]).sum(axis=0) * data.dt
+    body = (data.gyro[start:stop] - found.gyro_bias[0]).sum(axis=0) * data.dt
     k = int(np.argmax(np.abs(body)))
     signed = ("-" if body[k] < 0.0 else "+") + "xyz"[k]
     polled = np.flatnonzero(np.isfinite(data.angles[start:stop]).all(axis=1))
     if len(polled) > 1:
         turned = data.angles[start + polled[-1]] - data.angles[start + polled[0]]
-        names = [name for name, angle in zip(_JOINTS, turned, strict=True) if abs(angle) >= SMALLEST_MOVE]
+        names = [name for name, angle in zip(JOINTS, turned, strict=True) if abs(angle) >= SMALLEST_MOVE]
         if names:
             return "+".join(names), float(turned[np.argmax(np.abs(turned))]), signed
     return "xyz"[k], float(body[k]), signed
-
-
-def _last_angles(data: StageData, start: int, stop: int) -> tuple[float, float]:
-    """Return the last encoder angles, rad, NaN if none were polled."""
-    polled = np.flatnonzero(np.isfinite(data.angles[start:stop]).all(axis=1))
-    outer, inner = data.angles[start + polled[-1]] if len(polled) else (np.nan, np.nan)
-    return float(outer), float(inner)

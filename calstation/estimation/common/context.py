@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.physics import ALIGNED, FloatArray, Orientation, TableGeometry, normal_gravity
+from calstation.physics import ALIGNED, GYRO_BIAS, FloatArray, Orientation, TableGeometry, normal_gravity
 
 #: Standard deviation of normal gravity, m/s²: gravity anomalies are 30 to 50 ppm.
 NORMAL_GRAVITY_SIGMA = 5e-4
@@ -139,3 +139,8 @@ class Belief:
     def sigma(self) -> FloatArray:
         """Standard deviations, shape (30,)."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def gyro_bias(self) -> tuple[FloatArray, float]:
+        """Gyro biases, rad/s, shape (3,), and the largest of their sigmas, rad/s."""
+        return self.mean[GYRO_BIAS], float(self.sigma[GYRO_BIAS].max())

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -11,14 +11,26 @@ from scipy.special import gammaincinv
 from calstation.estimation.common.context import Belief
 from calstation.physics import COUNT, GROUPS, PARAMETERS, BoolArray, FloatArray
 
-MOST_ITERATIONS = 60
+Point = TypeVar("Point")
+Result = TypeVar("Result")
+
+MAX_ITERATIONS = 60
 #: The iteration has converged when its step is below this, in sigmas.
 CONVERGED = 1e-3
 #: Largest variance that unknowns may explain in a tested direction, in units of the noise variance. Near 1, products of
 #: unknowns, which the covariance does not include, may be as large as the noise.
-MOST_EXPLAINED = 0.1
+MAX_EXPLAINED = 0.1
 #: Innovations with a smaller share than this in the tested directions are not tested.
-LEAST_SHARE = 1e-6
+MIN_SHARE = 1e-6
+
+
+class BatchGain(NamedTuple):
+    """Gain of the 30 parameters from m observations in one batch."""
+
+    jacobian: FloatArray  #: Shape (m, 30).
+    gain: FloatArray  #: Shape (30, m).
+    covariance: FloatArray  #: Covariance of the innovations, shape (m, m).
+    innovation: FloatArray  #: Shape (m,).
 
 
 @dataclass(frozen=True)
@@ -29,8 +41,7 @@ class MapResult:
     nuisance: FloatArray  #: Posterior mean of the nuisance parameters, shape (k,).
     residual: FloatArray  #: Observations minus model at the solution, shape (m,).
     redundancy: "Redundancy"  #: Test of the part of the innovations that the unknowns cannot explain, at the solution.
-    #: Jacobian and gain of the parameters, shapes (m, 30) and (30, m); covariance and innovation of the last iteration.
-    gain: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    gain: BatchGain  #: Of the last iteration.
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: ``not_settled`` if the iteration did not converge.
 
 
@@ -83,6 +94,22 @@ class Consistency:
 
 
 def gauss_newton(
+    step: Callable[[Point], tuple[Point, Result, float]], start: Point, most: int = MAX_ITERATIONS
+) -> tuple[Point, Result, bool]:
+    """Repeat a Gauss-Newton step until it changes the unknowns by less than `CONVERGED` sigmas, at most `most` times.
+
+    `step` returns the next linearisation point, the result at the last point, and the largest change of an unknown, in
+    sigmas. Return the last point and result, and whether the iteration has converged.
+    """
+    point, result, change = step(start)
+    for _ in range(most - 1):
+        if change < CONVERGED:
+            break
+        point, result, change = step(point)
+    return point, result, change < CONVERGED
+
+
+def map_estimate(
     stage: str,
     model: Callable[[FloatArray, FloatArray], FloatArray],
     observed: FloatArray,
@@ -108,47 +135,58 @@ def gauss_newton(
     noisy : nuisance parameters that are measurement errors, part of the noise in the test of redundancy
     groups : parameter groups on which the model depends
     """
-    mean = np.concatenate([prior.mean, nuisance])
-    P = np.zeros((len(mean), len(mean)))
+    prior_mean = np.concatenate([prior.mean, nuisance])
+    P = np.zeros((len(prior_mean), len(prior_mean)))
     P[:COUNT, :COUNT] = prior.covariance
     P[COUNT:, COUNT:] = np.diag(nuisance_sigma**2)
     free = np.concatenate([estimated, np.ones(len(nuisance), dtype=bool)])
     scale = np.minimum(np.sqrt(np.diag(P)), 1e-3) * 1e-2
     scale[:COUNT] *= [p.group in groups for p in PARAMETERS]
     R = np.diag(noise)
-    point = mean.copy()
-    for _ in range(MOST_ITERATIONS):
-        predicted = model(point[:COUNT], point[COUNT:])
-        H = _jacobian(model, point, scale, predicted)
+
+    def step(point: FloatArray) -> tuple[FloatArray, tuple[FloatArray, FloatArray, BatchGain], float]:
+        predicted, H = _linearised(model, point, scale)
         S = H @ P @ H.T + R
-        innovation = observed - predicted - H @ (mean - point)
-        K = np.linalg.solve(S, H @ P).T
-        posterior = mean + K @ innovation
-        target = np.where(free, posterior, mean)
-        I_KH = np.eye(len(mean)) - K @ H
+        innovation = observed - predicted - H @ (prior_mean - point)
+        K = np.asarray(np.linalg.solve(S, H @ P).T, np.float64)
+        mean = prior_mean + K @ innovation
+        I_KH = np.eye(len(prior_mean)) - K @ H
         covariance = I_KH @ P @ I_KH.T + K @ R @ K.T
-        sigma = np.sqrt(np.diag(covariance))
-        moved = np.max(np.abs(target - point) / np.where(sigma > 0.0, sigma, 1.0))
-        point = target
-        if moved < CONVERGED:
-            break
-    not_settled = ("not_settled", {"stage": stage, "passes": MOST_ITERATIONS})
-    belief = Belief(posterior[:COUNT], covariance[:COUNT, :COUNT])
-    gain = H[:, :COUNT], np.asarray(K[:COUNT], np.float64), S, innovation
-    predicted = model(posterior[:COUNT], posterior[COUNT:])
-    H, residual = _jacobian(model, posterior, scale, predicted), observed - predicted
-    measured = np.zeros(len(mean), dtype=bool)
+        sigma, target = np.sqrt(np.diag(covariance)), np.where(free, mean, prior_mean)
+        change = float(np.max(np.abs(target - point) / np.where(sigma > 0.0, sigma, 1.0)))
+        return target, (mean, covariance, BatchGain(H[:, :COUNT], K[:COUNT], S, innovation)), change
+
+    _, (mean, covariance, gain), converged = gauss_newton(step, prior_mean)
+    predicted, H = _linearised(model, mean, scale)
+    measured = np.zeros(len(prior_mean), dtype=bool)
     measured[COUNT:][noisy] = True
     unknown, error = np.where(measured, 0.0, H), np.where(measured, H, 0.0)
-    found = redundant(unknown @ P @ unknown.T, R + error @ P @ error.T, residual - H @ (mean - posterior))
-    return MapResult(belief, posterior[COUNT:], residual, found, gain, () if moved < CONVERGED else (not_settled,))
+    residual = observed - predicted
+    redundancy = redundant(unknown @ P @ unknown.T, R + error @ P @ error.T, residual - H @ (prior_mean - mean))
+    belief = Belief(mean[:COUNT], covariance[:COUNT, :COUNT])
+    messages = () if converged else (("not_settled", {"stage": stage, "passes": MAX_ITERATIONS}),)
+    return MapResult(belief, mean[COUNT:], residual, redundancy, gain, messages)
+
+
+def _linearised(
+    model: Callable[[FloatArray, FloatArray], FloatArray], point: FloatArray, scale: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the predicted observations and their Jacobian by central differences with steps `scale`; 0: no column."""
+    predicted = model(point[:COUNT], point[COUNT:])
+    columns = np.zeros((len(predicted), len(point)))
+    for i in np.flatnonzero(scale):
+        high, low = point.copy(), point.copy()
+        high[i] += scale[i]
+        low[i] -= scale[i]
+        columns[:, i] = (model(high[:COUNT], high[COUNT:]) - model(low[:COUNT], low[COUNT:])) / (2.0 * scale[i])
+    return predicted, columns
 
 
 def redundant(explained: FloatArray, noise: FloatArray, innovation: FloatArray) -> Redundancy:
     """Return the part of `innovation`, shape (m,), in the directions that the unknowns do not explain.
 
     `explained` = H P Hᵀ is the covariance due to the unknowns and their priors, `noise` the covariance of the
-    measurement, both of shape (m, m). In the other directions (`MOST_EXPLAINED`) the unknowns absorb any innovation,
+    measurement, both of shape (m, m). In the other directions (`MAX_EXPLAINED`) the unknowns absorb any innovation,
     and a wide prior would count as a test that always passes: twelve free tilts and six parameters leave nothing of 18
     observations to test. The directions are independent, and their squares are χ² distributed. They are the classical
     parity space (J. E. Potter, M. C. Suman, *Thresholdless redundancy management with arrays of skewed instruments*,
@@ -160,27 +198,12 @@ def redundant(explained: FloatArray, noise: FloatArray, innovation: FloatArray) 
     white = solve_triangular(root, innovation, lower=True)
     half = solve_triangular(root, explained, lower=True)
     size, directions = np.linalg.eigh(solve_triangular(root, half.T, lower=True))
-    tested = size < MOST_EXPLAINED
+    tested = size < MAX_EXPLAINED
     chosen = directions[:, tested]
     found = chosen.T @ white / np.sqrt(1.0 + np.maximum(size[tested], 0.0))
     share = np.sum(chosen**2, axis=1)
-    normalised = np.divide(chosen @ found, np.sqrt(share), out=np.full(len(share), np.nan), where=share > LEAST_SHARE)
+    normalised = np.divide(chosen @ found, np.sqrt(share), out=np.full(len(share), np.nan), where=share > MIN_SHARE)
     return Redundancy(int(tested.sum()), float(found @ found), normalised)
-
-
-def _jacobian(
-    model: Callable[[FloatArray, FloatArray], FloatArray], point: FloatArray, scale: FloatArray, predicted: FloatArray
-) -> FloatArray:
-    columns = []
-    for i, h in enumerate(scale):
-        if h == 0.0:
-            columns.append(np.zeros_like(predicted))
-            continue
-        high, low = point.copy(), point.copy()
-        high[i] += h
-        low[i] -= h
-        columns.append((model(high[:COUNT], high[COUNT:]) - model(low[:COUNT], low[COUNT:])) / (2.0 * h))
-    return np.stack(columns, axis=1)
 
 
 def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief:

@@ -9,7 +9,7 @@ import numpy as np
 
 from calstation.estimation.common.context import ImuModel, SolveContext
 from calstation.estimation.common.model_test import Misfit, ModelTest
-from calstation.estimation.common.stage import StageData, find_rests, group_means
+from calstation.estimation.common.stage import StageData, find_rests, group_means, slope_weights
 from calstation.physics import CHANNELS, FloatArray
 
 #: Correlation time of the Gauss-Markov process that models bias instability, s.
@@ -112,6 +112,12 @@ def rest_mean_variance(context: SolveContext, duration: float) -> float:
     )
 
 
+def rest_force(data: StageData, context: SolveContext, start: int, stop: int) -> tuple[FloatArray, float]:
+    """Return the mean specific force of a rest weighted with `slope_weights`, m/s², shape (3,), and its variance."""
+    weights = slope_weights(stop - start, max(round(filter_noise(context).interval / data.dt), 1))
+    return np.asarray(weights @ data.accel[start:stop]), rest_mean_variance(context, (stop - start) * data.dt)
+
+
 @dataclass(frozen=True)
 class NoiseRatio:
     """Measured noise of some channels at an averaging time, as a ratio to the profile's noise."""
@@ -143,16 +149,15 @@ class RestNoise:
         return float(ratios[time, channel]), CHANNELS[channel], self.gyro[time].time
 
 
-def rest_noise(data: StageData, context: SolveContext, bias: FloatArray, bias_sigma: float) -> RestNoise:
-    """Measure the noise at all rests; `bias` and `bias_sigma` of the gyros serve to find them, as in `find_rests`.
+def rest_noise(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArray, float]) -> RestNoise:
+    """Measure the noise at all rests, which are found with `gyro_bias`, see `find_rests`.
 
     The table's velocity noise is white, so successive velocity changes have a covariance of −σ_v²; the accelerometers'
     own noise contributes none. The Allan variance at time T is the sum of the white noise q/T, the bias drift and, for
     an accelerometer, the table's 3 σ_v²/T² (IEEE Std 952-2020, annex C).
     """
     noise = filter_noise(context)
-    found = (find_rests(data, segment, context.imu, bias, bias_sigma) for segment in data.segments)
-    rests = [slice(a, b) for each in found for a, b in each]
+    rests = [slice(*rest) for rest in find_rests(data, context.imu, gyro_bias)]
     velocity, count = _vibration([data.accel[rest] for rest in rests], noise, data.dt)
     scatter = [_vibration_scatter(part * noise.velocity, noise, count) for part in (1.0, 0.25)]
     drift = noise.bias_drift[[0, 3]] ** 2 * 2.0 / (3.0 * BIAS_DRIFT_TIME)
@@ -170,7 +175,7 @@ def rest_noise(data: StageData, context: SolveContext, bias: FloatArray, bias_si
     return RestNoise(tuple(gyro), tuple(accel), NoiseRatio(noise.interval, np.sqrt(ratio), np.array([limit])), quiet)
 
 
-def gyro_excess(data: StageData, context: SolveContext, bias: FloatArray, bias_sigma: float) -> float:
+def gyro_excess(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArray, float]) -> float:
     """Return the largest significant ratio of a gyro's noise to its profile over short times at rest, at least 1.
 
     Rests of a few seconds suffice, so that a stage that may end early can use it. The arguments are as for
@@ -182,8 +187,7 @@ def gyro_excess(data: StageData, context: SolveContext, bias: FloatArray, bias_s
     rounding = 0.25 * (context.imu.quantisation[0] * per_count / _SHORT_TIME) ** 2
     if rounding > _FINE * expected:
         return 1.0
-    found = (find_rests(data, segment, context.imu, bias, bias_sigma) for segment in data.segments)
-    rests = [data.gyro[a:b] for each in found for a, b in each]
+    rests = [data.gyro[a:b] for a, b in find_rests(data, context.imu, gyro_bias)]
     return float(_ratio(_SHORT_TIME, rests, max(round(_SHORT_TIME / data.dt), 1), expected).excess.max())
 
 

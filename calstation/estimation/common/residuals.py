@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.estimation.common.context import Belief, ImuModel, SolveContext
-from calstation.estimation.common.noise import filter_noise, rest_mean_variance
+from calstation.estimation.common.noise import filter_noise, rest_force
 from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage import StageData, find_rests, mean_angles, slope_weights
-from calstation.physics import FloatArray, IntArray, compensate, compensation, group_indices, rotation_rate
+from calstation.estimation.common.stage import StageData, find_rests, mean_angles
+from calstation.physics import FloatArray, IntArray, compensate, compensation, rotation_rate
 
 #: A rest shorter than this, s, is a pause during a rotation and not a position.
 SHORTEST_REST = 1.0
@@ -63,41 +63,34 @@ def upward_axis(up: FloatArray) -> str:
 def rest_residuals(data: StageData, context: SolveContext, found: Belief) -> RestResiduals:
     """Compute the residuals of every rest of a stage, compensated with the parameters `found`."""
     constants = compensation(found.mean)
-    bias = group_indices("gyro_bias")
     earth = rotation_rate(context.site.latitude)
     gravity, noise = context.site.local_gravity, filter_noise(context)
-    stride = max(round(noise.interval / data.dt), 1)
     rows: list[tuple[float, ...]] = []
     seqs: list[tuple[int, int]] = []
-    for segment in data.segments:
-        found_rests = find_rests(data, segment, context.imu, found.mean[bias], float(found.sigma[bias].max()))
-        for begin, b in found_rests:
-            a = begin + round(CREEP / data.dt)
-            duration = (b - a) * data.dt
-            if duration < SHORTEST_REST:
-                continue
-            omega, force = compensate(
-                constants,
-                data.gyro[a:b].mean(axis=0, keepdims=True),
-                (slope_weights(b - a, stride) @ data.accel[a:b])[None],
+    for begin, b in find_rests(data, context.imu, found.gyro_bias):
+        a = begin + round(CREEP / data.dt)
+        duration = (b - a) * data.dt
+        if duration < SHORTEST_REST:
+            continue
+        mean_force, variance = rest_force(data, context, a, b)
+        omega, force = compensate(constants, data.gyro[a:b].mean(axis=0, keepdims=True), mean_force[None])
+        length = float(np.linalg.norm(force))
+        up = force[0] / length
+        along = float(omega[0] @ up)
+        across = float(np.linalg.norm(omega[0] - along * up))
+        angles = mean_angles(data, a, b)
+        seqs.append((int(data.seq[a]), int(data.seq[b - 1])))
+        rows.append(
+            (
+                *up,
+                *(angles if angles is not None else (np.nan, np.nan)),
+                length - gravity,
+                along - earth[2],
+                across - float(np.hypot(earth[0], earth[1])),
+                float(np.sqrt(variance)),
+                float(np.sqrt(noise.rate / duration + noise.bias_drift[0] ** 2)),
             )
-            length = float(np.linalg.norm(force))
-            up = force[0] / length
-            along = float(omega[0] @ up)
-            across = float(np.linalg.norm(omega[0] - along * up))
-            angles = mean_angles(data, a, b)
-            seqs.append((int(data.seq[a]), int(data.seq[b - 1])))
-            rows.append(
-                (
-                    *up,
-                    *(angles if angles is not None else (np.nan, np.nan)),
-                    length - gravity,
-                    along - earth[2],
-                    across - float(np.hypot(earth[0], earth[1])),
-                    float(np.sqrt(rest_mean_variance(context, duration))),
-                    float(np.sqrt(noise.rate / duration + noise.bias_drift[0] ** 2)),
-                )
-            )
+        )
     table = np.array(rows).reshape(-1, 10)
     seq = np.array(seqs, dtype=np.int64).reshape(-1, 2)
     return RestResiduals(seq[:, 0], seq[:, 1], table[:, :3], table[:, 3:5], *table[:, 5:].T)

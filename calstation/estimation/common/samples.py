@@ -33,12 +33,9 @@ class SampleBlock:
 
     def __post_init__(self) -> None:
         """Give missing optional columns the number of rows of the block."""
-        if self.others.shape[1] == 0:
-            object.__setattr__(self, "others", np.empty((len(self.seq), 0, 6)))
-        if self.joints.shape[1] == 0:
-            object.__setattr__(self, "joints", np.empty((len(self.seq), 0)))
-        if self.station.shape[1] == 0:
-            object.__setattr__(self, "station", np.empty((len(self.seq), 0)))
+        for name, shape in (("others", (0, 6)), ("joints", (0,)), ("station", (0,))):
+            if getattr(self, name).shape[1] == 0:
+                object.__setattr__(self, name, np.empty((len(self.seq), *shape)))
 
     def __len__(self) -> int:
         return len(self.seq)
@@ -48,6 +45,16 @@ class SampleBlock:
         return SampleBlock(self.stage, *(getattr(self, name)[start:stop] for name in COLUMNS))
 
 
+_NOTHING = SampleBlock(
+    "",
+    np.empty(0, np.int64),
+    np.empty(0),
+    np.empty((0, 6)),
+    np.empty((0, 2)),
+    np.empty(0, np.int64),
+    np.empty(0, np.bool_),
+    np.empty(0),
+)
 #: Names of the columns of a block, the optional ones last.
 COLUMNS = tuple(f.name for f in fields(SampleBlock) if f.name != "stage")
 
@@ -59,8 +66,8 @@ def has_gyros(output: FloatArray) -> bool:
 
 def joined(blocks: list[SampleBlock]) -> SampleBlock:
     """Join consecutive blocks into one with the stage of the first; a single block is returned unchanged."""
-    if len(blocks) == 1:
-        return blocks[0]
+    if len(blocks) <= 1:
+        return blocks[0] if blocks else _NOTHING
     return SampleBlock(blocks[0].stage, *(np.concatenate([getattr(b, name) for b in blocks]) for name in COLUMNS))
 
 

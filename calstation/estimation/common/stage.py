@@ -1,14 +1,20 @@
 """Samples of a stage as contiguous arrays (raw rates, encoder angles, segments between gaps), and its rests."""
 
 import itertools
+import pickle
+import tempfile
+import weakref
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numba as nb
 import numpy as np
 
+from calstation.errors import InsufficientDataError
 from calstation.estimation.common.context import Belief, ImuModel
-from calstation.estimation.common.samples import SampleBlock
-from calstation.physics import BoolArray, FloatArray, IntArray, group_indices
+from calstation.estimation.common.samples import SampleBlock, joined
+from calstation.physics import BoolArray, FloatArray, IntArray
 
 #: Width of the averaging window of rest detection, s.
 REST_WINDOW = 0.5
@@ -18,6 +24,9 @@ BIAS_SIGMAS = 3.0
 SLOWEST = np.deg2rad(0.1)
 #: Time removed from both ends of a rest found in the data, s, because a table creeps before it settles.
 REST_MARGIN = 0.3
+#: Number of samples that are joined, because many small blocks are slow, and number of such blocks kept in memory:
+#: 44 minutes at 200 Hz in 60 MB, since the file takes several percent of the time of a solution.
+_TOGETHER, _IN_MEMORY = 16_384, 32
 #: Number of samples before and after a jump in time whose medians show whether it is permanent.
 _JITTER_SAMPLES = 20
 #: A larger change of mean specific force from one window to the next, m/s², indicates a new position.
@@ -55,12 +64,9 @@ class StageData:
 
 def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
     """Join the blocks of a stage; invalid samples are omitted and count as gaps, like missing ones."""
-    dt = 1.0 / imu.sample_rate
-    known = _joined([b.valid for b in blocks], np.bool_)
-    valid = slice(None) if known.all() else known  # a slice copies nothing
-    seq = _joined([b.seq for b in blocks], np.int64)[valid]
-    time = _joined([b.time for b in blocks], np.float64)[valid]
-    counts = _joined([b.counts for b in blocks], np.float64, 6)[valid]
+    dt, block = 1.0 / imu.sample_rate, joined(blocks)
+    valid = slice(None) if block.valid.all() else block.valid  # a slice copies nothing
+    seq, time, counts = block.seq[valid], block.time[valid], np.asarray(block.counts[valid], np.float64)
     broken = (np.diff(seq) != 1) | _time_jumps(seq, time, dt)
     cuts = np.concatenate([[0], np.flatnonzero(broken) + 1, [len(seq)]])
     return StageData(
@@ -69,13 +75,54 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
         time=time,
         gyro=_scaled(counts[:, :3], imu.gyro_lsb * imu.rate_factor),
         accel=_scaled(counts[:, 3:], imu.accel_lsb * imu.rate_factor),
-        angles=_joined([b.angles for b in blocks], np.float64, 2)[valid],
-        step=_joined([b.step for b in blocks], np.int64)[valid],
+        angles=block.angles[valid],
+        step=block.step[valid],
         segments=tuple((int(a), int(b)) for a, b in itertools.pairwise(cuts) if b > a),
         gaps=int(np.count_nonzero(broken)),
-        others=_joined([b.others for b in blocks], np.float64)[valid] if blocks else np.empty((0, 0, 6)),
-        joints=_joined([b.joints for b in blocks], np.float64)[valid] if blocks else np.empty((0, 0)),
+        others=block.others[valid],
+        joints=block.joints[valid],
     )
+
+
+class StageBuffer:
+    """Samples of one stage until it is solved; of a long stage, all but the latest are in a temporary file."""
+
+    def __init__(self, imu: ImuModel) -> None:
+        self._imu = imu
+        self._file = tempfile.TemporaryFile(prefix="calstation-")  # noqa: SIM115 - open for the life of the buffer
+        weakref.finalize(self, self._file.close)
+        self._written = 0  # number of blocks in the file
+        self._latest: deque[SampleBlock] = deque()
+        self._waiting: list[SampleBlock] = []
+        self._waiting_samples = 0
+        self._block: SampleBlock | None = None
+        self._data: StageData | None = None
+
+    def append(self, block: SampleBlock) -> None:
+        """Append samples; all blocks need the same columns. Raises OSError if the disk is full."""
+        self._block = self._data = None
+        self._waiting.append(block)
+        self._waiting_samples += len(block)
+        if self._waiting_samples >= _TOGETHER:
+            self._latest.append(joined(self._waiting))
+            self._waiting, self._waiting_samples = [], 0
+        if len(self._latest) > _IN_MEMORY:
+            pickle.dump(self._latest.popleft(), self._file, pickle.HIGHEST_PROTOCOL)
+            self._written += 1
+
+    def block(self) -> SampleBlock:
+        """Return all samples stored so far; the same object until more are stored."""
+        if self._block is None:
+            self._file.seek(0)
+            written = [pickle.load(self._file) for _ in range(self._written)]
+            self._block = joined([*written, *self._latest, *self._waiting])
+        return self._block
+
+    def data(self) -> StageData:
+        """Return the valid samples stored so far in physical units; the same object until more are stored."""
+        if self._data is None:
+            self._data = stage_data([self.block()], self._imu)
+        return self._data
 
 
 @nb.njit(cache=True)
@@ -96,12 +143,6 @@ def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
         before, after = late[max(k + 1 - _JITTER_SAMPLES, 0) : k + 1], late[k + 1 : k + 1 + _JITTER_SAMPLES]
         jumps[k] = abs(float(np.median(after) - np.median(before))) > 0.5 * dt
     return jumps
-
-
-def _joined(parts: list[np.ndarray], dtype: type, columns: int = 0) -> np.ndarray:
-    if not parts:
-        return np.empty((0, columns) if columns else 0, dtype)
-    return (parts[0] if len(parts) == 1 else np.concatenate(parts)).astype(dtype, copy=False)
 
 
 @nb.njit(cache=True)
@@ -125,16 +166,22 @@ def window_mean(values: FloatArray, offset: FloatArray, width: int) -> FloatArra
 
 
 @nb.njit(cache=True)
+def means(values: FloatArray, counts: IntArray) -> FloatArray:
+    """Return the means of the rows of `values`, shape (n, m), over k groups of `counts` rows, shape (k, m)."""
+    found, first = np.zeros((len(counts), values.shape[1])), 0
+    for g in range(len(counts)):
+        for k in range(first, first + counts[g]):
+            for j in range(values.shape[1]):
+                found[g, j] += values[k, j]
+        for j in range(values.shape[1]):
+            found[g, j] /= counts[g]
+        first += counts[g]
+    return found
+
+
 def group_means(values: FloatArray, width: int) -> FloatArray:
-    """Return the means of consecutive groups of `width` rows of three channels, without a remainder."""
-    means = np.zeros((len(values) // width, 3))
-    for k in range(len(means)):
-        for i in range(k * width, (k + 1) * width):
-            for j in range(3):
-                means[k, j] += values[i, j]
-        for j in range(3):
-            means[k, j] /= width
-    return means
+    """Return the means of consecutive groups of `width` rows, without a remainder."""
+    return means(values, np.full(len(values) // width, width))
 
 
 @nb.njit(cache=True)
@@ -152,59 +199,56 @@ def largest(values: FloatArray) -> FloatArray:
 
 
 def find_rests(
-    data: StageData, segment: tuple[int, int], imu: ImuModel, gyro_bias: FloatArray, bias_sigma: float
+    data: StageData,
+    imu: ImuModel,
+    gyro_bias: tuple[FloatArray, float],
+    segments: Sequence[tuple[int, int]] | None = None,
 ) -> list[tuple[int, int]]:
-    """Find the rests (start, stop) of a segment from its data.
+    """Find the rests (start, stop) of a stage, or of some segments, from its data.
 
     Rates are averaged over `REST_WINDOW`. The median of the windows in which they are small (`BIAS_SIGMAS`, 5 sigma of
     noise, `SLOWEST`) and constant is the rate at rest, the sum of bias and earth rate. A rest is an interval in which
     no window differs from that rate by more than noise plus 0.03 °/s (earth rate is 0.004 °/s), which excludes table
     creep. A step of the specific force (`FORCE_STEP`) separates two rests even without a recorded rotation.
-    `gyro_bias`, shape (3,), and `bias_sigma` are in rad/s.
+    `gyro_bias` contains the biases, shape (3,), and their sigma, rad/s, see `Belief.gyro_bias`.
     """
-    start, stop = segment
     width = max(round(REST_WINDOW / data.dt), 2)
-    if stop - start < 2 * width:
-        return []
-    mean = window_mean(data.gyro[start:stop], gyro_bias, width)
-    constant = _small_and_constant(mean, width, *_limits_of_rest(imu, width, data.dt, bias_sigma))
-    if not constant.shape[1]:
-        return []
-    at_rest = np.array([_median(rates) for rates in constant])
-    still = _still(mean, at_rest, 5.0 * _window_noise(imu, width, data.dt) + np.deg2rad(0.03))
-    _split(data.accel[start:stop], width, still)
     margin = round(REST_MARGIN / data.dt)
-    found = []
-    for first, last in runs(still):
-        begin = start + first + (margin if first > 0 else 0)
-        end = start + last + width - 1
-        end -= margin if end < stop else 0
-        if end - begin >= width:
-            found.append((begin, end))
-    return found
+    rests = []
+    for start, stop in data.segments if segments is None else segments:
+        if stop - start < 2 * width:
+            continue
+        mean = window_mean(data.gyro[start:stop], gyro_bias[0], width)
+        constant = _small_and_constant(mean, width, *_limits_of_rest(imu, width, data.dt, gyro_bias[1]))
+        if not constant.shape[1]:
+            continue
+        at_rest = np.array([_median(rates) for rates in constant])
+        still = _still(mean, at_rest, 5.0 * _window_noise(imu, width, data.dt) + np.deg2rad(0.03))
+        _split(data.accel[start:stop], width, still)
+        for first, last in runs(still):
+            begin = start + first + (margin if first > 0 else 0)
+            end = start + last + width - 1
+            end -= margin if end < stop else 0
+            if end - begin >= width:
+                rests.append((begin, end))
+    return rests
 
 
-@dataclass(frozen=True)
-class Quietest:
-    """Smallest rate and rate change of a recording, and the largest ones accepted as a rest by `find_rests`, rad/s."""
+def no_rest_error(data: StageData, imu: ImuModel, belief: Belief) -> InsufficientDataError:
+    """Return the error for a recording without a rest.
 
-    rate: float  #: Smallest rate of a window minus the prior bias.
-    largest_rate: float
-    change: float  #: Smallest change from one window to the next.
-    largest_change: float
-
-
-def quietest(data: StageData, imu: ImuModel, belief: Belief) -> Quietest:
-    """Return the quantities that show why a recording has no rest; NaN if it is shorter than two windows."""
-    bias = group_indices("gyro_bias")
-    width = max(round(REST_WINDOW / data.dt), 2)
-    largest_rate, largest_change = _limits_of_rest(imu, width, data.dt, float(belief.sigma[bias].max()))
-    if len(data) < 2 * width:
-        return Quietest(np.nan, largest_rate, np.nan, largest_change)
-    mean = window_mean(data.gyro, belief.mean[bias], width)
-    rate = float(largest(mean).min())
-    change = float(largest(mean[width:] - mean[:-width]).min())
-    return Quietest(rate, largest_rate, change, largest_change)
+    Its values show why: the smallest rate and rate change of a window, NaN if it is shorter than two windows, and the
+    largest ones accepted by `find_rests`, °/s.
+    """
+    bias, sigma = belief.gyro_bias
+    width, rate, change = max(round(REST_WINDOW / data.dt), 2), np.nan, np.nan
+    if len(data) >= 2 * width:
+        mean = window_mean(data.gyro, bias, width)
+        rate, change = float(largest(mean).min()), float(largest(mean[width:] - mean[:-width]).min())
+    most = _limits_of_rest(imu, width, data.dt, sigma)
+    values = dict(zip(("rate", "change", "largest_rate", "largest_change"), (rate, change, *most), strict=True))
+    in_degrees = {name: float(np.rad2deg(value)) for name, value in values.items()}
+    return InsufficientDataError("solve.no_rest_to_align", seconds=len(data) * data.dt, **in_degrees)
 
 
 def _limits_of_rest(imu: ImuModel, width: int, dt: float, bias_sigma: float) -> tuple[float, float]:

@@ -78,7 +78,7 @@ def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness
     for segment in _cut(data.segments, cuts):
         here = [
             (a, b)
-            for a, b in find_rests(data, segment, seen, resting, RESTING_RATE_SIGMA)
+            for a, b in find_rests(data, seen, (resting, RESTING_RATE_SIGMA), [segment])
             if (b - a) * data.dt >= shortest
         ]
         for k, ((_, end), (start, _)) in enumerate(itertools.pairwise(here), len(found)):

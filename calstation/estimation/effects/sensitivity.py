@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba as nb
 import numpy as np
 
+from calstation.estimation.common import BatchGain, means
 from calstation.estimation.effects.changes import changing
 from calstation.physics import COUNT, EFFECTS, BoolArray, Effect, FloatArray, IntArray, Motion
 
@@ -55,15 +55,12 @@ class StageEffects:
         error = np.where(estimated[:, None], remaining, np.eye(COUNT, len(score)))
         return Sensitivity(score, information, error, self, noise_ratio)
 
-    def of_batch(
-        self, gain: tuple[FloatArray, FloatArray, FloatArray, FloatArray], added: FloatArray, estimated: BoolArray
-    ) -> "Sensitivity":
+    def of_batch(self, gain: BatchGain, added: FloatArray, estimated: BoolArray) -> "Sensitivity":
         """Return the sensitivity of an estimate from m observations in one batch.
 
         Parameters
         ----------
-        gain : Jacobian and gain of the 30 parameters, shapes (m, 30) and (30, m); covariance and innovations, shapes
-            (m, m) and (m,)
+        gain : gain of the 30 parameters
         added : contribution of each component of `tested` to the observations, shape (m, components)
         estimated : True for the parameters that the gain corrects, shape (30,)
         """
@@ -103,25 +100,11 @@ def mean_regressors(motion: Motion, effects: Sequence[Effect], counts: IntArray)
 
     The components and regressors of the terms are counted over all effects.
     """
-    means = [np.empty((len(counts), 0))]
+    columns = [np.empty((len(counts), 0))]
     terms: list[tuple[int, int, int]] = []
     component = regressor = 0
     for effect in effects:
-        means.append(_means(effect.regressors(motion), counts))
+        columns.append(means(effect.regressors(motion), counts))
         terms += [(t.channel, component + t.component, regressor + t.regressor) for t in effect.terms]
-        component, regressor = component + len(effect.components), regressor + means[-1].shape[1]
-    return np.hstack(means), np.array(terms, dtype=np.int64).reshape(-1, 3)
-
-
-@nb.njit(cache=True)
-def _means(values: FloatArray, counts: IntArray) -> FloatArray:
-    """Return the means of the rows of `values`, shape (n, m), over k groups of `counts` rows, shape (k, m)."""
-    means, first = np.zeros((len(counts), values.shape[1])), 0
-    for g in range(len(counts)):
-        for k in range(first, first + counts[g]):
-            for j in range(values.shape[1]):
-                means[g, j] += values[k, j]
-        for j in range(values.shape[1]):
-            means[g, j] /= counts[g]
-        first += counts[g]
-    return means
+        component, regressor = component + len(effect.components), regressor + columns[-1].shape[1]
+    return np.hstack(columns), np.array(terms, dtype=np.int64).reshape(-1, 3)

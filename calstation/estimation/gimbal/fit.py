@@ -7,22 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise
+from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise, gauss_newton
 from calstation.estimation.gimbal.iteration import gimbal_attitude
 from calstation.estimation.gimbal.motions import Motion
 from calstation.estimation.positions import GYRO_COLUMNS, gyro_derivative, integrate_rotation, square_root
 from calstation.physics import (
     COUNT,
+    GYRO_BIAS,
     RATE,
     FloatArray,
     compensation,
-    group_indices,
     rotation_matrix,
     rotation_vector,
 )
 
-MOST_ITERATIONS = 12
-CONVERGED = 1e-3
+MAX_ITERATIONS = 12
 
 
 @dataclass(frozen=True)
@@ -45,26 +44,26 @@ def fit_gimbal(
     # gyro noise is independent for each motion; joint errors are shared with the preceding and the following motion
     rests = 1 + max(max(m.between) for m in motions)
     scale = np.concatenate([[RATE] * 3, np.full(3 * rests, joint_sigma)])
-    point, more = prior.mean.copy(), np.zeros(len(scale))
-    bias = group_indices("gyro_bias")
+    start = prior.mean.copy()
     measured = np.median(data.gyro[: round(1.0 / data.dt)], axis=0)
-    point[bias] = np.where(prior.sigma[bias] > RATE, measured, point[bias])
-    for _ in range(MOST_ITERATIONS):
+    start[GYRO_BIAS] = np.where(prior.sigma[GYRO_BIAS] > RATE, measured, start[GYRO_BIAS])
+
+    def step(at: tuple[FloatArray, FloatArray]) -> tuple[tuple[FloatArray, FloatArray], GimbalFit, float]:
+        point, more = at
         H, r = _rows(data, motions, order, point, more)
-        left = r + H[:, :COUNT] @ (point - prior.mean) + H[:, COUNT:] @ more
+        left = (r + H[:, :COUNT] @ (point - prior.mean) + H[:, COUNT:] @ more) / sigma
         columns = np.hstack([H[:, :COUNT] @ root, H[:, COUNT:] * scale]) / sigma[:, None]
-        information = columns.T @ columns + np.eye(columns.shape[1])
-        covariance = np.linalg.inv(information)
-        x = covariance @ (columns.T @ (left / sigma))
-        target, before = prior.mean + root @ x[:COUNT], point
-        point, more = target, scale * x[COUNT:]
-        spread = root @ covariance[:COUNT, :COUNT] @ root.T
+        covariance = np.linalg.inv(columns.T @ columns + np.eye(columns.shape[1]))
+        x = covariance @ (columns.T @ left)
+        mean, spread = prior.mean + root @ x[:COUNT], root @ covariance[:COUNT, :COUNT] @ root.T
         width = np.sqrt(np.diag(spread))
-        if float(np.max(np.abs(point - before) / np.where(width > 0.0, width, 1.0))) < CONVERGED:
-            break
-    rest = left / sigma - columns @ x
-    spare = len(rest) - float(np.einsum("ij,jk,ik->", columns, covariance, columns))
-    return GimbalFit(Belief(point, 0.5 * (spread + spread.T)), float(rest @ rest), spare, (rest * sigma).reshape(-1, 3))
+        change = float(np.max(np.abs(mean - point) / np.where(width > 0.0, width, 1.0)))
+        rest, spare = left - columns @ x, len(left) - float(np.einsum("ij,jk,ik->", columns, covariance, columns))
+        belief = Belief(mean, 0.5 * (spread + spread.T))
+        fit = GimbalFit(belief, float(rest @ rest), spare, (rest * sigma).reshape(-1, 3))
+        return (mean, scale * x[COUNT:]), fit, change
+
+    return gauss_newton(step, (start, np.zeros(len(scale))), MAX_ITERATIONS)[1]
 
 
 def _rows(

@@ -9,7 +9,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from calstation.errors import InsufficientDataError
 from calstation.estimation.common import (
     AMBIGUOUS_AZIMUTH_SIGMA,
     SHORTEST_REST,
@@ -17,7 +16,7 @@ from calstation.estimation.common import (
     SolveContext,
     StageData,
     Start,
-    quietest,
+    no_rest_error,
     starts,
 )
 from calstation.estimation.method import Progress
@@ -92,7 +91,7 @@ def solve_navigation(
         )
     found = starts(data, context, prior)
     if not found:
-        raise _no_rest(data, context, prior)
+        raise no_rest_error(data, context.imu, prior)
     free = any(s.azimuth_sigma is not None for s in found)
     ambiguous = any((s.azimuth_sigma or 0.0) > AMBIGUOUS_AZIMUTH_SIGMA for s in found)
     meter = _Meter(progress, USUAL_PASSES * (1 + free) + AZIMUTHS_TRIED * ambiguous)
@@ -115,13 +114,6 @@ def pass_about(
     solver = _Relinearisation(data, context, prior, estimated, _Meter(None, USUAL_PASSES))
     run, _ = solver.one_pass(ReferencePass, near.point, list(near.starts), list(near.attitudes))
     return replace(near, belief=run.belief, history=run.history, updates=tuple(run.updates))
-
-
-def _no_rest(data: StageData, context: SolveContext, prior: Belief) -> InsufficientDataError:
-    """Return the error for a recording without a rest, with the values of its quietest windows."""
-    seen = quietest(data, context.imu, prior)
-    values = {name: float(np.rad2deg(value)) for name, value in vars(seen).items()}
-    return InsufficientDataError("solve.no_rest_to_align", seconds=len(data) * data.dt, **values)
 
 
 @dataclass

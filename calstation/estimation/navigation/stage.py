@@ -12,11 +12,10 @@ from calstation.estimation.common import (
     Belief,
     ImuModel,
     PlannedSamples,
-    RestNoise,
     SampleBlock,
     Site,
     SolveContext,
-    Spool,
+    StageBuffer,
     StageData,
     TableModel,
     gyro_excess,
@@ -37,7 +36,7 @@ from calstation.estimation.navigation.observability import ObservabilityAnalysis
 from calstation.estimation.navigation.relinearise import NavigationResult
 from calstation.estimation.navigation.response import filter_sensitivity
 from calstation.estimation.navigation.table_noise import judged, solve_with_table_noise
-from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, group_indices, reached
+from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, reached
 
 #: Duration of data after a start that the live filter needs for alignment, s.
 LIVE_ALIGNMENT = 5.0
@@ -98,12 +97,12 @@ class NavigationStage:
         self.stage, self.context, self.prior, self.estimated = stage, context, prior, estimated
         self._targets = targets
         self._measured: tuple[int, float] | None = None  # number of samples, and the excess of their noise at rest
-        self.spool = Spool(context.imu)
+        self.buffer = StageBuffer(context.imu)
         self._live = LiveFilter(context, prior)
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""
-        self.spool.append(block)
+        self.buffer.append(block)
         self._live.feed(block)
 
     def sigma(self) -> FloatArray:
@@ -114,7 +113,7 @@ class NavigationStage:
         sigma = self._live.sigma()
         if not self._targets or not reached(sigma, self._targets):
             return sigma
-        data = self.spool.data()
+        data = self.buffer.data()
         if self._measured is None or self._measured[0] != len(data):
             self._measured = len(data), self._noise_excess(data)
         return np.asarray(sigma * self._measured[1])
@@ -125,9 +124,9 @@ class NavigationStage:
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage. Raises InsufficientDataError if it has no rest for alignment."""
-        data = self.spool.data()
+        data = self.buffer.data()
         mask = np.array([name in self.estimated for name in NAMES])
-        measured = self._rest_noise(data)
+        measured = rest_noise(data, self.context, self.prior.gyro_bias)
         before = widened(self.context, measured)
         result, context = solve_with_table_noise(self.stage, data, before, self.prior, mask, progress)
         nis = result.history.nis
@@ -159,17 +158,11 @@ class NavigationStage:
         )
         return with_misfit(solution, data, self.context)
 
-    def _rest_noise(self, data: StageData) -> RestNoise:
-        bias = group_indices("gyro_bias")
-        return rest_noise(data, self.context, self.prior.mean[bias], float(self.prior.sigma[bias].max()))
-
     def _noise_excess(self, data: StageData) -> float:
         """Return the factor by which the noise at rest exceeds the profiles' noise, at least 1."""
-        bias = group_indices("gyro_bias")
-        mean, sigma = self.prior.mean[bias], float(self.prior.sigma[bias].max())
-        measured = rest_noise(data, self.context, mean, sigma)
+        measured = rest_noise(data, self.context, self.prior.gyro_bias)
         excess = measured.worst()[0], float(measured.velocity.excess[0])
-        return max(*excess, gyro_excess(data, self.context, mean, sigma))
+        return max(*excess, gyro_excess(data, self.context, self.prior.gyro_bias))
 
     def _sensitivity(
         self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult

@@ -22,7 +22,7 @@ from typing import Literal
 
 import numpy as np
 
-from calstation.estimation.common import BIAS_DRIFT_PER_INSTABILITY, BIAS_DRIFT_TIME, ImuModel
+from calstation.estimation.common import BIAS_DRIFT_PER_INSTABILITY, BIAS_DRIFT_TIME, ImuModel, gauss_newton
 from calstation.estimation.effects import EffectFound
 from calstation.estimation.pairs.effects import Block, jackknife, pair_effects
 from calstation.estimation.pairs.filtering import PairData, Signals, coarse_offset, low_pass, signals
@@ -39,8 +39,7 @@ LARGEST_OFFSET = 1.0
 FAR = 4.0
 #: Smallest share of the information about any direction for which half a recording is solved alone.
 LEAST_SHARE = 0.05
-MOST_ITERATIONS = 20
-CONVERGED = 1e-3
+MAX_ITERATIONS = 20
 GYRO_BIAS, GYRO_MATRIX = slice(0, 3), slice(3, 12)
 ACCEL_BIAS, ACCEL_MATRIX = slice(12, 15), slice(15, 24)
 LEVER, OFFSET = slice(24, 27), 27
@@ -107,17 +106,16 @@ def fit_pair(
     if choice.offset:
         value[OFFSET] = coarse_offset(data, LARGEST_OFFSET)
     noise = np.array([_white(primary), _white(secondary)])
-    converged = False
-    for _ in range(MOST_ITERATIONS):
+
+    def step(value: FloatArray) -> tuple[FloatArray, tuple[Signals, _System], float]:
         rows = signals(data, float(value[OFFSET]), c)
         system = _System(rows, value, noise, data, fitted)
-        step = np.zeros(COUNT)
-        step[fitted] = np.linalg.solve(system.normal, system.gradient.sum(axis=0))
-        value = value + step
-        sigma = np.sqrt(np.diag(system.covariance()))
-        if float(np.max(np.abs(step[fitted]) / sigma)) < CONVERGED:
-            converged = True
-            break
+        change = np.linalg.solve(system.normal, system.gradient.sum(axis=0))
+        following, sigma = value.copy(), np.sqrt(np.diag(system.covariance()))
+        following[fitted] += change
+        return following, (rows, system), float(np.max(np.abs(change) / sigma))
+
+    value, (rows, system), converged = gauss_newton(step, value, MAX_ITERATIONS)
     covariance = np.zeros((COUNT, COUNT))
     covariance[np.ix_(fitted, fitted)] = system.covariance()
     duration = max(float(data.time[-1] - data.time[0]), data.dt)

@@ -10,7 +10,7 @@ from calstation.estimation.positions.evidence import (
     gravity_misses,
     turn_between,
 )
-from calstation.estimation.positions.fit import MOST_ITERATIONS, PositionFit, fit_positions
+from calstation.estimation.positions.fit import MAX_ITERATIONS, PositionFit, fit_positions
 from calstation.estimation.positions.guidance import Guidance, PositionGuide
 from calstation.estimation.positions.recording_faults import frozen_columns, require_changing, valid_links
 from calstation.estimation.positions.rows import (

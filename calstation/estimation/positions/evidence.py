@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.estimation.common import SolveContext, StageData, find_stillness, mean_angles, slope_weights
+from calstation.estimation.common import SolveContext, StageData, find_stillness, mean_angles, rest_force
 from calstation.estimation.positions.rows import GYRO_COLUMNS, gyro_derivative, integrate_rotation
 from calstation.physics import (
     COUNT,
@@ -68,11 +68,10 @@ class Evidence:
 def gather(stage: str, data: StageData, context: SolveContext, before: FloatArray, found: FloatArray) -> Evidence:
     """Collect the evidence of a stage, given the reference and the solved parameters, SI, shape (30,) each."""
     still = find_stillness(data, context.imu, SHORTEST_REST)
-    stride = max(round(context.table.velocity_interval / data.dt), 1)
     rests = tuple(
         RestEvidence(
             (b - a) * data.dt,
-            np.asarray(slope_weights(b - a, stride) @ data.accel[a:b]),
+            rest_force(data, context, a, b)[0],
             data.gyro[a:b].mean(axis=0),
             mean_angles(data, a, b),
         )

@@ -6,13 +6,22 @@ equipments*, ICRA 2014, fit the same two quantities sequentially and without cov
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from calstation.estimation.common import Belief, Link, SolveContext, StageData, levelled
+from calstation.estimation.common import Belief, Link, SolveContext, StageData, gauss_newton, levelled
 from calstation.estimation.effects import Sensitivity
-from calstation.estimation.positions.response import inverse, position_sensitivity
-from calstation.estimation.positions.rows import Position, PositionRows, Scatter, excess, integrate_rotation
+from calstation.estimation.positions.response import position_sensitivity
+from calstation.estimation.positions.rows import (
+    LinearSolution,
+    Position,
+    PositionPoint,
+    PositionRows,
+    Scatter,
+    excess,
+    integrate_rotation,
+)
 from calstation.physics import (
     COUNT,
     RATE,
@@ -25,10 +34,8 @@ from calstation.physics import (
     rotation_matrix,
 )
 
-MOST_ITERATIONS = 30
-MOST_REWEIGHTINGS = 12
-#: The iteration has converged when its step is below this, in sigmas.
-CONVERGED = 1e-3
+MAX_ITERATIONS = 30
+MAX_REWEIGHTINGS = 12
 #: Largest change of an attitude in a Gauss-Newton step, rad.
 LARGEST_STEP = 0.3
 
@@ -48,24 +55,6 @@ class PositionFit:
     sensitivity: Sensitivity | None  #: Response to effects outside the model; None without diagnostics.
 
 
-@dataclass(frozen=True)
-class _Converged:
-    """Last Gauss-Newton iteration: whitened rows `H`, residuals `left` and the covariance of the columns."""
-
-    point: FloatArray
-    attitudes: FloatArray
-    north: FloatArray
-    belief: Belief
-    H: FloatArray
-    left: FloatArray
-    covariance: FloatArray
-    converged: bool
-
-    def spare(self, H: FloatArray) -> float:
-        """Return the degrees of freedom of the rows `H`: the trace of I − H P Hᵀ."""
-        return len(H) - float(np.einsum("ij,jk,ik->", H, self.covariance, H))
-
-
 def fit_positions(
     data: StageData,
     rests: list[Position],
@@ -80,29 +69,27 @@ def fit_positions(
     """
     scatter = Scatter()
     problem = first = PositionRows(data, rests, links, context, prior, scatter)
-    point = _first_point(problem, estimated)
-    north = np.zeros((len(problem.chains), 2))
-    best = _iterate(problem, point, _first_attitudes(problem, point), north, estimated)
-    for _ in range(MOST_REWEIGHTINGS):
-        before, scatter = scatter, _scatter(problem, best)
+    parameters = _first_point(problem, estimated)
+    start = PositionPoint(parameters, _first_attitudes(problem, parameters), np.zeros((len(problem.chains), 2)))
+    point, (belief, best), converged = gauss_newton(partial(_step, problem, estimated), start, MAX_ITERATIONS)
+    for _ in range(MAX_REWEIGHTINGS):
+        before, scatter = scatter, _scatter(problem, best, point.attitudes)
         if scatter.near(before):
             break
         problem = PositionRows(data, rests, links, context, prior, scatter)
-        best = _iterate(problem, best.point, best.attitudes, best.north, estimated)
-    seen = slice(problem.observations)
-    force, turn = _residuals(problem, best)
+        point, (belief, best), converged = gauss_newton(partial(_step, problem, estimated), point, MAX_ITERATIONS)
+    seen, n, per_rest = slice(problem.observations), len(rests), problem.per_rest
+    force, turn = best.left[: per_rest * n].reshape(n, per_rest)[:, :3], best.left[per_rest * n : problem.observations]
     return PositionFit(
-        belief=best.belief,
-        attitudes=best.attitudes,
+        belief=belief,
+        attitudes=point.attitudes,
         chi2=float(best.left[seen] @ best.left[seen]),
         freedom=best.spare(best.H[seen]),
         scatter=scatter,
-        force_residual=force,
-        turn_residual=turn,
-        converged=best.converged,
-        sensitivity=position_sensitivity(problem, first, best.point, best.attitudes, best.north, estimated)
-        if context.diagnostics
-        else None,
+        force_residual=force * np.sqrt(problem.force_variance)[:, None],
+        turn_residual=turn.reshape(-1, 3) * np.sqrt(problem.turn_variance)[:, None],
+        converged=converged,
+        sensitivity=position_sensitivity(problem, first, point, estimated) if context.diagnostics else None,
     )
 
 
@@ -134,38 +121,33 @@ def _first_attitudes(problem: PositionRows, point: FloatArray) -> FloatArray:
     return attitudes
 
 
-def _iterate(
-    problem: PositionRows, point: FloatArray, attitudes: FloatArray, north: FloatArray, estimated: BoolArray
-) -> _Converged:
-    n, m, prior, root = len(problem.rests), len(problem.chains), problem.prior, problem.root
-    converged = False
-    for _ in range(MOST_ITERATIONS):
-        H, r = problem.rows(point, attitudes, north)
-        covariance = inverse(H.T @ H)
-        x = covariance @ (H.T @ r)
-        mean, spread = prior.mean + root @ x[:COUNT], root @ covariance[:COUNT, :COUNT] @ root.T
-        target, sigma = np.where(estimated, mean, prior.mean), np.sqrt(np.diag(spread))
-        turns = x[problem.phi : problem.phi + 3 * n].reshape(n, 3)
-        share = min(1.0, LARGEST_STEP / float(np.abs(turns).max()))
-        moved = float(np.max(np.abs(target - point) / np.where(sigma > 0.0, sigma, 1.0)))
-        point = point + share * (target - point)
-        found = x[problem.north : problem.drift].reshape(m, 2) * problem.north_rate
-        north = north + share * (found - north)
-        attitudes = np.array([rotation_matrix(share * t) @ C for t, C in zip(turns, attitudes, strict=True)])
-        if moved < CONVERGED and share == 1.0:
-            converged = True
-            break
-    belief = Belief(mean, 0.5 * (spread + spread.T))
-    return _Converged(point, attitudes, north, belief, H, r - H @ x, covariance, converged)
+def _step(
+    problem: PositionRows, estimated: BoolArray, point: PositionPoint
+) -> tuple[PositionPoint, tuple[Belief, LinearSolution], float]:
+    """Return the next linearisation point, the solution and the change in sigmas; infinite for a shortened step."""
+    prior, root, solution = problem.prior, problem.root, problem.solve(point)
+    x = solution.x
+    mean, spread = prior.mean + root @ x[:COUNT], root @ solution.covariance[:COUNT, :COUNT] @ root.T
+    target, sigma = np.where(estimated, mean, prior.mean), np.sqrt(np.diag(spread))
+    turns = x[problem.phi : problem.north].reshape(-1, 3)
+    share = min(1.0, LARGEST_STEP / float(np.abs(turns).max()))
+    change = float(np.max(np.abs(target - point.parameters) / np.where(sigma > 0.0, sigma, 1.0)))
+    north = x[problem.north : problem.drift].reshape(-1, 2) * problem.north_rate
+    following = PositionPoint(
+        point.parameters + share * (target - point.parameters),
+        np.array([rotation_matrix(share * t) @ C for t, C in zip(turns, point.attitudes, strict=True)]),
+        point.north + share * (north - point.north),
+    )
+    return following, (Belief(mean, 0.5 * (spread + spread.T)), solution), change if share == 1.0 else np.inf
 
 
-def _scatter(problem: PositionRows, at: _Converged) -> Scatter:
+def _scatter(problem: PositionRows, at: LinearSolution, attitudes: FloatArray) -> Scatter:
     """Return the noise of rests and motions in excess of the profile's, from their weighted residuals.
 
     Only the force along gravity depends on the rest alone; the perpendicular force also contains errors of the motions.
     """
     n, rows, per_rest = len(problem.rests), problem.observations, problem.per_rest
-    up = at.attitudes[:, 2, :]
+    up = attitudes[:, 2, :]
     force = np.zeros((n, rows))
     for k in range(n):
         force[k, per_rest * k : per_rest * k + 3] = up[k]
@@ -181,10 +163,3 @@ def _scatter(problem: PositionRows, at: _Converged) -> Scatter:
         H = chosen @ at.H[:rows]
         found.append(excess(chosen @ at.left[:rows] * np.sqrt(weighted), profile, at.spare(H)))
     return Scatter(*found)
-
-
-def _residuals(problem: PositionRows, at: _Converged) -> tuple[FloatArray, FloatArray]:
-    n, per_rest = len(problem.rests), problem.per_rest
-    force = at.left[: per_rest * n].reshape(n, per_rest)[:, :3] * np.sqrt(problem.force_variance)[:, None]
-    turn = at.left[per_rest * n : problem.observations].reshape(-1, 3) * np.sqrt(problem.turn_variance)[:, None]
-    return force, turn

@@ -14,6 +14,7 @@ gyro and accelerometer biases at each rest in units of its sigma (6 n).
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
@@ -27,8 +28,7 @@ from calstation.estimation.common import (
     Stillness,
     chi_square_quantile,
     filter_noise,
-    rest_mean_variance,
-    slope_weights,
+    rest_force,
 )
 from calstation.physics import (
     COUNT,
@@ -88,9 +88,9 @@ class Position:
 def positions(data: StageData, still: Stillness, context: SolveContext) -> list[Position]:
     """Return the rests with their mean outputs."""
     noise = filter_noise(context)
-    stride = max(round(noise.interval / data.dt), 1)
     found = []
     for a, b in still.rests:
+        force, variance = rest_force(data, context, a, b)
         duration = (b - a) * data.dt
         begin = a + round(CREEP / data.dt) if duration > 4.0 * CREEP else a
         found.append(
@@ -98,8 +98,8 @@ def positions(data: StageData, still: Stillness, context: SolveContext) -> list[
                 start=a,
                 stop=b,
                 time=float(0.5 * (data.time[a] + data.time[b - 1])),
-                force=slope_weights(b - a, stride) @ data.accel[a:b],
-                force_variance=rest_mean_variance(context, duration) - float(noise.bias_drift[3]) ** 2,
+                force=force,
+                force_variance=variance - float(noise.bias_drift[3]) ** 2,
                 rate=data.gyro[begin:b].mean(axis=0),
                 rate_variance=noise.rate / ((b - begin) * data.dt),
             )
@@ -121,6 +121,27 @@ def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> flo
     most = float(np.sum(residual**2)) / redundancy
     found = brentq(lambda x: float(np.sum(residual**2 / (variance + x))) - redundancy, 0.0, most)
     return float(np.sqrt(found))
+
+
+class PositionPoint(NamedTuple):
+    """Linearisation point of a recording with n rests in m chains."""
+
+    parameters: FloatArray  #: SI, shape (30,).
+    attitudes: FloatArray  #: C_bn of the rests, shape (n, 3, 3).
+    north: FloatArray  #: Horizontal earth rate in each chain's level frame, rad/s, shape (m, 2).
+
+
+class LinearSolution(NamedTuple):
+    """Least-squares solution of the rows at a linearisation point."""
+
+    H: FloatArray  #: Jacobian, shape (rows, columns).
+    x: FloatArray  #: Solution, shape (columns,).
+    left: FloatArray  #: Remaining residuals, shape (rows,).
+    covariance: FloatArray  #: Covariance of the columns, shape (columns, columns).
+
+    def spare(self, H: FloatArray) -> float:
+        """Return the degrees of freedom of the rows `H`: the trace of I − H P Hᵀ."""
+        return len(H) - float(np.einsum("ij,jk,ik->", H, self.covariance, H))
 
 
 class PositionRows:
@@ -167,11 +188,18 @@ class PositionRows:
         #: Standard deviation of each observation, shape (observations,).
         self.sigma = np.sqrt(np.concatenate([at_rest.ravel(), np.repeat(self.turn_variance, 3)]))
 
-    def rows(self, point: FloatArray, attitudes: FloatArray, north: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the Jacobian, shape (rows, columns), and residual, shape (rows,), linearised about a point.
+    def solve(self, at: PositionPoint) -> LinearSolution:
+        """Solve the rows linearised about a point."""
+        H, residual = self._rows(at)
+        information = H.T @ H
+        scale = 1.0 / np.sqrt(np.diag(information))  # the columns are of very different sizes
+        covariance = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
+        x = covariance @ (H.T @ residual)
+        return LinearSolution(H, x, residual - H @ x, covariance)
 
-        `north` is the horizontal earth rate in each chain's level frame, rad/s, shape (m, 2).
-        """
+    def _rows(self, at: PositionPoint) -> tuple[FloatArray, FloatArray]:
+        """Return the Jacobian, shape (rows, columns), and residual, shape (rows,), linearised about a point."""
+        point, attitudes, north = at
         c = compensation(point)
         earth = np.column_stack([north, np.full(len(north), self.up_rate)])[self.chain]
         parts = [self._rest(k, point, attitudes[k], earth[k]) for k in range(len(self.rests))]

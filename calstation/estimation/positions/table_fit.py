@@ -19,9 +19,8 @@ from calstation.estimation.common import (
     StageData,
     largest,
     mean_angles,
-    rest_mean_variance,
+    rest_force,
     runs,
-    slope_weights,
     window_mean,
 )
 from calstation.physics import (
@@ -75,25 +74,26 @@ class TableQuantity:
 
 def table_rests(data: StageData, context: SolveContext, found: Belief) -> TableRests:
     """Find the rests of a stage, including short ones, because the gyro biases are now known."""
-    bias, imu = list(group_indices("gyro_bias")), context.imu
+    imu, (bias, bias_sigma) = context.imu, found.gyro_bias
     width = max(round(_WINDOW / data.dt), 2)
     noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.quantisation[0] * imu.rate_factor / width
     earth = float(np.linalg.norm(rotation_rate(context.site.latitude)))
-    slowest = _CREEP + earth + 5.0 * noise + 3.0 * float(found.sigma[bias].max())
-    margin, stride = round(_MARGIN / data.dt), max(round(context.table.velocity_interval / data.dt), 1)
+    slowest = _CREEP + earth + 5.0 * noise + 3.0 * bias_sigma
+    margin = round(_MARGIN / data.dt)
     force, angles, variance = [], [], []
     for start, stop in data.segments:
         if stop - start < width:
             continue
-        mean = window_mean(data.gyro[start:stop], found.mean[bias], width)
+        mean = window_mean(data.gyro[start:stop], bias, width)
         for first, last in runs(largest(mean) < slowest):
             a, b = start + first + margin, start + last + width - 1 - margin
             duration = (b - a) * data.dt
             encoder = mean_angles(data, a, b) if duration >= _SHORTEST else None
             if encoder is not None:
-                force.append(slope_weights(b - a, stride) @ data.accel[a:b])
+                mean, its_variance = rest_force(data, context, a, b)
+                force.append(mean)
                 angles.append(encoder)
-                variance.append(rest_mean_variance(context, duration))
+                variance.append(its_variance)
     return TableRests(np.reshape(force, (-1, 3)), np.reshape(angles, (-1, 2)), np.array(variance))
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calstation.estimation.common import ImuModel, SampleBlock, Spool
+from calstation.estimation.common import ImuModel, SampleBlock, StageBuffer
 
 IMU = ImuModel("SIM", 200.0, "increment", 1e-9, 1e-9, 1e-6, 1e-5)
 COLUMNS = ("seq", "time", "counts", "angles", "step", "valid", "temperature")
@@ -28,7 +28,7 @@ def block(count, first=0):
 
 @pytest.mark.parametrize("sizes", [[], [1], [10, 0, 3], [70_000, 1, 70_000], [400_000, 1, 300_000]])
 def test_stored_samples_are_read_back_unchanged(sizes):
-    spool = Spool(IMU)
+    spool = StageBuffer(IMU)
     parts = []
     for size in sizes:
         parts.append(block(size, sum(len(p) for p in parts)))
@@ -42,7 +42,7 @@ def test_stored_samples_are_read_back_unchanged(sizes):
 
 
 def test_samples_may_be_stored_after_reading():
-    spool = Spool(IMU)
+    spool = StageBuffer(IMU)
     spool.append(block(5))
     assert len(spool.block()) == 5
     assert spool.block() is spool.block()
@@ -51,7 +51,7 @@ def test_samples_may_be_stored_after_reading():
 
 
 def test_memory_does_not_grow_with_samples_of_a_long_stage():
-    spool, part = Spool(IMU), block(2000)
+    spool, part = StageBuffer(IMU), block(2000)
     tracemalloc.start()
     for _ in range(300):
         spool.append(part)
@@ -65,7 +65,7 @@ def test_memory_does_not_grow_with_samples_of_a_long_stage():
 
 
 def test_physical_units_are_computed_once_until_more_samples_are_stored():
-    spool = Spool(IMU)
+    spool = StageBuffer(IMU)
     spool.append(replace(block(400), valid=np.ones(400, dtype=bool)))
     data = spool.data()
     assert spool.data() is data
