@@ -117,6 +117,9 @@ class StageChain:
         except np.linalg.LinAlgError as exc:
             what = Text.of("solution.diverged", detail=str(exc))
             raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
+        shown = [message for earlier in self.solutions for message in earlier.messages]
+        # a message without the name of its stage, such as that of the quiet table, is shown once
+        solution = replace(solution, messages=tuple(m for m in solution.messages if m not in shown))
         buffer, self._solver = self._solver.buffer, None
         solved = solution.belief
         if self._diagnostics:
