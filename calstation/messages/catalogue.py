@@ -1,14 +1,16 @@
-"""Reader of the catalogue: one TOML file per family and one table per code.
+"""Reader of the catalogue: one TOML file per family and one table per code, and one file per calibration method.
 
-The code ``modbus.no_answer`` is the table ``[no_answer]`` in ``catalogue/modbus.toml``.
+The code ``modbus.no_answer`` is the table ``[no_answer]`` in ``catalogue/modbus.toml``. The texts of a method are in
+``catalogue/methods/NAME.toml``, by family: ``step.flip`` is the table ``[step.flip]`` there.
 """
 
 import re
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from typing import Literal
+from typing import Any, Literal
 
 Severity = Literal["info", "warning", "error"]
 
@@ -28,11 +30,22 @@ class Entry:
     #: one; empty if no location is shown.
     source: str = ""
     resettable: bool = False  #: Whether an operator may reset the fault on the device.
+    values: Sequence[str] = ()  #: Names of the values that follow the name of a step in its label.
+
+
+_CATALOGUE = resources.files("calstation.messages").joinpath("catalogue")
+
+
+@cache
+def _methods() -> tuple[dict[str, Any], ...]:
+    """Return the texts of every method, by family."""
+    files = sorted(_CATALOGUE.joinpath("methods").iterdir(), key=lambda file: file.name)
+    return tuple(tomllib.loads(file.read_text(encoding="utf-8")) for file in files if file.name.endswith(".toml"))
 
 
 def families() -> tuple[str, ...]:
     """Return the names of all families, sorted."""
-    files = resources.files("calstation.messages").joinpath("catalogue").iterdir()
+    files = _CATALOGUE.iterdir()
     return tuple(sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml")))
 
 
@@ -43,13 +56,13 @@ def family(name: str) -> dict[str, Entry]:
     A table ``[defaults]`` at the top of the file sets the default `severity` and `source` of its entries. A term may be
     written on one line: ``rate = ["Rate", "速率"]``.
     """
-    file = resources.files("calstation.messages").joinpath("catalogue", f"{name}.toml")
+    file = _CATALOGUE.joinpath(f"{name}.toml")
     if not name.isidentifier() or not file.is_file():
         return {}
     tables = tomllib.loads(file.read_text(encoding="utf-8"))
     defaults = tables.pop("defaults", {})
     entries = {}
-    for key, value in tables.items():
+    for key, value in (item for texts in (tables, *(m.get(name, {}) for m in _methods())) for item in texts.items()):
         code = f"{name}.{key}"
         given = {"text": value[0], "zh": value[1]} if isinstance(value, list) else value
         entries[code] = Entry(code=code, **{**defaults, **given})

@@ -2,21 +2,8 @@
 
 from collections.abc import Mapping
 
-from calstation.messages.catalogue import known
+from calstation.messages.catalogue import entry, known
 from calstation.messages.rendering import Text, Value
-
-#: Names of the values that follow the id in a step's label.
-_STEP_VALUES = {
-    "position": ("outer", "inner"),
-    "carry": ("outer", "inner"),
-    "into_place": ("axis",),
-    "whole_turns": ("axis", "angle"),
-    "turn_about": ("axis", "angle"),
-    "face_up": ("axis",),
-    "oblique": ("axes",),
-    "flip": ("angle",),
-    "gimbal_turn": ("axis", "index", "count"),
-}
 
 
 def event_text(event_id: str, values: Mapping[str, Value]) -> Text:
@@ -47,4 +34,4 @@ def short_step_text(label: tuple[str | float, ...]) -> Text:
 
 def _labelled(family: str, label: tuple[str | float, ...]) -> Text:
     name, *values = label
-    return Text(f"{family}.{name}", dict(zip(_STEP_VALUES.get(str(name), ()), values, strict=False)))
+    return Text(f"{family}.{name}", dict(zip(entry(f"step.{name}").values, values, strict=False)))

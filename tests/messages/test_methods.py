@@ -10,6 +10,7 @@ import pytest
 import procedures
 from calstation.config import schedule_fields
 from calstation.errors import ConfigurationError
+from calstation.messages import catalogue
 from calstation.messages.catalogue import entry, known
 from calstation.messages.progress import step_text
 from calstation.messages.rendering import sentence
@@ -17,6 +18,7 @@ from calstation.physics import JointLimits, ManualMove, Move, RoundEnd, TableGeo
 from calstation.sequencer.guiding import manual_move_label
 from procedures import method
 
+CATALOGUE = Path(catalogue.__file__).with_suffix("")
 STAGES = sorted(path.stem for path in Path(procedures.__file__).parent.glob("*.py") if path.stem != "__init__")
 
 #: A table with travel to spare, and one with little more than a turn.
@@ -46,17 +48,27 @@ def test_every_schedule_field_has_a_name_and_description_in_the_catalogue(stage:
         if field.kind == "other":
             continue  # the form does not show it
         about = next((c for c in (f"about_{stage}_{field.name}", f"about_{field.name}") if known(f"schedule.{c}")), "")
-        assert about, f"schedule.toml: about_{field.name}"
+        assert about, f"schedule.about_{field.name}"
         for name in (field.name, about):
-            assert known(f"schedule.{name}"), f"schedule.toml: {name}"
+            assert known(f"schedule.{name}"), f"schedule.{name}"
             assert entry(f"schedule.{name}").zh, name
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_every_method_has_a_file_of_texts_with_its_names(stage: str) -> None:
+    assert Path(CATALOGUE, "methods", f"{stage}.toml").is_file()
+    for code in (f"stage.{stage}", f"certificate.stage_{stage}"):
+        assert known(code), code
+        assert entry(code).zh, code
+    if method(stage).needs_no_table:
+        assert all(known(f"method.{stage}_{part}") for part in ("summary", "step_1", "needs", "finds"))
 
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_every_step_of_a_plan_is_described_in_both_languages(stage: str) -> None:
     for kind, label in labels(stage):
         assert label, "without a label the window says only that the table moves"
-        assert known(f"step.{label[0]}"), f"step.toml: {label[0]}"
+        assert known(f"step.{label[0]}"), f"step.{label[0]}"
         assert sentence(step_text(kind, label)) != sentence(step_text(kind, label), "zh_CN")
 
 
