@@ -153,7 +153,7 @@ def _replayed(
     for m in motions:
         if m.axis is None:
             continue
-        cross = m.cross_rotation(iteration.correction)
+        cross = m.cross_rotation(m.axis, iteration.correction)
         if m.to_zero:
             expected = float(np.sqrt(np.mean(np.square(stabilised)))) if stabilised else 0.0
             zero = np.linalg.norm(m.after[others(m.axis)]) * expected < cross * encoder_sigma
@@ -161,7 +161,7 @@ def _replayed(
                 continue
         else:
             stabilised.append(cross)
-        iteration.add_drift(m.axis, m.angle, m.joint_drift(schedule.order))
+        iteration.add_drift(m.axis, m.angle, m.joint_drift(m.axis, schedule.order))
         turns.setdefault(m.axis, []).append(m)
     return iteration, turns
 

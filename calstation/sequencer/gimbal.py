@@ -72,7 +72,7 @@ class GimbalLoop:
         self._begin_step("gimbal_turn", (AXES[step.axis], float(step.index), float(step.count)))
         self._write(command.correction)
         motion = self._turned(step.axis, command.angle, step)
-        drift = motion.joint_drift(self._joints.order)
+        drift = motion.joint_drift(step.axis, self._joints.order)
         iteration.add_drift(step.axis, command.angle, drift)
         self._context.emit(
             GimbalTurned(
@@ -96,7 +96,7 @@ class GimbalLoop:
             motion = self._turned(axis, step.angle, step)
             order = self._joints.order
             J = drift_matrix(order, axis, motion.angle)
-            drifts.append(TurnDrift(axis, J, motion.joint_drift(order), motion.duration, motion.rest))
+            drifts.append(TurnDrift(axis, J, motion.joint_drift(axis, order), motion.duration, motion.rest))
         self.home()
         return tuple(drifts)
 

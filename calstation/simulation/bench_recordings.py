@@ -175,7 +175,7 @@ def turn_gimbal(
         take(bench.turn(turn.axis, turn.angle, rate, turn.correction))
         take(bench.hold(dwell, turn.correction))
         motion = turned_motion(blocks, imu, begin, turn.axis)
-        iteration.add_drift(turn.axis, turn.angle, motion.joint_drift(schedule.order))
+        iteration.add_drift(turn.axis, turn.angle, motion.joint_drift(turn.axis, schedule.order))
     take(bench.home(rate))
     take(bench.hold(dwell, iteration.correction))
     return iteration

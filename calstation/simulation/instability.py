@@ -67,14 +67,10 @@ def instability_ratio(block: SampleBlock, context: SolveContext, prior: Belief) 
     settled = solve_navigation("excitation", data, context, prior, np.zeros(len(NAMES), dtype=np.bool_))
     run = ReferencePass(context, prior, prior.mean)
     start, attitude = settled.starts[0], settled.attitudes[0]
-    true: list[MismatchedCovariance] = []
-
-    def after(filtered: ReferencePass) -> None:
-        if not true:
-            true.append(MismatchedCovariance(filtered, context))
-        else:
-            true[0].advance(filtered)
-
-    run.run(data, start, attitude, after)
+    steps = run.steps(data, start, attitude, together=1)
+    next(steps)
+    true = MismatchedCovariance(run, context)
+    for _ in steps:
+        true.advance(run)
     sigma = run.belief.sigma
-    return np.asarray(true[0].P[PARAMETER_STATES, PARAMETER_STATES] / np.outer(sigma, sigma))
+    return np.asarray(true.P[PARAMETER_STATES, PARAMETER_STATES] / np.outer(sigma, sigma))

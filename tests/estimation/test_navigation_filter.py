@@ -77,8 +77,8 @@ def test_closed_loop_agrees_with_a_compiled_pass_along_its_trajectory_over_a_who
     known = Belief(nav_stage.truth.parameters, np.diag((1e-2 * nav_stage.prior.sigma) ** 2))
     (start,) = starts(data, context, known)
     closed = ClosedLoopFilter(context, known, known.mean)
-    states = []
-    closed.run(data, start, start.attitude, lambda run: states.append([x.copy() for x in run.work[1:3]]))
+    steps = closed.steps(data, start, start.attitude, together=1)
+    states = [[x.copy() for x in closed.work[1:3]] for _ in steps]
     # attitude and velocity at every observation, before the feedback that follows it
     trajectory, work, edges = [states[0]], interval_work(), [start.begin, *closed.history.index]
     for k, (first, last) in enumerate(pairwise(edges)):
@@ -105,22 +105,16 @@ def test_filterpy_agrees_with_the_compiled_algebra_over_a_whole_stage(nav_stage,
     noise = {"gyro_bias_instability": 1e-7 * drift, "accel_bias_instability": 1e-4 * drift}
     context = replace(nav_stage.context, imu=replace(nav_stage.context.imu, **noise))
     run = ClosedLoopFilter(context, nav_stage.prior, nav_stage.prior.mean)
-    compiled, innovations = [], []
-
-    def check(run):
-        if not compiled:
-            compiled.append(State(run.state.x.copy(), run.state.P.copy()))
-            return
-        rows, size = run.group.H.shape
-        innovation, (state,) = np.empty(rows), compiled
-        predict(run.group, state, np.empty((9, size)))
-        update(run.group, state, np.empty((rows, rows)), np.empty((rows, size)), innovation)
-        state.x[:6] = run.state.x[:6]  # the same feedback
-        innovations.append(innovation)
-
     (start,) = starts(data, context, nav_stage.prior)
-    run.run(data, start, start.attitude, check)
-    (state,) = compiled
+    steps = run.steps(data, start, start.attitude, together=1)
+    next(steps)
+    state, innovations = State(run.state.x.copy(), run.state.P.copy()), []
+    for _ in steps:
+        rows, size = run.group.H.shape
+        innovations.append(np.empty(rows))
+        predict(run.group, state, np.empty((9, size)))
+        update(run.group, state, np.empty((rows, rows)), np.empty((rows, size)), innovations[-1])
+        state.x[:6] = run.state.x[:6]  # the same feedback
     scale = np.sqrt(np.diag(state.P))
     assert np.abs((run.state.P - state.P) / np.outer(scale, scale)).max() < 1e-8
     assert np.abs((run.state.x - state.x) / scale).max() < 1e-6
@@ -170,18 +164,14 @@ def test_covariance_in_closed_loop_stays_symmetric_and_positive_definite_for_an_
         blocks += samples.run(Move(*joints, 0.4, 0.4), 6.0, "excitation")
     hour = stage_data(blocks, context.imu)
     (start,) = starts(hour, context, prior)
-    run, groups = ClosedLoopFilter(context, prior, prior.mean), []
-
-    def check(run):
+    run, groups = ClosedLoopFilter(context, prior, prior.mean), 0
+    for groups, _ in enumerate(run.steps(hour, start, start.attitude, together=1)):
         P = run.state.P
         assert np.array_equal(P, P.T)
-        groups.append(len(groups))
-        if groups[-1] % 20 == 0:
+        if groups % 20 == 0:
             scale = np.sqrt(np.diag(P))
             assert np.linalg.eigvalsh(P / np.outer(scale, scale))[0] > 1e-10
-
-    run.run(hour, start, start.attitude, check)
-    assert len(groups) > 7000
+    assert groups > 7000
 
 
 def test_process_noise_at_rest_agrees_with_van_loan(nav_stage, data):

@@ -159,14 +159,14 @@ def test_all_passes_linearise_about_the_prior_if_no_parameter_is_estimated(nav_s
 
 def passes_of(stage, prior, monkeypatch, fits):
     """Return for each pass whether it used a smoothed reference, and the solution."""
-    ways, run = [], NavigationPass.run
+    ways, steps = [], NavigationPass.steps
 
     def watched(self, *arguments, **others):
         ways.append(isinstance(self, ReferencePass))
-        run(self, *arguments, **others)
+        return steps(self, *arguments, **others)
 
     monkeypatch.setattr(relinearise, "FITS", fits)
-    monkeypatch.setattr(NavigationPass, "run", watched)
+    monkeypatch.setattr(NavigationPass, "steps", watched)
     data = stage_data([stage.block], stage.context.imu)
     found = solve_navigation("excitation", data, stage.context, prior, np.ones(COUNT, np.bool_))
     monkeypatch.undo()

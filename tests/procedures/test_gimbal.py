@@ -170,7 +170,7 @@ def test_drift_does_not_depend_on_the_start_angles_of_a_rotation(order):
             later = gimbal_joints(order, gimbal_attitude(order, start) @ rotation_matrix(1e-3 * bias))
             motion = Motion(0, 1, start, after, (later - start) / 1e-3, 3.0, seconds, (0, 1), np.zeros(3))
             expected = drift_matrix(order, axis, angle) @ np.delete(tilt, axis)
-            assert motion.joint_drift(order) == pytest.approx(expected, abs=1e-6)
+            assert motion.joint_drift(axis, order) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize("grade", [pytest.param("nav", marks=pytest.mark.long), "mems"])

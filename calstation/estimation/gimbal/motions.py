@@ -54,22 +54,20 @@ class Motion:
         moved = self.after - self.before
         return float(moved[int(np.argmax(np.abs(moved)))])
 
-    def cross_rotation(self, correction: FloatArray) -> float:
-        """Return the rotation about the other axes, rad, from the rates corrected with K, shape (3, 3).
+    def cross_rotation(self, axis: int, correction: FloatArray) -> float:
+        """Return the rotation about the axes other than `axis`, rad, from the rates corrected with K, shape (3, 3).
 
         A gimbal that stabilises on these rates keeps it at zero.
         """
-        assert self.axis is not None, "a motion without a turn has no axis"
         corrected = np.linalg.solve(np.eye(3) + correction, self.rotation)
-        return float(np.linalg.norm(corrected[others(self.axis)]))
+        return float(np.linalg.norm(corrected[others(axis)]))
 
-    def joint_drift(self, order: str) -> FloatArray:
-        """Return D, the drift of the other joints in the same turn from zero, rad, shape (2,).
+    def joint_drift(self, axis: int, order: str) -> FloatArray:
+        """Return D, the drift of the joints other than `axis` in the same turn from zero, rad, shape (2,).
 
         The drift is the difference from the ideal turn about the body axis, minus the drift at rest.
         """
-        assert self.axis is not None, "a motion without a turn has no drift"
-        rest, axis, angle = others(self.axis), self.axis, self.angle
+        rest, angle = others(axis), self.angle
         J = drift_matrix(order, axis, angle, self.before)
         start = gimbal_attitude(order, self.before)
         at_rest = rotation_vector(start.T @ gimbal_attitude(order, self.before + self.drift * self.duration))

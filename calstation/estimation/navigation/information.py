@@ -11,6 +11,7 @@ values are in SI.
 """
 
 from collections.abc import Sequence
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -19,11 +20,9 @@ from calstation.estimation.common import SolveContext, StageData, Start
 from calstation.estimation.effects import mean_errors
 from calstation.estimation.navigation.closed_loop import ClosedLoopFilter
 from calstation.estimation.navigation.response import motion_between_observations
-from calstation.estimation.navigation.velocity_group import BIAS
-from calstation.physics import COUNT, DV, PARAMETER_START, PARAMETERS, STATES, Effect, FloatArray, IntArray
+from calstation.estimation.navigation.velocity_group import BIAS, OBSERVED
+from calstation.physics import COUNT, PARAMETER_START, PARAMETERS, STATES, Effect, FloatArray, IntArray
 
-#: Number of navigation states at a boundary: φ and δv; no observation depends on δp.
-_OBSERVED = DV.stop
 #: Variance of a known parameter, in units of its usual prior variance.
 _KNOWN = 1e-12
 _PARAMETERS = np.arange(PARAMETER_START, STATES)
@@ -41,15 +40,21 @@ def segment_information(
     run: ClosedLoopFilter, data: StageData, start: Start, context: SolveContext, effects: Sequence[Effect]
 ) -> Segment:
     """Pass a new filter over samples from `start`; return their information."""
-    gatherer = _Gatherer()
-    run.run(data, start, start.attitude, gatherer)
-    counts = np.array([group.rows // 3 for group in gatherer.groups])
+    steps = run.steps(data, start, start.attitude, together=1)
+    next(steps)
+    begin = _start_information(run)
+    groups = [_group(run) for _ in steps]
     moved = motion_between_observations(run.history, data, (start,), context, run.belief.mean)
-    return gatherer.segment(mean_errors(moved, effects, counts))
+    errors = mean_errors(moved, effects, np.array([group.rows // 3 for group in groups]))
+    parts = (_information(group, error) for group, error in zip(groups, errors, strict=True))
+    m = len(begin) - COUNT
+    padded = np.zeros((len(begin) + errors.shape[2],) * 2)
+    padded[: len(begin), : len(begin)] = begin
+    return Segment(padded, reduce(lambda total, part: joined(total, part, m), parts), m)
 
 
 class _Group(NamedTuple):
-    """Data of `_Gatherer` for a group of observations."""
+    """Equations of a group of observations."""
 
     jacobian: FloatArray  #: Jacobian of the equations of motion and of the observations, shape (m + rows, 2 m + 30).
     bias: FloatArray  #: Jacobian with respect to the biases alone, shape (m + rows, 6).
@@ -57,57 +62,42 @@ class _Group(NamedTuple):
     rows: int  #: Number of observations.
 
 
-class _Gatherer:
-    """Collects the equations of a pass of `ClosedLoopFilter`, which calls it at the start and after every group."""
-
-    def __init__(self) -> None:
-        self._start: FloatArray | None = None
-        self.groups: list[_Group] = []
-
-    def __call__(self, run: ClosedLoopFilter) -> None:
-        states = _boundary(run)
-        if self._start is None:
-            both = np.r_[states, _PARAMETERS]
-            covariance = run.state.P[np.ix_(both, both)]
-            known = np.diag(covariance) == 0.0  # parameters with fixed values
-            covariance[known, known] = (
-                _KNOWN * np.array([0.0] * len(states) + [p.prior_sigma**2 for p in PARAMETERS])[known]
-            )
-            self._start = np.linalg.inv(covariance)
-            return
-        group = run.group
-        m, rows = len(states), len(group.H)
-        jacobian = np.zeros((m + rows, 2 * m + COUNT))
-        jacobian[:m, :m] = -group.transition[np.ix_(states, states)]
-        jacobian[:m, m : 2 * m] = np.eye(m)
-        jacobian[:m, 2 * m :] = -group.transition[np.ix_(states, _PARAMETERS)]
-        jacobian[m:, m : 2 * m] = -group.H[:, states]
-        jacobian[m:, 2 * m :] = -group.H[:, _PARAMETERS]
-        noise = np.block([[group.noise[np.ix_(states, states)], group.M[states]], [group.M[states].T, group.R]])
-        bias = -np.vstack([group.transition[np.ix_(states, BIAS)], group.H[:, BIAS]])
-        self.groups.append(_Group(jacobian, bias, noise, rows))
-
-    def segment(self, errors: FloatArray) -> Segment:
-        """Return the information; `errors` are the channel errors due to effects, shape (groups, 6, effects)."""
-        assert self._start is not None
-        m = len(self._start) - COUNT
-        total: FloatArray | None = None
-        for group, error in zip(self.groups, errors, strict=True):
-            scale = 1.0 / np.sqrt(np.diag(group.noise))
-            root = np.linalg.cholesky(group.noise * np.outer(scale, scale))
-            jacobian = np.hstack([group.jacobian, group.bias @ error])
-            white = np.linalg.solve(root, jacobian * scale[:, None])
-            information = white.T @ white
-            total = information if total is None else joined(total, information, m)
-        assert total is not None
-        start = np.zeros((m + COUNT + errors.shape[2],) * 2)
-        start[: m + COUNT, : m + COUNT] = self._start
-        return Segment(start, total, m)
-
-
 def _boundary(run: ClosedLoopFilter) -> IntArray:
     """Return the indices of the boundary states in the filter's state."""
-    return np.asarray(np.r_[0:_OBSERVED, STATES : len(run.state.x)])
+    return np.asarray(np.r_[0:OBSERVED, STATES : len(run.state.x)])
+
+
+def _start_information(run: ClosedLoopFilter) -> FloatArray:
+    """Return the information about the boundary states and the parameters at the start."""
+    both = np.r_[_boundary(run), _PARAMETERS]
+    covariance = run.state.P[np.ix_(both, both)]
+    known = np.diag(covariance) == 0.0  # parameters with fixed values
+    prior = np.array([*np.zeros(len(both) - COUNT), *(p.prior_sigma**2 for p in PARAMETERS)])
+    covariance[known, known] = _KNOWN * prior[known]
+    return np.asarray(np.linalg.inv(covariance))
+
+
+def _group(run: ClosedLoopFilter) -> _Group:
+    """Return the equations of the last group of observations."""
+    states, group = _boundary(run), run.group
+    m, rows = len(states), len(group.H)
+    jacobian = np.zeros((m + rows, 2 * m + COUNT))
+    jacobian[:m, :m] = -group.transition[np.ix_(states, states)]
+    jacobian[:m, m : 2 * m] = np.eye(m)
+    jacobian[:m, 2 * m :] = -group.transition[np.ix_(states, _PARAMETERS)]
+    jacobian[m:, m : 2 * m] = -group.H[:, states]
+    jacobian[m:, 2 * m :] = -group.H[:, _PARAMETERS]
+    noise = np.block([[group.noise[np.ix_(states, states)], group.M[states]], [group.M[states].T, group.R]])
+    bias = -np.vstack([group.transition[np.ix_(states, BIAS)], group.H[:, BIAS]])
+    return _Group(jacobian, bias, noise, rows)
+
+
+def _information(group: _Group, error: FloatArray) -> FloatArray:
+    """Return the information of a group; `error` are the channel errors due to effects, shape (6, effects)."""
+    scale = 1.0 / np.sqrt(np.diag(group.noise))
+    root = np.linalg.cholesky(group.noise * np.outer(scale, scale))
+    white = np.linalg.solve(root, np.hstack([group.jacobian, group.bias @ error]) * scale[:, None])
+    return np.asarray(white.T @ white)
 
 
 def joined(first: FloatArray, second: FloatArray, states: int) -> FloatArray:

@@ -9,9 +9,8 @@ The 12 states of azimuth flips are φ, δv and the biases; the other parameters 
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
@@ -42,8 +41,6 @@ POSITION_SIGMA = 1e-3
 START_VELOCITY_SIGMA = 1.0
 #: Duration of a group of observations that are processed together, s.
 GROUP_TIME = 0.5
-#: Number of groups that are processed between two progress reports.
-_TOGETHER = 200
 
 
 @dataclass(frozen=True)
@@ -136,32 +133,32 @@ class NavigationPass(ABC):
     def observe(self, data: StageData, first: int, count: int, groups: int = 1) -> None:
         """Process groups of `count` observations from sample `first`."""
 
-    def run(
-        self,
-        data: StageData,
-        start: Start,
-        attitude: FloatArray,
-        watch: Callable[[Self], None] | None = None,
-        progress: Callable[[int], None] = lambda groups: None,
-    ) -> None:
+    def run(self, data: StageData, start: Start, attitude: FloatArray) -> None:
+        """Process a whole segment, see `steps`."""
+        for _ in self.steps(data, start, attitude):
+            pass
+
+    def steps(self, data: StageData, start: Start, attitude: FloatArray, together: int = 200) -> Iterator[int]:
         """Process a whole segment in intervals of the stride; a remainder shorter than an interval is omitted.
 
-        `attitude` is the C_bn of the linearisation at the start. `watch` is called after the start and after every
-        group, `progress` periodically with the number of groups processed since its last call.
+        Yields 0 after the start, and then the number of groups that were processed, `together` or fewer.
+
+        Parameters
+        ----------
+        data, start : samples of the stage, and start of the segment
+        attitude : C_bn of the linearisation at the start, shape (3, 3)
+        together : number of groups that are processed at a time
         """
         self.begin(data, start, attitude)
-        if watch is not None:
-            watch(self)
+        yield 0
         observations = (start.end - start.begin) // self.stride
         done = 0
         while done < observations:
             count = min(self.group_size, observations - done)
-            groups = 1 if watch is not None else min(_TOGETHER, (observations - done) // count)
+            groups = min(together, (observations - done) // count)
             self.observe(data, start.begin + done * self.stride, count, groups)
             done += groups * count
-            progress(groups)
-            if watch is not None:
-                watch(self)
+            yield groups
 
     def _reset(self, start: Start, attitude: FloatArray) -> None:
         """Reset the navigation states to the prior of a start, relative to the attitude of the linearisation."""

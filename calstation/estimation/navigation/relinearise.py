@@ -227,7 +227,8 @@ class _Relinearisation:
         ends = []
         self.meter.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) for s in found))
         for start, attitude in zip(found, attitudes, strict=True):
-            run.run(self.data, start, attitude, progress=self.meter.advance)
+            for groups in run.steps(self.data, start, attitude):
+                self.meter.advance(groups)
             ends.append(run.attitude)
         self.meter.passes += 1
         return run, ends

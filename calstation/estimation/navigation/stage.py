@@ -168,7 +168,6 @@ class NavigationStage:
         self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult
     ) -> Sensitivity:
         """Return the response to effects, with the actual noise for tests and the assumed noise for the estimate."""
-
         with_noise = judged(data, context, self.prior, mask, result)
         tested = result_sensitivity(with_noise, data, context, mask)
         if with_noise is result:

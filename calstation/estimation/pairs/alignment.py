@@ -339,24 +339,22 @@ class PairAligner:
         def seen(offset: float) -> FloatArray:
             return _averaged((stream.at(position - offset * stream.rate) * stream.scale)[:, :3], average)
 
-        offset = 0.0
-        if not clock.locked:
-            found = _search(omega, seen(0.0), dt)
-            if found is None:
-                return False
-            offset = found
-        fix = None
-        for _ in range(_ITERATIONS):
+        def measured(offset: float) -> OffsetFix | None:
             omega2 = seen(offset)
-            if np.isnan(omega2).any():
-                return False
-            fix = measure(omega, omega2, dt)
-            if fix is None:
-                return False
-            offset += fix.offset
-            if abs(fix.offset) < 0.1 * fix.sigma:
+            return None if np.isnan(omega2).any() else measure(omega, omega2, dt)
+
+        offset = 0.0 if clock.locked else _search(omega, seen(0.0), dt)
+        if offset is None:
+            return False
+        fix = measured(offset)
+        for _ in range(_ITERATIONS - 1):
+            if fix is None or abs(fix.offset) < 0.1 * fix.sigma:
                 break
-        assert fix is not None
+            offset += fix.offset
+            fix = measured(offset)
+        if fix is None:
+            return False
+        offset += fix.offset
         moment, before = start / primary.rate + fix.time, clock.locked
         return clock.update(moment, float(clock.offset(moment)) + offset, fix.sigma) and not before
 
