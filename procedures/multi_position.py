@@ -163,7 +163,7 @@ def _messages(
     stage = {"stage": "multi_position"}
     messages: list[tuple[str, dict[str, Any]]] = []
     if not fit.converged:
-        messages.append(("not_settled", {**stage, "passes": MAX_ITERATIONS}))
+        messages.append(("not_converged", {**stage, "passes": MAX_ITERATIONS}))
     if still.cuts:
         messages.append(("recording_cut", {**stage, "count": len(still.cuts)}))
     if len(links) < len(still.links):

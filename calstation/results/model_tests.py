@@ -57,8 +57,8 @@ class ModelTests:
 
 def _convergence(solution: Solution) -> list[ModelTest]:
     """Return a failed test for a solution whose iteration has not converged, because its error is unknown."""
-    passes = [values["passes"] for code, values in solution.messages if code == "not_settled"]
-    return [ModelTest("convergence", n, n - 1, "1", Misfit("not_settled", values={"passes": n})) for n in passes]
+    passes = [values["passes"] for code, values in solution.messages if code == "not_converged"]
+    return [ModelTest("convergence", n, n - 1, "1", Misfit("not_converged", values={"passes": n})) for n in passes]
 
 
 def _agreement(solution: Solution, before: Sequence[Solution], posterior: Belief) -> list[ModelTest]:

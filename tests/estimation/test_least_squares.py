@@ -281,4 +281,4 @@ def test_divergence_is_reported():
         np.zeros(0),
         ALL,
     )
-    assert result.messages == (("not_settled", {"stage": "rate", "passes": MAX_ITERATIONS}),)
+    assert result.messages == (("not_converged", {"stage": "rate", "passes": MAX_ITERATIONS}),)

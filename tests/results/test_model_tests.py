@@ -11,6 +11,7 @@ from calstation.estimation import Misfit, ModelTest, Solution
 from calstation.estimation.common import Belief, Consistency
 from calstation.physics import COUNT, NAMES
 from calstation.records import check_limits
+from calstation.records.limits import MODEL_KINDS
 from calstation.results import judge
 from calstation.results.model_tests import ModelTests
 
@@ -19,7 +20,7 @@ SOLVED = Solution("rate", Belief(np.zeros(COUNT), 0.01 * np.eye(COUNT)), NAMES, 
 FOUND = ModelTest("effects", 50.0, 30.0, "1", Misfit("gyro_cubic"))
 
 
-@pytest.mark.parametrize(("message", "failed"), [("not_settled", ["rate convergence"]), ("turns_assumed_whole", [])])
+@pytest.mark.parametrize(("message", "failed"), [("not_converged", ["rate convergence"]), ("turns_assumed_whole", [])])
 def test_solution_that_did_not_converge_fails(message: str, failed: list[str]) -> None:
     solution = replace(SOLVED, messages=((message, {"stage": "rate", "passes": 20}),))
     tested = ModelTests(PRIOR, ()).tested(solution, (), PRIOR)
@@ -39,3 +40,10 @@ def test_harmless_effect_only_explains_other_failures(nis: float, failed: list[s
     meta = resolve_configuration(RunRequest("SN-1", product=Path("data/products/nav_a.toml"))).log_meta()
     checks = judge(meta, PRIOR, (solution,)).checks
     assert [check.name for check in checks if check.kind in ("effects", "consistency") and not check.passed] == failed
+
+
+def test_documentation_describes_every_kind_of_test() -> None:
+    text = Path("docs/explanation/estimation.md").read_text(encoding="utf-8")
+    described = text.partition("### Tests of the model")[2].partition("\n## ")[0]
+    assert {kind for kind in MODEL_KINDS if f"`{kind.replace('_', ' ')}`" not in described} == set()
+    assert f"tests of {('seven', 'eight', 'nine', 'ten')[len(MODEL_KINDS) - 7]} kinds" in described

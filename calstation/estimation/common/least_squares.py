@@ -42,7 +42,7 @@ class MapResult:
     residual: FloatArray  #: Observations minus model at the solution, shape (m,).
     redundancy: "Redundancy"  #: Test of the part of the innovations that the unknowns cannot explain, at the solution.
     gain: BatchGain  #: Of the last iteration.
-    messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: ``not_settled`` if the iteration did not converge.
+    messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: ``not_converged`` if the iteration did not converge.
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ def map_estimate(
     residual = observed - predicted
     redundancy = redundant(unknown @ P @ unknown.T, R + error @ P @ error.T, residual - H @ (prior_mean - mean))
     belief = Belief(mean[:COUNT], covariance[:COUNT, :COUNT])
-    messages = () if converged else (("not_settled", {"stage": stage, "passes": MAX_ITERATIONS}),)
+    messages = () if converged else (("not_converged", {"stage": stage, "passes": MAX_ITERATIONS}),)
     return MapResult(belief, mean[COUNT:], residual, redundancy, gain, messages)
 
 

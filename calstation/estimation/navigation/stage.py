@@ -136,7 +136,7 @@ class NavigationStage:
         if measured.table_is_quiet:
             messages.append(("table_quiet", {}))
         if not result.converged:
-            messages.append(("not_settled", {"stage": self.stage, "passes": result.passes}))
+            messages.append(("not_converged", {"stage": self.stage, "passes": result.passes}))
         solution = Solution(
             stage=self.stage,
             belief=restricted(self.prior, result.belief, mask),

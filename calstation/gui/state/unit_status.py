@@ -28,7 +28,7 @@ _REMARKS = (
     "safe_stop_incomplete",
     "azimuth_from_data",
     "table_quiet",
-    "not_settled",
+    "not_converged",
     "turns_assumed_whole",
     "transfer_finished",
     "transfer_unproved",
