@@ -12,8 +12,8 @@ import numpy as np
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation import Estimate, Method, Misfit, ModelTest, Progress, Solution
 from calstation.estimation.common import (
-    Belief,
     Consistency,
+    Posterior,
     SampleBlock,
     Secondary,
     SolveContext,
@@ -54,7 +54,7 @@ def plan(geometry: TableGeometry, schedule: PairSchedule) -> Iterator[Step]:
 class PairStage:
     """A `StageSolver` for the whole recording, or for the parts selected by triggers."""
 
-    def __init__(self, context: SolveContext, prior: Belief, schedule: PairSchedule) -> None:
+    def __init__(self, context: SolveContext, prior: Posterior, schedule: PairSchedule) -> None:
         if not context.secondaries:
             raise InputError("solve.no_second_imu")
         self._context, self._prior, self._schedule = context, prior, schedule
@@ -134,7 +134,7 @@ class PairStage:
             messages = (*messages, ("pair_kept", {"stage": "cross_calibration", "numbers": kept}))
         return Solution(
             stage="cross_calibration",
-            belief=self._prior,
+            posterior=self._prior,
             estimated=(),
             consistency=nis_consistency(float(np.mean(halves)) * fitted, fitted, 1) if done else NOTHING,
             gaps=gaps,

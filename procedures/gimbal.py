@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation import Solution, batch_method
-from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise, nis_consistency, restricted
+from calstation.estimation.common import Posterior, SolveContext, StageData, filter_noise, nis_consistency, restricted
 from calstation.estimation.gimbal import (
     BIAS_TIME,
     TURNED,
@@ -104,7 +104,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
         yield GimbalZero(schedule.dwell_s + BIAS_TIME, axis + 1)
 
 
-def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
+def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Schedule) -> Solution:
     """Replay and fit the turns. Raises InputError if the recording is unusable."""
     _require_channels(data)
     motions = find_motions(data, context.imu)
@@ -120,14 +120,17 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
     mask = np.array([name in ESTIMATED for name in NAMES])
     return Solution(
         stage="gimbal",
-        belief=restricted(prior, _measured(prior, solved), mask),
+        posterior=restricted(prior, _measured(prior, solved), mask),
         estimated=ESTIMATED,
         consistency=nis_consistency(fit.chi2, max(round(fit.freedom), 1), 1),
         gaps=data.gaps,
         details={
             "axes": [_axis(course, schedule) for course in iteration.courses],
             "least_squares": {
-                name: {"value": float(fit.belief.mean[INDEX[name]]), "sigma": float(fit.belief.sigma[INDEX[name]])}
+                name: {
+                    "value": float(fit.posterior.mean[INDEX[name]]),
+                    "sigma": float(fit.posterior.sigma[INDEX[name]]),
+                }
                 for name in ESTIMATED
             },
             "motions": [
@@ -214,7 +217,12 @@ class _AxisSolution:
 
 
 def _axis_solution(
-    course: AxisTurns, motions: list[Motion], context: SolveContext, prior: Belief, schedule: Schedule, fit: GimbalFit
+    course: AxisTurns,
+    motions: list[Motion],
+    context: SolveContext,
+    prior: Posterior,
+    schedule: Schedule,
+    fit: GimbalFit,
 ) -> _AxisSolution:
     """Propagate the noise of every drift through the recursion.
 
@@ -244,7 +252,7 @@ def _axis_solution(
     mount = np.deg2rad(schedule.mount_sigma_deg)
     scale = float(prior.mean[INDEX[f"gyro_scale_{name}"]])
     names = [f"gyro_misalign_{AXES[row]}{name}" for row in others(course.axis)]
-    initial = fit.belief.mean[[INDEX[name] for name in names]]
+    initial = fit.posterior.mean[[INDEX[name] for name in names]]
     covariance = P + np.diag((left @ initial) ** 2)
     return _AxisSolution(
         {name: float(k) * (1.0 + scale) for name, k in zip(names, course.corrections[-1], strict=True)},
@@ -271,24 +279,26 @@ def _require_corrected(course: AxisTurns, solved: _AxisSolution) -> None:
 def _require_agreement(solved: _AxisSolution, fit: GimbalFit) -> None:
     """Check that the misalignments from the iteration and from least squares agree within their sigmas."""
     for (name, value), sigma in zip(solved.values.items(), solved.sigma, strict=True):
-        at_once = float(fit.belief.mean[INDEX[name]])
+        at_once = float(fit.posterior.mean[INDEX[name]])
         if abs(value - at_once) > AGREEMENT * sigma:
             found = {"iteration": value, "sigma": sigma, "least_squares": at_once}
             in_arcsec = {f"{key}_arcsec": float(np.rad2deg(v) * 3600) for key, v in found.items()}
             raise InputError("recording.gimbal_disagrees", name=name, **in_arcsec)
 
 
-def _measured(prior: Belief, solved: list[_AxisSolution]) -> Belief:
+def _measured(prior: Posterior, solved: list[_AxisSolution]) -> Posterior:
     """Update the prior with the observed misalignments (Kalman update)."""
-    belief = prior
+    posterior = prior
     for axis in solved:
         places, z = [INDEX[name] for name in axis.values], np.array(list(axis.values.values()))
-        P, R = belief.covariance, axis.covariance
+        P, R = posterior.covariance, axis.covariance
         gain = np.linalg.solve(P[np.ix_(places, places)] + R, P[places]).T
-        left = np.eye(len(belief.mean))
+        left = np.eye(len(posterior.mean))
         left[:, places] -= gain
-        belief = Belief(belief.mean + gain @ (z - belief.mean[places]), left @ P @ left.T + gain @ R @ gain.T)
-    return belief
+        posterior = Posterior(
+            posterior.mean + gain @ (z - posterior.mean[places]), left @ P @ left.T + gain @ R @ gain.T
+        )
+    return posterior
 
 
 def _axis(course: AxisTurns, schedule: Schedule) -> dict[str, Any]:

@@ -13,8 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from calstation.errors import ConfigurationError
 from calstation.estimation import Solution, batch_method
 from calstation.estimation.common import (
-    Belief,
     Link,
+    Posterior,
     SolveContext,
     StageData,
     Stillness,
@@ -108,7 +108,7 @@ def _around(geometry: TableGeometry, joint: int, step: float) -> Iterator[float]
     yield from (k * step for k in (*range(up + 1), *range(up - 1, -down - 1, -1), *range(-down + 1, 1)))
 
 
-def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
+def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Schedule) -> Solution:
     """Solve the stage from its rests and motions. Raises InputError if the recording is unusable."""
     shortest = schedule.shortest_rest_s
     still = find_stillness(data, context.imu, shortest)
@@ -119,7 +119,7 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
     fit = fit_positions(data, rests, links, context, prior, mask)
     return Solution(
         stage="multi_position",
-        belief=restricted(prior, fit.belief, mask),
+        posterior=restricted(prior, fit.posterior, mask),
         estimated=estimated,
         consistency=nis_consistency(fit.chi2, max(round(fit.freedom), 1), 1),
         gaps=data.gaps,

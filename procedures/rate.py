@@ -17,7 +17,7 @@ from calstation.estimation import Innovations, Solution, batch_method
 from calstation.estimation.common import (
     BIAS_DRIFT_TIME,
     FREE_AZIMUTH_SIGMA,
-    Belief,
+    Posterior,
     SolveContext,
     StageData,
     filter_noise,
@@ -133,7 +133,7 @@ def _first_rotation(geometry: TableGeometry, joint: int, sign: int, at: float, t
     return float(np.clip(at, low - min(way, 0.0), high - max(way, 0.0))), way
 
 
-def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
+def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Schedule) -> Solution:
     """Solve the stage from its whole turns. Raises InsufficientDataError if some are missing."""
     context = widened(context, rest_noise(data, context, prior.gyro_bias))
     turns, assumed = find_turns(data, context, prior)
@@ -141,7 +141,7 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
     return _solve(data, turns, context, prior, assumed)
 
 
-def find_turns(data: StageData, context: SolveContext, prior: Belief) -> tuple[list[Turn], bool]:
+def find_turns(data: StageData, context: SolveContext, prior: Posterior) -> tuple[list[Turn], bool]:
     """Find whole turns between rests; also return whether, without encoder angles, they were assumed to be whole."""
     geometry = context.table.geometry
     found, assumed, rest_count = [], False, 0
@@ -175,7 +175,7 @@ def _require_whole(
     after: tuple[int, int],
     turned: FloatArray,
     context: SolveContext,
-    prior: Belief,
+    prior: Posterior,
 ) -> None:
     """Raise InsufficientDataError unless gravity or the prior of the scale factor verifies a rotation by whole turns.
 
@@ -229,7 +229,7 @@ def _require_turns(turns: list[Turn], gaps: int) -> None:
         raise InsufficientDataError("solve.no_whole_turn", missing=missing, turns=len(turns), gaps_note=note)
 
 
-def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Belief, assumed: bool) -> Solution:
+def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Posterior, assumed: bool) -> Solution:
     table, site = context.table, context.site
     geometry, orientation = table.geometry, np.array(table.orientation)
     noise = filter_noise(context)
@@ -275,7 +275,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="rate",
-        belief=restricted(prior, result.belief, mask),
+        posterior=restricted(prior, result.posterior, mask),
         estimated=ESTIMATED,
         consistency=result.redundancy.consistency,
         gaps=data.gaps,

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from calstation.errors import InsufficientDataError
 from calstation.estimation import Innovations, Solution, batch_method
 from calstation.estimation.common import (
-    Belief,
+    Posterior,
     SolveContext,
     StageData,
     find_rests,
@@ -99,7 +99,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     yield Dwell(schedule.oblique_dwell_s)
 
 
-def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
+def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Schedule) -> Solution:
     """Solve the stage from its rests. Raises InsufficientDataError if faces are missing."""
     context = widened(context, rest_noise(data, context, prior.gyro_bias))
     positions = find_positions(data, context, prior)
@@ -107,7 +107,7 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
     return _solve(data, positions, context, prior)
 
 
-def find_positions(data: StageData, context: SolveContext, prior: Belief) -> list[Position]:
+def find_positions(data: StageData, context: SolveContext, prior: Posterior) -> list[Position]:
     """Find the rests of a stage in its data and compute their mean force."""
     rests: Sequence[tuple[int, int]]
     if data.has_gyros:
@@ -121,7 +121,7 @@ def find_positions(data: StageData, context: SolveContext, prior: Belief) -> lis
     ]
 
 
-def _require_faces(positions: list[Position], prior: Belief) -> None:
+def _require_faces(positions: list[Position], prior: Posterior) -> None:
     inverse, bias = compensation(prior.mean).accel_inverse, group_vector(prior.mean, "accel_bias")
     seen = set()
     for p in positions:
@@ -134,7 +134,7 @@ def _require_faces(positions: list[Position], prior: Belief) -> None:
         raise InsufficientDataError("solve.missing_faces", seconds=SHORTEST_REST, missing=missing, rests=len(positions))
 
 
-def _solve(data: StageData, positions: list[Position], context: SolveContext, prior: Belief) -> Solution:
+def _solve(data: StageData, positions: list[Position], context: SolveContext, prior: Posterior) -> Solution:
     gravity, geometry, tilt = context.site.local_gravity, context.table.geometry, context.table.tilt_sigma
     constants = compensation(prior.mean)
     directions, tangents, nuisance, sigma = [], [], [], []
@@ -186,7 +186,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="six_position",
-        belief=restricted(prior, result.belief, mask),
+        posterior=restricted(prior, result.posterior, mask),
         estimated=ESTIMATED,
         consistency=result.redundancy.consistency,
         gaps=data.gaps,

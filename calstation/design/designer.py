@@ -174,7 +174,7 @@ class _Designer:
             duration=float(times[planned - 1][0]),
             longest=float(times[-1][0]),
             margin=factor * self._margin,
-            sigma=solved.solution.belief.sigma,
+            sigma=solved.solution.posterior.sigma,
             limits=self._limits,
             stop_targets=targets if request.as_present and request.duration is None else None,
             present=self._present,

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from calstation.estimation.common import Belief, PlannedSamples, SolveContext, stage_data, starts
+from calstation.estimation.common import PlannedSamples, Posterior, SolveContext, stage_data, starts
 from calstation.estimation.navigation import ClosedLoopFilter, Segment, advanced, joined, segment_information
 from calstation.physics import Dwell, Effect, FloatArray, Move, Step
 from calstation.sequencer import step_time
@@ -29,7 +29,7 @@ class Conditions:
     """Conditions that determine the information of a motion."""
 
     context: SolveContext
-    prior: Belief
+    prior: Posterior
     settle: float  #: Settling time after a move, s.
     rate: float  #: Rate of all moves, rad/s.
     acceleration: float  #: Acceleration of all moves, rad/s².

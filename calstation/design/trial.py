@@ -108,7 +108,7 @@ class Trial:
         found = solve_navigation(STAGE, data, self._context, self._prior, mask)
         tests = EffectTests(self._prior.sigma)
         tests.add(STAGE, result_sensitivity(found, data, self._context, mask), names)
-        return tests.limits(found.belief, MOST_EXCESS + 1.0)
+        return tests.limits(found.posterior, MOST_EXCESS + 1.0)
 
     def conditions(self) -> Iterator[Condition]:
         """Yield conditions that differ from the planned ones."""

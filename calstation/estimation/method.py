@@ -7,11 +7,11 @@ from typing import Annotated, Any, Protocol
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from calstation.estimation.common import (
-    Belief,
     Consistency,
     LatitudeEstimate,
     Misfit,
     ModelTest,
+    Posterior,
     RestResiduals,
     SampleBlock,
     ScoreFunction,
@@ -68,7 +68,7 @@ class Solution:
     """Result of solving a stage."""
 
     stage: str
-    belief: Belief  #: Joint posterior of the 30 parameters; in a chain, with the error of gravity.
+    posterior: Posterior  #: Joint posterior of the 30 parameters; in a chain, with the error of gravity.
     estimated: tuple[str, ...]  #: Names of the parameters that the stage estimated.
     consistency: Consistency  #: Innovation test of the stage.
     gaps: int = 0  #: Number of gaps and resets.
@@ -92,7 +92,7 @@ def stage_residuals(solution: Solution, data: StageData, rests: RestResiduals) -
     if found is None:
         return StageResiduals()
     return position_residuals(
-        data, rests, solution.belief, found.seq, found.normalised, white=found.white, score=solution.local_scores
+        data, rests, solution.posterior, found.seq, found.normalised, white=found.white, score=solution.local_scores
     )
 
 
@@ -100,7 +100,7 @@ def with_misfit(solution: Solution, data: StageData, context: SolveContext) -> S
     """Return the solution with the location of the excess if the innovations fail their test."""
     if not context.diagnostics or solution.innovations is None or solution.consistency.verdict is not False:
         return solution
-    residuals = stage_residuals(solution, data, rest_residuals(data, context, solution.belief))
+    residuals = stage_residuals(solution, data, rest_residuals(data, context, solution.posterior))
     if not residuals.rows:
         return solution
     found = concentration(residuals, white=solution.innovations.white)
@@ -111,7 +111,7 @@ def with_misfit(solution: Solution, data: StageData, context: SolveContext) -> S
     values: dict[str, Any] = {"where": [text.to_json() for text in where], "percent": 100.0 * min(found.share, 1.0)}
     if found.signs is not None and scores is not None:
         channel, error, sigma = scores.single(found.rows, found.signs)
-        shift = error * scores.shift[:, [6 * k + channel for k in found.rows]] @ found.signs / solution.belief.sigma
+        shift = error * scores.shift[:, [6 * k + channel for k in found.rows]] @ found.signs / solution.posterior.sigma
         moves = {name: float(shift[NAMES.index(name)]) for name in solution.estimated}
         values["channel"] = CHANNELS[channel]
         unit = "rad/s" if channel < 3 else "m/s²"
@@ -174,7 +174,7 @@ class Method:
     #: (geometry, schedule) -> steps, in joint angles within the table's limits; a repeated plan is endless
     #: and ends each round with `RoundEnd`.
     plan: Callable[[TableGeometry, Any], Iterator[Step]]
-    solver: Callable[[SolveContext, Belief, Any], StageSolver]  #: (context, prior, schedule) -> solver
+    solver: Callable[[SolveContext, Posterior, Any], StageSolver]  #: (context, prior, schedule) -> solver
     #: (context) -> names of the parameters that the stage estimates
     estimates: Callable[[SolveContext], tuple[str, ...]]
     #: Whether the solver finds the steps in the data, so that it can solve a whole recording even if the column 'stage'
@@ -190,8 +190,8 @@ class BatchStage:
     def __init__(
         self,
         context: SolveContext,
-        prior: Belief,
-        solve: Callable[[StageData, SolveContext, Belief], Solution],
+        prior: Posterior,
+        solve: Callable[[StageData, SolveContext, Posterior], Solution],
     ) -> None:
         self.context, self.prior = context, prior
         self._solve = solve
@@ -219,7 +219,7 @@ def batch_method(
     name: str,
     schedule: type[BaseModel],
     plan: Callable[[TableGeometry, Any], Iterator[Step]],
-    solve: Callable[[StageData, SolveContext, Belief, Any], Solution],
+    solve: Callable[[StageData, SolveContext, Posterior, Any], Solution],
     estimated: tuple[str, ...],
     needs_no_table: bool = False,
     on_gimbal: bool = False,
@@ -227,7 +227,7 @@ def batch_method(
 ) -> Method:
     """Return a method that solves a stage in one batch; `solve` is called with data, context, prior and schedule."""
 
-    def solver(context: SolveContext, prior: Belief, chosen: Any) -> BatchStage:
+    def solver(context: SolveContext, prior: Posterior, chosen: Any) -> BatchStage:
         return BatchStage(context, prior, lambda data, context, prior: solve(data, context, prior, chosen))
 
     return Method(name, schedule, plan, solver, lambda context: estimated, needs_no_table, on_gimbal, without_gyros)

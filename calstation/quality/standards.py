@@ -21,7 +21,7 @@ import numpy as np
 from calstation.config import CheckStandardSection, ProductConfig, ResolvedConfiguration, StationConfig, library
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.common import Belief, chi_square_quantile
+from calstation.estimation.common import Posterior, chi_square_quantile
 from calstation.messages import Text
 from calstation.physics import INDEX, FloatArray, group_indices, parameter_vector
 from calstation.records import COVERAGE_FACTOR, RunFilter, RunRecord, covariance_from
@@ -79,7 +79,7 @@ class StandardState:
 
 
 def judge_standard(
-    standard: CheckStandardSection, imu: ImuProfile, started: datetime, found: Belief, determined: Collection[str]
+    standard: CheckStandardSection, imu: ImuProfile, started: datetime, found: Posterior, determined: Collection[str]
 ) -> StandardVerdict:
     """Compare a run of a check standard with its reference.
 
@@ -143,8 +143,8 @@ def judge_result(standard: CheckStandardSection, imu: ImuProfile, result: Result
     sigma = parameter_vector({name: row.sigma for name, row in rows.items()})
     mean = parameter_vector({name: row.value for name, row in rows.items()})
     started = _time(result.started_utc or "")
-    belief = Belief(mean, covariance_from(sigma, result.correlation))
-    return judge_standard(standard, imu, started, belief, rows.keys() - set(result.unobservable))
+    posterior = Posterior(mean, covariance_from(sigma, result.correlation))
+    return judge_standard(standard, imu, started, posterior, rows.keys() - set(result.unobservable))
 
 
 def standard_states(

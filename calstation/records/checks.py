@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from calstation.estimation import Solution
-from calstation.estimation.common import Belief, SolveContext
+from calstation.estimation.common import Posterior, SolveContext
 from calstation.estimation.positions import RestEvidence, angle_errors, turn_between
 from calstation.physics import GROUPS, INDEX, NAMES, PARAMETERS, FloatArray
 from calstation.records.limits import NEAR, Check, CheckKind, Rule, Where, check_limit_names, estimated_stage
@@ -154,13 +154,13 @@ class ChecksSection(StrictModel):
 def acceptance(
     section: ChecksSection,
     context: SolveContext,
-    prior: Belief,
+    prior: Posterior,
     solutions: Sequence[Solution],
     previous: Mapping[str, float],
 ) -> list[Check]:
     """Evaluate the acceptance checks of a product for the result of a chain of stages.
 
-    `prior` is the belief before the first stage; `previous` is the last calibration of the same unit by parameter, SI.
+    `prior` is the posterior before the first stage; `previous` the last calibration of the same unit by parameter, SI.
     """
     if not solutions:
         return []
@@ -198,10 +198,10 @@ class _Acceptance:
     """Solutions of a chain of stages and the evidence for their checks."""
 
     def __init__(
-        self, section: ChecksSection, context: SolveContext, prior: Belief, solutions: Sequence[Solution]
+        self, section: ChecksSection, context: SolveContext, prior: Posterior, solutions: Sequence[Solution]
     ) -> None:
         self._section, self._context, self._solutions = section, context, solutions
-        self._prior, self._found = prior, solutions[-1].belief
+        self._prior, self._found = prior, solutions[-1].posterior
         self._gravity = context.site.local_gravity
         self._evidence = [s.evidence for s in solutions if s.evidence is not None]
 

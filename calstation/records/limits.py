@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from calstation.estimation import Estimate, Misfit, ModelTest, Solution
-from calstation.estimation.common import Belief
+from calstation.estimation.common import Posterior
 from calstation.physics import (
     EFFECT_PARAMETERS,
     GROUPS,
@@ -314,7 +314,7 @@ def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
     return {name: last[name] for name in NAMES if name in last}
 
 
-def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
+def unobservable(prior: Posterior, solutions: Sequence[Solution]) -> list[str]:
     """Return estimated parameters that the data do not determine.
 
     Their sigma is above 0.9 of the prior sigma, or they lie in the unobservable subspace of every stage that estimated
@@ -322,7 +322,7 @@ def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
     """
     if not solutions:
         return []
-    before, after = prior.sigma, solutions[-1].belief.sigma
+    before, after = prior.sigma, solutions[-1].posterior.sigma
     lost = [
         name
         for name in estimated_stage(solutions)
@@ -332,7 +332,7 @@ def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
     return lost + [name for s in solutions for name, e in s.found.items() if not e.determined]
 
 
-def undetermined(prior: Belief, solutions: Sequence[Solution], calibrated: Collection[str]) -> list[str]:
+def undetermined(prior: Posterior, solutions: Sequence[Solution], calibrated: Collection[str]) -> list[str]:
     """Return unobservable parameters that are not known from the current calibration either.
 
     The parameters in `calibrated` are known from it if the data determine at least half of the parameters; a run with
@@ -349,7 +349,7 @@ def _not_observed(name: str, solutions: Sequence[Solution]) -> bool:
     return all(state is not None and state["step"] is None for state in states)
 
 
-def not_compared(limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution]) -> list[str]:
+def not_compared(limits: Mapping[str, Limit], prior: Posterior, solutions: Sequence[Solution]) -> list[str]:
     """Return parameters with a limit that no stage estimated, or that the data do not determine.
 
     A partial run is judged only by its own stages, and makes no statement about parameters that its data do not
@@ -362,7 +362,7 @@ def not_compared(limits: Mapping[str, Limit], prior: Belief, solutions: Sequence
 
 def check_limits(
     limits: Mapping[str, Limit],
-    prior: Belief,
+    prior: Posterior,
     solutions: Sequence[Solution],
     near: float = NEAR,
     calibrated: Collection[str] = (),
@@ -377,8 +377,8 @@ def check_limits(
     """
     if not solutions:
         return []
-    belief = solutions[-1].belief
-    sigma, lost = belief.sigma, unobservable(prior, solutions)
+    posterior = solutions[-1].posterior
+    sigma, lost = posterior.sigma, unobservable(prior, solutions)
     checks = []
     for name, stage in estimated_stage(solutions).items():
         if name in lost:
@@ -386,7 +386,7 @@ def check_limits(
         i = INDEX[name]
         limit = entry_of(limits, name)
         if limit is not None:
-            estimate = Estimate(float(belief.mean[i]), float(sigma[i]), PARAMETERS[i].unit)
+            estimate = Estimate(float(posterior.mean[i]), float(sigma[i]), PARAMETERS[i].unit)
             checks += _check_estimate(name, estimate, limit, limit.sigma_limit(stage), near, rule)
     for s in solutions:
         for name, estimate in s.found.items():
@@ -405,14 +405,14 @@ def check_limits(
             checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed), misfit=misfit))
     unknown = undetermined(prior, solutions, calibrated)
     checks.append(Check("unobservable", "", float(len(unknown)), 0.0, "1", not unknown))
-    changes = _changes(prior, belief, [n for n in estimated_stage(solutions) if n in calibrated])
+    changes = _changes(prior, posterior, [n for n in estimated_stage(solutions) if n in calibrated])
     if changes:
         worst = max(changes, key=lambda name: changes[name])
         checks.append(Check.compare("change", changes[worst], _CHANGED, "sigma", near=1.0, where=Where(worst)))
     return checks
 
 
-def _changes(prior: Belief, found: Belief, names: Sequence[str]) -> dict[str, float]:
+def _changes(prior: Posterior, found: Posterior, names: Sequence[str]) -> dict[str, float]:
     """Return the change of each parameter by the data, in standard deviations of the change expected from the prior.
 
     The variance of the change is the decrease of the parameter's variance.

@@ -15,7 +15,7 @@ import tomli_w
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.common import Belief, ImuModel, Secondary, Site, SolveContext, StoredPair, TableModel
+from calstation.estimation.common import ImuModel, Posterior, Secondary, Site, SolveContext, StoredPair, TableModel
 from calstation.messages import os_reason
 from calstation.physics import (
     COUNT,
@@ -358,7 +358,7 @@ def _normalised(axis: list[float]) -> tuple[float, float, float]:
     return float(unit[0]), float(unit[1]), float(unit[2])
 
 
-def prior_from_meta(meta: LogMeta) -> Belief:
+def prior_from_meta(meta: LogMeta) -> Posterior:
     """Return the prior of the 30 parameters before the first stage; 0 with default sigma if not given."""
     mean = np.zeros(COUNT)
     sigma = np.array([p.prior_sigma for p in PARAMETERS])
@@ -370,7 +370,7 @@ def prior_from_meta(meta: LogMeta) -> Belief:
     if meta.table.outer_lever == "fixed":
         mean[group_indices("outer_lever")] = 0.0
         sigma[group_indices("outer_lever")] = 0.0
-    return Belief(mean, covariance_from(sigma, meta.prior_correlation))
+    return Posterior(mean, covariance_from(sigma, meta.prior_correlation))
 
 
 def covariance_from(sigma: FloatArray, correlation: Mapping[str, Mapping[str, float]]) -> FloatArray:

@@ -22,7 +22,7 @@ from calstation.config import ResolvedConfiguration
 from calstation.devices import Imu
 from calstation.devices.imu import Closing, Entry, RegisterMap, Step, Transferred, restore
 from calstation.errors import DeviceFaultError
-from calstation.estimation.common import Belief, ImuModel, SolveContext, filter_noise
+from calstation.estimation.common import ImuModel, Posterior, SolveContext, filter_noise
 from calstation.estimation.effects import effect_errors
 from calstation.physics import (
     AXES,
@@ -274,10 +274,10 @@ def compare(
     return tuple(checks)
 
 
-def without_register(belief: Belief, held: Mapping[str, float]) -> FloatArray:
-    """Return the covariance of a belief, shape (30, 30), increased for parameters without a register in `held`."""
-    left = np.array([0.0 if name in held else value for name, value in zip(NAMES, belief.mean, strict=True)])
-    return np.asarray(belief.covariance + np.diag(left**2))
+def without_register(posterior: Posterior, held: Mapping[str, float]) -> FloatArray:
+    """Return the covariance of a posterior, shape (30, 30), increased for parameters without a register in `held`."""
+    left = np.array([0.0 if name in held else value for name, value in zip(NAMES, posterior.mean, strict=True)])
+    return np.asarray(posterior.covariance + np.diag(left**2))
 
 
 def _opposite(force: FloatArray) -> list[int] | None:

@@ -69,7 +69,7 @@ class _Watch:
 
     def end(self) -> None:
         self.time.append(self._length / self._rate)
-        self.sigma.append(self.chain.solutions[-1].belief.sigma)
+        self.sigma.append(self.chain.solutions[-1].posterior.sigma)
 
 
 def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
@@ -99,7 +99,7 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
         watch.spans,
         {d.stage: d.rests for d in diagnosed},
         chain.prior.sigma,
-        chain.solutions[-1].belief.sigma,
+        chain.solutions[-1].posterior.sigma,
         budget,
         chain.effects_tested,
         watch.spoilt,

@@ -68,7 +68,7 @@ def uncertainty_budget(log: Log, result: Result, meta: LogMeta, base: StageChain
         after = _variances(chain)
         parts[source] = (np.array([after[name] for name in names]) - total) / _STEP
     # The change of the estimate with gravity contributes its square, whatever the other sources are.
-    gravity = base.solutions[-1].belief.covariance - base.belief.covariance
+    gravity = base.solutions[-1].posterior.covariance - base.posterior.covariance
     parts["gravity"] = np.array([gravity[INDEX[n], INDEX[n]] if n in INDEX else 0.0 for n in names])
     parts["other"] = total - np.sum([parts[source] for source in changes], axis=0)
     rows = {name: {source: float(parts[source][k]) for source in SOURCES} for k, name in enumerate(names)}
@@ -117,7 +117,9 @@ def _part(progress: BudgetProgress, number: int, count: int, done: float, stage:
 def _variances(chain: StageChain) -> dict[str, float]:
     """Return the variances of the solved quantities without the error of gravity, SI squared."""
     solutions = tuple(chain.solutions)
-    variances = {name: float(chain.belief.covariance[INDEX[name], INDEX[name]]) for name in estimated_stage(solutions)}
+    variances = {
+        name: float(chain.posterior.covariance[INDEX[name], INDEX[name]]) for name in estimated_stage(solutions)
+    }
     return variances | {name: found.sigma**2 for s in solutions for name, found in s.found.items()}
 
 

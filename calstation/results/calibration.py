@@ -9,7 +9,7 @@ import numpy as np
 from calstation.config import ResolvedConfiguration
 from calstation.devices.imu import RegisterMap
 from calstation.errors import InputError
-from calstation.estimation.common import Belief
+from calstation.estimation.common import Posterior
 from calstation.physics import NAMES, FloatArray, composition, group_indices, parameter_vector
 from calstation.records import CalibrationSection, LogMeta, PriorSection, correlation_of, covariance_from, open_log
 from calstation.results.history import History
@@ -24,7 +24,7 @@ class Calibration:
     """A joint estimate of a unit's parameters, SI, before its registers are applied, and the run that made it."""
 
     section: CalibrationSection
-    belief: Belief
+    posterior: Posterior
     registers: Mapping[str, float]  #: Registers that the run wrote, SI, by parameter.
 
     def prior(self, setup: ResolvedConfiguration, meta: LogMeta) -> LogMeta:
@@ -38,7 +38,7 @@ class Calibration:
         assert run is not None, "the log of a run has a run section"
         elapsed = datetime.fromisoformat(run.started_utc) - datetime.fromisoformat(self.section.started_utc)
         years = max(elapsed / _YEAR, 0.0)
-        mean, covariance = self.belief.mean, self.belief.covariance
+        mean, covariance = self.posterior.mean, self.posterior.covariance
         covariance = covariance + np.diag(setup.imu.change_sigmas(years) ** 2)
         if setup.after_registers:
             offset, matrix = composition(meta.registers or self.registers)
@@ -87,22 +87,22 @@ def current_calibration(
     return None, none
 
 
-def estimate_of(belief: Belief, registers: Mapping[str, float]) -> JointEstimate:
+def estimate_of(posterior: Posterior, registers: Mapping[str, float]) -> JointEstimate:
     """Return the joint estimate for the result; `registers` are those applied to the stream, SI, {} if there are none.
 
     The estimate refers to the unit's parameters before registers are applied.
     """
     offset, matrix = composition(registers)
-    mean, covariance = offset + matrix @ belief.mean, matrix @ belief.covariance @ matrix.T
+    mean, covariance = offset + matrix @ posterior.mean, matrix @ posterior.covariance @ matrix.T
     return JointEstimate(
         mean=_by_name(mean), sigma=_by_name(np.sqrt(np.diag(covariance))), correlation=correlation_of(covariance)
     )
 
 
-def from_estimate(estimate: JointEstimate) -> Belief:
+def from_estimate(estimate: JointEstimate) -> Posterior:
     """Return the mean and covariance of a joint estimate."""
     covariance = covariance_from(parameter_vector(estimate.sigma), estimate.correlation)
-    return Belief(parameter_vector(estimate.mean), covariance)
+    return Posterior(parameter_vector(estimate.mean), covariance)
 
 
 def _by_name(values: FloatArray) -> dict[str, float]:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from scipy.special import ndtr, owens_t
 
 from calstation.estimation import Solution
-from calstation.estimation.common import Belief
+from calstation.estimation.common import Posterior
 from calstation.physics import INDEX, entry_of
 from calstation.records import Check, ConformitySection, LogMeta, Rule, acceptance_interval
 from calstation.results.result import Conformity, ParameterConformity
@@ -111,7 +111,7 @@ def decision_rule(meta: LogMeta) -> Rule:
 
 
 def conformity(
-    meta: LogMeta, prior: Belief, solutions: Sequence[Solution], checks: Sequence[Check]
+    meta: LogMeta, prior: Posterior, solutions: Sequence[Solution], checks: Sequence[Check]
 ) -> Conformity | None:
     """Return the decisions on values in `checks` with their probabilities; None if there are none."""
     if not solutions:
@@ -143,12 +143,12 @@ def _section(meta: LogMeta) -> ConformitySection:
     return (meta.product.conformity if meta.product is not None else None) or ConformitySection()
 
 
-def _measurement(meta: LogMeta, name: str, prior: Belief, solutions: Sequence[Solution]) -> Measurement:
+def _measurement(meta: LogMeta, name: str, prior: Posterior, solutions: Sequence[Solution]) -> Measurement:
     if name not in INDEX:
         estimate = next(s.found[name] for s in reversed(solutions) if name in s.found)
         return Measurement(estimate.value, estimate.sigma)
-    i, belief = INDEX[name], solutions[-1].belief
-    value, sigma = float(belief.mean[i]), float(belief.sigma[i])
+    i, posterior = INDEX[name], solutions[-1].posterior
+    value, sigma = float(posterior.mean[i]), float(posterior.sigma[i])
     if name in meta.calibrated:
         return Measurement(value, sigma)
     return Measurement(value, sigma, float(prior.mean[i]), float(prior.sigma[i]))

@@ -54,7 +54,7 @@ class DataChecks:
             tests.append(self._temperature())
             found = {"low": float(temperature.min()), "high": float(temperature.max())}
             if found["high"] - found["low"] > _LEAST_CHANGE:
-                residuals = rest_residuals(data, self._context, solution.belief)
+                residuals = rest_residuals(data, self._context, solution.posterior)
                 found |= temperature_coefficients(residuals, samples, self._context.site.local_gravity)
             details["temperature"] = found
         return replace(solution, tests=(*solution.tests, *tests), details={**solution.details, **details})

@@ -103,7 +103,7 @@ def stage_diagnostics(
             continue
         progress(len(diagnosed) / len(solutions), stage)
         data = stage_data(list(blocks), context.imu)
-        solution, rests = solutions[stage], rest_residuals(data, context, chain.belief)
+        solution, rests = solutions[stage], rest_residuals(data, context, chain.posterior)
         diagnosed[stage] = StageDiagnostics(
             stage,
             int(data.seq[0]),

@@ -10,7 +10,7 @@ from calstation import __version__
 from calstation.config import check_latitude, gravity_beyond, unconfirmed_latitude
 from calstation.errors import CalstationError
 from calstation.estimation import Misfit, Solution
-from calstation.estimation.common import Belief
+from calstation.estimation.common import Posterior
 from calstation.estimation.positions import TableQuantity
 from calstation.messages import Text, values_from_json, values_to_json
 from calstation.physics import EFFECT_STATES, INDEX, PARAMETERS, display, display_by_unit
@@ -60,7 +60,7 @@ class Judgement:
         return replace(self, checks=(*self.checks, *checks), passed=passed)
 
 
-def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judgement:
+def judge(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...]) -> Judgement:
     """Compare the solutions with the limits in the log's configuration; without a solution the unit fails."""
     limits, near = _limits(meta)
     section = meta.product.checks if meta.product is not None else None
@@ -77,7 +77,7 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
     return Judgement(checks, passed, tuple(not_compared(limits, prior, solutions)))
 
 
-def compare_only(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judgement:
+def compare_only(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...]) -> Judgement:
     """Compare values and sigmas of untested solutions with the limits; the unit neither passes nor fails."""
     limits, near = _limits(meta)
     checks = check_limits(limits, prior, solutions, near, meta.calibrated, decision_rule(meta))
@@ -144,9 +144,9 @@ class Ending:
 
 
 def build_result(
-    meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...], judgement: Judgement, ending: Ending
+    meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...], judgement: Judgement, ending: Ending
 ) -> Result:
-    """Build the result of a run from its solutions in order, and the belief before the first stage."""
+    """Build the result of a run from its solutions in order, and the posterior before the first stage."""
     run, facts, error = meta.run, ending.facts, ending.error
     first, last = ending.first_seq, ending.last_seq
     stages = [solution.stage for solution in solutions]
@@ -204,7 +204,7 @@ def build_result(
     )
 
 
-def _tests(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...], judgement: Judgement) -> dict[str, Any]:
+def _tests(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...], judgement: Judgement) -> dict[str, Any]:
     """Return the sections of a result that judge its values or test data and model."""
     return {
         "conformity": conformity(meta, prior, solutions, judgement.checks),
@@ -213,7 +213,7 @@ def _tests(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...], judgem
     }
 
 
-def _calibration(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> CalibrationUsed | None:
+def _calibration(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...]) -> CalibrationUsed | None:
     section = meta.run.calibration if meta.run is not None else None
     if section is None:
         return None
@@ -226,7 +226,7 @@ def _correlation(solutions: Sequence[Solution]) -> dict[str, dict[str, float]]:
     if not solutions:
         return {}
     solved = estimated_stage(tuple(solutions))
-    rows = {name: row for name, row in correlation_of(solutions[-1].belief.covariance).items() if name in solved}
+    rows = {name: row for name, row in correlation_of(solutions[-1].posterior.covariance).items() if name in solved}
     return {name: {other: value for other, value in row.items() if other in solved} for name, row in rows.items()}
 
 
@@ -234,12 +234,12 @@ def solved_parameters(solutions: tuple[Solution, ...]) -> dict[str, Parameter]:
     """Return the solved parameters by contract name."""
     if not solutions:
         return {}
-    belief = solutions[-1].belief
-    sigma = belief.sigma
+    posterior = solutions[-1].posterior
+    sigma = posterior.sigma
     parameters = {}
     for name, stage in estimated_stage(solutions).items():
         i = INDEX[name]
-        value, unit = float(belief.mean[i]), PARAMETERS[i].unit
+        value, unit = float(posterior.mean[i]), PARAMETERS[i].unit
         parameters[name] = Parameter(value=value, sigma=float(sigma[i]), unit=unit, stage=stage)
     for solution in solutions:
         for name, found in solution.found.items():

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from calstation.estimation import Estimate, Misfit, ModelTest, Solution
-from calstation.estimation.common import Belief, stage_agreement
+from calstation.estimation.common import Posterior, stage_agreement
 from calstation.estimation.effects import EffectTests, effect_tests
 
 #: A change of the posterior less probable than this contradicts the earlier stages.
@@ -14,7 +14,7 @@ LEAST_PROBABILITY = 1e-6
 class ModelTests:
     """Adds the tests of the model, and the effects in it, to the solution of every stage."""
 
-    def __init__(self, prior: Belief, states: Sequence[str]) -> None:
+    def __init__(self, prior: Posterior, states: Sequence[str]) -> None:
         self._effects = EffectTests(prior.sigma, states)
         self._states = bool(states)
         #: Whether a stage was tested for effects outside the model.
@@ -27,13 +27,13 @@ class ModelTests:
         self._effects.add(solution.stage, solution.sensitivity, solution.estimated)
         return self._with_effects(replace(solution, sensitivity=None))
 
-    def tested(self, solution: Solution, before: Sequence[Solution], posterior: Belief) -> Solution:
+    def tested(self, solution: Solution, before: Sequence[Solution], posterior: Posterior) -> Solution:
         """Return a solution with its tests; `before` are the earlier stages, and `posterior` is the last posterior."""
         tests = [*solution.tests, *_convergence(solution)]
         if solution.sensitivity is not None:
             self.effects_tested = True
             solution = self.with_states(solution)
-            harmful, harmless = effect_tests(self._effects.found(solution.belief))
+            harmful, harmless = effect_tests(self._effects.found(solution.posterior))
             solution = replace(solution, explanation=harmless)
             tests += [harmful] if harmful else []
         tests += _agreement(solution, before, posterior)
@@ -49,7 +49,7 @@ class ModelTests:
         nis = c.nis_mean - known.explained / c.count if c.count else c.nis_mean
         return replace(
             solution,
-            belief=known.corrected(solution.belief),
+            posterior=known.corrected(solution.posterior),
             consistency=replace(c, nis_mean=max(nis, 0.0)),
             found={**solution.found, **found},
         )
@@ -61,10 +61,10 @@ def _convergence(solution: Solution) -> list[ModelTest]:
     return [ModelTest("convergence", n, n - 1, "1", Misfit("not_converged", values={"passes": n})) for n in passes]
 
 
-def _agreement(solution: Solution, before: Sequence[Solution], posterior: Belief) -> list[ModelTest]:
+def _agreement(solution: Solution, before: Sequence[Solution], posterior: Posterior) -> list[ModelTest]:
     """Test whether a stage agrees with the earlier ones."""
     last = {name: s.stage for s in before for name in s.estimated}
-    found = stage_agreement(posterior, solution.belief, [name for name in solution.estimated if name in last])
+    found = stage_agreement(posterior, solution.posterior, [name for name in solution.estimated if name in last])
     if found is None:
         return []
     values = {"other": last[next(iter(found.moves))], "group": found.group, "probability": found.probability}

@@ -226,7 +226,7 @@ class _Previewer:
             solution = self._chain.finish()
         except (InsufficientDataError, InputError) as unusable:
             return replace(stage, error=unusable.as_text)
-        return replace(stage, sigma=solution.belief.sigma, observability=solution.observability)
+        return replace(stage, sigma=solution.posterior.sigma, observability=solution.observability)
 
     def _reason(self, plan: StagePlan, rounds: int, elapsed: float, solve: bool) -> str | None:
         """Return why a repeated plan ends after this round, or None if it continues."""

@@ -56,7 +56,7 @@ class StageChain:
         self._context = replace(context_from_meta(meta), diagnostics=diagnostics or bool(states))
         self.prior = prior_from_meta(meta)
         #: Posterior of the last completed stage without the error of gravity, which no stage can reduce.
-        self.belief = self.prior
+        self.posterior = self.prior
         #: The same posterior without the effects in the unit's model, from which the next stage starts.
         self._solved = self.prior
         self._gravity = np.zeros(COUNT)
@@ -99,7 +99,7 @@ class StageChain:
 
     def sigma(self) -> FloatArray:
         """Return the current standard deviations of the 30 parameters, shape (30,), SI."""
-        return self.belief.sigma if self._solver is None else self._solver.sigma()
+        return self.posterior.sigma if self._solver is None else self._solver.sigma()
 
     def ranking(self) -> Ranking | None:
         """Return the observability at the last call of `sigma`; None for a stage without the 39-state filter."""
@@ -121,15 +121,15 @@ class StageChain:
         # a message without the name of its stage, such as that of the quiet table, is shown once
         solution = replace(solution, messages=tuple(m for m in solution.messages if m not in shown))
         buffer, self._solver = self._solver.buffer, None
-        solved = solution.belief
+        solved = solution.posterior
         if self._diagnostics:
             solution = self._tested(solution, buffer)
         else:
             solution = replace(self._model.with_states(solution), observability={}, tests=())
         self._gravity = gravity_sensitivity(self._solved, solved, solution.estimated, self._gravity)
-        self._solved, self.belief = solved, solution.belief
+        self._solved, self.posterior = solved, solution.posterior
         gravity = self._context.site.relative_gravity_sigma
-        solution = replace(solution, belief=with_gravity(self.belief, self._gravity, gravity))
+        solution = replace(solution, posterior=with_gravity(self.posterior, self._gravity, gravity))
         self.solutions.append(solution)
         return solution
 
@@ -137,19 +137,19 @@ class StageChain:
         """Return a solution with the findings from its samples in addition to the parameters."""
         data = buffer.data()
         if self._gather:
-            found = gather(self._stage, data, self._context, self._uncalibrated, solution.belief.mean)
+            found = gather(self._stage, data, self._context, self._uncalibrated, solution.posterior.mean)
             solution = replace(solution, evidence=found)
         if self._resting is not None:
-            solution = replace(solution, latitude=self._resting.latitude(solution.belief))
-        solution = self._model.tested(solution, self.solutions, self.belief)
+            solution = replace(solution, latitude=self._resting.latitude(solution.posterior))
+        solution = self._model.tested(solution, self.solutions, self.posterior)
         solution = self._data_checks.checked(solution, buffer.block(), data)
         if not data.joints.size:  # a gimbal has three joints, and no stationary base
-            self._table_rests.append(table_rests(data, self._context, solution.belief))
+            self._table_rests.append(table_rests(data, self._context, solution.posterior))
         return solution
 
     def table(self) -> dict[str, TableQuantity]:
         """Return the table geometry determined from the rests of the solved stages; {} if they are too few."""
-        return table_axes(self._table_rests, self._context, self.belief)
+        return table_axes(self._table_rests, self._context, self.posterior)
 
     @property
     def effects_tested(self) -> bool:

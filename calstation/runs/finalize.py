@@ -9,7 +9,7 @@ from calstation.config import check_seen_latitude, unconfirmed_latitude
 from calstation.devices import Imu
 from calstation.devices.imu import Entry, RegisterMap, Transferred, flash_registers, transfer
 from calstation.estimation import Solution
-from calstation.estimation.common import Belief
+from calstation.estimation.common import Posterior
 from calstation.physics import EFFECT_PARAMETERS, NAMES, compose
 from calstation.quality import judge_standard
 from calstation.records import context_from_meta, estimated_stage, unobservable
@@ -42,7 +42,7 @@ class Finalization:
         self._old: Mapping[str, float] = {}
         self._wanted: Mapping[str, float] = {}
         self._done: Transferred | None = None
-        self._belief: Belief | None = None
+        self._posterior: Posterior | None = None
         #: Sizes of the effects in the unit's model, SI, by parameter.
         self._effects: dict[str, float] = {}
 
@@ -124,7 +124,7 @@ class Finalization:
             return None
         determined = estimated_stage(solutions).keys() - set(unobservable(run.chain.prior, solutions))
         started = run.prepared.started
-        run.standard = verdict = judge_standard(standard, self._setup.imu, started, solutions[-1].belief, determined)
+        run.standard = verdict = judge_standard(standard, self._setup.imu, started, solutions[-1].posterior, determined)
         worst = max(verdict.e_n, key=lambda name: abs(verdict.e_n[name]), default="")
         values = {
             "serial": run.serial,
@@ -142,13 +142,13 @@ class Finalization:
 
         Raises DeviceFaultError.
         """
-        if self._done is None or self._belief is None:
+        if self._done is None or self._posterior is None:
             raise RuntimeError("nothing was transferred")
         run, entry = self.run, self._done.entry
         checks = verify_output(
             data,
             AppliedRegisters(entry.new, entry.old if self._setup.after_registers else None),
-            without_register(self._belief, entry.old),
+            without_register(self._posterior, entry.old),
             context_from_meta(run.meta),
             self._setup.repeatability,
             run.chain.solutions[-1].details["least_squares"] if data.drifts else None,
@@ -158,7 +158,7 @@ class Finalization:
         restored = partial(run.registers.__setitem__, "new")
         run_in_background(lambda: close_checked(self.imu, self._entries, entry, checks, data, restored))
         written = datetime.now(UTC).isoformat(timespec="seconds")
-        estimate = estimate_of(self._belief, run.meta.registers).model_dump()
+        estimate = estimate_of(self._posterior, run.meta.registers).model_dump()
         run.registers |= {"verified": True, "proved_on": verified_on(data), "written_utc": written}
         run.registers["estimate"] = estimate
         message = "registers_written" if data.corrected else "registers_read_back"
@@ -173,8 +173,8 @@ class Finalization:
 
     def _registers(self, solutions: tuple[Solution, ...]) -> dict[str, float]:
         """Return the registers to write; registers of parameters that no stage estimated keep their values."""
-        self._belief = belief = solutions[-1].belief
-        found = dict(zip(NAMES, belief.mean.tolist(), strict=True))
+        self._posterior = posterior = solutions[-1].posterior
+        found = dict(zip(NAMES, posterior.mean.tolist(), strict=True))
         effects = {p.name for p in EFFECT_PARAMETERS}
         self._effects = {n: e.value for s in solutions for n, e in s.found.items() if n in effects}
         answer = {name: found[name] for name in estimated_stage(solutions)} | self._effects

@@ -240,9 +240,9 @@ def from_json(data: Mapping[str, Any]) -> Event:
 
 def solution_events(solution: Solution) -> tuple[StageSolved | Message, ...]:
     """Return the events of a stage's solution: its values, then the solver's messages."""
-    sigma, consistency = solution.belief.sigma, solution.consistency
+    sigma, consistency = solution.posterior.sigma, solution.consistency
     parameters = {
-        name: {"value": float(solution.belief.mean[INDEX[name]]), "sigma": float(sigma[INDEX[name]])}
+        name: {"value": float(solution.posterior.mean[INDEX[name]]), "sigma": float(sigma[INDEX[name]])}
         for name in solution.estimated
     }
     parameters |= {name: {"value": e.value, "sigma": e.sigma} for name, e in solution.found.items()}

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from calstation.bench.truth import INSTABILITY_TIMES, instability_variance
-from calstation.estimation.common import Belief, SampleBlock, SolveContext, StageData, stage_data
+from calstation.estimation.common import Posterior, SampleBlock, SolveContext, StageData, stage_data
 from calstation.estimation.navigation import BIAS, ReferencePass, solve_navigation
 from calstation.physics import NAMES, NAVIGATION, PARAMETER_STATES, STATES, FloatArray
 
@@ -58,7 +58,7 @@ class MismatchedCovariance:
         self.P = T @ self.P @ T.T + noise
 
 
-def instability_ratio(block: SampleBlock, context: SolveContext, prior: Belief) -> FloatArray:
+def instability_ratio(block: SampleBlock, context: SolveContext, prior: Posterior) -> FloatArray:
     """Return the error covariance under the bench's noise, normalised by the filter's sigmas, shape (30, 30).
 
     The mean of `prior` must be the true parameters.
@@ -72,5 +72,5 @@ def instability_ratio(block: SampleBlock, context: SolveContext, prior: Belief) 
     true = MismatchedCovariance(run, context)
     for _ in steps:
         true.advance(run)
-    sigma = run.belief.sigma
+    sigma = run.posterior.sigma
     return np.asarray(true.P[PARAMETER_STATES, PARAMETER_STATES] / np.outer(sigma, sigma))

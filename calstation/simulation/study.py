@@ -16,8 +16,8 @@ from calstation.bench.truth import GRADES, BenchTruth, Effects, GradeName, Simul
 from calstation.config import RunRequest, library, resolve_configuration
 from calstation.estimation import StageSolver
 from calstation.estimation.common import (
-    Belief,
     ImuModel,
+    Posterior,
     SampleBlock,
     Site,
     SolveContext,
@@ -193,12 +193,12 @@ def draw_unit(
     return truth, context
 
 
-def study_prior(grade: GradeName, outer_lever: str) -> Belief:
+def study_prior(grade: GradeName, outer_lever: str) -> Posterior:
     """Return the distribution from which the units of a grade are drawn."""
     sigma = np.array([GRADES[grade].sigma[p.group] for p in PARAMETERS])
     if outer_lever == "fixed":
         sigma[group_indices("outer_lever")] = 0.0
-    return Belief(np.zeros(len(sigma)), np.diag(sigma**2))
+    return Posterior(np.zeros(len(sigma)), np.diag(sigma**2))
 
 
 def simulate_stages(truth: BenchTruth, seed: int, stages: list[str], schedules: Schedules) -> dict[str, SampleBlock]:
@@ -226,35 +226,35 @@ def _solve(
 
     Optional states increase the bound by the same amount as the covariance.
     """
-    belief = study_prior(truth.grade, case.outer_lever)
-    bound = Belief(truth.parameters, belief.covariance)
+    posterior = study_prior(truth.grade, case.outer_lever)
+    bound = Posterior(truth.parameters, posterior.covariance)
     estimated = np.zeros(len(NAMES), dtype=np.bool_)
     nis, seconds = {}, 0.0
-    model, joint = ModelTests(belief, case.states), belief
-    added: FloatArray = np.zeros_like(belief.covariance)
+    model, joint = ModelTests(posterior, case.states), posterior
+    added: FloatArray = np.zeros_like(posterior.covariance)
     for stage in case.stages:
         m = method(stage)
         schedule = m.schedule(**schedules.get(stage, {}))
-        solver = m.solver(context, belief, schedule)
+        solver = m.solver(context, posterior, schedule)
         samples = feed_until_targets(solver, data[stage], schedule)
         seconds += len(samples.seq) / context.imu.sample_rate
         solution = solver.finish()
-        belief = solution.belief
+        posterior = solution.posterior
         if case.states:
             solution = model.tested(solution, (), joint)
-        joint = solution.belief
-        added = joint.covariance - belief.covariance
+        joint = solution.posterior
+        added = joint.covariance - posterior.covariance
         mask = np.array([n in solution.estimated for n in NAMES])
         if stage in NAVIGATION_STAGES:
             at_truth = solve_navigation(
                 stage, stage_data([samples], context.imu), context, bound, np.zeros_like(mask)
-            ).belief
+            ).posterior
             bound = restricted(bound, at_truth, mask)
         else:
             other = m.solver(context, bound, schedule)
             other.feed(samples)
-            bound = other.finish().belief
-        bound = Belief(truth.parameters, bound.covariance)
+            bound = other.finish().posterior
+        bound = Posterior(truth.parameters, bound.covariance)
         estimated |= mask
         c = solution.consistency
         nis[stage] = (c.nis_mean, c.nis_low, c.nis_high)
@@ -262,7 +262,7 @@ def _solve(
     cost = None
     if case.states:
         with np.errstate(invalid="ignore"):
-            cost = joint.sigma / belief.sigma
+            cost = joint.sigma / posterior.sigma
     return UnitResult(case.name, estimated, error, joint.covariance, bound.covariance + added, nis, cost, seconds)
 
 
@@ -282,7 +282,7 @@ def feed_until_targets(solver: StageSolver, samples: SampleBlock, schedule: Base
     return samples.part(0, first)
 
 
-def _excitation_problem(grade: GradeName, schedules: Schedules) -> tuple[SampleBlock, SolveContext, Belief]:
+def _excitation_problem(grade: GradeName, schedules: Schedules) -> tuple[SampleBlock, SolveContext, Posterior]:
     truth, context = draw_unit(grade, 0, "estimated", instability=True)
     block = simulate_stages(truth, 0, ["excitation"], schedules)["excitation"]
-    return block, context, Belief(truth.parameters, study_prior(grade, "estimated").covariance)
+    return block, context, Posterior(truth.parameters, study_prior(grade, "estimated").covariance)

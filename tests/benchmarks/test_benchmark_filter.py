@@ -22,7 +22,7 @@ def project_pass(stage, last, kind):
     run = kind(stage.context, stage.prior, stage.prior.mean)
     start = replace(stage.start, end=last, prior=stage.start.attitude)
     run.run(stage.data, start, start.attitude)
-    return run.belief
+    return run.posterior
 
 
 def comparison_pass(stage, last):
@@ -44,11 +44,11 @@ def test_plain_filter_gives_the_same_solution(stage, monkeypatch):
     monkeypatch.setattr(navigation_pass, "GROUP_TIME", 0.1)  # back to the reference after every observation, as there
     with one_blas_thread():
         mean, covariance = comparison_pass(stage, STRETCH)
-        belief = project_pass(stage, STRETCH, ClosedLoopFilter)
+        posterior = project_pass(stage, STRETCH, ClosedLoopFilter)
     sigma = np.sqrt(np.diag(covariance))
     assert len(set(stage.data.step[:STRETCH])) >= 3
-    assert belief.sigma == pytest.approx(sigma, rel=0.01)
-    assert np.abs((belief.mean - mean) / sigma).max() < 0.05
+    assert posterior.sigma == pytest.approx(sigma, rel=0.01)
+    assert np.abs((posterior.mean - mean) / sigma).max() < 0.05
     assert np.min(sigma / stage.prior.sigma) < 0.1
 
 

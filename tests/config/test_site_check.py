@@ -18,7 +18,7 @@ from calstation.config.site_check import (
 )
 from calstation.config.station import StationSite
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.context import Belief
+from calstation.estimation.common.context import Posterior
 from calstation.estimation.common.latitude import LatitudeEstimate
 from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.method import Solution
@@ -128,8 +128,8 @@ def test_stages_without_accelerometer_scale_factors_need_no_confirmation() -> No
 
 
 def solved(latitude: LatitudeEstimate | None, nis: float = 1.0) -> tuple[Solution, ...]:
-    belief = Belief([0.0] * COUNT, [[0.0] * COUNT] * COUNT)  # type: ignore[arg-type]
-    return (Solution("six_position", belief, (), Consistency(nis, 0.9, 1.1, 1), latitude=latitude),)
+    posterior = Posterior([0.0] * COUNT, [[0.0] * COUNT] * COUNT)  # type: ignore[arg-type]
+    return (Solution("six_position", posterior, (), Consistency(nis, 0.9, 1.1, 1), latitude=latitude),)
 
 
 def test_measured_latitude_that_contradicts_the_site_ends_the_run() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from calstation.bench.config import BenchConfig
 from calstation.bench.truth.grades import GRADES
 from calstation.bench.truth.simulate import BenchTruth, Simulated, Simulator
-from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common.context import ImuModel, Posterior, Site, SolveContext, TableModel
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics import EFFECTS, Motion
 from calstation.physics.imu_model import compensate, compensation
@@ -49,12 +49,12 @@ def context_of(truth: BenchTruth) -> SolveContext:
     )
 
 
-def prior_of(truth: BenchTruth, factor: float = 2.0) -> Belief:
+def prior_of(truth: BenchTruth, factor: float = 2.0) -> Posterior:
     """Return a prior with zero mean and `factor` times the sigmas of the grade; a fixed outer lever arm is known."""
     sigma = factor * np.array([GRADES[truth.grade].sigma[p.group] for p in PARAMETERS])
     if truth.outer_lever == "fixed":
         sigma[[p.group == "outer_lever" for p in PARAMETERS]] = 0.0
-    return Belief(np.zeros(COUNT), np.diag(sigma**2))
+    return Posterior(np.zeros(COUNT), np.diag(sigma**2))
 
 
 def geometry_of(truth: BenchTruth) -> TableGeometry:
@@ -90,7 +90,7 @@ def cut(block: SampleBlock, places: list[int]) -> list[SampleBlock]:
     return [block.part(a, b) for a, b in pairwise(edges)]
 
 
-def solver_of(truth: BenchTruth, prior: Belief, stage: str, context: SolveContext | None = None):
+def solver_of(truth: BenchTruth, prior: Posterior, stage: str, context: SolveContext | None = None):
     """Return a new solver of a stage."""
     chosen = method(stage)
     return chosen.solver(context or context_of(truth), prior, chosen.schedule(**SCHEDULES[stage]))
@@ -104,11 +104,11 @@ def solved(truth, prior, blocks, context=None):
     return solver.finish()
 
 
-def errors_in_sigma(belief: Belief, truth: BenchTruth) -> np.ndarray:
+def errors_in_sigma(posterior: Posterior, truth: BenchTruth) -> np.ndarray:
     """Return error over sigma of every parameter, 0 for exactly known parameters, shape (30,)."""
-    known = belief.sigma == 0.0
-    assert np.all(belief.mean[known] == truth.parameters[known])
-    return (belief.mean - truth.parameters) / np.where(known, 1.0, belief.sigma)
+    known = posterior.sigma == 0.0
+    assert np.all(posterior.mean[known] == truth.parameters[known])
+    return (posterior.mean - truth.parameters) / np.where(known, 1.0, posterior.sigma)
 
 
 def log_with(path: Path, stage: str, **effects: Any) -> BenchTruth:

@@ -3,31 +3,31 @@
 import numpy as np
 import pytest
 
-from calstation.estimation.common import Belief, stage_agreement
+from calstation.estimation.common import Posterior, stage_agreement
 from calstation.physics import COUNT, INDEX, PARAMETERS
 
 NAMES = [p.name for p in PARAMETERS if p.group in ("gyro_bias", "accel_scale")]
 
 
-def updated(before: Belief, observed: np.ndarray, H: np.ndarray, sigma: float) -> Belief:
+def updated(before: Posterior, observed: np.ndarray, H: np.ndarray, sigma: float) -> Posterior:
     """Return the posterior of a linear observation with white noise."""
     S = H @ before.covariance @ H.T + sigma**2 * np.eye(len(H))
     K = before.covariance @ H.T @ np.linalg.inv(S)
-    return Belief(before.mean + K @ (observed - H @ before.mean), before.covariance - K @ H @ before.covariance)
+    return Posterior(before.mean + K @ (observed - H @ before.mean), before.covariance - K @ H @ before.covariance)
 
 
-def two_stages(random: np.random.Generator, change: float = 0.0) -> tuple[Belief, Belief]:
-    """Return the beliefs after one and two stages; `gyro_bias_y` changes between them by `change` sigmas."""
+def two_stages(random: np.random.Generator, change: float = 0.0) -> tuple[Posterior, Posterior]:
+    """Return the posteriors after one and two stages; `gyro_bias_y` changes between them by `change` sigmas."""
     scale = np.array([p.prior_sigma for p in PARAMETERS])
     truth = scale * random.normal(size=COUNT)
-    belief = Belief(np.zeros(COUNT), np.diag(scale**2))
-    beliefs = []
+    posterior = Posterior(np.zeros(COUNT), np.diag(scale**2))
+    posteriors = []
     for _ in range(2):
         H = random.normal(size=(60, COUNT)) / scale
-        belief = updated(belief, H @ truth + 1e-3 * random.normal(size=60), H, 1e-3)
-        beliefs.append(belief)
-        truth[INDEX["gyro_bias_y"]] += change * belief.sigma[INDEX["gyro_bias_y"]]
-    return beliefs[0], beliefs[1]
+        posterior = updated(posterior, H @ truth + 1e-3 * random.normal(size=60), H, 1e-3)
+        posteriors.append(posterior)
+        truth[INDEX["gyro_bias_y"]] += change * posterior.sigma[INDEX["gyro_bias_y"]]
+    return posteriors[0], posteriors[1]
 
 
 def test_probabilities_of_consistent_stages_are_uniform() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.estimation.common.alignment import FREE_AZIMUTH_SIGMA, FREE_TILT_SIGMA, gyrocompass, starts
-from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common.context import ImuModel, Posterior, Site, SolveContext, TableModel
 from calstation.estimation.common.stage import StageData
 from calstation.physics.earth import RATE, rotation_rate
 from calstation.physics.parameters import COUNT, group_indices
@@ -24,11 +24,11 @@ CONTEXT = SolveContext(
 BIAS_SIGMA = 1e-6
 
 
-def belief(bias=0.0, bias_sigma=BIAS_SIGMA):
+def posterior(bias=0.0, bias_sigma=BIAS_SIGMA):
     mean, sigma = np.zeros(COUNT), np.full(COUNT, 1e-6)
     mean[group_indices("gyro_bias")] = bias
     sigma[group_indices("gyro_bias")] = bias_sigma
-    return Belief(mean, np.diag(sigma**2))
+    return Posterior(mean, np.diag(sigma**2))
 
 
 def at_rest(attitude, count=1000, angles=(np.nan, np.nan), segments=None, bias=0.0):
@@ -57,7 +57,7 @@ TURNED = rotation_matrix(np.array([0.01, -0.015, 0.02])) @ NOMINAL
 
 
 def test_prior_attitude_comes_from_encoders_and_azimuth_with_the_tables_sigmas():
-    (start,) = starts(at_rest(TURNED, angles=ANGLES), CONTEXT, belief())
+    (start,) = starts(at_rest(TURNED, angles=ANGLES), CONTEXT, posterior())
     assert start.prior == pytest.approx(NOMINAL, abs=1e-12)
     mount, tilt, encoder, azimuth = np.deg2rad([1.0, 0.2, 0.05, 0.5])
     level = np.sqrt(mount**2 + tilt**2 + encoder**2)
@@ -68,14 +68,14 @@ def test_prior_attitude_comes_from_encoders_and_azimuth_with_the_tables_sigmas()
 
 
 def test_linearisation_point_is_levelled_and_keeps_the_prior_heading():
-    (start,) = starts(at_rest(TURNED, angles=ANGLES), CONTEXT, belief())
+    (start,) = starts(at_rest(TURNED, angles=ANGLES), CONTEXT, posterior())
     up_b = TURNED.T @ [0.0, 0.0, 1.0]
     assert start.attitude @ up_b == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
     assert abs(rotation_vector(start.attitude @ start.prior.T)[2]) < 1e-4
 
 
 def test_unknown_azimuth_is_gyrocompassed_with_a_free_prior():
-    (start,) = starts(at_rest(TURNED, angles=ANGLES), without_azimuth(), belief())
+    (start,) = starts(at_rest(TURNED, angles=ANGLES), without_azimuth(), posterior())
     assert rotation_vector(start.attitude @ TURNED.T) == pytest.approx(np.zeros(3), abs=0.02)
     assert start.attitude @ (TURNED.T @ [0.0, 0.0, 1.0]) == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
     assert start.prior_sigma[2] == FREE_AZIMUTH_SIGMA
@@ -88,7 +88,7 @@ VECTORS = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(np.array)
 @given(VECTORS)
 def test_attitude_without_encoders_is_found_from_gravity_and_earth_rate(vector):
     attitude = rotation_matrix(vector)
-    (start,) = starts(at_rest(attitude, count=200), CONTEXT, belief())
+    (start,) = starts(at_rest(attitude, count=200), CONTEXT, posterior())
     assert rotation_vector(start.attitude @ attitude.T) == pytest.approx(np.zeros(3), abs=1e-6)
     assert start.prior_sigma.tolist() == [FREE_TILT_SIGMA, FREE_TILT_SIGMA, FREE_AZIMUTH_SIGMA]
     assert start.azimuth_sigma == pytest.approx(BIAS_SIGMA / (RATE * np.cos(LATITUDE)))
@@ -97,7 +97,7 @@ def test_attitude_without_encoders_is_found_from_gravity_and_earth_rate(vector):
 def test_known_gyro_bias_is_removed_before_gyrocompassing():
     attitude = axis_rotation((0.0, 0.0, 1.0), 1.0)
     bias = np.array([3e-5, -2e-5, 1e-5])
-    (start,) = starts(at_rest(attitude, bias=bias), without_azimuth(), belief(bias))
+    (start,) = starts(at_rest(attitude, bias=bias), without_azimuth(), posterior(bias))
     assert rotation_vector(start.attitude @ attitude.T) == pytest.approx(np.zeros(3), abs=1e-6)
 
 
@@ -105,23 +105,23 @@ def test_east_gyro_bias_rotates_the_heading_by_its_ratio_to_earth_rate():
     attitude = np.eye(3)
     level_rate, up = rotation_rate(LATITUDE), np.array([0.0, 0.0, 9.8])
     north = RATE * np.cos(LATITUDE)
-    found, sigma = gyrocompass(level_rate + np.array([1e-6, 0.0, 0.0]), up, LATITUDE, belief())
+    found, sigma = gyrocompass(level_rate + np.array([1e-6, 0.0, 0.0]), up, LATITUDE, posterior())
     assert rotation_vector(found @ attitude.T)[2] == pytest.approx(1e-6 / north, rel=1e-3)
     assert sigma == pytest.approx(1e-6 / north)
 
 
 def test_heading_is_ambiguous_at_the_pole():
-    _, sigma = gyrocompass(np.array([0.0, 0.0, RATE]), np.array([0.0, 0.0, 9.8]), np.pi / 2, belief())
+    _, sigma = gyrocompass(np.array([0.0, 0.0, RATE]), np.array([0.0, 0.0, 9.8]), np.pi / 2, posterior())
     assert sigma > 1e3
 
 
 def test_every_long_segment_is_aligned_one_sample_from_each_gap():
     data = at_rest(TURNED, angles=ANGLES, segments=((0, 400), (400, 420), (420, 1000)))
-    found = starts(data, CONTEXT, belief())
+    found = starts(data, CONTEXT, posterior())
     assert [(s.begin, s.end) for s in found] == [(0, 399), (421, 1000)]
 
 
 def test_segments_without_rest_are_not_aligned():
     data = at_rest(TURNED, angles=ANGLES)
     spinning = replace(data, gyro=data.gyro + 0.3)
-    assert starts(spinning, CONTEXT, belief()) == []
+    assert starts(spinning, CONTEXT, posterior()) == []

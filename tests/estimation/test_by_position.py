@@ -41,7 +41,7 @@ class Stage:
     def residuals(self, solution: Solution) -> StageResiduals:
         """Return its residuals per rest and move."""
         data = stage_data([self.block], self.context.imu)
-        return stage_residuals(solution, data, rest_residuals(data, self.context, solution.belief))
+        return stage_residuals(solution, data, rest_residuals(data, self.context, solution.posterior))
 
     def row(self, kind: str, number: int) -> PositionResidual:
         """Return a rest or move of the stage without an effect."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from simulated_stages import with_effect
 
-from calstation.estimation.common import BatchGain, Belief
+from calstation.estimation.common import BatchGain, Posterior
 from calstation.estimation.effects import EffectFound, EffectTests, StageEffects, changing
 from calstation.physics import COUNT, EFFECTS, INDEX, NAMES, PARAMETERS, Motion
 from calstation.simulation.study import draw_unit, simulate_stages, study_prior
@@ -19,25 +19,25 @@ def test_score_test_equals_the_estimate_of_the_augmented_model() -> None:
     H, constant = random.normal(size=(80, COUNT)) / SIGMA, random.normal(size=(80, count))
     added = np.hstack([constant, np.zeros((80, sum(len(c.components) for c in changing(1.0))))])
     truth = SIGMA * random.normal(size=COUNT)
-    tests, belief = EffectTests(SIGMA), Belief(np.zeros(COUNT), np.diag(SIGMA**2))
+    tests, posterior = EffectTests(SIGMA), Posterior(np.zeros(COUNT), np.diag(SIGMA**2))
     size = 0.02 * np.array([c.plausible for c in EFFECTS if c.cause == "time_skew"])[0]
     observed = H @ truth + size * constant[:, -1] + 1e-4 * random.normal(size=80)
     for rows in (slice(0, 45), slice(45, 80)):
-        h, y = H[rows], observed[rows] - H[rows] @ belief.mean
-        S = h @ belief.covariance @ h.T + 1e-8 * np.eye(len(h))
-        K = np.linalg.solve(S, h @ belief.covariance).T
+        h, y = H[rows], observed[rows] - H[rows] @ posterior.mean
+        S = h @ posterior.covariance @ h.T + 1e-8 * np.eye(len(h))
+        K = np.linalg.solve(S, h @ posterior.covariance).T
         tests.add(
             "a stage",
             StageEffects(0.0, 1.0).of_batch(BatchGain(h, K, S, y), added[rows], np.ones(COUNT, dtype=bool)),
             NAMES,
         )
-        belief = Belief(belief.mean + K @ y, belief.covariance - K @ h @ belief.covariance)
-    found = next(f for f in tests.found(belief) if f.cause == "time_skew")
+        posterior = Posterior(posterior.mean + K @ y, posterior.covariance - K @ h @ posterior.covariance)
+    found = next(f for f in tests.found(posterior) if f.cause == "time_skew")
     augmented, plausible = np.hstack([H, constant[:, -1:]]), 0.02
     normal = augmented.T @ augmented * 1e8 + np.diag([*SIGMA**-2.0, plausible**-2.0])
     solution = np.linalg.solve(normal, augmented.T @ observed * 1e8)
     assert (found.size, found.sigma) == pytest.approx((solution[-1], np.sqrt(np.linalg.inv(normal)[-1, -1])), rel=1e-5)
-    expected = (solution[:COUNT] - belief.mean) / belief.sigma
+    expected = (solution[:COUNT] - posterior.mean) / posterior.sigma
     np.testing.assert_allclose([found.moves[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max())
 
 
@@ -63,12 +63,12 @@ def test_drift_is_estimated_across_the_stages_of_a_run() -> None:
     regressors = (H[:, i, None] * courses[:, None, :]).reshape(80, 6)  # of the sizes at the end
     theta = 0.1 * np.repeat(SIGMA[i], 2) * random.normal(size=6)
     observed = regressors @ theta + 1e-4 * random.normal(size=80)
-    tests, belief = EffectTests(SIGMA), Belief(np.zeros(COUNT), np.diag(SIGMA**2))
+    tests, posterior = EffectTests(SIGMA), Posterior(np.zeros(COUNT), np.diag(SIGMA**2))
     count = sum(len(c.components) for c in EFFECTS)
     for (begin, duration), rows in stages.items():
-        h, y = H[rows], observed[rows] - H[rows] @ belief.mean
-        S = h @ belief.covariance @ h.T + 1e-8 * np.eye(len(h))
-        K = np.linalg.solve(S, h @ belief.covariance).T
+        h, y = H[rows], observed[rows] - H[rows] @ posterior.mean
+        S = h @ posterior.covariance @ h.T + 1e-8 * np.eye(len(h))
+        K = np.linalg.solve(S, h @ posterior.covariance).T
         part = (time[rows] - begin)[:, None]
         shapes = np.hstack([part / duration, np.expm1(-part / settled) / np.expm1(-duration / settled)])
         added = [
@@ -83,8 +83,8 @@ def test_drift_is_estimated_across_the_stages_of_a_run() -> None:
             StageEffects(begin, duration).of_batch(BatchGain(h, K, S, y), columns, np.ones(COUNT, bool)),
             NAMES,
         )
-        belief = Belief(belief.mean + K @ y, belief.covariance - K @ h @ belief.covariance)
-    found = next(f for f in tests.found(belief) if f.cause == "drift_throughout" and f.parameter in names)
+        posterior = Posterior(posterior.mean + K @ y, posterior.covariance - K @ h @ posterior.covariance)
+    found = next(f for f in tests.found(posterior) if f.cause == "drift_throughout" and f.parameter in names)
     augmented = np.hstack([H, regressors])
     normal = augmented.T @ augmented * 1e8 + np.diag([*SIGMA**-2.0, *np.repeat(SIGMA[i], 2) ** -2.0])
     solution, sigma = np.linalg.solve(normal, augmented.T @ observed * 1e8), np.sqrt(np.diag(np.linalg.inv(normal)))
@@ -92,7 +92,7 @@ def test_drift_is_estimated_across_the_stages_of_a_run() -> None:
     assert (found.size, found.sigma) == pytest.approx((solution[best], sigma[best]), rel=1e-5)
     at_end = solution[:COUNT].copy()
     at_end[i] += solution[COUNT:].reshape(3, 2).sum(axis=1)
-    expected = (at_end - belief.mean) / belief.sigma
+    expected = (at_end - posterior.mean) / posterior.sigma
     np.testing.assert_allclose([found.moves[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max())
 
 
@@ -107,18 +107,18 @@ def solved(
     """Return effects found in simulated stages of a navigation-grade unit, its errors in sigmas, and the mean NIS."""
     truth, context = draw_unit("nav", seed, "estimated", instability=False)
     data = simulate_stages(truth, seed, list(stages), schedules)
-    belief = study_prior("nav", "estimated")
-    tests, nis = EffectTests(belief.sigma), []
+    posterior = study_prior("nav", "estimated")
+    tests, nis = EffectTests(posterior.sigma), []
     for stage in stages:
         m = method(stage)
-        solver = m.solver(context, belief, m.schedule(**schedules.get(stage, {})))
+        solver = m.solver(context, posterior, m.schedule(**schedules.get(stage, {})))
         solver.feed(with_effect(data[stage], context, truth.parameters, cause, size, component))
         solution = solver.finish()
-        belief = solution.belief
+        posterior = solution.posterior
         assert solution.sensitivity is not None
         tests.add(stage, solution.sensitivity, solution.estimated)
         nis.append(solution.consistency.nis_mean)
-    return tests.found(belief), (belief.mean - truth.parameters) / belief.sigma, np.array(nis)
+    return tests.found(posterior), (posterior.mean - truth.parameters) / posterior.sigma, np.array(nis)
 
 
 SHORT = {"excitation": {"dwell_s": 5.0, "rounds": 1}}
@@ -169,22 +169,22 @@ def test_no_effect_is_found_for_an_ideal_unit(seed: int) -> None:
 def test_modelled_effects_are_estimated_with_the_parameters() -> None:
     truth, context = draw_unit("nav", 5, "estimated", instability=False)
     data = simulate_stages(truth, 5, list(DEFAULT_STAGES), {})
-    belief = study_prior("nav", "estimated")
-    tests = EffectTests(belief.sigma, ("accel_cubic", "time_skew"))
+    posterior = study_prior("nav", "estimated")
+    tests = EffectTests(posterior.sigma, ("accel_cubic", "time_skew"))
     for stage in DEFAULT_STAGES:
         m = method(stage)
-        solver = m.solver(context, belief, m.schedule())
+        solver = m.solver(context, posterior, m.schedule())
         solver.feed(with_effect(data[stage], context, truth.parameters, "accel_cubic", 1e-6))
         solution = solver.finish()
-        belief = solution.belief
+        posterior = solution.posterior
         assert solution.sensitivity is not None
         tests.add(stage, solution.sensitivity, solution.estimated)
-    known, wrong = tests.estimated(), (belief.mean - truth.parameters) / belief.sigma
+    known, wrong = tests.estimated(), (posterior.mean - truth.parameters) / posterior.sigma
     assert np.abs(wrong).max() > 100.0
     size = dict(zip(known.names, known.size, strict=True))
     sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
     assert abs(size["accel_cubic_x"] - 1e-6) < 4.5 * sigma["accel_cubic_x"]
     assert all(abs(size[name]) < 4.5 * sigma[name] for name in known.names if name != "accel_cubic_x")
-    corrected = known.corrected(belief)
+    corrected = known.corrected(posterior)
     assert np.abs((corrected.mean - truth.parameters) / corrected.sigma).max() < 4.5
     assert tests.found(corrected)[0].excess < 20.0

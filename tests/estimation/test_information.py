@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from calstation.estimation.common import (
-    Belief,
     ImuModel,
     PlannedSamples,
+    Posterior,
     Site,
     SolveContext,
     TableModel,
@@ -42,7 +42,7 @@ STEPS = [
 @pytest.fixture(scope="module")
 def setting():
     context = SolveContext(Site(0.6, 1.9, 0.0, azimuth=0.0), IMU, TableModel())
-    prior = Belief(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
+    prior = Posterior(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
     samples = PlannedSamples(context, prior.mean, np.full(3, 0.005))
     blocks = [
         block for step in STEPS for block in samples.run(step, 4.0 if isinstance(step, Move) else step.duration, "s")
@@ -58,7 +58,7 @@ def test_segment_information_gives_the_covariance_of_the_filter(setting):
     end = advanced(segment.start[None], segment.motion[None])
     run = ClosedLoopFilter(context, prior, prior.mean)
     run.run(data, start, start.attitude)
-    np.testing.assert_allclose(sigmas(end, segment.states)[0], run.belief.sigma, rtol=1e-5)
+    np.testing.assert_allclose(sigmas(end, segment.states)[0], run.posterior.sigma, rtol=1e-5)
 
 
 def test_joining_segments_is_associative(setting):
@@ -84,5 +84,7 @@ def test_undetectable_effect_sizes_agree_with_the_score_tests(setting):
     result = solve_navigation("s", data, context, prior, mask)
     tests = EffectTests(prior.sigma)
     tests.add("s", result_sensitivity(result, data, context, mask), NAMES)
-    limits = [x.size for c in effects for x in tests.limits(result.belief, 1.0) if x.cause == c.cause and not x.stage]
+    limits = [
+        x.size for c in effects for x in tests.limits(result.posterior, 1.0) if x.cause == c.cause and not x.stage
+    ]
     np.testing.assert_allclose(found, limits, rtol=0.02)

@@ -9,18 +9,18 @@ from simulated_stages import block_of, context_of, cut, prior_of, simulate
 
 from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import BenchTruth, Simulator
-from calstation.estimation.common.context import Belief
+from calstation.estimation.common.context import Posterior
 from calstation.estimation.common.latitude import LatitudeEstimate, RestOutput, resolves_earth_rate
 from calstation.estimation.common.samples import SampleBlock
 
 UNITS = 12
 
 
-def see(truth: BenchTruth, blocks: list[SampleBlock], belief: Belief | None = None) -> LatitudeEstimate | None:
+def see(truth: BenchTruth, blocks: list[SampleBlock], posterior: Posterior | None = None) -> LatitudeEstimate | None:
     resting = RestOutput(context_of(truth).imu)
     for block in blocks:
         resting.feed(block)
-    return resting.latitude(prior_of(truth) if belief is None else belief)
+    return resting.latitude(prior_of(truth) if posterior is None else posterior)
 
 
 @cache
@@ -42,9 +42,9 @@ def test_latitude_agrees_with_its_sigma(grade: str) -> None:
     assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.6  # chi-square of 12, 99.9 %: 0.47 to 1.58
 
 
-def replace_gyros(truth: BenchTruth) -> Belief:
+def replace_gyros(truth: BenchTruth) -> Posterior:
     """Return parameters known as well as after a complete calibration."""
-    return Belief(truth.imu.parameters, prior_of(truth).covariance * 1e-6)
+    return Posterior(truth.imu.parameters, prior_of(truth).covariance * 1e-6)
 
 
 @pytest.mark.parametrize("grade", [pytest.param("nav", marks=pytest.mark.long), "tactical"])

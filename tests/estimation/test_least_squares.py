@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.estimation.common.context import Belief
+from calstation.estimation.common.context import Posterior
 from calstation.estimation.common.least_squares import (
     MAX_ITERATIONS,
     map_estimate,
@@ -21,7 +21,7 @@ SEEDS = st.integers(0, 2**31)
 
 def correlated_prior(random, size=1.0):
     root = random.normal(size=(COUNT, COUNT)) * size
-    return Belief(random.normal(size=COUNT) * size, root @ root.T + 0.1 * size**2 * np.eye(COUNT))
+    return Posterior(random.normal(size=COUNT) * size, root @ root.T + 0.1 * size**2 * np.eye(COUNT))
 
 
 def linear_case(seed, nuisances=4, observations=20):
@@ -47,9 +47,9 @@ def linear_case(seed, nuisances=4, observations=20):
 def test_linear_model_gives_the_gaussian_posterior(seed):
     model, arguments, _, posterior, covariance = linear_case(seed)
     result = map_estimate("test", model, *arguments, ALL)
-    assert result.belief.mean == pytest.approx(posterior[:COUNT], abs=1e-6)
+    assert result.posterior.mean == pytest.approx(posterior[:COUNT], abs=1e-6)
     assert result.nuisance == pytest.approx(posterior[COUNT:], abs=1e-6)
-    assert result.belief.covariance == pytest.approx(covariance[:COUNT, :COUNT], abs=1e-6)
+    assert result.posterior.covariance == pytest.approx(covariance[:COUNT, :COUNT], abs=1e-6)
 
 
 def test_only_parameters_in_the_model_are_varied():
@@ -65,15 +65,15 @@ def test_only_parameters_in_the_model_are_varied():
     all_calls = len(calls)
     chosen = map_estimate("test", counted, *arguments, ALL, groups=("gyro_bias", "gyro_scale", "gyro_misalign"))
     assert len(calls) - all_calls < all_calls
-    assert np.array_equal(chosen.belief.mean, every.belief.mean)
-    assert np.array_equal(chosen.belief.covariance, every.belief.covariance)
+    assert np.array_equal(chosen.posterior.mean, every.posterior.mean)
+    assert np.array_equal(chosen.posterior.covariance, every.posterior.covariance)
 
 
 @given(SEEDS)
 def test_residual_is_evaluated_at_the_posterior_mean(seed):
     model, arguments, *_ = linear_case(seed)
     result = map_estimate("test", model, *arguments, ALL)
-    assert result.residual == pytest.approx(arguments[0] - model(result.belief.mean, result.nuisance), abs=1e-9)
+    assert result.residual == pytest.approx(arguments[0] - model(result.posterior.mean, result.nuisance), abs=1e-9)
 
 
 def redundancy_case(seed, unknowns=6, observations=14, width=1.0):
@@ -143,7 +143,7 @@ def test_every_tested_innovation_has_a_variance_of_one(unknowns):
 
 
 def test_random_nuisance_parameters_count_as_noise():
-    prior = Belief(np.zeros(COUNT), 1e8 * np.eye(COUNT))
+    prior = Posterior(np.zeros(COUNT), 1e8 * np.eye(COUNT))
     observed, noise = np.array([1.0, 5.0]), np.full(2, 1e-6)
 
     def model(p, n):
@@ -164,15 +164,17 @@ def test_exactly_known_parameters_do_not_change():
     covariance = prior.covariance.copy()
     for known in (0, 7):
         covariance[known, :] = covariance[:, known] = 0.0
-    result = map_estimate("test", model, observed, noise, Belief(prior.mean, covariance), nuisance, nuisance_sigma, ALL)
-    assert np.all(np.isfinite(result.belief.covariance))
+    result = map_estimate(
+        "test", model, observed, noise, Posterior(prior.mean, covariance), nuisance, nuisance_sigma, ALL
+    )
+    assert np.all(np.isfinite(result.posterior.covariance))
     for known in (0, 7):
-        assert result.belief.mean[known] == pytest.approx(prior.mean[known], abs=1e-12)
-        assert result.belief.covariance[known] == pytest.approx(np.zeros(COUNT), abs=1e-12)
+        assert result.posterior.mean[known] == pytest.approx(prior.mean[known], abs=1e-12)
+        assert result.posterior.covariance[known] == pytest.approx(np.zeros(COUNT), abs=1e-12)
 
 
 def test_nonlinear_model_is_relinearised_at_its_solution():
-    prior = Belief(np.zeros(COUNT), np.diag(np.r_[1.0, np.full(COUNT - 1, 1e-12)]))
+    prior = Posterior(np.zeros(COUNT), np.diag(np.r_[1.0, np.full(COUNT - 1, 1e-12)]))
     result = map_estimate(
         "test",
         lambda p, n: np.array([np.exp(p[0])]),
@@ -183,10 +185,10 @@ def test_nonlinear_model_is_relinearised_at_its_solution():
         np.zeros(0),
         ALL,
     )
-    assert result.belief.mean[0] == pytest.approx(1.0, abs=1e-6)
+    assert result.posterior.mean[0] == pytest.approx(1.0, abs=1e-6)
     assert result.messages == ()
     # sigma over slope, at the solution and not at the prior's mean
-    assert result.belief.sigma[0] == pytest.approx(1e-4 / np.e, rel=1e-3)
+    assert result.posterior.sigma[0] == pytest.approx(1e-4 / np.e, rel=1e-3)
 
 
 def test_consider_parameters_are_not_relinearised():
@@ -196,7 +198,7 @@ def test_consider_parameters_are_not_relinearised():
         seen.append(p[1])
         return np.array([p[0] + p[1], p[0] * p[1] + p[0]])
 
-    prior = Belief(np.zeros(COUNT), np.diag(np.r_[1.0, 0.5, np.full(COUNT - 2, 1e-12)]) ** 2)
+    prior = Posterior(np.zeros(COUNT), np.diag(np.r_[1.0, 0.5, np.full(COUNT - 2, 1e-12)]) ** 2)
     estimated = ALL.copy()
     estimated[1] = False
     map_estimate("test", model, np.array([1.0, 0.8]), np.full(2, 1e-4), prior, np.zeros(0), np.zeros(0), estimated)
@@ -228,7 +230,7 @@ def test_consider_posterior_equals_schmidts_update(seed, count):
     estimated[random.choice(COUNT, count, replace=False)] = True
     prior = correlated_prior(random)
     H, noise, observed = random.normal(size=(12, COUNT)), random.uniform(0.1, 1.0, 12), random.normal(size=12)
-    full = map_estimate("test", lambda p, n: H @ p, observed, noise, prior, np.zeros(0), np.zeros(0), ALL).belief
+    full = map_estimate("test", lambda p, n: H @ p, observed, noise, prior, np.zeros(0), np.zeros(0), ALL).posterior
     found = restricted(prior, full, estimated)
     mean, covariance = schmidt(prior, H, noise, observed, estimated)
     assert found.mean == pytest.approx(mean, abs=1e-5)
@@ -243,7 +245,7 @@ def test_consider_posterior_equals_schmidts_update(seed, count):
 def test_consider_posterior_has_the_correct_limit_cases():
     model, arguments, *_ = linear_case(8)
     prior = arguments[2]
-    full = map_estimate("test", model, *arguments, ALL).belief
+    full = map_estimate("test", model, *arguments, ALL).posterior
     nothing = restricted(prior, full, ~ALL)
     assert np.array_equal(nothing.mean, prior.mean)
     assert nothing.covariance == pytest.approx(prior.covariance, rel=1e-12)
@@ -270,7 +272,7 @@ def test_nis_above_its_bounds_fails_and_below_its_bounds_warns():
 
 def test_divergence_is_reported():
     jump = iter(range(10_000))
-    prior = Belief(np.zeros(COUNT), np.eye(COUNT))
+    prior = Posterior(np.zeros(COUNT), np.eye(COUNT))
     result = map_estimate(
         "rate",
         lambda p, n: np.array([p[0] + (-1.0) ** (next(jump) // (2 * COUNT + 1))]),

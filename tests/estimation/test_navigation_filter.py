@@ -11,7 +11,7 @@ from simulated_stages import block_of, errors_in_sigma, solved
 
 from calstation.estimation.common import PlannedSamples, stage_data
 from calstation.estimation.common.alignment import starts
-from calstation.estimation.common.context import Belief
+from calstation.estimation.common.context import Posterior
 from calstation.estimation.common.least_squares import nis_consistency
 from calstation.estimation.navigation import ClosedLoopFilter, ReferencePass, navigation_pass, reference_pass
 from calstation.estimation.navigation.group_update import State, predict, update
@@ -74,7 +74,7 @@ def test_closed_loop_agrees_with_a_compiled_pass_along_its_trajectory_over_a_who
 ):
     noise = {"gyro_bias_instability": 1e-7 * drift, "accel_bias_instability": 1e-4 * drift}
     context = replace(nav_stage.context, imu=replace(nav_stage.context.imu, **noise))
-    known = Belief(nav_stage.truth.parameters, np.diag((1e-2 * nav_stage.prior.sigma) ** 2))
+    known = Posterior(nav_stage.truth.parameters, np.diag((1e-2 * nav_stage.prior.sigma) ** 2))
     (start,) = starts(data, context, known)
     closed = ClosedLoopFilter(context, known, known.mean)
     steps = closed.steps(data, start, start.attitude, together=1)
@@ -94,9 +94,9 @@ def test_closed_loop_agrees_with_a_compiled_pass_along_its_trajectory_over_a_who
     along = ReferencePass(context, known, known.mean)
     along.run(data, start, start.attitude)
     assert len(closed.state.x) == len(along.state.x) == (45 if drift else 39)
-    assert along.belief.sigma == pytest.approx(closed.belief.sigma, rel=2e-4)
+    assert along.posterior.sigma == pytest.approx(closed.posterior.sigma, rel=2e-4)
     # the feedback is not linear: differences of second order in its corrections remain
-    assert np.abs((along.belief.mean - closed.belief.mean) / closed.belief.sigma).max() < 1e-1
+    assert np.abs((along.posterior.mean - closed.posterior.mean) / closed.posterior.sigma).max() < 1e-1
     assert along.history.innovation == pytest.approx(closed.history.innovation, abs=0.05)
 
 
@@ -131,7 +131,7 @@ def test_groups_processed_together_equal_groups_one_by_one(nav_stage, data, kind
         runs.append(run)
     one, all_ = runs
     assert np.array_equal(one.state.P, all_.state.P)
-    assert np.array_equal(one.belief.mean, all_.belief.mean)
+    assert np.array_equal(one.posterior.mean, all_.posterior.mean)
     assert np.array_equal(one.history.innovation, all_.history.innovation)
 
 
@@ -147,16 +147,16 @@ def test_grouped_observations_equal_single_observations(nav_stage, data, monkeyp
         runs.append(run)
     single, group = runs
     assert (single.group_size, group.group_size) == (1, round(together / 0.1))
-    sigma = single.belief.sigma
-    assert np.abs((single.belief.mean - group.belief.mean) / sigma).max() < 1e-5
-    assert group.belief.sigma == pytest.approx(sigma, rel=1e-6)
+    sigma = single.posterior.sigma
+    assert np.abs((single.posterior.mean - group.posterior.mean) / sigma).max() < 1e-5
+    assert group.posterior.sigma == pytest.approx(sigma, rel=1e-6)
     assert group.history.innovation == pytest.approx(single.history.innovation, abs=1e-5)
     assert np.array_equal(group.history.index, single.history.index)
 
 
 def test_covariance_in_closed_loop_stays_symmetric_and_positive_definite_for_an_hour(nav_stage):
     context = replace(nav_stage.context, imu=replace(nav_stage.context.imu, sample_rate=20.0))
-    prior = Belief(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
+    prior = Posterior(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
     samples, blocks, joints = PlannedSamples(context, prior.mean, np.full(3, 0.005)), [], np.zeros(2)
     while samples.time < 3600.0:
         joints[samples.step % 2] += 0.5 * np.pi
@@ -205,7 +205,7 @@ def test_bias_drifts_about_a_known_constant(nav_stage, data):
 
 
 def test_innovations_at_the_truth_agree_with_their_sigmas(nav_stage, data):
-    known = Belief(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
+    known = Posterior(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
     run = ClosedLoopFilter(nav_stage.context, known, known.mean)
     (start,) = starts(data, nav_stage.context, known)
     run.run(data, start, start.attitude)
@@ -216,7 +216,7 @@ def test_innovations_at_the_truth_agree_with_their_sigmas(nav_stage, data):
 
 
 def test_innovations_reveal_incorrect_velocity_noise(nav_stage, data):
-    known = Belief(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
+    known = Posterior(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
     table = replace(nav_stage.context.table, velocity_sigma=0.7e-3)
     run = ClosedLoopFilter(replace(nav_stage.context, table=table), known, known.mean)
     (start,) = starts(data, nav_stage.context, known)
@@ -225,7 +225,7 @@ def test_innovations_reveal_incorrect_velocity_noise(nav_stage, data):
 
 
 def test_attitude_error_of_a_pass_agrees_with_its_sigma(nav_stage, data):
-    known = Belief(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
+    known = Posterior(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
     run = ClosedLoopFilter(nav_stage.context, known, known.mean)
     (start,) = starts(data, nav_stage.context, known)
     run.run(data, start, start.attitude)
@@ -245,10 +245,10 @@ def test_navigation_restarts_after_a_gap_and_parameters_continue(nav_stage):
     broken = solved(nav_stage.truth, nav_stage.prior, [block_of(nav_stage.samples, keep)])
     assert (whole.gaps, broken.gaps) == (0, 1)
     assert (whole.details["segments"], broken.details["segments"]) == (1, 2)
-    assert np.abs(errors_in_sigma(broken.belief, nav_stage.truth)).max() < 4.0
+    assert np.abs(errors_in_sigma(broken.posterior, nav_stage.truth)).max() < 4.0
     assert broken.consistency.passed
     # one turn less leaves a little less known, and of nothing more
-    ratio = broken.belief.sigma / whole.belief.sigma
+    ratio = broken.posterior.sigma / whole.posterior.sigma
     assert ratio.min() > 0.99
     assert ratio.max() < 2.5
     assert len(ratio) == COUNT

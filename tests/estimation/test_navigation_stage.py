@@ -11,7 +11,7 @@ from simulated_stages import block_of, context_of, cut, errors_in_sigma, prior_o
 from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common import Belief, stage_data
+from calstation.estimation.common import Posterior, stage_data
 from calstation.estimation.navigation import NavigationPass, ReferencePass, relinearise, solve_navigation
 from calstation.physics.motion import Dwell
 from calstation.physics.parameters import COUNT, INDEX, NAMES
@@ -25,7 +25,7 @@ def solution(nav_stage):
 
 
 def test_every_parameter_agrees_with_the_truth_within_its_uncertainty(nav_stage, solution):
-    errors = errors_in_sigma(solution.belief, nav_stage.truth)
+    errors = errors_in_sigma(solution.posterior, nav_stage.truth)
     assert np.abs(errors).max() < 4.0
     assert 0.5 < np.sqrt(np.mean(errors**2)) < 1.5
     assert solution.consistency.passed
@@ -34,7 +34,7 @@ def test_every_parameter_agrees_with_the_truth_within_its_uncertainty(nav_stage,
 
 
 def test_every_sigma_is_much_smaller_than_before(nav_stage, solution):
-    assert np.all(solution.belief.sigma < 0.1 * nav_stage.prior.sigma)
+    assert np.all(solution.posterior.sigma < 0.1 * nav_stage.prior.sigma)
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
@@ -47,8 +47,8 @@ def test_solution_is_bit_identical_for_any_blocks(nav_stage, solution, seed):
         if number % 20 == 0:
             solver.sigma()
     again = solver.finish()
-    assert again.belief.mean.tobytes() == solution.belief.mean.tobytes()
-    assert again.belief.covariance.tobytes() == solution.belief.covariance.tobytes()
+    assert again.posterior.mean.tobytes() == solution.posterior.mean.tobytes()
+    assert again.posterior.covariance.tobytes() == solution.posterior.covariance.tobytes()
     assert json.dumps(again.observability) == json.dumps(solution.observability)
 
 
@@ -61,7 +61,7 @@ def test_live_sigmas_converge_to_the_final_sigmas(nav_stage, solution):
         shown.append(solver.sigma())
     steps = np.array(shown)[1:] / np.array(shown)[:-1]
     assert steps.max() < 1.001
-    assert shown[-1] == pytest.approx(solution.belief.sigma, rel=0.05)
+    assert shown[-1] == pytest.approx(solution.posterior.sigma, rel=0.05)
 
 
 def test_live_sigmas_survive_a_gap(nav_stage):
@@ -73,7 +73,7 @@ def test_live_sigmas_survive_a_gap(nav_stage):
     for part in cut(block, list(range(777, len(block), 777))):
         solver.feed(part)
         shown.append(solver.sigma())
-    final = solver.finish().belief.sigma
+    final = solver.finish().posterior.sigma
     assert (np.array(shown)[1:] / np.array(shown)[:-1]).max() < 1.001
     assert shown[-1] == pytest.approx(final, rel=0.1)
 
@@ -84,10 +84,10 @@ def test_fixed_lever_arm_stays_zero_without_loss_of_accuracy():
     stage = block_of(simulate(Simulator(truth, 5), truth, "excitation"))
     result = solved(truth, prior, [stage])
     lever = [INDEX[f"outer_lever_{a}"] for a in "xyz"]
-    assert result.belief.mean[lever].tolist() == [0.0] * 3
-    assert result.belief.sigma[lever].tolist() == [0.0] * 3
+    assert result.posterior.mean[lever].tolist() == [0.0] * 3
+    assert result.posterior.sigma[lever].tolist() == [0.0] * 3
     assert result.estimated == tuple(n for n in NAMES if not n.startswith("outer"))
-    assert np.abs(errors_in_sigma(result.belief, truth)).max() < 4.0
+    assert np.abs(errors_in_sigma(result.posterior, truth)).max() < 4.0
     assert all(result.observability["states"][f"outer_lever_{a}"]["step"] is None for a in "xyz")
 
 
@@ -102,7 +102,7 @@ def static():
 
 def test_rest_determines_only_parameters_observable_from_gravity_and_earth_rate(static):
     _, prior, result = static
-    ratio = dict(zip(NAMES, result.belief.sigma / prior.sigma, strict=True))
+    ratio = dict(zip(NAMES, result.posterior.sigma / prior.sigma, strict=True))
     hidden = {n for n, r in ratio.items() if r > 0.9}
     assert hidden >= {
         *(n for n in NAMES if n.startswith(("gyro_scale", "gyro_misalign", "inner_lever", "outer_lever"))),
@@ -115,8 +115,8 @@ def test_rest_determines_only_parameters_observable_from_gravity_and_earth_rate(
 
 def test_unobservable_parameters_keep_their_prior(static):
     truth, prior, result = static
-    assert np.all(result.belief.sigma <= prior.sigma * (1.0 + 1e-4))
-    assert np.abs(errors_in_sigma(result.belief, truth)).max() < 4.0
+    assert np.all(result.posterior.sigma <= prior.sigma * (1.0 + 1e-4))
+    assert np.abs(errors_in_sigma(result.posterior, truth)).max() < 4.0
 
 
 def test_stage_without_rest_is_refused(nav_stage):
@@ -141,20 +141,20 @@ def test_unknown_start_attitude_is_found_from_the_data(nav_stage, azimuth, angle
     context = replace(context, site=replace(context.site, azimuth=None))
     block = nav_stage.block if angles else replace(nav_stage.block, angles=np.full_like(nav_stage.block.angles, np.nan))
     result = solved(nav_stage.truth, nav_stage.prior, [block], context)
-    assert np.abs(errors_in_sigma(result.belief, nav_stage.truth)).max() < 4.0
+    assert np.abs(errors_in_sigma(result.posterior, nav_stage.truth)).max() < 4.0
     assert result.consistency.passed
     assert [key for key, _ in result.messages] == ["azimuth_from_data"]
     # whether the start was given or found matters little once everything has been turned
-    assert result.belief.sigma == pytest.approx(solution.belief.sigma, rel=0.5)
+    assert result.posterior.sigma == pytest.approx(solution.posterior.sigma, rel=0.5)
 
 
 def test_all_passes_linearise_about_the_prior_if_no_parameter_is_estimated(nav_stage, solution):
-    known = Belief(nav_stage.truth.parameters, nav_stage.prior.covariance)
+    known = Posterior(nav_stage.truth.parameters, nav_stage.prior.covariance)
     data = stage_data([nav_stage.block], nav_stage.context.imu)
     found = solve_navigation("excitation", data, nav_stage.context, known, np.zeros(COUNT, np.bool_))
     assert found.converged
     np.testing.assert_array_equal(found.point, known.mean)
-    assert found.belief.sigma == pytest.approx(solution.belief.sigma, rel=0.02)
+    assert found.posterior.sigma == pytest.approx(solution.posterior.sigma, rel=0.02)
 
 
 def passes_of(stage, prior, monkeypatch, fits):
@@ -179,7 +179,7 @@ def test_consistent_first_pass_is_not_repeated_in_closed_loop(nav_stage, monkeyp
     assert ways == [True, True]
     assert both_ways == [True, False, True]
     # far below the accuracy to which a solution is iterated
-    assert np.abs((found.belief.mean - both.belief.mean) / both.belief.sigma).max() < 1e-3
+    assert np.abs((found.posterior.mean - both.posterior.mean) / both.posterior.sigma).max() < 1e-3
 
 
 def test_diverged_closed_loop_pass_is_discarded(nav_stage, solution, monkeypatch):
@@ -195,14 +195,14 @@ def test_diverged_closed_loop_pass_is_discarded(nav_stage, solution, monkeypatch
     monkeypatch.setattr(relinearise._Relinearisation, "one_pass", astray)
     data = stage_data([nav_stage.block], nav_stage.context.imu)
     found = solve_navigation("excitation", data, nav_stage.context, nav_stage.prior, np.ones(COUNT, np.bool_))
-    np.testing.assert_array_equal(found.belief.mean, solution.belief.mean)
+    np.testing.assert_array_equal(found.posterior.mean, solution.posterior.mean)
 
 
 def test_inconsistent_first_pass_is_repeated_in_closed_loop(nav_stage, monkeypatch):
     wrong = nav_stage.prior.mean.copy()
     wrong[INDEX["gyro_scale_z"]] += 0.05  # a quarter turn ends 4.5° away
-    belief = Belief(wrong, nav_stage.prior.covariance + np.diag((wrong - nav_stage.prior.mean) ** 2))
-    ways, found = passes_of(nav_stage, belief, monkeypatch, relinearise.FITS)
+    posterior = Posterior(wrong, nav_stage.prior.covariance + np.diag((wrong - nav_stage.prior.mean) ** 2))
+    ways, found = passes_of(nav_stage, posterior, monkeypatch, relinearise.FITS)
     assert ways[:3] == [True, False, True]
     assert found.converged
-    assert np.abs(errors_in_sigma(found.belief, nav_stage.truth)).max() < 4.0
+    assert np.abs(errors_in_sigma(found.posterior, nav_stage.truth)).max() < 4.0

@@ -88,7 +88,7 @@ def test_gyro_scale_factor_becomes_observable_by_rotation_about_its_axis(passed,
 
 def test_information_from_rotations_between_rests_is_included(passed, nav_stage):
     _, _, found = passed
-    gained = nav_stage.prior.sigma / solved(nav_stage.truth, nav_stage.prior, [nav_stage.block]).belief.sigma
+    gained = nav_stage.prior.sigma / solved(nav_stage.truth, nav_stage.prior, [nav_stage.block]).posterior.sigma
     for name, gain in zip(NAMES, gained, strict=True):
         if name.startswith(("gyro_scale", "gyro_misalign")):
             assert found["states"][name]["strength"] > 0.3 * gain, name

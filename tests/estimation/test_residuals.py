@@ -6,7 +6,7 @@ from simulated_stages import block_of, context_of, prior_of, simulate
 
 from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
-from calstation.estimation.common.context import Belief
+from calstation.estimation.common.context import Posterior
 from calstation.estimation.common.residuals import rest_residuals
 from calstation.estimation.common.stage import stage_data
 from calstation.physics.parameters import INDEX
@@ -22,7 +22,7 @@ def six():
         truth,
         context,
         stage_data([block], context.imu),
-        Belief(truth.parameters, 1e-6 * prior_of(truth).covariance),
+        Posterior(truth.parameters, 1e-6 * prior_of(truth).covariance),
     )
 
 
@@ -46,7 +46,7 @@ def test_wrong_bias_appears_at_the_affected_positions(six):
     wrong[INDEX["accel_bias_y"]] += 1e-3
     wrong[INDEX["gyro_bias_y"]] += 1e-6
     right = rest_residuals(data, context, answer)
-    left = rest_residuals(data, context, Belief(wrong, answer.covariance))
+    left = rest_residuals(data, context, Posterior(wrong, answer.covariance))
     assert (left.force - right.force)[2:4] == pytest.approx([-1e-3, 1e-3], rel=1e-2)
     assert np.abs((left.force - right.force)[[0, 1, 4, 5]]).max() < 5e-5
     assert (left.vertical_rate - right.vertical_rate)[2:4] == pytest.approx([-1e-6, 1e-6], rel=1e-2)

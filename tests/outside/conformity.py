@@ -60,7 +60,7 @@ def calibrate(seed: int, sigmas: dict[str, float] | None = None) -> tuple[list[D
             chain.start(stage)
             chain.feed(SampleBlock(stage, s.seq, s.time, s.counts, s.angles, s.step, valid, s.temperature))
             chain.finish()
-    found = dict(zip(NAMES, map(float, chain.belief.sigma), strict=True))
+    found = dict(zip(NAMES, map(float, chain.posterior.sigma), strict=True))
     if sigmas is None:
         return [], found
     y, decisions = simulator.parameters, []

@@ -39,16 +39,16 @@ def limits_of(grade: str) -> list[EffectLimit]:
     """Return the limits of all effects after the default stages of a unit of this grade."""
     truth, context = draw_unit(grade, 1, "estimated", instability=False)
     data = simulate_stages(truth, 1, list(DEFAULT_STAGES), {})
-    belief = study_prior(grade, "estimated")
-    tests = EffectTests(belief.sigma)
+    posterior = study_prior(grade, "estimated")
+    tests = EffectTests(posterior.sigma)
     for stage in DEFAULT_STAGES:
-        solver = method(stage).solver(context, belief, method(stage).schedule())
+        solver = method(stage).solver(context, posterior, method(stage).schedule())
         solver.feed(data[stage])
         solution = solver.finish()
-        belief = solution.belief
+        posterior = solution.posterior
         assert solution.sensitivity is not None
         tests.add(stage, solution.sensitivity, solution.estimated)
-    return tests.limits(belief, CHI_SQUARE)
+    return tests.limits(posterior, CHI_SQUARE)
 
 
 def worst_by_kind(limits: list[EffectLimit]) -> Iterator[tuple[tuple[str, str, str], EffectLimit]]:

@@ -95,7 +95,7 @@ def run(stage: str, case: Case) -> Outcome:
         checks = judge(meta, chain.prior, tuple(chain.solutions)).checks
         failed = tuple(check.name for check in checks if not check.passed)
         causes = [f"{check.name}: {_described(check.misfit)}" for check in checks if check.misfit is not None]
-        mean, sigma = (dict(zip(NAMES, x.tolist(), strict=True)) for x in (chain.belief.mean, chain.belief.sigma))
+        mean, sigma = (dict(zip(NAMES, x.tolist(), strict=True)) for x in (chain.posterior.mean, chain.posterior.sigma))
         found = {name: (mean[name], sigma[name]) for name in estimated_stage(chain.solutions)}
         found |= {name: (e.value, e.sigma) for name, e in solution.found.items() if e.determined}
         errors = {name: abs(value - truth[name]) / s for name, (value, s) in found.items() if s > 0.0}

@@ -157,9 +157,9 @@ def plain_bench_of(config: BenchConfig) -> PlainBench:
 
 def worst_error(chain: StageChain, truth: FloatArray) -> tuple[float, str]:
     """Return the largest error over sigma of the estimated parameters, and its parameter."""
-    sigma = chain.belief.sigma
+    sigma = chain.posterior.sigma
     errors = {
-        name: float(abs(chain.belief.mean[i] - truth[i]) / sigma[i])
+        name: float(abs(chain.posterior.mean[i] - truth[i]) / sigma[i])
         for name in estimated_stage(chain.solutions)
         if sigma[i := INDEX[name]] > 0.0
     }

@@ -27,12 +27,12 @@ def solve_chain():
         truth = BenchConfig(grade=grade, seed=seed, sample_rate_hz=100.0, **bench).truth()
         simulator = Simulator(truth, seed)
         found = SimpleNamespace(truth=truth, prior=prior_of(truth), samples={}, priors={}, solutions={})
-        belief = found.prior
+        posterior = found.prior
         for stage in STAGES:
             found.samples[stage] = simulate(simulator, truth, stage)
-            found.priors[stage] = belief
-            found.solutions[stage] = solved(truth, belief, [block_of(found.samples[stage])])
-            belief = found.solutions[stage].belief
+            found.priors[stage] = posterior
+            found.solutions[stage] = solved(truth, posterior, [block_of(found.samples[stage])])
+            posterior = found.solutions[stage].posterior
         return found
 
     return chain

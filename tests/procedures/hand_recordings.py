@@ -6,7 +6,7 @@ from calstation.bench.truth.grades import GRADES, draw_imu
 from calstation.bench.truth.imu import ImuTruth
 from calstation.bench.truth.manual_rig import ManualRig, around, record
 from calstation.bench.truth.simulate import Simulated
-from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common.context import ImuModel, Posterior, Site, SolveContext, TableModel
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.method import Solution
 from calstation.physics.parameters import COUNT, PARAMETERS
@@ -40,10 +40,10 @@ def context_of(imu: ImuTruth, rig: ManualRig = QUICK) -> SolveContext:
     )
 
 
-def prior_of(grade: str, factor: float = 2.0) -> Belief:
+def prior_of(grade: str, factor: float = 2.0) -> Posterior:
     """Return a prior with zero mean and `factor` times the sigmas of the grade."""
     sigma = factor * np.array([GRADES[grade].sigma[p.group] for p in PARAMETERS])
-    return Belief(np.zeros(COUNT), np.diag(sigma**2))
+    return Posterior(np.zeros(COUNT), np.diag(sigma**2))
 
 
 def block_of(samples: Simulated) -> SampleBlock:
@@ -66,7 +66,7 @@ def recording(imu: ImuTruth, seed: int, rig: ManualRig = QUICK, step: float = ST
     return block_of(record(imu, rig, around(step), seed)[0])
 
 
-def solved(block: SampleBlock, context: SolveContext, prior: Belief, **schedule: object) -> Solution:
+def solved(block: SampleBlock, context: SolveContext, prior: Posterior, **schedule: object) -> Solution:
     """Solve the block as a multi_position stage."""
     chosen = method("multi_position")
     solver = chosen.solver(context, prior, chosen.schedule(**schedule))

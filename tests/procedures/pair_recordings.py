@@ -11,8 +11,8 @@ from calstation.bench.truth.imu import ImuTruth
 from calstation.bench.truth.manual_rig import ManualRig, around, push
 from calstation.bench.truth.table import rotation
 from calstation.estimation.common.context import (
-    Belief,
     ImuModel,
+    Posterior,
     Secondary,
     Site,
     SolveContext,
@@ -95,10 +95,10 @@ def context_of(
     return SolveContext(Site(RIG.latitude, 0.0, RIG.height), model(primary), TableModel(), further)
 
 
-def known(primary: ImuTruth) -> Belief:
+def known(primary: ImuTruth) -> Posterior:
     """Return the errors of the primary, calibrated before."""
     prior = prior_of("mems")
-    return Belief(primary.parameters, 1e-6 * prior.covariance)
+    return Posterior(primary.parameters, 1e-6 * prior.covariance)
 
 
 def truth_of(primary: ImuTruth, secondary: SecondaryTruth) -> np.ndarray:
@@ -115,12 +115,12 @@ def truth_of(primary: ImuTruth, secondary: SecondaryTruth) -> np.ndarray:
     return np.concatenate([np.ravel(p) for p in parts])
 
 
-def solver_of(context: SolveContext, prior: Belief, **schedule: object):
+def solver_of(context: SolveContext, prior: Posterior, **schedule: object):
     chosen = method("cross_calibration")
     return chosen.solver(context, prior, chosen.schedule(**schedule))
 
 
-def solved(block: SampleBlock, context: SolveContext, prior: Belief, **schedule: object) -> Solution:
+def solved(block: SampleBlock, context: SolveContext, prior: Posterior, **schedule: object) -> Solution:
     """Solve the block as a cross_calibration stage."""
     solver = solver_of(context, prior, **schedule)
     solver.feed(block)

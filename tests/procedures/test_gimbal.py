@@ -49,7 +49,7 @@ def test_errors_of_many_gimbals_agree_with_their_sigmas(grade, seeds):
         imu = unit(50 + seed, grade)
         found = solved(recorded(imu, seed)[1], imu, grade)
         truth = imu.parameters[PLACES]
-        iterated.append((found.belief.mean[PLACES] - truth) / found.belief.sigma[PLACES])
+        iterated.append((found.posterior.mean[PLACES] - truth) / found.posterior.sigma[PLACES])
         squares = [found.details["least_squares"][name] for name in ESTIMATED]
         at_once.append([(s["value"] - t) / s["sigma"] for s, t in zip(squares, truth, strict=True)])
     low, high = chi2.ppf([0.0005, 0.9995], 6 * seeds) / (6 * seeds)
@@ -86,9 +86,9 @@ def test_drifts_converge_as_predicted_and_agree_with_least_squares(loop):
         assert axis["turns"] < 10
     for name, i in zip(ESTIMATED, PLACES, strict=True):
         at_once = found.details["least_squares"][name]
-        assert at_once["sigma"] < found.belief.sigma[i]
-        apart = found.belief.mean[i] - at_once["value"]
-        assert abs(apart) < 4.0 * np.hypot(found.belief.sigma[i], at_once["sigma"])
+        assert at_once["sigma"] < found.posterior.sigma[i]
+        apart = found.posterior.mean[i] - at_once["value"]
+        assert abs(apart) < 4.0 * np.hypot(found.posterior.sigma[i], at_once["sigma"])
 
 
 @pytest.mark.parametrize("angle", [10.0, 30.0, 60.0])
@@ -190,7 +190,7 @@ def test_every_rotation_of_a_series_is_used(sequence, turns, grade):
     assert [axis["turns"] for axis in found.details["axes"]] == [turns] * 3
     for axis, course in zip(found.details["axes"], iteration.courses, strict=True):
         assert axis["corrections"] == [k.tolist() for k in course.corrections]
-    error = (found.belief.mean - imu.parameters)[PLACES] / found.belief.sigma[PLACES]
+    error = (found.posterior.mean - imu.parameters)[PLACES] / found.posterior.sigma[PLACES]
     assert np.abs(error).max() < 4.0
 
 
@@ -260,7 +260,7 @@ def test_polled_joint_angles_are_sufficient(loop):
     polled = block.joints.copy()
     polled[np.arange(len(polled)) % 5 > 0] = np.nan
     found = solved(altered(block, joints=polled), imu)
-    error = (found.belief.mean - imu.parameters)[PLACES] / found.belief.sigma[PLACES]
+    error = (found.posterior.mean - imu.parameters)[PLACES] / found.posterior.sigma[PLACES]
     assert np.abs(error).max() < 4.0
 
 

@@ -57,7 +57,7 @@ def test_guidance_does_not_depend_on_the_blocks(mems):
 
 def test_result_applied_to_data_gives_the_magnitude_of_gravity(mems):
     imu, block = mems
-    found = solved(block, context_of(imu), prior_of("mems")).belief.mean
+    found = solved(block, context_of(imu), prior_of("mems")).posterior.mean
     shown = before_after(
         block.part(0, 900), context_of(imu).imu, prior_of("mems").mean, found, QUICK.field.up_force[2], 50
     )

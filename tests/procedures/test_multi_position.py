@@ -17,7 +17,7 @@ from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation import Solution
-from calstation.estimation.common import Belief
+from calstation.estimation.common import Posterior
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.effects import EffectFound, EffectTests
 from calstation.estimation.effects.score import MOST_EXCESS
@@ -51,7 +51,7 @@ def test_errors_of_many_recordings_agree_with_their_sigmas(grade, seeds):
     errors, nees = [], []
     for seed in range(seeds):
         imu = unit(grade, 100 + seed)
-        found = solved(recording(imu, seed), context_of(imu), prior_of(grade)).belief
+        found = solved(recording(imu, seed), context_of(imu), prior_of(grade)).posterior
         error = (found.mean - imu.parameters)[MASK]
         errors.append(error / found.sigma[MASK])
         nees.append(error @ np.linalg.solve(found.covariance[np.ix_(MASK, MASK)], error))
@@ -68,8 +68,8 @@ def test_every_sigma_is_much_smaller_than_the_prior(mems):
     imu, block = mems
     prior = prior_of("mems")
     found = solved(block, context_of(imu), prior)
-    assert np.all(found.belief.sigma[MASK] < 0.1 * prior.sigma[MASK])
-    assert np.array_equal(found.belief.mean[~MASK], prior.mean[~MASK])
+    assert np.all(found.posterior.sigma[MASK] < 0.1 * prior.sigma[MASK])
+    assert np.array_equal(found.posterior.mean[~MASK], prior.mean[~MASK])
     assert found.consistency.passed
     assert found.messages == ()
     assert len(found.details["positions"]) == len(found.details["motions"]) + 1
@@ -85,7 +85,7 @@ def test_uncalibrated_stream_may_have_large_biases(mems):
     wide = prior_of("mems").sigma
     wide[group_indices("gyro_bias")], wide[group_indices("accel_bias")] = 0.1, 2.0
     prior = replace(prior_of("mems"), covariance=np.diag(wide**2))
-    found = solved(recording(worse, 5), context_of(worse), prior).belief
+    found = solved(recording(worse, 5), context_of(worse), prior).posterior
     assert np.abs((found.mean - far) / found.sigma)[MASK].max() < 4.5
 
 
@@ -99,7 +99,7 @@ def test_noise_above_the_profile_enlarges_the_sigmas(mems):
         imu=replace(context.imu, gyro_arw=0.2 * imu.gyro_arw, gyro_bias_instability=0.0, accel_bias_instability=0.0),
     )
     found = solved(recording(imu, 6, rough), quiet, prior_of("mems"))
-    assert np.abs((found.belief.mean - imu.parameters) / found.belief.sigma)[MASK].max() < 5.0
+    assert np.abs((found.posterior.mean - imu.parameters) / found.posterior.sigma)[MASK].max() < 5.0
     assert [key for key, _ in found.messages] == ["noisier_than_profile"]
     assert found.details["scatter"]["force"] > 1e-3
     assert found.consistency.passed
@@ -130,7 +130,7 @@ def test_unmodelled_effect_that_resembles_noise_is_reported(mems, cause, size, c
     (first, *_) = effects_of(found, prior)
     assert first.cause == cause
     assert first.size == pytest.approx(size, abs=4.5 * first.sigma)
-    changed = (found.belief.mean - sound.belief.mean) / found.belief.sigma
+    changed = (found.posterior.mean - sound.posterior.mean) / found.posterior.sigma
     worst = max(first.moves, key=lambda name: abs(first.moves[name]))
     assert changed[INDEX[worst]] == pytest.approx(-first.moves[worst], abs=1.0 + 0.1 * abs(first.moves[worst]))
 
@@ -145,11 +145,11 @@ def test_drift_during_the_recording_is_reported(mems):
     assert (first.cause, first.parameter) == ("drift_throughout", "gyro_bias_y")
 
 
-def effects_of(solution: Solution, prior: Belief) -> list[EffectFound]:
+def effects_of(solution: Solution, prior: Posterior) -> list[EffectFound]:
     """Return the effects found in a solution, the most significant first."""
     tests = EffectTests(prior.sigma)
     tests.add(solution.stage, solution.sensitivity, solution.estimated)
-    return [found for found in tests.found(solution.belief) if found.excess > MOST_EXCESS]
+    return [found for found in tests.found(solution.posterior) if found.excess > MOST_EXCESS]
 
 
 def test_plan_also_runs_on_a_motorised_table():
@@ -160,8 +160,8 @@ def test_plan_also_runs_on_a_motorised_table():
     solver = chosen.solver(table_context(truth), table_prior(truth), schedule)
     solver.feed(block_of(samples))
     found = solver.finish()
-    assert np.abs((found.belief.mean - truth.parameters) / found.belief.sigma)[MASK].max() < 4.5
-    assert np.all(found.belief.sigma[MASK] < 0.2 * table_prior(truth).sigma[MASK])
+    assert np.abs((found.posterior.mean - truth.parameters) / found.posterior.sigma)[MASK].max() < 4.5
+    assert np.all(found.posterior.sigma[MASK] < 0.2 * table_prior(truth).sigma[MASK])
     assert (
         len(found.details["positions"])
         == 1 + sum(isinstance(s, Dwell) for s in chosen.plan(geometry_of(truth), schedule)) - 1
@@ -282,7 +282,7 @@ def test_motion_that_contradicts_gravity_is_excluded_and_reported(mems):
 
     after = solved(altered(block, lose), context_of(imu), prior_of("mems"))
     assert ("motions_left_out", {"stage": "multi_position", "count": 1}) in after.messages
-    assert np.abs((after.belief.mean - imu.parameters) / after.belief.sigma)[MASK].max() < 4.5
+    assert np.abs((after.posterior.mean - imu.parameters) / after.posterior.sigma)[MASK].max() < 4.5
 
 
 def test_recordings_without_rest_or_motion_are_refused(mems):
@@ -314,7 +314,7 @@ def test_motions_across_gaps_are_not_used(mems):
     assert len(after.details["cuts"]) == 2
     assert ("recording_cut", {"stage": "multi_position", "count": 2}) in after.messages
     assert len(after.details["motions"]) == len(found.details["motions"]) - 2
-    assert np.abs((after.belief.mean - imu.parameters) / after.belief.sigma)[MASK].max() < 4.5
+    assert np.abs((after.posterior.mean - imu.parameters) / after.posterior.sigma)[MASK].max() < 4.5
 
 
 @pytest.mark.skipif(not real.HAND.exists(), reason="the real recordings are not beside the project")

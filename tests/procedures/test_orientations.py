@@ -10,7 +10,7 @@ from simulated_stages import block_of, context_of, errors_in_sigma, prior_of, si
 from calstation.bench.config import BenchConfig
 from calstation.bench.truth import BenchTruth
 from calstation.bench.truth.simulate import Simulator
-from calstation.estimation.common import Belief, SolveContext
+from calstation.estimation.common import Posterior, SolveContext
 from calstation.estimation.common.planned import PlannedSamples
 from calstation.physics import (
     COUNT,
@@ -39,13 +39,13 @@ def unit(orientation: str, **bench: object) -> tuple[BenchTruth, SolveContext]:
     return truth, replace(context, table=replace(context.table, orientation=orientation_matrix(orientation)))
 
 
-def calibrated(truth: BenchTruth, context: SolveContext, prior: Belief, stages: tuple[str, ...]) -> SimpleNamespace:
-    """Return the belief after the stages and the solution of every stage."""
-    simulator, belief, solutions = Simulator(truth, 131), prior, {}
+def calibrated(truth: BenchTruth, context: SolveContext, prior: Posterior, stages: tuple[str, ...]) -> SimpleNamespace:
+    """Return the posterior after the stages and the solution of every stage."""
+    simulator, posterior, solutions = Simulator(truth, 131), prior, {}
     for stage in stages:
-        solutions[stage] = solved(truth, belief, [block_of(simulate(simulator, truth, stage))], context)
-        belief = solutions[stage].belief
-    return SimpleNamespace(belief=belief, solutions=solutions)
+        solutions[stage] = solved(truth, posterior, [block_of(simulate(simulator, truth, stage))], context)
+        posterior = solutions[stage].posterior
+    return SimpleNamespace(posterior=posterior, solutions=solutions)
 
 
 @pytest.fixture(scope="module")
@@ -61,14 +61,14 @@ def test_reoriented_unit_is_calibrated_as_accurately_as_an_aligned_unit(
 ) -> None:
     truth, context = unit(orientation)
     found = calibrated(truth, context, prior_of(truth), STAGES)
-    errors = errors_in_sigma(found.belief, truth)
+    errors = errors_in_sigma(found.posterior, truth)
     assert np.abs(errors).max() < 4.0
     assert np.sqrt(np.mean(errors**2)) < 1.5
     for stage in ("excitation", "azimuth_flip"):
         consistency = found.solutions[stage].consistency
         assert consistency.nis_low < consistency.nis_mean < consistency.nis_high
     # axes of the unit change places on the platform, which does not treat all of them equally
-    ratio = found.belief.sigma / aligned.belief.sigma
+    ratio = found.posterior.sigma / aligned.posterior.sigma
     assert ratio.min() > 0.5
     assert ratio.max() < 2.0
 
@@ -79,9 +79,9 @@ def test_rotations_and_positions_are_found_in_every_orientation(orientation: str
     truth, context = unit(orientation)
     prior = prior_of(truth)
     found = calibrated(truth, context, prior, ("rate", "six_position"))
-    assert np.abs(errors_in_sigma(found.belief, truth)).max() < 4.0
+    assert np.abs(errors_in_sigma(found.posterior, truth)).max() < 4.0
     for group in ("gyro_scale", "accel_scale", "accel_bias"):
-        assert np.all(found.belief.sigma[group_indices(group)] < 0.3 * prior.sigma[group_indices(group)]), group
+        assert np.all(found.posterior.sigma[group_indices(group)] < 0.3 * prior.sigma[group_indices(group)]), group
 
 
 @pytest.mark.parametrize("orientation", ["+x+z", "-y+z", "+z-x"])
@@ -123,6 +123,6 @@ def test_a_large_nominal_lever_arm_is_solved_with_its_usual_sigma() -> None:
     prior = prior_of(truth)
     mean = prior.mean.copy()
     mean[lever] = nominal
-    found = calibrated(truth, context, Belief(mean, prior.covariance), STAGES)
-    assert np.abs(errors_in_sigma(found.belief, truth)).max() < 4.0
-    assert np.abs(found.belief.mean - parameters)[INDEX["outer_lever_x"]] < 2e-3
+    found = calibrated(truth, context, Posterior(mean, prior.covariance), STAGES)
+    assert np.abs(errors_in_sigma(found.posterior, truth)).max() < 4.0
+    assert np.abs(found.posterior.mean - parameters)[INDEX["outer_lever_x"]] < 2e-3

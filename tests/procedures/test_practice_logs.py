@@ -47,7 +47,7 @@ def blind(log, keep=lambda block: True):
 
 def worst(log, chain):
     """Return the largest error in sigma with its parameter."""
-    errors = np.abs(chain.belief.mean - log.truth) / chain.belief.sigma
+    errors = np.abs(chain.posterior.mean - log.truth) / chain.posterior.sigma
     return errors.max(), NAMES[int(errors.argmax())]
 
 

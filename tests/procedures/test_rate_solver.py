@@ -26,7 +26,7 @@ def without(chain, *steps):
 
 
 def test_scale_factors_agree_with_their_sigma(chain):
-    errors = errors_in_sigma(chain.solutions["rate"].belief, chain.truth)
+    errors = errors_in_sigma(chain.solutions["rate"].posterior, chain.truth)
     assert np.abs(errors).max() < 4.0
     assert chain.solutions["rate"].consistency.passed
 
@@ -37,24 +37,27 @@ def test_sigma_is_the_encoder_sigma_over_the_angle(nav_chain):
     by_encoder = np.sqrt(6.0) * encoder / (2.0 * angle)
     prior = nav_chain.prior.sigma[SCALE]
     expected = 1.0 / np.sqrt(1.0 / by_encoder**2 + 1.0 / prior**2)
-    assert nav_chain.solutions["rate"].belief.sigma[SCALE] == pytest.approx(expected, rel=0.1)
+    assert nav_chain.solutions["rate"].posterior.sigma[SCALE] == pytest.approx(expected, rel=0.1)
 
 
 def test_better_encoder_gives_a_better_scale_factor(nav_chain):
     context = context_of(nav_chain.truth)
     fine = replace(context, table=replace(context.table, encoder_sigma=np.deg2rad(0.005)))
     block = block_of(nav_chain.samples["rate"])
-    better = solved(nav_chain.truth, nav_chain.prior, [block], fine).belief.sigma[SCALE]
-    assert better == pytest.approx(nav_chain.solutions["rate"].belief.sigma[SCALE] / 10.0, rel=0.3)
+    better = solved(nav_chain.truth, nav_chain.prior, [block], fine).posterior.sigma[SCALE]
+    assert better == pytest.approx(nav_chain.solutions["rate"].posterior.sigma[SCALE] / 10.0, rel=0.3)
 
 
 def test_all_other_parameters_are_consider_parameters(chain):
     others = [i for i, name in enumerate(NAMES) if i not in SCALE]
     found = chain.solutions["rate"]
-    assert np.array_equal(found.belief.mean[others], chain.prior.mean[others])
-    assert np.array_equal(found.belief.sigma[others], chain.prior.sigma[others])
+    assert np.array_equal(found.posterior.mean[others], chain.prior.mean[others])
+    assert np.array_equal(found.posterior.sigma[others], chain.prior.sigma[others])
     assert found.estimated == tuple(NAMES[i] for i in SCALE)
-    assert np.linalg.eigvalsh(found.belief.covariance / np.outer(found.belief.sigma, found.belief.sigma)).min() > -1e-9
+    assert (
+        np.linalg.eigvalsh(found.posterior.covariance / np.outer(found.posterior.sigma, found.posterior.sigma)).min()
+        > -1e-9
+    )
 
 
 def test_six_rotations_are_found_with_their_joints_and_angles(nav_chain):
@@ -68,8 +71,8 @@ def test_without_encoders_rotations_are_assumed_whole_turns_and_reported(nav_cha
     blind = replace(block, angles=np.full_like(block.angles, np.nan))
     found = solved(nav_chain.truth, nav_chain.prior, [blind])
     assert [key for key, _ in found.messages] == ["turns_assumed_whole"]
-    assert np.abs(errors_in_sigma(found.belief, nav_chain.truth)).max() < 4.0
-    assert found.belief.sigma[SCALE] == pytest.approx(nav_chain.solutions["rate"].belief.sigma[SCALE], rel=0.2)
+    assert np.abs(errors_in_sigma(found.posterior, nav_chain.truth)).max() < 4.0
+    assert found.posterior.sigma[SCALE] == pytest.approx(nav_chain.solutions["rate"].posterior.sigma[SCALE], rel=0.2)
 
 
 def blind_block(chain):

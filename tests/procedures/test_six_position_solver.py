@@ -8,7 +8,7 @@ import pytest
 from simulated_stages import block_of, context_of, errors_in_sigma, solved
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common.context import Belief
+from calstation.estimation.common.context import Posterior
 from calstation.physics.parameters import INDEX, NAMES, group_indices
 from calstation.records.log import open_log
 from calstation.results.solver_chain import solve
@@ -65,7 +65,9 @@ def test_oblique_positions_detect_a_scale_asymmetry_with_other_errors_known(nav_
     prior = nav_chain.priors["six_position"]
     known = np.isin(np.arange(30), (*MISALIGN, *QUADRATIC))
     keep = np.where(known, 0.003, 1.0)
-    accurate = Belief(np.where(known, nav_chain.truth.parameters, prior.mean), prior.covariance * np.outer(keep, keep))
+    accurate = Posterior(
+        np.where(known, nav_chain.truth.parameters, prior.mean), prior.covariance * np.outer(keep, keep)
+    )
     sound, wrong = (
         solved(nav_chain.truth, accurate, [with_force_error(nav_chain, lambda f, s=size: s * np.abs(f) * X)])
         for size in (0.0, 1e-3)
@@ -76,61 +78,61 @@ def test_oblique_positions_detect_a_scale_asymmetry_with_other_errors_known(nav_
 
 
 def test_scale_factor_and_bias_agree_with_their_sigma(chain):
-    errors = errors_in_sigma(chain.solutions["six_position"].belief, chain.truth)
+    errors = errors_in_sigma(chain.solutions["six_position"].posterior, chain.truth)
     assert np.abs(errors).max() < 4.0
     assert chain.solutions["six_position"].consistency.passed
 
 
 def test_scale_factor_and_bias_sigmas_decrease_strongly(chain):
-    before, after = (chain.priors["six_position"].sigma, chain.solutions["six_position"].belief.sigma)
+    before, after = (chain.priors["six_position"].sigma, chain.solutions["six_position"].posterior.sigma)
     assert np.all(after[SCALE] < 0.05 * before[SCALE])
     assert np.all(after[BIAS] < 0.5 * before[BIAS])
 
 
 def test_bias_keeps_the_uncertainty_of_the_second_order_term(nav_chain):
     # up and down, K2 g² is the same as a bias
-    found, gravity = nav_chain.solutions["six_position"].belief, 9.797
+    found, gravity = nav_chain.solutions["six_position"].posterior, 9.797
     prior = nav_chain.priors["six_position"]
     doubt = prior.sigma[QUADRATIC] * gravity**2
     assert np.all(found.sigma[BIAS] > 0.99 * doubt)
     assert found.sigma[BIAS] == pytest.approx(np.hypot(doubt, 5e-5), rel=0.05)
     known = prior.covariance.copy()
     known[QUADRATIC, :] = known[:, QUADRATIC] = 0.0
-    sharper = Belief(np.where(np.isin(np.arange(30), QUADRATIC), nav_chain.truth.parameters, prior.mean), known)
+    sharper = Posterior(np.where(np.isin(np.arange(30), QUADRATIC), nav_chain.truth.parameters, prior.mean), known)
     certain = solved(nav_chain.truth, sharper, [block_of(nav_chain.samples["six_position"])])
-    assert np.all(certain.belief.sigma[BIAS] < 0.3 * found.sigma[BIAS])
-    assert np.abs(errors_in_sigma(certain.belief, nav_chain.truth)[BIAS]).max() < 4.0
+    assert np.all(certain.posterior.sigma[BIAS] < 0.3 * found.sigma[BIAS])
+    assert np.abs(errors_in_sigma(certain.posterior, nav_chain.truth)[BIAS]).max() < 4.0
 
 
 def test_mounting_error_of_one_degree_does_not_affect_the_scale_factor(solve_chain):
     tilted = solve_chain("nav", 33, instability=False, mount_deg=(0.99, 1.0))
-    errors = errors_in_sigma(tilted.solutions["six_position"].belief, tilted.truth)
+    errors = errors_in_sigma(tilted.solutions["six_position"].posterior, tilted.truth)
     assert np.abs(errors[SCALE]).max() < 4.0
     # a nominal direction would have cost 1 − cos 1° = 150 ppm
-    assert np.abs(errors * tilted.solutions["six_position"].belief.sigma)[SCALE].max() < 5e-5
+    assert np.abs(errors * tilted.solutions["six_position"].posterior.sigma)[SCALE].max() < 5e-5
 
 
 def test_six_positions_are_solved_without_encoder_angles(nav_chain):
     block = block_of(nav_chain.samples["six_position"])
     blind = replace(block, angles=np.full_like(block.angles, np.nan))
     found = solved(nav_chain.truth, nav_chain.priors["six_position"], [blind])
-    assert np.abs(errors_in_sigma(found.belief, nav_chain.truth)).max() < 4.0
-    assert np.all(found.belief.sigma[SCALE] < 0.1 * nav_chain.prior.sigma[SCALE])
+    assert np.abs(errors_in_sigma(found.posterior, nav_chain.truth)).max() < 4.0
+    assert np.all(found.posterior.sigma[SCALE] < 0.1 * nav_chain.prior.sigma[SCALE])
 
 
 def test_wrong_gravity_changes_the_scale_factor_one_to_one(nav_chain):
     context, block = context_of(nav_chain.truth), block_of(nav_chain.samples["six_position"])
     heavy = replace(context, site=replace(context.site, gravity=9.8))
     light = replace(context, site=replace(context.site, gravity=9.8 * (1.0 - 1e-4)))
-    a, b = (solved(nav_chain.truth, nav_chain.priors["six_position"], [block], c).belief for c in (heavy, light))
+    a, b = (solved(nav_chain.truth, nav_chain.priors["six_position"], [block], c).posterior for c in (heavy, light))
     assert (b.mean - a.mean)[SCALE] == pytest.approx(1e-4, rel=0.02)
 
 
 def test_all_other_parameters_are_consider_parameters(chain):
     others = [i for i in range(30) if i not in SCALE + BIAS]
     before, found = chain.priors["six_position"], chain.solutions["six_position"]
-    assert np.array_equal(found.belief.mean[others], before.mean[others])
-    assert found.belief.sigma[others] == pytest.approx(before.sigma[others], rel=1e-12)
+    assert np.array_equal(found.posterior.mean[others], before.mean[others])
+    assert found.posterior.sigma[others] == pytest.approx(before.sigma[others], rel=1e-12)
     assert set(found.estimated) == {NAMES[i] for i in SCALE + BIAS}
 
 
@@ -147,7 +149,7 @@ def recording():
     if not RECORDING.exists():
         pytest.skip(f"{RECORDING} is not there: the real recordings are not part of the project")
     log = open_log(RECORDING)
-    return solve(log.blocks, log.meta).belief
+    return solve(log.blocks, log.meta).posterior
 
 
 @pytest.mark.parametrize(

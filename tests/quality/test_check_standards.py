@@ -17,7 +17,7 @@ from calstation.cli.app import run_app
 from calstation.config import CheckStandardSection, library, resolve_configuration, site_folder
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import ConfigurationError
-from calstation.estimation.common import Belief
+from calstation.estimation.common import Posterior
 from calstation.physics import COUNT, NAMES, PARAMETERS, FloatArray
 from calstation.quality import FALSE_ALARM, POWER, judge_result, judge_standard, standard_states
 from calstation.quality.standards import due_certificates
@@ -68,7 +68,7 @@ def test_t_squared_of_correct_runs_is_chi_squared_with_the_stated_alarm_rate(sta
         true = random.standard_normal(COUNT)
         runs = random.multivariate_normal(true, covariance, size=250, method="cholesky")
         known = standard(true)
-        verdicts += [judge_standard(known, stable, NOW, Belief(run, covariance), NAMES) for run in runs]
+        verdicts += [judge_standard(known, stable, NOW, Posterior(run, covariance), NAMES) for run in runs]
     t_squared = np.array([verdict.t_squared for verdict in verdicts])
     assert verdicts[0].degrees == len(OF_THE_UNIT) == 27
     assert stats.kstest(t_squared, stats.chi2(27).cdf).pvalue > 0.01
@@ -84,14 +84,14 @@ def test_detectable_error_is_detected_with_the_stated_probability(stable: ImuPro
     covariance, at = random_covariance(random), NAMES.index(name)
     sigma = 0.7 * np.sqrt(np.diag(covariance))
     true = random.standard_normal(COUNT)
-    once = judge_standard(standard(true, sigma), stable, NOW, Belief(true, covariance), NAMES)
+    once = judge_standard(standard(true, sigma), stable, NOW, Posterior(true, covariance), NAMES)
     assert once.detectable.keys() == once.e_n.keys()
     moved = true.copy()
     moved[at] += once.detectable[name]
     found = random.multivariate_normal(moved, covariance, size=runs, method="cholesky")
     references = random.normal(true, sigma, (runs, COUNT))
     verdicts = [
-        judge_standard(standard(reference, sigma), stable, NOW, Belief(run, covariance), NAMES)
+        judge_standard(standard(reference, sigma), stable, NOW, Posterior(run, covariance), NAMES)
         for run, reference in zip(found, references, strict=True)
     ]
     detected = sum(abs(verdict.e_n[name]) > verdict.e_n_limit for verdict in verdicts)
@@ -107,7 +107,7 @@ def test_normalised_error_and_t_squared_match_a_hand_calculation(stable: ImuProf
     mean, covariance = np.zeros(COUNT), np.zeros((COUNT, COUNT))
     at = NAMES.index("inner_lever_x")
     mean[at], covariance[at, at] = 0.105, 0.003**2
-    verdict = judge_standard(known, stable, NOW, Belief(mean, covariance), NAMES)
+    verdict = judge_standard(known, stable, NOW, Posterior(mean, covariance), NAMES)
     assert verdict.e_n == {"inner_lever_x": pytest.approx(0.5)}
     assert verdict.t_squared == pytest.approx(1.0)
     assert verdict.e_n_limit == pytest.approx(0.5 * stats.norm.isf(0.25 * FALSE_ALARM))
@@ -116,8 +116,8 @@ def test_normalised_error_and_t_squared_match_a_hand_calculation(stable: ImuProf
     edge = stats.norm.isf(0.25 * FALSE_ALARM)
     assert stats.norm.sf(edge - shift) + stats.norm.cdf(-edge - shift) == pytest.approx(POWER, abs=1e-9)
     mean[at] = 0.1 + 2.0 * 0.005 * 1.01 * verdict.e_n_limit
-    assert not judge_standard(known, stable, NOW, Belief(mean, covariance), NAMES).passed
-    assert not judge_standard(known, stable, NOW, Belief(mean, covariance), ["gyro_bias_x"]).passed
+    assert not judge_standard(known, stable, NOW, Posterior(mean, covariance), NAMES).passed
+    assert not judge_standard(known, stable, NOW, Posterior(mean, covariance), ["gyro_bias_x"]).passed
 
 
 def test_reference_uncertainty_includes_drift_and_excludes_the_mounting() -> None:
@@ -125,7 +125,7 @@ def test_reference_uncertainty_includes_drift_and_excludes_the_mounting() -> Non
     true, small = np.zeros(COUNT), 1e-18 * np.eye(COUNT)
     changed = 4.0 * imu.change_sigmas(1.0)
     changed[[name.startswith("outer_lever") for name in NAMES]] = 100.0
-    run = Belief(changed, small)
+    run = Posterior(changed, small)
     fresh = judge_standard(standard(true, date=NOW.date()), imu, NOW, run, NAMES)
     aged = judge_standard(standard(true, date=NOW.date() - timedelta(days=365)), imu, NOW, run, NAMES)
     assert aged.e_n["gyro_bias_x"] == pytest.approx(2.0, rel=1e-3)  # 4 sigma of the change
@@ -139,12 +139,12 @@ def test_t_squared_of_simulated_runs_of_many_units_is_chi_squared(stable: ImuPro
     found = []
     for unit in range(60):
         true, run = golden_unit(unit)[0].parameters, golden_run(0, unit)
-        found.append(judge_standard(standard(true), stable, NOW, run.belief, run.estimated))
+        found.append(judge_standard(standard(true), stable, NOW, run.posterior, run.estimated))
     t_squared = [verdict.t_squared for verdict in found]
     assert stats.kstest(t_squared, stats.chi2(found[0].degrees).cdf).pvalue > 0.01
     moved = true.copy()
-    moved[0] += 12.0 * run.belief.sigma[0]
-    worst = judge_standard(standard(moved), stable, NOW, run.belief, run.estimated)
+    moved[0] += 12.0 * run.posterior.sigma[0]
+    worst = judge_standard(standard(moved), stable, NOW, run.posterior, run.estimated)
     assert not worst.passed
     assert max(worst.e_n, key=lambda name: abs(worst.e_n[name])) == NAMES[0]
 
@@ -152,9 +152,9 @@ def test_t_squared_of_simulated_runs_of_many_units_is_chi_squared(stable: ImuPro
 @pytest.mark.long
 def test_check_standard_runs_agree_with_a_reference_from_earlier_runs(stable: ImuProfile) -> None:
     runs = [golden_run(number, 3) for number in range(40)]
-    earlier = [run.belief.mean for run in runs[:10]]
+    earlier = [run.posterior.mean for run in runs[:10]]
     known = standard(np.mean(earlier, axis=0), np.std(earlier, axis=0, ddof=1) / np.sqrt(10.0))
-    verdicts = [judge_standard(known, stable, NOW, run.belief, run.estimated) for run in runs[10:]]
+    verdicts = [judge_standard(known, stable, NOW, run.posterior, run.estimated) for run in runs[10:]]
     assert all(verdict.passed for verdict in verdicts)
 
 

@@ -10,7 +10,7 @@ import pytest
 from calstation.config import CheckStandardSection, library, load_product, load_station
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import InputError
-from calstation.estimation.common import Belief
+from calstation.estimation.common import Posterior
 from calstation.physics import COUNT
 from calstation.quality import StandardState, judge_result, judge_standard, standard_states, station_quality
 from calstation.results import Result
@@ -86,7 +86,7 @@ def test_unobservable_parameters_are_not_compared(runs: Path) -> None:
     path = store(runs, "second", 21, "passed", values=values, unobservable=["gyro_bias_y"])
     result = Result.model_validate_json(path.read_text(encoding="utf-8"))
     verdict = judge_result(STANDARD, IMU, result)
-    alone = judge_standard(STANDARD, IMU, NOW, Belief(0.5 * np.ones(COUNT), np.eye(COUNT)), ["gyro_bias_x"])
+    alone = judge_standard(STANDARD, IMU, NOW, Posterior(0.5 * np.ones(COUNT), np.eye(COUNT)), ["gyro_bias_x"])
     assert verdict.degrees == 1
     assert verdict.e_n.keys() == {"gyro_bias_x"}
     assert (verdict.e_n_limit, verdict.t_squared_limit) == (alone.e_n_limit, alone.t_squared_limit)

@@ -10,7 +10,7 @@ from calstation.bench import BenchConfig
 from calstation.bench.truth import BenchTruth, TableTruth
 from calstation.bench.truth.table import to_body
 from calstation.config import resolve_configuration
-from calstation.estimation.common import Belief, ImuModel, Site, SolveContext, TableModel, stage_data
+from calstation.estimation.common import ImuModel, Posterior, Site, SolveContext, TableModel, stage_data
 from calstation.estimation.positions import TABLE_QUANTITIES, TableRests, table_axes, table_rests
 from calstation.physics import (
     COUNT,
@@ -29,7 +29,7 @@ from tests.site_folder import SiteFolder
 #: Outer and inner angle, °.
 POSES = np.deg2rad([(o, i) for o in (0.0, 90.0, 180.0, -45.0) for i in (0.0, 90.0, 180.0, 225.0)])
 #: The accelerometers of these rests are perfect, and the gyros are not used.
-EXACT = Belief(np.zeros(COUNT), np.zeros((COUNT, COUNT)))
+EXACT = Posterior(np.zeros(COUNT), np.zeros((COUNT, COUNT)))
 
 
 def context(outer: tuple[float, ...] = (1.0, 0.0, 0.0), inner: tuple[float, ...] = (0.0, 0.0, 1.0)) -> SolveContext:
@@ -115,15 +115,15 @@ def test_sigmas_grow_with_the_scatter_if_the_encoder_sigma_is_too_small() -> Non
 def fitted(grade: str, seed: int, stages: list[str]) -> tuple[BenchTruth, FloatArray, FloatArray]:
     """Return truth, errors and sigmas of a simulated calibration."""
     truth, setup = draw_unit(grade, seed, "estimated", instability=True)  # type: ignore[arg-type]
-    belief, found = study_prior(truth.grade, "estimated"), []
+    posterior, found = study_prior(truth.grade, "estimated"), []
     data = simulate_stages(truth, seed, stages, {})
     for stage in stages:
         chosen = method(stage)
-        solver = chosen.solver(setup, belief, chosen.schedule())
+        solver = chosen.solver(setup, posterior, chosen.schedule())
         solver.feed(data[stage])
-        belief = solver.finish().belief
-        found.append(table_rests(stage_data([data[stage]], setup.imu), setup, belief))
-    values = table_axes(found, setup, belief)
+        posterior = solver.finish().posterior
+        found.append(table_rests(stage_data([data[stage]], setup.imu), setup, posterior))
+    values = table_axes(found, setup, posterior)
     error = np.array([values[name].value for name in TABLE_QUANTITIES]) - truth_of(truth.table)
     return truth, error, np.array([values[name].sigma for name in TABLE_QUANTITIES])
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common.context import ImuModel, Posterior, Site, SolveContext, TableModel
 from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.method import Solution
 from calstation.estimation.positions.evidence import Evidence, MotionEvidence, RestEvidence, turn_between
@@ -44,12 +44,12 @@ def solution(evidence: Evidence | None = None, estimated=NAMES, **values: float)
     mean = np.zeros(COUNT)
     for name, value in values.items():
         mean[INDEX[name]] = value
-    belief = Belief(mean, np.diag(np.full(COUNT, 1e-4) ** 2))
-    return Solution("multi_position", belief, tuple(estimated), Consistency(1.0, 0.9, 1.1, 9), evidence=evidence)
+    posterior = Posterior(mean, np.diag(np.full(COUNT, 1e-4) ** 2))
+    return Solution("multi_position", posterior, tuple(estimated), Consistency(1.0, 0.9, 1.1, 9), evidence=evidence)
 
 
-def prior() -> Belief:
-    return Belief(np.zeros(COUNT), np.diag(np.full(COUNT, 1e-2) ** 2))
+def prior() -> Posterior:
+    return Posterior(np.zeros(COUNT), np.diag(np.full(COUNT, 1e-2) ** 2))
 
 
 def checked(rules: dict, found: Solution, previous=None) -> dict[str, Check]:
@@ -121,7 +121,7 @@ def test_improvement_is_relative_to_the_uncalibrated_output():
     mean = np.zeros(COUNT)
     mean[INDEX["accel_bias_z"]] = 0.03
     section = ChecksSection.model_validate({"improvement_at_rest": {"below": 0.5}})
-    before = Belief(mean, prior().covariance)
+    before = Posterior(mean, prior().covariance)
     (found,) = acceptance(section, context(), before, [solution(evidence, accel_bias_z=0.03)], {})
     assert (found.name, found.passed) == ("improvement_at_rest", True)
     assert found.value < 1e-6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.context import Belief
+from calstation.estimation.common.context import Posterior
 from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.method import Solution
 from calstation.physics.parameters import COUNT, INDEX
@@ -15,7 +15,7 @@ from calstation.results.result import StageConsistency
 from calstation.schema import validate
 from calstation.sequencer.events import StageSolved, solution_events
 
-PRIOR = Belief(np.zeros(COUNT), np.eye(COUNT))
+PRIOR = Posterior(np.zeros(COUNT), np.eye(COUNT))
 GOOD = Consistency(1.0, 0.9, 1.1, 100)
 
 
@@ -23,7 +23,7 @@ def solution(stage: str, names: tuple[str, ...], values: dict[str, tuple[float, 
     mean, sigma = np.zeros(COUNT), np.ones(COUNT)
     for name, (value, spread) in values.items():
         mean[INDEX[name]], sigma[INDEX[name]] = value, spread
-    return Solution(stage, Belief(mean, np.diag(sigma**2)), names, GOOD)
+    return Solution(stage, Posterior(mean, np.diag(sigma**2)), names, GOOD)
 
 
 def limit(**fields: object) -> Limit:

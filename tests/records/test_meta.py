@@ -32,11 +32,11 @@ def test_solver_context_is_in_si(meta: LogMeta) -> None:
 
 
 def test_prior_is_as_configured_and_wide_by_default(meta: LogMeta) -> None:
-    belief = prior_from_meta(meta)
-    assert belief.mean[INDEX["gyro_bias_x"]] == 1e-7
-    assert belief.sigma[INDEX["gyro_bias_x"]] == pytest.approx(1e-5)
-    assert belief.sigma[INDEX["gyro_bias_y"]] == pytest.approx(PARAMETERS[INDEX["gyro_bias_y"]].prior_sigma)
-    assert belief.covariance.shape == (COUNT, COUNT)
+    posterior = prior_from_meta(meta)
+    assert posterior.mean[INDEX["gyro_bias_x"]] == 1e-7
+    assert posterior.sigma[INDEX["gyro_bias_x"]] == pytest.approx(1e-5)
+    assert posterior.sigma[INDEX["gyro_bias_y"]] == pytest.approx(PARAMETERS[INDEX["gyro_bias_y"]].prior_sigma)
+    assert posterior.covariance.shape == (COUNT, COUNT)
 
 
 def test_fixed_outer_lever_arm_is_zero_and_exactly_known() -> None:
@@ -45,9 +45,9 @@ def test_fixed_outer_lever_arm_is_zero_and_exactly_known() -> None:
         "table": {"outer_lever": "fixed"},
         "prior": {"outer_lever_x": {"value": 1.0, "sigma": 2.0}},
     }
-    belief = prior_from_meta(LogMeta.model_validate(data))
-    assert not belief.sigma[group_indices("outer_lever")].any()
-    assert not belief.mean[group_indices("outer_lever")].any()
+    posterior = prior_from_meta(LogMeta.model_validate(data))
+    assert not posterior.sigma[group_indices("outer_lever")].any()
+    assert not posterior.mean[group_indices("outer_lever")].any()
 
 
 def test_only_a_non_default_orientation_is_stored(meta: LogMeta) -> None:
@@ -62,9 +62,9 @@ def test_only_a_non_default_orientation_is_stored(meta: LogMeta) -> None:
 
 def test_nominal_lever_arm_is_the_prior_mean() -> None:
     meta = LogMeta.model_validate({**META, "prior": {"outer_lever_x": {"value": 0.3}}})
-    belief, plain = prior_from_meta(meta), prior_from_meta(LogMeta.model_validate({**META, "prior": {}}))
-    assert belief.mean[INDEX["outer_lever_x"]] == 0.3
-    assert belief.sigma == pytest.approx(plain.sigma, abs=0.0)
+    posterior, plain = prior_from_meta(meta), prior_from_meta(LogMeta.model_validate({**META, "prior": {}}))
+    assert posterior.mean[INDEX["outer_lever_x"]] == 0.3
+    assert posterior.sigma == pytest.approx(plain.sigma, abs=0.0)
 
 
 @pytest.mark.parametrize(

@@ -19,15 +19,15 @@ def meta_of(setup, registers):
 
 def test_prior_of_an_uncorrected_stream_is_the_register_values():
     setup = prepare_run(RunRequest("SN-1"))
-    belief = prior_from_meta(meta_of(setup, {"accel_scale_x": 4e-4, "gyro_bias_z": 0.0}))
-    assert belief.mean[INDEX["accel_scale_x"]] == 4e-4
-    assert belief.mean[INDEX["accel_scale_y"]] == 0.0
+    posterior = prior_from_meta(meta_of(setup, {"accel_scale_x": 4e-4, "gyro_bias_z": 0.0}))
+    assert posterior.mean[INDEX["accel_scale_x"]] == 4e-4
+    assert posterior.mean[INDEX["accel_scale_y"]] == 0.0
 
 
 def test_implausible_register_values_give_no_prior():
     setup = prepare_run(RunRequest("SN-1"))
-    belief = prior_from_meta(meta_of(setup, {"accel_scale_x": 0.5, "gyro_bias_z": float("nan")}))
-    assert not belief.mean.any()
+    posterior = prior_from_meta(meta_of(setup, {"accel_scale_x": 0.5, "gyro_bias_z": float("nan")}))
+    assert not posterior.mean.any()
 
 
 def test_prior_of_a_corrected_stream_is_zero_and_registers_are_kept():

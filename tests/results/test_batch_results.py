@@ -4,7 +4,7 @@ import numpy as np
 
 from calstation.config import RunRequest, resolve_configuration
 from calstation.estimation import Solution
-from calstation.estimation.common import Belief, Consistency
+from calstation.estimation.common import Consistency, Posterior
 from calstation.physics import COUNT, NAMES
 from calstation.records import LogFacts, LogMeta, prior_from_meta
 from calstation.results import Ending, Result, build_result, judge
@@ -12,8 +12,8 @@ from calstation.results import Ending, Result, build_result, judge
 
 def built(meta: LogMeta) -> Result:
     """Return the result of a solved log with this configuration."""
-    belief = Belief(np.zeros(COUNT), np.diag(np.full(COUNT, 1e-18)))
-    found = Solution("excitation", belief, NAMES, Consistency(1.0, 0.9, 1.1, 100))
+    posterior = Posterior(np.zeros(COUNT), np.diag(np.full(COUNT, 1e-18)))
+    found = Solution("excitation", posterior, NAMES, Consistency(1.0, 0.9, 1.1, 100))
     prior = prior_from_meta(meta)
     ending = Ending("resolved", "a.h5", LogFacts(0, 99, 100, 0, None, 64 * "0"))
     return build_result(meta, prior, (found,), judge(meta, prior, (found,)), ending)

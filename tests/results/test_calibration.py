@@ -14,7 +14,7 @@ from calstation.config.resolved import ResolvedConfiguration, resolve_configurat
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import InputError
 from calstation.estimation import Solution
-from calstation.estimation.common import Belief, Consistency
+from calstation.estimation.common import Consistency, Posterior
 from calstation.physics import COUNT, INDEX, NAMES, compose, composition, group_indices, parameter_vector
 from calstation.records.limits import Limit, check_limits, not_compared, unobservable
 from calstation.records.meta import (
@@ -34,11 +34,11 @@ from tests.site_folder import SiteFolder, behind_registers
 YEAR = 365.25 * 86400.0
 
 
-def belief(seed: int = 1, scale: float = 1e-6) -> Belief:
+def posterior(seed: int = 1, scale: float = 1e-6) -> Posterior:
     """Return correlated parameters with sigmas of about `scale`."""
     random = np.random.default_rng(seed)
     root = scale * random.standard_normal((COUNT, COUNT + 10)) / np.sqrt(COUNT)
-    return Belief(1e-3 * random.standard_normal(COUNT), root @ root.T)
+    return Posterior(1e-3 * random.standard_normal(COUNT), root @ root.T)
 
 
 def setup(site_folder: SiteFolder, profile: str = "bench_nav") -> ResolvedConfiguration:
@@ -46,13 +46,13 @@ def setup(site_folder: SiteFolder, profile: str = "bench_nav") -> ResolvedConfig
     return resolve_configuration(replace(site_folder.request("azimuth_flip"), serial="SN-000042"))
 
 
-def held(setup_: ResolvedConfiguration, found: Belief) -> dict[str, float]:
-    """Return registers with the values of a belief."""
+def held(setup_: ResolvedConfiguration, found: Posterior) -> dict[str, float]:
+    """Return registers with the values of a posterior."""
     names = [name for entry in setup_.imu.registers for name in entry.parameters if name]
     return {name: float(np.float32(found.mean[INDEX[name]])) for name in names}
 
 
-def result(folder: Path, name: str, day: int, found: Belief, registers: dict[str, float], **more: Any) -> None:
+def result(folder: Path, name: str, day: int, found: Posterior, registers: dict[str, float], **more: Any) -> None:
     """Write the result of a run that wrote registers."""
     section = {"old": {}, "new": registers, "verified": True, "estimate": estimate_of(found, {}).model_dump(), **more}
     files = {"imu": {"name": "bench_nav", "sha256": "0"}}
@@ -61,14 +61,14 @@ def result(folder: Path, name: str, day: int, found: Belief, registers: dict[str
 
 
 def test_an_estimate_is_read_back(tmp_path: Path) -> None:
-    found = belief()
+    found = posterior()
     again = from_estimate(type(estimate_of(found, {})).model_validate_json(estimate_of(found, {}).model_dump_json()))
     np.testing.assert_array_equal(again.mean, found.mean)
     np.testing.assert_allclose(again.covariance, found.covariance, rtol=1e-14, atol=1e-30)
 
 
 def test_estimate_from_corrected_output_equals_the_raw_output_estimate() -> None:
-    found, registers = belief(), {name: 2e-3 * (-1) ** i for i, name in enumerate(NAMES[:24])}
+    found, registers = posterior(), {name: 2e-3 * (-1) ** i for i, name in enumerate(NAMES[:24])}
     estimate = from_estimate(estimate_of(found, registers))
     remaining = dict(zip(NAMES, found.mean.tolist(), strict=True))
     assert dict(zip(NAMES, estimate.mean.tolist(), strict=True)) == pytest.approx(compose(registers, remaining))
@@ -79,7 +79,7 @@ def test_estimate_from_corrected_output_equals_the_raw_output_estimate() -> None
 
 
 def test_prior_is_the_aged_joint_estimate(site_folder: SiteFolder) -> None:
-    configured, found = setup(site_folder), belief()
+    configured, found = setup(site_folder), posterior()
     meta = configured.log_meta()
     assert meta.run is not None
     started = (datetime.fromisoformat(meta.run.started_utc) - timedelta(days=365)).isoformat()
@@ -108,7 +108,7 @@ def test_prior_is_the_aged_joint_estimate(site_folder: SiteFolder) -> None:
 def test_prior_of_corrected_output_is_the_residual_error(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    configured, found = setup(site_folder), belief()
+    configured, found = setup(site_folder), posterior()
     text = behind_registers(configured.sources["imu"].text)
     path = site_folder.folder / "after.toml"
     path.write_text(text, encoding="utf-8")
@@ -132,7 +132,7 @@ def test_only_registers_of_a_verified_run_are_current(
     opened = SimpleNamespace(meta=configured.log_meta())
     monkeypatch.setattr("calstation.results.calibration.open_log", lambda path: opened)
     runs.mkdir()
-    first, second = belief(1), belief(2)
+    first, second = posterior(1), posterior(2)
     result(runs, "a", 1, first, held(configured, first))
     result(runs, "b", 2, second, held(configured, second))
     result(runs, "c", 3, first, held(configured, first), verified=False)
@@ -142,7 +142,7 @@ def test_only_registers_of_a_verified_run_are_current(
         calibration, message = current_calibration(history, configured, held(configured, found))
         assert calibration is not None
         assert (calibration.section.log, message.id) == (log, "prior_calibration")
-        np.testing.assert_array_equal(calibration.belief.mean, found.mean)
+        np.testing.assert_array_equal(calibration.posterior.mean, found.mean)
     other = held(configured, first)
     other["gyro_bias_x"] = float(np.nextafter(np.float32(other["gyro_bias_x"]), np.float32(1.0)))
     none, message = current_calibration(history, configured, other)
@@ -160,7 +160,7 @@ def test_only_registers_of_a_verified_run_are_current(
 
 
 def test_correlations_survive_toml(tmp_path: Path) -> None:
-    covariance = belief().covariance
+    covariance = posterior().covariance
     sigma = np.sqrt(np.diag(covariance))
     prior = {name: {"value": 0.1, "sigma": float(sigma[INDEX[name]])} for name in NAMES}
     correlation = correlation_of(covariance)
@@ -195,16 +195,16 @@ def test_invalid_correlations_are_refused(tmp_path: Path, table: dict[str, Any],
     assert complaint(caught.value) == message
 
 
-def solution(prior: Belief, name: str, value: float, sigma: float) -> Solution:
+def solution(prior: Posterior, name: str, value: float, sigma: float) -> Solution:
     """Return the solution of a stage that changes one parameter of its prior."""
     mean, covariance = prior.mean.copy(), prior.covariance.copy()
     mean[INDEX[name]], covariance[INDEX[name], INDEX[name]] = value, sigma**2
-    return Solution("rate", Belief(mean, covariance), (name,), Consistency(1.0, 0.5, 1.5, 100))
+    return Solution("rate", Posterior(mean, covariance), (name,), Consistency(1.0, 0.5, 1.5, 100))
 
 
 @pytest.mark.parametrize(("change", "passed"), [(3e-6, True), (6e-6, False)])
 def test_unit_that_changed_since_its_calibration_fails(change: float, passed: bool) -> None:
-    prior, sigma = Belief(np.zeros(COUNT), np.eye(COUNT) * 1e-12), 0.5e-6
+    prior, sigma = Posterior(np.zeros(COUNT), np.eye(COUNT) * 1e-12), 0.5e-6
     found = solution(prior, "gyro_scale_x", change, sigma)
     checks = {check.kind: check for check in check_limits({}, prior, (found,), calibrated=("gyro_scale_x",))}
     assert checks["unobservable"].passed
@@ -214,11 +214,11 @@ def test_unit_that_changed_since_its_calibration_fails(change: float, passed: bo
 
 @pytest.mark.parametrize("determined", [0, 1, 2])
 def test_partial_run_passes_if_it_determines_at_least_half_of_its_parameters(determined: int) -> None:
-    prior = Belief(np.zeros(COUNT), np.eye(COUNT) * 1e-12)
+    prior = Posterior(np.zeros(COUNT), np.eye(COUNT) * 1e-12)
     names = ("gyro_bias_x", "gyro_bias_y", "gyro_bias_z", "gyro_scale_x")
     covariance = prior.covariance.copy()
     covariance[range(determined), range(determined)] /= 4.0
-    found = Solution("azimuth_flip", Belief(prior.mean, covariance), names, Consistency(1.0, 0.5, 1.5, 100))
+    found = Solution("azimuth_flip", Posterior(prior.mean, covariance), names, Consistency(1.0, 0.5, 1.5, 100))
     limits = {name: Limit(sigma_below=1e-3) for name in names}
     checks = {check.name: check for check in check_limits(limits, prior, (found,), calibrated=NAMES)}
     assert checks["unobservable parameters"].passed is (determined == 2)

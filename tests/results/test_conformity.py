@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal, norm
 
 from calstation.config import RunRequest, library, resolve_configuration
 from calstation.estimation import Solution
-from calstation.estimation.common import Belief, Consistency
+from calstation.estimation.common import Consistency, Posterior
 from calstation.messages import sentence
 from calstation.physics import COUNT, INDEX, NAMES
 from calstation.records import Check, ConformitySection, LogFacts, LogMeta, acceptance_interval, prior_from_meta
@@ -153,7 +153,7 @@ def solution(**values: tuple[float, float]) -> Solution:
     mean, sigma = np.zeros(COUNT), np.full(COUNT, 1e-9)
     for name, (value, spread) in values.items():
         mean[INDEX[name]], sigma[INDEX[name]] = value, spread
-    return Solution("excitation", Belief(mean, np.diag(sigma**2)), NAMES, Consistency(1.0, 0.9, 1.1, 100))
+    return Solution("excitation", Posterior(mean, np.diag(sigma**2)), NAMES, Consistency(1.0, 0.9, 1.1, 100))
 
 
 def judged(meta: LogMeta, found: Solution) -> Result:

@@ -8,15 +8,15 @@ import pytest
 
 from calstation.config import RunRequest, resolve_configuration
 from calstation.estimation import Misfit, ModelTest, Solution
-from calstation.estimation.common import Belief, Consistency
+from calstation.estimation.common import Consistency, Posterior
 from calstation.physics import COUNT, NAMES
 from calstation.records import check_limits
 from calstation.records.limits import MODEL_KINDS
 from calstation.results import judge
 from calstation.results.model_tests import ModelTests
 
-PRIOR = Belief(np.zeros(COUNT), np.eye(COUNT))
-SOLVED = Solution("rate", Belief(np.zeros(COUNT), 0.01 * np.eye(COUNT)), NAMES, Consistency(1.0, 0.9, 1.1, 100))
+PRIOR = Posterior(np.zeros(COUNT), np.eye(COUNT))
+SOLVED = Solution("rate", Posterior(np.zeros(COUNT), 0.01 * np.eye(COUNT)), NAMES, Consistency(1.0, 0.9, 1.1, 100))
 FOUND = ModelTest("effects", 50.0, 30.0, "1", Misfit("gyro_cubic"))
 
 

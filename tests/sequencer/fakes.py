@@ -18,7 +18,7 @@ from calstation.devices.interfaces import (
     TableStatus,
 )
 from calstation.errors import DeviceFaultError
-from calstation.estimation.common.context import Belief, ImuModel
+from calstation.estimation.common.context import ImuModel, Posterior
 from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.method import Ranking, Solution
@@ -301,8 +301,8 @@ class FakeSolving:
         return Ranking(len(self.blocks[self.stage]), 8, {"gyro_bias_x": 1.0 / self.level})
 
     def finish(self, progress: Any = None) -> Solution:
-        belief = Belief(np.zeros(COUNT), np.eye(COUNT))
-        return Solution(self.stage, belief, ("gyro_bias_x",), Consistency(1.0, 0.9, 1.1, 10))
+        posterior = Posterior(np.zeros(COUNT), np.eye(COUNT))
+        return Solution(self.stage, posterior, ("gyro_bias_x",), Consistency(1.0, 0.9, 1.1, 10))
 
 
 class FakeJournal:

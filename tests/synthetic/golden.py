@@ -15,7 +15,7 @@ import numpy as np
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import BenchTruth
-from calstation.estimation.common import Belief, SolveContext, stage_data
+from calstation.estimation.common import Posterior, SolveContext, stage_data
 from calstation.estimation.positions import TABLE_QUANTITIES, table_axes, table_rests
 from calstation.physics import FloatArray
 from calstation.quality import BASELINE, WEIGHT, WIDTH, alarms
@@ -55,7 +55,7 @@ _OTHERS = 1_000_000
 class GoldenRun:
     """A calibration of the golden unit."""
 
-    belief: Belief
+    posterior: Posterior
     estimated: tuple[str, ...]
     table: FloatArray  #: Values of `TABLE_QUANTITIES`, rad, shape (3,).
 
@@ -91,10 +91,10 @@ def golden_run(number: int, seed: int, shift: Shift = _NO_SHIFT, unit: int | Non
         solver = chosen.solver(context, study_prior("mems", "estimated"), schedule)
         samples = feed_until_targets(solver, block, schedule)
         solution = solver.finish()
-        rests = table_rests(stage_data([samples], context.imu), context, solution.belief)
-        found = table_axes([rests], context, solution.belief)
+        rests = table_rests(stage_data([samples], context.imu), context, solution.posterior)
+        found = table_axes([rests], context, solution.posterior)
     table = np.array([found[name].value for name in TABLE_QUANTITIES])
-    return GoldenRun(solution.belief, tuple(solution.estimated), table)
+    return GoldenRun(solution.posterior, tuple(solution.estimated), table)
 
 
 def _moved(truth: BenchTruth, mount: FloatArray, shift: Shift) -> BenchTruth:

@@ -5,11 +5,11 @@ from datetime import datetime
 from pathlib import Path
 
 import pytest
-from synthetic.many_logs import GRAVITY_ERROR, STATIONS, WRONG_SINCE, WRONG_STATION, record_logs
 
 from calstation.physics import NAMES
 from calstation.records import open_log
 from calstation.results import resolve
+from synthetic.many_logs import GRAVITY_ERROR, STATIONS, WRONG_SINCE, WRONG_STATION, record_logs
 from tests.cli.conftest import Done, calstation
 from tests.helpers import ignore_progress
 

@@ -17,7 +17,15 @@ from calstation.estimation.common.by_position import (
     StageResiduals,
     position_residuals,
 )
-from calstation.estimation.common.context import Belief, ImuModel, Secondary, Site, SolveContext, StoredPair, TableModel
+from calstation.estimation.common.context import (
+    ImuModel,
+    Posterior,
+    Secondary,
+    Site,
+    SolveContext,
+    StoredPair,
+    TableModel,
+)
 from calstation.estimation.common.gravity import gravity_sensitivity, with_gravity, without_gravity
 from calstation.estimation.common.latitude import LatitudeEstimate, RestOutput, resolves_earth_rate
 from calstation.estimation.common.least_squares import (

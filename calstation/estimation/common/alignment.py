@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.context import Posterior, SolveContext
 from calstation.estimation.common.stage import StageData, find_rests, mean_angles
 from calstation.physics import (
     RATE,
@@ -40,7 +40,7 @@ class Start:
     azimuth_sigma: float | None  #: Sigma of the gyrocompassed heading, rad; None if the azimuth is known.
 
 
-def starts(data: StageData, context: SolveContext, belief: Belief) -> list[Start]:
+def starts(data: StageData, context: SolveContext, posterior: Posterior) -> list[Start]:
     """Align every segment that contains a rest of at least 1 s; omit the other segments.
 
     The rate at an observation is the mean of the samples before and after it. One sample is therefore omitted on
@@ -49,25 +49,25 @@ def starts(data: StageData, context: SolveContext, belief: Belief) -> list[Start
     found = []
     for first, last in data.segments:
         segment = (first + (first > 0), last - (last < len(data)))
-        for a, b in find_rests(data, context.imu, belief.gyro_bias, [segment]):
+        for a, b in find_rests(data, context.imu, posterior.gyro_bias, [segment]):
             if (b - a) * data.dt >= SHORTEST_REST:
-                found.append(_align(data, a, min(b, a + int(LONGEST_REST / data.dt)), segment[1], context, belief))
+                found.append(_align(data, a, min(b, a + int(LONGEST_REST / data.dt)), segment[1], context, posterior))
                 break
     return found
 
 
-def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, belief: Belief) -> Start:
-    omega, force = compensate(compensation(belief.mean), data.gyro[a:b], data.accel[a:b])
+def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, posterior: Posterior) -> Start:
+    omega, force = compensate(compensation(posterior.mean), data.gyro[a:b], data.accel[a:b])
     rate_b, up_b = omega.mean(axis=0), force.mean(axis=0)
     table, site = context.table, context.site
     angles = mean_angles(data, a, b)
     tilt = table.tilt_sigma
     if angles is None:
-        attitude, sigma = gyrocompass(rate_b, up_b, site.latitude, belief)
+        attitude, sigma = gyrocompass(rate_b, up_b, site.latitude, posterior)
         return Start(a, end, attitude, np.array([FREE_TILT_SIGMA] * 2 + [FREE_AZIMUTH_SIGMA]), attitude, sigma)
     geometry = table.geometry
     if site.azimuth is None:
-        _, sigma = gyrocompass(rate_b, up_b, site.latitude, belief)
+        _, sigma = gyrocompass(rate_b, up_b, site.latitude, posterior)
         home = geometry.body_to_home(*angles)
         prior = axis_rotation((0.0, 0.0, 1.0), _heading_offset(home @ rate_b)) @ home
         prior_sigma = np.array([tilt, tilt, FREE_AZIMUTH_SIGMA])
@@ -92,7 +92,9 @@ def _heading_offset(rate_level: FloatArray) -> float:
     return float(np.arctan2(rate_level[0], rate_level[1]))
 
 
-def gyrocompass(rate_b: FloatArray, up_b: FloatArray, latitude: float, belief: Belief) -> tuple[FloatArray, float]:
+def gyrocompass(
+    rate_b: FloatArray, up_b: FloatArray, latitude: float, posterior: Posterior
+) -> tuple[FloatArray, float]:
     """Return C_bn from the mean specific force (level) and the mean rate (north), and the azimuth's sigma, rad.
 
     The azimuth's sigma equals the sigma of the gyro bias divided by Ω cos φ (IEEE Std 1780). `rate_b` is in rad/s,
@@ -100,4 +102,4 @@ def gyrocompass(rate_b: FloatArray, up_b: FloatArray, latitude: float, belief: B
     """
     level = level_attitude(up_b)
     attitude = axis_rotation((0.0, 0.0, 1.0), _heading_offset(level @ rate_b)) @ level
-    return attitude, belief.gyro_bias[1] / max(RATE * float(np.cos(latitude)), 1e-12)
+    return attitude, posterior.gyro_bias[1] / max(RATE * float(np.cos(latitude)), 1e-12)

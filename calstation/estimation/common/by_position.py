@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from calstation.estimation.common.context import Belief
+from calstation.estimation.common.context import Posterior
 from calstation.estimation.common.residuals import RestResiduals
 from calstation.estimation.common.stage import StageData
 from calstation.messages import Text
@@ -150,7 +150,7 @@ class StageResiduals:
 def position_residuals(
     data: StageData,
     rests: RestResiduals,
-    found: Belief,
+    found: Posterior,
     seq: IntArray,
     normalised: FloatArray,
     *,
@@ -225,7 +225,7 @@ def normal_deviate(total: float, freedom: int) -> float:
     return float((np.cbrt(total / freedom) - (1.0 - variance)) / np.sqrt(variance))
 
 
-def _spans(data: StageData, rests: RestResiduals, found: Belief) -> list[tuple[int, int, int | None]]:
+def _spans(data: StageData, rests: RestResiduals, found: Posterior) -> list[tuple[int, int, int | None]]:
     """Divide the samples into rests and moves: (start, stop, index of the rest or None), without the gaps.
 
     Samples between two rests without a rotation, for example while the table creeps, belong to the preceding span.
@@ -257,7 +257,7 @@ def _spans(data: StageData, rests: RestResiduals, found: Belief) -> list[tuple[i
     return spans
 
 
-def _rotation(data: StageData, start: int, stop: int, found: Belief) -> tuple[str, float, str]:
+def _rotation(data: StageData, start: int, stop: int, found: Posterior) -> tuple[str, float, str]:
     """Return axis, angle, rad, and signed body axis of a rotation, see `PositionResidual`."""
     body = (data.gyro[start:stop] - found.gyro_bias[0]).sum(axis=0) * data.dt
     k = int(np.argmax(np.abs(body)))

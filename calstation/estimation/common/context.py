@@ -129,7 +129,7 @@ class SolveContext:
 
 
 @dataclass(frozen=True)
-class Belief:
+class Posterior:
     """Gaussian estimate of the 30 parameters in SI units: mean, shape (30,), and covariance, shape (30, 30)."""
 
     mean: FloatArray

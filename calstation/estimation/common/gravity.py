@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calstation.estimation.common.context import Belief
+from calstation.estimation.common.context import Posterior
 from calstation.physics import COUNT, INDEX, NAMES, FloatArray, group_indices
 
 #: Powers of the factor 1 + ε by which parameters change.
@@ -28,7 +28,9 @@ def force_scaling(parameters: FloatArray) -> FloatArray:
     return u
 
 
-def gravity_sensitivity(before: Belief, after: Belief, estimated: Sequence[str], sensitivity: FloatArray) -> FloatArray:
+def gravity_sensitivity(
+    before: Posterior, after: Posterior, estimated: Sequence[str], sensitivity: FloatArray
+) -> FloatArray:
     """Return the change of the estimate after a stage per relative error of gravity, shape (30,).
 
     `sensitivity` is the sensitivity before the stage, and `estimated` names the parameters that the stage estimates.
@@ -37,7 +39,7 @@ def gravity_sensitivity(before: Belief, after: Belief, estimated: Sequence[str],
     scale = before.sigma[known]
     to_go = (force_scaling(after.mean) - sensitivity)[known] / scale
     both = np.outer(scale, scale)
-    prior, posterior = (belief.covariance[np.ix_(known, known)] / both for belief in (before, after))
+    prior, posterior = (posterior.covariance[np.ix_(known, known)] / both for posterior in (before, after))
     moved = np.zeros(COUNT)
     moved[known] = scale * (to_go - posterior @ np.linalg.lstsq(prior, to_go, rcond=None)[0])
     kept = np.ones(COUNT, np.bool_)
@@ -45,10 +47,10 @@ def gravity_sensitivity(before: Belief, after: Belief, estimated: Sequence[str],
     return sensitivity + np.where(kept, 0.0, moved)
 
 
-def with_gravity(belief: Belief, sensitivity: FloatArray, sigma: float) -> Belief:
+def with_gravity(posterior: Posterior, sensitivity: FloatArray, sigma: float) -> Posterior:
     """Return the estimate with a relative standard deviation `sigma` of gravity included in its covariance."""
     shift = sensitivity * sigma
-    return Belief(belief.mean, belief.covariance + np.outer(shift, shift))
+    return Posterior(posterior.mean, posterior.covariance + np.outer(shift, shift))
 
 
 def without_gravity(sigma: FloatArray, gravity: float) -> FloatArray:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numba as nb
 import numpy as np
 
-from calstation.estimation.common.context import Belief, ImuModel
+from calstation.estimation.common.context import ImuModel, Posterior
 from calstation.estimation.common.noise import bias_drift_sigmas
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage import FORCE_STEP, largest, runs
@@ -66,19 +66,19 @@ class RestOutput:
         self._seconds.append(seconds)
         self._means.append(means)
 
-    def latitude(self, belief: Belief) -> LatitudeEstimate | None:
+    def latitude(self, posterior: Posterior) -> LatitudeEstimate | None:
         """Estimate the latitude from all rests so far; return None if they do not distinguish latitudes 5° apart.
 
         The constant gyro biases are unknowns; rests with the unit upright and inverted separate them from earth rate.
-        `belief` contains the parameters found so far; the sigmas of its gyro matrix enter the result's sigma.
+        `posterior` contains the parameters found so far; the sigmas of its gyro matrix enter the result's sigma.
         """
         if not self._means:
             return None
         imu, second = self._imu, np.concatenate(self._seconds)
         output = np.concatenate(self._means) * imu.rate_factor * np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
-        omega, force = compensate(compensation(belief.mean), output[:, :3], output[:, 3:])
+        omega, force = compensate(compensation(posterior.mean), output[:, :3], output[:, 3:])
         noise = _noise(imu)
-        slack = 5.0 * noise + 3.0 * float(belief.sigma[group_indices("gyro_bias")].max())
+        slack = 5.0 * noise + 3.0 * float(posterior.sigma[group_indices("gyro_bias")].max())
         still = largest(omega) < _MOVING + slack
         rests = _rests(second, still, force)
         if len(rests) < 4:
@@ -96,7 +96,7 @@ class RestOutput:
             return None
         covariance = np.linalg.inv(information)
         rate = float((covariance @ rows.T @ (seen / variance))[3])
-        matrix = RATE * float(belief.sigma[list(_COLUMNS)].max())
+        matrix = RATE * float(posterior.sigma[list(_COLUMNS)].max())
         sigma = float(np.hypot(np.sqrt(covariance[3, 3]), matrix))
         if sigma > _SUFFICIENT * RATE:
             return None

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import gammaincinv
 
-from calstation.estimation.common.context import Belief
+from calstation.estimation.common.context import Posterior
 from calstation.physics import COUNT, GROUPS, PARAMETERS, BoolArray, FloatArray
 
 Point = TypeVar("Point")
@@ -37,7 +37,7 @@ class BatchGain(NamedTuple):
 class MapResult:
     """Joint posterior of parameters and nuisance parameters, and the quality of the fit."""
 
-    belief: Belief  #: Posterior of the 30 parameters.
+    posterior: Posterior  #: Posterior of the 30 parameters.
     nuisance: FloatArray  #: Posterior mean of the nuisance parameters, shape (k,).
     residual: FloatArray  #: Observations minus model at the solution, shape (m,).
     redundancy: "Redundancy"  #: Test of the part of the innovations that the unknowns cannot explain, at the solution.
@@ -114,7 +114,7 @@ def map_estimate(
     model: Callable[[FloatArray, FloatArray], FloatArray],
     observed: FloatArray,
     noise: FloatArray,
-    prior: Belief,
+    prior: Posterior,
     nuisance: FloatArray,
     nuisance_sigma: FloatArray,
     estimated: BoolArray,
@@ -163,9 +163,9 @@ def map_estimate(
     unknown, error = np.where(measured, 0.0, H), np.where(measured, H, 0.0)
     residual = observed - predicted
     redundancy = redundant(unknown @ P @ unknown.T, R + error @ P @ error.T, residual - H @ (prior_mean - mean))
-    belief = Belief(mean[:COUNT], covariance[:COUNT, :COUNT])
+    posterior = Posterior(mean[:COUNT], covariance[:COUNT, :COUNT])
     messages = () if converged else (("not_converged", {"stage": stage, "passes": MAX_ITERATIONS}),)
-    return MapResult(belief, mean[COUNT:], residual, redundancy, gain, messages)
+    return MapResult(posterior, mean[COUNT:], residual, redundancy, gain, messages)
 
 
 def _linearised(
@@ -206,7 +206,7 @@ def redundant(explained: FloatArray, noise: FloatArray, innovation: FloatArray) 
     return Redundancy(int(tested.sum()), float(found @ found), normalised)
 
 
-def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief:
+def restricted(prior: Posterior, posterior: Posterior, estimated: BoolArray) -> Posterior:
     """Return the posterior of a consider (Schmidt) estimator, in which only the `estimated` parameters change.
 
     The others keep their mean and covariance; the cross-covariances are updated. For data processed in one batch the
@@ -216,7 +216,7 @@ def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief
     considered = np.ix_(~estimated, ~estimated)
     covariance = posterior.covariance.copy()
     covariance[considered] = prior.covariance[considered]
-    return Belief(mean, 0.5 * (covariance + covariance.T))
+    return Posterior(mean, 0.5 * (covariance + covariance.T))
 
 
 def nis_consistency(total: float, count: int, dimension: int) -> Consistency:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.special import gammaincc
 
-from calstation.estimation.common.context import Belief
+from calstation.estimation.common.context import Posterior
 from calstation.physics import NAMES, PARAMETERS
 
 #: A direction in which the variance decreases by a smaller fraction than this is not resolved.
@@ -63,7 +63,7 @@ class Agreement:
     moves: dict[str, float]  #: Change of each parameter of the group, in standard deviations of that change.
 
 
-def stage_agreement(before: Belief, after: Belief, names: Sequence[str]) -> Agreement | None:
+def stage_agreement(before: Posterior, after: Posterior, names: Sequence[str]) -> Agreement | None:
     """Return the least probable change of a parameter group; None if no group has become more accurate.
 
     `names` are the parameters that the stage and an earlier one have estimated.

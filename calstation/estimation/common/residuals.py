@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common.context import Belief, ImuModel, SolveContext
+from calstation.estimation.common.context import ImuModel, Posterior, SolveContext
 from calstation.estimation.common.noise import filter_noise, rest_force
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage import StageData, find_rests, mean_angles
@@ -60,7 +60,7 @@ def upward_axis(up: FloatArray) -> str:
     return "".join(("+" if up[axis] > 0.0 else "-") + "xyz"[axis] for axis in named)
 
 
-def rest_residuals(data: StageData, context: SolveContext, found: Belief) -> RestResiduals:
+def rest_residuals(data: StageData, context: SolveContext, found: Posterior) -> RestResiduals:
     """Compute the residuals of every rest of a stage, compensated with the parameters `found`."""
     constants = compensation(found.mean)
     earth = rotation_rate(context.site.latitude)

@@ -12,7 +12,7 @@ import numba as nb
 import numpy as np
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common.context import Belief, ImuModel
+from calstation.estimation.common.context import ImuModel, Posterior
 from calstation.estimation.common.samples import SampleBlock, joined
 from calstation.physics import BoolArray, FloatArray, IntArray
 
@@ -210,7 +210,7 @@ def find_rests(
     noise, `SLOWEST`) and constant is the rate at rest, the sum of bias and earth rate. A rest is an interval in which
     no window differs from that rate by more than noise plus 0.03 °/s (earth rate is 0.004 °/s), which excludes table
     creep. A step of the specific force (`FORCE_STEP`) separates two rests even without a recorded rotation.
-    `gyro_bias` contains the biases, shape (3,), and their sigma, rad/s, see `Belief.gyro_bias`.
+    `gyro_bias` contains the biases, shape (3,), and their sigma, rad/s, see `Posterior.gyro_bias`.
     """
     width = max(round(REST_WINDOW / data.dt), 2)
     margin = round(REST_MARGIN / data.dt)
@@ -234,13 +234,13 @@ def find_rests(
     return rests
 
 
-def no_rest_error(data: StageData, imu: ImuModel, belief: Belief) -> InsufficientDataError:
+def no_rest_error(data: StageData, imu: ImuModel, posterior: Posterior) -> InsufficientDataError:
     """Return the error for a recording without a rest.
 
     Its values show why: the smallest rate and rate change of a window, NaN if it is shorter than two windows, and the
     largest ones accepted by `find_rests`, °/s.
     """
-    bias, sigma = belief.gyro_bias
+    bias, sigma = posterior.gyro_bias
     width, rate, change = max(round(REST_WINDOW / data.dt), 2), np.nan, np.nan
     if len(data) >= 2 * width:
         mean = window_mean(data.gyro, bias, width)

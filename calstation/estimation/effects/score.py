@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calstation.estimation.common import Belief, Misfit, ModelTest
+from calstation.estimation.common import Misfit, ModelTest, Posterior
 from calstation.estimation.effects.changes import drifted
 from calstation.estimation.effects.sensitivity import Sensitivity
 from calstation.physics import AXES, COUNT, EFFECTS, INDEX, Effect, FloatArray, IntArray
@@ -166,10 +166,10 @@ class Estimated:
     error: FloatArray  #: Error that each effect leaves in the parameters per unit of its size, shape (30, k).
     explained: float  #: Part of the last stage's sum of squared innovations that the effects explain.
 
-    def corrected(self, belief: Belief) -> Belief:
+    def corrected(self, posterior: Posterior) -> Posterior:
         """Return the posterior of the parameters with the effects in the model."""
-        mean = belief.mean + self.error @ self.size
-        return Belief(mean, belief.covariance + self.error @ self.covariance @ self.error.T)
+        mean = posterior.mean + self.error @ self.size
+        return Posterior(mean, posterior.covariance + self.error @ self.covariance @ self.error.T)
 
 
 class EffectTests:
@@ -250,21 +250,21 @@ class EffectTests:
         explained = self._noise_ratio * float(2.0 * score @ size - size @ last @ size)
         return Estimated(at, self._names, self._units, size, covariance, self._error[:, at], explained)
 
-    def found(self, belief: Belief) -> list[EffectFound]:
+    def found(self, posterior: Posterior) -> list[EffectFound]:
         """Return the evidence for every effect outside the model, the likeliest first.
 
-        `belief` is the latest posterior. A change in one stage has more chances to appear than other effects: several
-        times in every stage for each group of parameters. Its likelihood is divided by the number of chances.
+        `posterior` is the latest one. A change in one stage has more chances to appear than other effects: several times
+        in every stage for each group of parameters. Its likelihood is divided by the number of chances.
         """
         known, names = self.estimated(), tuple(self._parameters)
-        found = [t.found(known, self._before, belief.sigma, names) for t in self._tested()]
+        found = [t.found(known, self._before, posterior.sigma, names) for t in self._tested()]
         chances = 2.0 * np.log(max(len(self._changes), 1))
         return sorted(found, key=lambda f: (chances if f.stage else 0.0) - f.excess)
 
-    def limits(self, belief: Belief, chi_square: float) -> list[EffectLimit]:
+    def limits(self, posterior: Posterior, chi_square: float) -> list[EffectLimit]:
         """Return, for every effect outside the model, the size at which its test is expected to reach `chi_square`."""
         names = tuple(self._parameters)
-        return [limit for t in self._tested() for limit in t.limits(chi_square, belief.sigma, names)]
+        return [limit for t in self._tested() for limit in t.limits(chi_square, posterior.sigma, names)]
 
     def _tested(self) -> Iterator[_Tested]:
         """Yield the effects outside the model."""

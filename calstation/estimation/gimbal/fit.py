@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise, gauss_newton
+from calstation.estimation.common import Posterior, SolveContext, StageData, filter_noise, gauss_newton
 from calstation.estimation.gimbal.iteration import gimbal_attitude
 from calstation.estimation.gimbal.motions import Motion
 from calstation.estimation.positions import GYRO_COLUMNS, gyro_derivative, integrate_rotation, square_root
@@ -28,14 +28,14 @@ MAX_ITERATIONS = 12
 class GimbalFit:
     """Solution of the least-squares fit."""
 
-    belief: Belief  #: Posterior of the parameters.
+    posterior: Posterior  #: Posterior of the parameters.
     chi2: float  #: Sum of the squared residuals in units of sigma.
     freedom: float  #: Degrees of freedom of the residuals.
     residual: FloatArray  #: Residual of every motion, rad, shape (n, 3).
 
 
 def fit_gimbal(
-    data: StageData, motions: list[Motion], order: str, context: SolveContext, prior: Belief, joint_sigma: float
+    data: StageData, motions: list[Motion], order: str, context: SolveContext, prior: Posterior, joint_sigma: float
 ) -> GimbalFit:
     """Fit all motions; `joint_sigma` is the sigma of an attitude from the joints at a rest, per axis, rad."""
     noise = filter_noise(context)
@@ -59,8 +59,8 @@ def fit_gimbal(
         width = np.sqrt(np.diag(spread))
         change = float(np.max(np.abs(mean - point) / np.where(width > 0.0, width, 1.0)))
         rest, spare = left - columns @ x, len(left) - float(np.einsum("ij,jk,ik->", columns, covariance, columns))
-        belief = Belief(mean, 0.5 * (spread + spread.T))
-        fit = GimbalFit(belief, float(rest @ rest), spare, (rest * sigma).reshape(-1, 3))
+        posterior = Posterior(mean, 0.5 * (spread + spread.T))
+        fit = GimbalFit(posterior, float(rest @ rest), spare, (rest * sigma).reshape(-1, 3))
         return (mean, scale * x[COUNT:]), fit, change
 
     return gauss_newton(step, (start, np.zeros(len(scale))), MAX_ITERATIONS)[1]

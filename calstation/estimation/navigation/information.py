@@ -44,7 +44,7 @@ def segment_information(
     next(steps)
     begin = _start_information(run)
     groups = [_group(run) for _ in steps]
-    moved = motion_between_observations(run.history, data, (start,), context, run.belief.mean)
+    moved = motion_between_observations(run.history, data, (start,), context, run.posterior.mean)
     errors = mean_errors(moved, effects, np.array([group.rows // 3 for group in groups]))
     parts = (_information(group, error) for group, error in zip(groups, errors, strict=True))
     m = len(begin) - COUNT

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common import BIAS_DRIFT_TIME, Belief, SolveContext, StageData, Start, filter_noise
+from calstation.estimation.common import BIAS_DRIFT_TIME, Posterior, SolveContext, StageData, Start, filter_noise
 from calstation.estimation.navigation.group_update import State
 from calstation.estimation.navigation.velocity_group import BIAS, Setting, VelocityGroup, observation, velocity_group
 from calstation.physics import (
@@ -59,12 +59,12 @@ class History:
 
 
 class NavigationPass(ABC):
-    """One pass over a stage: processes groups of observations in order; provides `belief`, `history` and `attitude`.
+    """One pass over a stage: processes groups of observations in order; provides `posterior`, `history` and `attitude`.
 
     `point` contains the parameters of the linearisation, SI, shape (30,).
     """
 
-    def __init__(self, context: SolveContext, prior: Belief, point: FloatArray) -> None:
+    def __init__(self, context: SolveContext, prior: Posterior, point: FloatArray) -> None:
         site = context.site
         self.noise = filter_noise(context)
         self.earth = rotation_rate(site.latitude)
@@ -101,10 +101,10 @@ class NavigationPass(ABC):
         )
 
     @property
-    def belief(self) -> Belief:
+    def posterior(self) -> Posterior:
         """Current posterior of the parameters."""
         P = self.state.P[PARAMETER_STATES, PARAMETER_STATES]
-        return Belief(self.point + self.state.x[PARAMETER_STATES], P.copy())
+        return Posterior(self.point + self.state.x[PARAMETER_STATES], P.copy())
 
     @property
     def history(self) -> History:

@@ -13,7 +13,7 @@ from typing import Any
 import numba as nb
 import numpy as np
 
-from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise
+from calstation.estimation.common import Posterior, SolveContext, StageData, filter_noise
 from calstation.estimation.method import Ranking
 from calstation.estimation.navigation.navigation_pass import POSITION_SIGMA, History
 from calstation.physics import (
@@ -80,7 +80,7 @@ class ObservabilityAnalysis:
     `point` contains the parameters of the linearisation, SI, shape (30,).
     """
 
-    def __init__(self, context: SolveContext, prior: Belief, point: FloatArray) -> None:
+    def __init__(self, context: SolveContext, prior: Posterior, point: FloatArray) -> None:
         noise = filter_noise(context)
         self._constants, self._gravity = compensation(point), context.site.local_gravity
         self._earth = rotation_rate(context.site.latitude)
@@ -174,7 +174,7 @@ class ObservabilityAnalysis:
 
 
 def observability_analysis(
-    data: StageData, history: History, context: SolveContext, prior: Belief, point: FloatArray
+    data: StageData, history: History, context: SolveContext, prior: Posterior, point: FloatArray
 ) -> dict[str, Any]:
     """Analyse all observations of a stage, see `ObservabilityAnalysis.found`."""
     analysis = ObservabilityAnalysis(context, prior, point)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calstation.estimation.common import Belief, SolveContext, StageData, Start
+from calstation.estimation.common import Posterior, SolveContext, StageData, Start
 from calstation.estimation.navigation.group_update import Updates, process, updates
 from calstation.estimation.navigation.navigation_pass import NavigationPass
 from calstation.estimation.navigation.reference import Reference, smoothed_reference
@@ -23,7 +23,7 @@ class ReferencePass(NavigationPass):
     _reference: Reference
     _begin: int  # index of its first sample
 
-    def __init__(self, context: SolveContext, prior: Belief, point: FloatArray) -> None:
+    def __init__(self, context: SolveContext, prior: Posterior, point: FloatArray) -> None:
         super().__init__(context, prior, point)
         #: All updates, in order.
         self.updates: list[Updates] = []

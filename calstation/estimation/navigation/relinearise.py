@@ -12,7 +12,7 @@ import numpy as np
 from calstation.estimation.common import (
     AMBIGUOUS_AZIMUTH_SIGMA,
     SHORTEST_REST,
-    Belief,
+    Posterior,
     SolveContext,
     StageData,
     Start,
@@ -58,7 +58,7 @@ Pass = TypeVar("Pass", ClosedLoopFilter, ReferencePass)
 class NavigationResult:
     """Posterior of the parameters after the last pass."""
 
-    belief: Belief
+    posterior: Posterior
     history: History
     starts: tuple[Start, ...]  #: Starts of the segments that were solved.
     attitudes: tuple[FloatArray, ...]  #: Start attitudes of the linearisation, C_bn, shape (3, 3).
@@ -73,7 +73,7 @@ def solve_navigation(
     stage: str,
     data: StageData,
     context: SolveContext,
-    prior: Belief,
+    prior: Posterior,
     estimated: BoolArray,
     progress: Progress | None = None,
     near: NavigationResult | None = None,
@@ -108,12 +108,12 @@ def solve_navigation(
 
 
 def pass_about(
-    data: StageData, context: SolveContext, prior: Belief, estimated: BoolArray, near: NavigationResult
+    data: StageData, context: SolveContext, prior: Posterior, estimated: BoolArray, near: NavigationResult
 ) -> NavigationResult:
     """Run one pass, with the noise of `context`, about the solution `near`."""
     solver = _Relinearisation(data, context, prior, estimated, _Meter(None, USUAL_PASSES))
     run, _ = solver.one_pass(ReferencePass, near.point, list(near.starts), list(near.attitudes))
-    return replace(near, belief=run.belief, history=run.history, updates=tuple(run.updates))
+    return replace(near, posterior=run.posterior, history=run.history, updates=tuple(run.updates))
 
 
 @dataclass
@@ -150,7 +150,7 @@ class _Relinearisation:
 
     data: StageData
     context: SolveContext
-    prior: Belief
+    prior: Posterior
     estimated: BoolArray
     meter: _Meter
     passes: int = 0
@@ -196,19 +196,19 @@ class _Relinearisation:
                 other, other_ends = self.one_pass(ClosedLoopFilter, point, found, attitudes)
                 if _misfit(other) <= _misfit(run):
                     run, ends = other, other_ends
-            belief = run.belief
-            sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
-            before, moved = moved, float(np.max((np.abs(belief.mean - point) / sigma)[self.estimated], initial=0.0))
+            posterior = run.posterior
+            sigma = np.where(posterior.sigma > 0.0, posterior.sigma, 1.0)
+            before, moved = moved, float(np.max((np.abs(posterior.mean - point) / sigma)[self.estimated], initial=0.0))
             # steps shrink at least as fast as the last two did, which bounds the next one
             enough = self.passes > (1 if self.estimated.any() else PASSES_AT_POINT)
             converged = enough and (moved < CONVERGED or moved * moved < CONVERGED * before)
             if converged:
                 break
             if self.estimated.any():
-                point = belief.mean
+                point = posterior.mean
             attitudes = self._carry_back(run, point, found, ends)
         return NavigationResult(
-            belief,
+            posterior,
             run.history,
             tuple(found),
             tuple(attitudes),

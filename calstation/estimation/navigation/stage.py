@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from calstation.estimation.common import (
-    Belief,
     ImuModel,
     PlannedSamples,
+    Posterior,
     SampleBlock,
     Site,
     SolveContext,
@@ -45,7 +45,7 @@ LIVE_ALIGNMENT = 5.0
 class LiveFilter:
     """A filter pass over the sample stream, used for the convergence display and the stop rule."""
 
-    def __init__(self, context: SolveContext, prior: Belief) -> None:
+    def __init__(self, context: SolveContext, prior: Posterior) -> None:
         self._context, self._prior = context, prior
         self._filter = ClosedLoopFilter(context, prior, prior.mean)
         self._observability = ObservabilityAnalysis(context, prior, prior.mean)
@@ -76,7 +76,7 @@ class LiveFilter:
         self._observability.take(data, run.take_history())
         if len(data):
             self._pending = since(self._pending, int(data.seq[consumed]))
-        return run.belief.sigma
+        return run.posterior.sigma
 
     def ranking(self) -> Ranking | None:
         """Return the observability at the last call of `sigma`."""
@@ -90,7 +90,7 @@ class NavigationStage:
         self,
         stage: str,
         context: SolveContext,
-        prior: Belief,
+        prior: Posterior,
         estimated: tuple[str, ...],
         targets: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
@@ -139,7 +139,7 @@ class NavigationStage:
             messages.append(("not_converged", {"stage": self.stage, "passes": result.passes}))
         solution = Solution(
             stage=self.stage,
-            belief=restricted(self.prior, result.belief, mask),
+            posterior=restricted(self.prior, result.posterior, mask),
             estimated=self.estimated,
             consistency=nis_consistency(float(np.sum(nis)), len(nis), 3),
             gaps=data.gaps,
@@ -187,7 +187,7 @@ def warm_up() -> None:
     """Compile every kernel, or load it from the numba cache, by solving a few seconds of simulated rest."""
     imu = ImuModel("warm-up", 100.0, "rate", 1e-6, 1e-6, 1e-5, 1e-4)
     context = SolveContext(Site(0.6, 1.9, 0.0, azimuth=0.0), imu, TableModel())
-    prior = Belief(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
+    prior = Posterior(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
     stage = NavigationStage("excitation", context, prior, NAMES)
     samples = PlannedSamples(context, prior.mean, np.zeros(3))
     for block in samples.run(Dwell(10.0), 10.0, stage.stage):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calstation.estimation.common import Belief, SolveContext, StageData
+from calstation.estimation.common import Posterior, SolveContext, StageData
 from calstation.estimation.method import Progress
 from calstation.estimation.navigation.navigation_pass import History
 from calstation.estimation.navigation.relinearise import NavigationResult, pass_about, solve_navigation
@@ -27,7 +27,7 @@ def solve_with_table_noise(
     stage: str,
     data: StageData,
     context: SolveContext,
-    prior: Belief,
+    prior: Posterior,
     estimated: BoolArray,
     progress: Progress | None = None,
 ) -> tuple[NavigationResult, SolveContext]:
@@ -48,7 +48,7 @@ def solve_with_table_noise(
 
 
 def judged(
-    data: StageData, context: SolveContext, prior: Belief, estimated: BoolArray, result: NavigationResult
+    data: StageData, context: SolveContext, prior: Posterior, estimated: BoolArray, result: NavigationResult
 ) -> NavigationResult:
     """Return a pass about a solution with the actual noise, if the table is quieter than `context` specifies.
 

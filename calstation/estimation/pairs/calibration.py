@@ -11,7 +11,7 @@ import numpy as np
 
 from calstation.errors import InputError
 from calstation.estimation.common import (
-    Belief,
+    Posterior,
     Secondary,
     SolveContext,
     StageData,
@@ -101,7 +101,7 @@ class PairResult:
 class PairCalibration:
     """Static checks and fits of secondary IMUs against one primary."""
 
-    def __init__(self, context: SolveContext, prior: Belief, schedule: PairSchedule) -> None:
+    def __init__(self, context: SolveContext, prior: Posterior, schedule: PairSchedule) -> None:
         self._primary, self.schedule = context.imu, schedule
         self._c = compensation(prior.mean)
         self._gravity = context.site.local_gravity

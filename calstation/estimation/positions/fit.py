@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from calstation.estimation.common import Belief, Link, SolveContext, StageData, gauss_newton, levelled
+from calstation.estimation.common import Link, Posterior, SolveContext, StageData, gauss_newton, levelled
 from calstation.estimation.effects import Sensitivity
 from calstation.estimation.positions.response import position_sensitivity
 from calstation.estimation.positions.rows import (
@@ -44,7 +44,7 @@ LARGEST_STEP = 0.3
 class PositionFit:
     """The joint solution."""
 
-    belief: Belief  #: Posterior of the 30 parameters, in which consider parameters are also updated.
+    posterior: Posterior  #: Posterior of the 30 parameters, in which consider parameters are also updated.
     attitudes: FloatArray  #: C_bn of the rests, shape (n, 3, 3).
     chi2: float  #: Sum of the squared residuals in units of sigma.
     freedom: float  #: Degrees of freedom of the residuals.
@@ -60,7 +60,7 @@ def fit_positions(
     rests: list[Position],
     links: tuple[Link, ...],
     context: SolveContext,
-    prior: Belief,
+    prior: Posterior,
     estimated: BoolArray,
 ) -> PositionFit:
     """Compute the joint MAP estimate; repeat it with increased noise until the noise explains the residuals.
@@ -71,17 +71,17 @@ def fit_positions(
     problem = first = PositionRows(data, rests, links, context, prior, scatter)
     parameters = _first_point(problem, estimated)
     start = PositionPoint(parameters, _first_attitudes(problem, parameters), np.zeros((len(problem.chains), 2)))
-    point, (belief, best), converged = gauss_newton(partial(_step, problem, estimated), start, MAX_ITERATIONS)
+    point, (posterior, best), converged = gauss_newton(partial(_step, problem, estimated), start, MAX_ITERATIONS)
     for _ in range(MAX_REWEIGHTINGS):
         before, scatter = scatter, _scatter(problem, best, point.attitudes)
         if scatter.near(before):
             break
         problem = PositionRows(data, rests, links, context, prior, scatter)
-        point, (belief, best), converged = gauss_newton(partial(_step, problem, estimated), point, MAX_ITERATIONS)
+        point, (posterior, best), converged = gauss_newton(partial(_step, problem, estimated), point, MAX_ITERATIONS)
     seen, n, per_rest = slice(problem.observations), len(rests), problem.per_rest
     force, turn = best.left[: per_rest * n].reshape(n, per_rest)[:, :3], best.left[per_rest * n : problem.observations]
     return PositionFit(
-        belief=belief,
+        posterior=posterior,
         attitudes=point.attitudes,
         chi2=float(best.left[seen] @ best.left[seen]),
         freedom=best.spare(best.H[seen]),
@@ -123,7 +123,7 @@ def _first_attitudes(problem: PositionRows, point: FloatArray) -> FloatArray:
 
 def _step(
     problem: PositionRows, estimated: BoolArray, point: PositionPoint
-) -> tuple[PositionPoint, tuple[Belief, LinearSolution], float]:
+) -> tuple[PositionPoint, tuple[Posterior, LinearSolution], float]:
     """Return the next linearisation point, the solution and the change in sigmas; infinite for a shortened step."""
     prior, root, solution = problem.prior, problem.root, problem.solve(point)
     x = solution.x
@@ -138,7 +138,7 @@ def _step(
         np.array([rotation_matrix(share * t) @ C for t, C in zip(turns, point.attitudes, strict=True)]),
         point.north + share * (north - point.north),
     )
-    return following, (Belief(mean, 0.5 * (spread + spread.T)), solution), change if share == 1.0 else np.inf
+    return following, (Posterior(mean, 0.5 * (spread + spread.T)), solution), change if share == 1.0 else np.inf
 
 
 def _scatter(problem: PositionRows, at: LinearSolution, attitudes: FloatArray) -> Scatter:

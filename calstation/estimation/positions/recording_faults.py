@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
-from calstation.estimation.common import Belief, ImuModel, Link, StageData, Stillness, find_stillness
+from calstation.estimation.common import ImuModel, Link, Posterior, StageData, Stillness, find_stillness
 from calstation.estimation.positions.rows import integrate_rotation
 from calstation.messages import Text
 from calstation.physics import AXES, CHANNELS, BoolArray, FloatArray, compensate, compensation, group_indices
@@ -61,7 +61,7 @@ class _Turn:
 
 
 def valid_links(
-    data: StageData, still: Stillness, imu: ImuModel, gravity: float, prior: Belief, shortest: float
+    data: StageData, still: Stillness, imu: ImuModel, gravity: float, prior: Posterior, shortest: float
 ) -> tuple[Link, ...]:
     """Return the motions that agree with gravity; a small number of others is omitted.
 
@@ -80,7 +80,7 @@ def valid_links(
     return tuple(turn.link for turn, strays in zip(turns, stray, strict=True) if not strays)
 
 
-def _no_rest_error(data: StageData, imu: ImuModel, gravity: float, prior: Belief, shortest: float) -> InputError:
+def _no_rest_error(data: StageData, imu: ImuModel, gravity: float, prior: Posterior, shortest: float) -> InputError:
     """Return the error for a recording without rests; rates in a wrong unit can make noise look like motion."""
     for given, right, factor in GYRO_SLIPS:
         scaled = replace(data, gyro=data.gyro * factor)
@@ -120,7 +120,7 @@ def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Itera
             yield name, int(first), int(last)
 
 
-def _require_gravity(data: StageData, still: Stillness, gravity: float, prior: Belief) -> None:
+def _require_gravity(data: StageData, still: Stillness, gravity: float, prior: Posterior) -> None:
     bias = prior.mean[group_indices("accel_bias")]
     force = float(np.median([np.linalg.norm(data.accel[a:b].mean(axis=0) - bias) for a, b in still.rests]))
     ratio = force / gravity
@@ -146,7 +146,7 @@ def _distinct(up: FloatArray) -> int:
     return len(kept)
 
 
-def _turns(data: StageData, still: Stillness, prior: Belief) -> tuple[list[_Turn], FloatArray]:
+def _turns(data: StageData, still: Stillness, prior: Posterior) -> tuple[list[_Turn], FloatArray]:
     """Return the motions between rests, and the measured direction of gravity at every rest, shape (n, 3)."""
     rates = np.array([data.gyro[a:b].mean(axis=0) for a, b in still.rests]).reshape(-1, 3)
     means = np.array([data.accel[a:b].mean(axis=0) for a, b in still.rests]).reshape(-1, 3)
@@ -161,7 +161,7 @@ def _turns(data: StageData, still: Stillness, prior: Belief) -> tuple[list[_Turn
 
 
 def _contradicting(
-    data: StageData, turns: list[_Turn], prior: Belief, gravity: float, gyro_inverse: FloatArray
+    data: StageData, turns: list[_Turn], prior: Posterior, gravity: float, gyro_inverse: FloatArray
 ) -> BoolArray:
     """Return whether each motion contradicts gravity by more than the prior allows, shape (n,)."""
     matrix = 3.0 * float(np.hypot(*(prior.sigma[group_indices(g)].max() for g in ("gyro_scale", "gyro_misalign"))))
@@ -170,7 +170,7 @@ def _contradicting(
     return np.asarray(_gravity_error(data, turns, gyro_inverse) > allowed)
 
 
-def _contradiction_error(data: StageData, turns: list[_Turn], prior: Belief, gravity: float) -> InputError:
+def _contradiction_error(data: StageData, turns: list[_Turn], prior: Posterior, gravity: float) -> InputError:
     """Return the error that explains why motions contradict gravity."""
 
     def explains(gyro_inverse: FloatArray) -> bool:

@@ -21,8 +21,8 @@ import numpy as np
 
 from calstation.estimation.common import (
     BIAS_DRIFT_TIME,
-    Belief,
     Link,
+    Posterior,
     SolveContext,
     StageData,
     Stillness,
@@ -153,7 +153,7 @@ class PositionRows:
         rests: list[Position],
         links: tuple[Link, ...],
         context: SolveContext,
-        prior: Belief,
+        prior: Posterior,
         scatter: Scatter,
     ) -> None:
         site, noise = context.site, filter_noise(context)

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
 from calstation.estimation.common import (
-    Belief,
+    Posterior,
     SolveContext,
     StageData,
     largest,
@@ -72,7 +72,7 @@ class TableQuantity:
     sigma: float
 
 
-def table_rests(data: StageData, context: SolveContext, found: Belief) -> TableRests:
+def table_rests(data: StageData, context: SolveContext, found: Posterior) -> TableRests:
     """Find the rests of a stage, including short ones, because the gyro biases are now known."""
     imu, (bias, bias_sigma) = context.imu, found.gyro_bias
     width = max(round(_WINDOW / data.dt), 2)
@@ -97,7 +97,7 @@ def table_rests(data: StageData, context: SolveContext, found: Belief) -> TableR
     return TableRests(np.reshape(force, (-1, 3)), np.reshape(angles, (-1, 2)), np.array(variance))
 
 
-def table_axes(rests: Sequence[TableRests], context: SolveContext, found: Belief) -> dict[str, TableQuantity]:
+def table_axes(rests: Sequence[TableRests], context: SolveContext, found: Posterior) -> dict[str, TableQuantity]:
     """Fit the table's geometry to the rests of all stages with the solved parameters `found`.
 
     The weights include the noise of encoders and rests, the bearing wobble, and the uncertainty of the accelerometer

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from calstation.config import pair_folder
-from calstation.estimation.common import Belief, SolveContext, StageData, StoredPair
+from calstation.estimation.common import Posterior, SolveContext, StageData, StoredPair
 from calstation.estimation.pairs import (
     ACCEL_BIAS,
     ACCEL_MATRIX,
@@ -78,7 +78,9 @@ class PairPlotData:
     duration: float  #: Duration of the recording, s.
 
 
-def pair_plot_data(data: StageData, context: SolveContext, prior: Belief, details: Mapping[str, Any]) -> PairPlotData:
+def pair_plot_data(
+    data: StageData, context: SolveContext, prior: Posterior, details: Mapping[str, Any]
+) -> PairPlotData:
     """Compute the plot data from the stage's samples and the details of its result."""
     c = compensation(prior.mean)
     shown = []
