@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation import Estimate, Method, Misfit, ModelTest, Progress, Solution
+from calstation.estimation import Diagnosis, Estimate, Method, ModelTest, Progress, Solution
 from calstation.estimation.common import (
     Consistency,
     Posterior,
@@ -179,8 +179,10 @@ def _steady(number: int, calibrated: PairResult) -> ModelTest:
     moves = {name: float(change) for name, change in zip(names, changes, strict=True) if abs(change) > CHANGED}
     values = {"parameter": names[worst]}
     unit = PAIR_PARAMETERS[worst].unit
-    misfit = Misfit("halves_differ", float(fit.change[worst]), float(fit.change_sigma[worst]), unit, moves, values)
-    return ModelTest("halves", float(abs(changes[worst])), CHANGED, "sigma", misfit)
+    diagnosis = Diagnosis(
+        "halves_differ", float(fit.change[worst]), float(fit.change_sigma[worst]), unit, moves, values
+    )
+    return ModelTest("halves", float(abs(changes[worst])), CHANGED, "sigma", diagnosis)
 
 
 def _worst(tests: list[ModelTest]) -> ModelTest:
@@ -190,13 +192,13 @@ def _worst(tests: list[ModelTest]) -> ModelTest:
 
 def _of_pair(number: int, test: ModelTest) -> ModelTest:
     """Return a test for effects outside the model with the parameter names of a pair."""
-    found = test.misfit
+    found = test.diagnosis
     moves = {pair_name(name, number): move for name, move in found.moves.items()}
     if changed := found.values["parameter"]:
         values = {**found.values, "parameter": pair_name(changed, number)}
-        return replace(test, misfit=replace(found, moves=moves, values=values))
+        return replace(test, diagnosis=replace(found, moves=moves, values=values))
     values = {**found.values, "number": number, "effect": found.cause}
-    return replace(test, misfit=replace(found, cause="pair_effect", moves=moves, values=values))
+    return replace(test, diagnosis=replace(found, cause="pair_effect", moves=moves, values=values))
 
 
 def _details(

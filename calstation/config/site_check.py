@@ -14,7 +14,7 @@ import numpy as np
 
 from calstation.config.station import StationSite
 from calstation.errors import ConfigurationError
-from calstation.estimation import Misfit, Solution
+from calstation.estimation import Diagnosis, Solution
 from calstation.estimation.common import LatitudeEstimate, resolves_earth_rate
 from calstation.messages import Finding, Value
 from calstation.physics import DEGREE_PER_HOUR, RATE, normal_gravity
@@ -165,15 +165,15 @@ def check_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> list[Check
         "rate": RATE * float(np.sin(seen.value) - np.sin(latitude)) / DEGREE_PER_HOUR,
         "rate_sigma": RATE * float(np.cos(seen.value)) * seen.sigma / DEGREE_PER_HOUR,
     }
-    misfit = Misfit("latitude_unlike", seen.value - latitude, seen.sigma, "rad", values=values)
-    return [check if check.passed else replace(check, misfit=misfit)]
+    diagnosis = Diagnosis("latitude_unlike", seen.value - latitude, seen.sigma, "rad", values=values)
+    return [check if check.passed else replace(check, diagnosis=diagnosis)]
 
 
 def check_seen_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> None:
     """Raise ConfigurationError if the latitude measured by the gyros contradicts the file's latitude."""
     for check in check_latitude(meta, solutions):
-        if check.misfit is not None:
-            found = check.misfit
+        if check.diagnosis is not None:
+            found = check.diagnosis
             values = {name: found.values[name] for name in ("latitude", "measured", "rate")}
             raise ConfigurationError("site.latitude_contradicts", sigma=float(np.rad2deg(found.sigma)), **values)
 

@@ -3,7 +3,7 @@
 They use no device, file, thread or window; the schedules are defined in `procedures`.
 """
 
-from calstation.estimation.common import Misfit, ModelTest
+from calstation.estimation.common import Diagnosis, ModelTest
 from calstation.estimation.method import (
     Estimate,
     Innovations,
@@ -15,5 +15,5 @@ from calstation.estimation.method import (
     StageSolver,
     batch_method,
     stage_residuals,
-    with_misfit,
+    with_diagnosis,
 )

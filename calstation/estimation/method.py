@@ -8,8 +8,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from calstation.estimation.common import (
     Consistency,
+    Diagnosis,
     LatitudeEstimate,
-    Misfit,
     ModelTest,
     Posterior,
     RestResiduals,
@@ -82,7 +82,7 @@ class Solution:
     sensitivity: Sensitivity | None = None  #: Response to effects outside the model; None if it is not known.
     tests: tuple[ModelTest, ...] = ()  #: Tests of the model; each becomes a check of the result.
     explanation: ModelTest | None = None  #: A failed test that is harmless, but may explain why other checks fail.
-    misfit: Misfit | None = None  #: Location of the excess if the innovations fail their test.
+    diagnosis: Diagnosis | None = None  #: Location of the excess if the innovations fail their test.
     local_scores: ScoreFunction | None = None  #: For diagnostics: score tests of errors during parts of the stage.
 
 
@@ -96,7 +96,7 @@ def stage_residuals(solution: Solution, data: StageData, rests: RestResiduals) -
     )
 
 
-def with_misfit(solution: Solution, data: StageData, context: SolveContext) -> Solution:
+def with_diagnosis(solution: Solution, data: StageData, context: SolveContext) -> Solution:
     """Return the solution with the location of the excess if the innovations fail their test."""
     if not context.diagnostics or solution.innovations is None or solution.consistency.verdict is not False:
         return solution
@@ -115,13 +115,13 @@ def with_misfit(solution: Solution, data: StageData, context: SolveContext) -> S
         moves = {name: float(shift[NAMES.index(name)]) for name in solution.estimated}
         values["channel"] = CHANNELS[channel]
         unit = "rad/s" if channel < 3 else "m/s²"
-        return replace(solution, misfit=Misfit("excess_shift", error, sigma, unit, moves, values))
+        return replace(solution, diagnosis=Diagnosis("excess_shift", error, sigma, unit, moves, values))
     if found.place == "stage":
         values["times"] = sum(row.total for row in rows) / max(sum(row.freedom for row in rows), 1)
-        return replace(solution, misfit=Misfit("excess_spread", values=values))
+        return replace(solution, diagnosis=Diagnosis("excess_spread", values=values))
     values["component"] = rows[0].component_name
     cause = "excess_scatter" if solution.innovations.white else "excess_there"
-    return replace(solution, misfit=Misfit(cause, values=values))
+    return replace(solution, diagnosis=Diagnosis(cause, values=values))
 
 
 class StageSolver(Protocol):
@@ -212,7 +212,7 @@ class BatchStage:
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage; it is too fast for progress reports."""
         data = self.buffer.data()
-        return with_misfit(self._solve(data, self.context, self.prior), data, self.context)
+        return with_diagnosis(self._solve(data, self.context, self.prior), data, self.context)
 
 
 def batch_method(

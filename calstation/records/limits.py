@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from pydantic import Field, field_validator
 
-from calstation.estimation import Estimate, Misfit, ModelTest, Solution
+from calstation.estimation import Diagnosis, Estimate, ModelTest, Solution
 from calstation.estimation.common import Posterior
 from calstation.physics import (
     EFFECT_PARAMETERS,
@@ -203,7 +203,7 @@ class Check:
     passed: bool
     near_miss: bool = False  #: Whether the value is within the limit, but with little margin.
     where: Where = Where()  #: Origin of the value.
-    misfit: Misfit | None = None  #: Meaning of the failure of a model test.
+    diagnosis: Diagnosis | None = None  #: Meaning of the failure of a model test.
     #: Lowest and highest accepted value if the decision rule narrows the limit.
     acceptance: tuple[float, float] | None = None
 
@@ -212,7 +212,7 @@ class Check:
         """Return the check for a test of the model against the data of a stage."""
         kind = next(kind for kind in MODEL_KINDS if kind == test.kind)
         check = cls.compare(kind, test.value, test.limit, test.unit, subject=stage, near=1.0)
-        return check if check.passed else replace(check, misfit=test.misfit)
+        return check if check.passed else replace(check, diagnosis=test.diagnosis)
 
     @classmethod
     def compare(
@@ -268,8 +268,8 @@ class Check:
             row["where"] = where
         if self.acceptance is not None:
             row["acceptance"] = list(self.acceptance)
-        if self.misfit is not None:
-            row |= self.misfit.to_json()
+        if self.diagnosis is not None:
+            row |= self.diagnosis.to_json()
         return row
 
     @classmethod
@@ -286,7 +286,7 @@ class Check:
             bool(row["passed"]),
             bool(row.get("near_miss")),
             Where.from_json(row.get("where", "")),
-            Misfit.from_json(row) if "cause" in row else None,
+            Diagnosis.from_json(row) if "cause" in row else None,
             None if acceptance is None else (acceptance[0], acceptance[1]),
         )
 
@@ -401,8 +401,10 @@ def check_limits(
     for s in solutions:
         c = s.consistency
         if c.count:
-            misfit = None if c.passed else s.misfit
-            checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed), misfit=misfit))
+            diagnosis = None if c.passed else s.diagnosis
+            checks.append(
+                Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed), diagnosis=diagnosis)
+            )
     unknown = undetermined(prior, solutions, calibrated)
     checks.append(Check("unobservable", "", float(len(unknown)), 0.0, "1", not unknown))
     changes = _changes(prior, posterior, [n for n in estimated_stage(solutions) if n in calibrated])
@@ -438,7 +440,7 @@ def _check_estimate(
         )
         if accepted is not None and accepted[0] > accepted[1]:
             guard = COVERAGE_FACTOR * estimate.sigma
-            check = replace(check, misfit=Misfit("guard_band", guard, unit=unit, values={"parameter": name}))
+            check = replace(check, diagnosis=Diagnosis("guard_band", guard, unit=unit, values={"parameter": name}))
         checks.append(check)
     if sigma_limit is not None:
         checks.append(Check.compare("sigma_below", estimate.sigma, sigma_limit, unit, subject=name, near=near))

@@ -7,7 +7,7 @@ from typing import Any
 import numba as nb
 import numpy as np
 
-from calstation.estimation import Misfit, ModelTest, Solution
+from calstation.estimation import Diagnosis, ModelTest, Solution
 from calstation.estimation.common import ImuModel, RestResiduals, SampleBlock, SolveContext, StageData, rest_residuals
 from calstation.physics import CHANNELS, PARAMETERS, BoolArray, FloatArray, group_indices
 from calstation.records import ChecksSection, LogMeta, SampleClockLimit, TemperatureLimit
@@ -86,13 +86,13 @@ class DataChecks:
             "ppm_sigma": 1e6 * found.sigma,
             "rate": self._context.imu.sample_rate * (1.0 + found.offset),
         }
-        misfit = Misfit("sample_clock", found.offset, found.sigma, values=values)
-        yield ModelTest("sample_clock", abs(found.offset), largest, "1", misfit)
+        diagnosis = Diagnosis("sample_clock", found.offset, found.sigma, values=values)
+        yield ModelTest("sample_clock", abs(found.offset), largest, "1", diagnosis)
 
     def _temperature(self) -> ModelTest:
         low, high = min(self._temperatures), max(self._temperatures)
-        misfit = Misfit("temperature_changed", high - low, unit="K", values={"low": low, "high": high})
-        return ModelTest("temperature", high - low, self._temperature_within, "K", misfit)
+        diagnosis = Diagnosis("temperature_changed", high - low, unit="K", values={"low": low, "high": high})
+        return ModelTest("temperature", high - low, self._temperature_within, "K", diagnosis)
 
 
 def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: str = "") -> ModelTest:
@@ -110,13 +110,13 @@ def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: s
     i, side = np.unravel_index(int(np.argmax(missing)), missing.shape)
     worst = float(missing[i, side])
     if not worst > 0.0:
-        return ModelTest("clipping", 0.0, MISSING_SAMPLES, "1", Misfit("clipped"))
+        return ModelTest("clipping", 0.0, MISSING_SAMPLES, "1", Diagnosis("clipped"))
     values = counts[:, i]
     last = (values.max(), values.min())[side]
     at = np.flatnonzero(values == last)
     level = float(last * size[i])
     shown, unit = (np.rad2deg(level), "°/s") if i < 3 else (level, "m/s²")
-    cause = Misfit(
+    cause = Diagnosis(
         "clipped",
         level,
         unit="rad/s" if i < 3 else "m/s²",

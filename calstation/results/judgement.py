@@ -9,7 +9,7 @@ from typing import Any
 from calstation import __version__
 from calstation.config import check_latitude, gravity_beyond, unconfirmed_latitude
 from calstation.errors import CalstationError
-from calstation.estimation import Misfit, Solution
+from calstation.estimation import Diagnosis, Solution
 from calstation.estimation.common import Posterior
 from calstation.estimation.positions import TableQuantity
 from calstation.messages import Text, values_from_json, values_to_json
@@ -110,7 +110,7 @@ def _explained(meta: LogMeta, check: Check) -> Check:
     if found is None:
         return check
     size = found["sigma_ppm"] * 1e-6
-    return replace(check, misfit=Misfit("gravity_uncertain", size, values={"parameter": check.subject, **found}))
+    return replace(check, diagnosis=Diagnosis("gravity_uncertain", size, values={"parameter": check.subject, **found}))
 
 
 def is_partial(meta: LogMeta, solved: Collection[str] | None = None) -> bool:
@@ -249,7 +249,7 @@ def solved_parameters(solutions: tuple[Solution, ...]) -> dict[str, Parameter]:
 
 def cause_text(check: Check) -> Text | None:
     """Return the message about the cause of a failed test of the model; None for any other check."""
-    found = check.misfit
+    found = check.diagnosis
     if found is None:
         return None
     parameter = found.values.get("parameter", "")
@@ -265,5 +265,5 @@ def cause_text(check: Check) -> Text | None:
 
 def missing_state(result: Result) -> Check | None:
     """Return the most significant failed check whose cause another state of the model would describe, or None."""
-    failed = [c for c in result.failed_checks if c.misfit is not None and c.misfit.cause in EFFECT_STATES]
+    failed = [c for c in result.failed_checks if c.diagnosis is not None and c.diagnosis.cause in EFFECT_STATES]
     return max(failed, key=lambda check: check.value, default=None)

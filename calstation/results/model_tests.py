@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from calstation.estimation import Estimate, Misfit, ModelTest, Solution
+from calstation.estimation import Diagnosis, Estimate, ModelTest, Solution
 from calstation.estimation.common import Posterior, stage_agreement
 from calstation.estimation.effects import EffectTests, effect_tests
 
@@ -58,7 +58,7 @@ class ModelTests:
 def _convergence(solution: Solution) -> list[ModelTest]:
     """Return a failed test for a solution whose iteration has not converged, because its error is unknown."""
     passes = [values["passes"] for code, values in solution.messages if code == "not_converged"]
-    return [ModelTest("convergence", n, n - 1, "1", Misfit("not_converged", values={"passes": n})) for n in passes]
+    return [ModelTest("convergence", n, n - 1, "1", Diagnosis("not_converged", values={"passes": n})) for n in passes]
 
 
 def _agreement(solution: Solution, before: Sequence[Solution], posterior: Posterior) -> list[ModelTest]:
@@ -68,5 +68,5 @@ def _agreement(solution: Solution, before: Sequence[Solution], posterior: Poster
     if found is None:
         return []
     values = {"other": last[next(iter(found.moves))], "group": found.group, "probability": found.probability}
-    misfit = Misfit("stages_disagree", moves=found.moves, values=values)
-    return [ModelTest("agreement", found.probability, (LEAST_PROBABILITY, 1.0), "1", misfit)]
+    diagnosis = Diagnosis("stages_disagree", moves=found.moves, values=values)
+    return [ModelTest("agreement", found.probability, (LEAST_PROBABILITY, 1.0), "1", diagnosis)]

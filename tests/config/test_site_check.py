@@ -138,7 +138,7 @@ def test_measured_latitude_that_contradicts_the_site_ends_the_run() -> None:
         (check,) = check_latitude(log_meta, solved(seen))
         assert (check.name, check.unit, check.passed) == ("latitude", "rad", agrees)
         assert latitude_agrees([check]) is agrees
-        assert agrees or (check.misfit is not None and check.misfit.cause == "latitude_unlike")
+        assert agrees or (check.diagnosis is not None and check.diagnosis.cause == "latitude_unlike")
     with pytest.raises(ConfigurationError, match=r"the earth rate of latitude 34.38° \(sigma 0.01°\)"):
         check_seen_latitude(log_meta, solved(LatitudeEstimate(0.60, 1e-4)))
 
@@ -151,8 +151,8 @@ def test_no_latitude_check_without_a_latitude_estimate() -> None:
 
 
 def test_inconsistent_stage_reports_an_unconfirmed_latitude() -> None:
-    log_meta, misfit = meta(NAV, "six_position"), solved(None, nis=5.0)
-    assert unconfirmed_latitude(log_meta, misfit) == {"stage": "six_position", "latitude": 34.25}
+    log_meta, diagnosis = meta(NAV, "six_position"), solved(None, nis=5.0)
+    assert unconfirmed_latitude(log_meta, diagnosis) == {"stage": "six_position", "latitude": 34.25}
     assert unconfirmed_latitude(log_meta, solved(None)) is None
     assert unconfirmed_latitude(log_meta, solved(LatitudeEstimate(0.5978, 1e-4), nis=5.0)) is None
-    assert unconfirmed_latitude(meta(MEMS, "six_position"), misfit) is None
+    assert unconfirmed_latitude(meta(MEMS, "six_position"), diagnosis) is None

@@ -64,7 +64,7 @@ def stage() -> Stage:
 def cause(stage: Stage, solution: Solution) -> str:
     """Return the explanation of the failed innovation test."""
     c = solution.consistency
-    check = Check("consistency", "excitation", c.nis_mean, c.nis_high, "1", c.passed, misfit=solution.misfit)
+    check = Check("consistency", "excitation", c.nis_mean, c.nis_high, "1", c.passed, diagnosis=solution.diagnosis)
     text = cause_text(Check.from_json(check.to_json()))
     assert text is not None
     assert sentence(text, "zh_CN")
@@ -86,9 +86,9 @@ def test_residuals_of_every_rest_and_move_are_noise_without_an_effect(stage: Sta
 def test_force_error_in_one_rest_is_reported_with_its_size(stage: Stage) -> None:
     row = stage.row("rest", 4)
     solution = stage.solved(stage.with_effect(row, np.array([0.0, 0.0, 0.0, 3e-3, 0.0, 0.0])))
-    assert solution.misfit is not None
-    assert solution.misfit.cause == "excess_shift"
-    assert solution.misfit.size == pytest.approx(3e-3, abs=4.0 * solution.misfit.sigma)
+    assert solution.diagnosis is not None
+    assert solution.diagnosis.cause == "excess_shift"
+    assert solution.diagnosis.size == pytest.approx(3e-3, abs=4.0 * solution.diagnosis.sigma)
     text = cause(stage, solution)
     assert "comes from rest 4 (-z up, outer 1" in text
     assert "the accelerometer x is off by 3" in text
@@ -113,8 +113,8 @@ def test_shocks_throughout_the_stage_are_reported_as_distributed(stage: Stage) -
         force[begin + 10 : begin + 15, 3:] -= knock
     counts = stage.block.counts + force / stage.context.imu.count_size
     solution = stage.solved(replace(stage.block, counts=counts))
-    assert solution.misfit is not None
-    assert solution.misfit.cause == "excess_spread"
+    assert solution.diagnosis is not None
+    assert solution.diagnosis.cause == "excess_spread"
 
 
 def test_normal_deviate_has_the_probability_of_its_chi_squared_sum() -> None:

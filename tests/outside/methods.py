@@ -19,7 +19,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from calstation.errors import CalstationError
-from calstation.estimation import Misfit
+from calstation.estimation import Diagnosis
 from calstation.estimation.common import SampleBlock
 from calstation.physics import NAMES, FloatArray
 from calstation.records import LogMeta, context_from_meta, estimated_stage, open_log
@@ -94,7 +94,7 @@ def run(stage: str, case: Case) -> Outcome:
             solution = chain.finish()
         checks = judge(meta, chain.prior, tuple(chain.solutions)).checks
         failed = tuple(check.name for check in checks if not check.passed)
-        causes = [f"{check.name}: {_described(check.misfit)}" for check in checks if check.misfit is not None]
+        causes = [f"{check.name}: {_described(check.diagnosis)}" for check in checks if check.diagnosis is not None]
         mean, sigma = (dict(zip(NAMES, x.tolist(), strict=True)) for x in (chain.posterior.mean, chain.posterior.sigma))
         found = {name: (mean[name], sigma[name]) for name in estimated_stage(chain.solutions)}
         found |= {name: (e.value, e.sigma) for name, e in solution.found.items() if e.determined}
@@ -105,8 +105,8 @@ def run(stage: str, case: Case) -> Outcome:
     return Outcome(case, not failed, float(errors[worst]), worst, failed, causes[0] if causes else "", 0.0)
 
 
-def _described(misfit: Misfit) -> str:
-    return described(misfit).replace("pair_effect", str(misfit.values.get("effect")))
+def _described(diagnosis: Diagnosis) -> str:
+    return described(diagnosis).replace("pair_effect", str(diagnosis.values.get("effect")))
 
 
 def main() -> int:

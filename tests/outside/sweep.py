@@ -21,7 +21,7 @@ from calstation.bench import BenchConfig
 from calstation.bench.truth import GRADES, Effects, Simulator
 from calstation.config import RunRequest, resolve_configuration
 from calstation.errors import CalstationError
-from calstation.estimation import Misfit
+from calstation.estimation import Diagnosis
 from calstation.estimation.common import SampleBlock
 from calstation.physics import INDEX, NAMES, FloatArray, group_indices, parameter_vector
 from calstation.records import Check, estimated_stage
@@ -109,7 +109,7 @@ def run(case: Case) -> Outcome:
         failed = tuple(check.name for check in checks if not check.passed)
     except CalstationError as exc:
         failed = (exc.code,)
-    causes = [f"{check.name}: {described(check.misfit)}" for check in checks if check.misfit is not None]
+    causes = [f"{check.name}: {described(check.diagnosis)}" for check in checks if check.diagnosis is not None]
     found = simulator.parameters
     truth = found.copy() if isinstance(found, np.ndarray) else parameter_vector(found)
     # Two accelerometers moved along the axis of the third are a lever arm of all, and the third moved back.
@@ -127,10 +127,10 @@ def apart(simulator: Simulator | PlainBench, config: BenchConfig) -> FloatArray:
     return config.truth().imu.effects.off_axis
 
 
-def described(misfit: Misfit) -> str:
+def described(diagnosis: Diagnosis) -> str:
     """Return a cause and the parameter or group that changed."""
-    changed = misfit.values.get("parameter") or misfit.values.get("group") or ""
-    return f"{misfit.cause} {changed}".rstrip()
+    changed = diagnosis.values.get("parameter") or diagnosis.values.get("group") or ""
+    return f"{diagnosis.cause} {changed}".rstrip()
 
 
 def plain_bench_of(config: BenchConfig) -> PlainBench:

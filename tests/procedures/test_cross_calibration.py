@@ -82,9 +82,9 @@ def test_bias_change_during_the_recording_fails_and_is_reported(mems):
     changed = with_error(block, context, lambda w, f: 14.0 * sigma * late[:, None] * np.eye(6)[1])
     test, _ = solved(changed, context, known(primary)).tests
     assert test.value > test.limit
-    assert test.misfit.values["parameter"] == "secondary_gyro_bias_y"
-    assert test.misfit.size == pytest.approx(14.0 * sigma, abs=4.0 * test.misfit.sigma)
-    assert set(test.misfit.moves) == {"secondary_gyro_bias_y"}
+    assert test.diagnosis.values["parameter"] == "secondary_gyro_bias_y"
+    assert test.diagnosis.size == pytest.approx(14.0 * sigma, abs=4.0 * test.diagnosis.sigma)
+    assert set(test.diagnosis.moves) == {"secondary_gyro_bias_y"}
 
 
 def with_error(
@@ -122,10 +122,10 @@ def test_unmodelled_effect_fails_and_is_reported(mems, effect, size, error):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
     (_, test) = solved(with_error(block, context, lambda w, f: size * error(w, f)), context, known(primary)).tests
-    assert (test.kind, test.misfit.cause, test.misfit.values["effect"]) == ("effects", "pair_effect", effect)
+    assert (test.kind, test.diagnosis.cause, test.diagnosis.values["effect"]) == ("effects", "pair_effect", effect)
     assert test.value > test.limit
-    assert test.misfit.size == pytest.approx(
-        size, rel=0.15, abs=4.0 * test.misfit.sigma
+    assert test.diagnosis.size == pytest.approx(
+        size, rel=0.15, abs=4.0 * test.diagnosis.sigma
     )  # what it measures is filtered
 
 
@@ -135,8 +135,8 @@ def test_drift_during_the_recording_fails_and_is_reported(mems):
     course = np.linspace(0.0, 1e-3, len(block))[:, None]
     (_, test) = solved(with_error(block, context, lambda w, f: accel(course * f)), context, known(primary)).tests
     assert test.value > test.limit
-    assert test.misfit.cause == "drift"
-    assert test.misfit.values["parameter"].startswith("secondary_accel_matrix_")
+    assert test.diagnosis.cause == "drift"
+    assert test.diagnosis.values["parameter"].startswith("secondary_accel_matrix_")
 
 
 @pytest.mark.long
@@ -150,7 +150,7 @@ def test_effects_are_reported_in_the_axes_of_a_rotated_secondary():
     changed = with_error(block, context, lambda w, f: 3e-3 / FAST**2 * gyro(along_x * w**3))
     (_, test) = solved(changed, context, known(primary)).tests
     assert test.value > test.limit
-    assert (test.misfit.values["effect"], test.misfit.values["component"]) == ("gyro_cubic", "x")
+    assert (test.diagnosis.values["effect"], test.diagnosis.values["component"]) == ("gyro_cubic", "x")
 
 
 def test_effect_indistinguishable_from_a_parameter_is_not_reported(mems):
@@ -177,10 +177,12 @@ def test_effect_indistinguishable_from_a_parameter_is_not_reported(mems):
 def test_terms_excluded_from_the_fit_are_not_reported_as_effects(mems, choice):
     primary, secondary, block = mems
     found = solved(block, context_of(primary, [secondary]), known(primary), **choice)
-    named = [test.misfit for test in (*found.tests, found.explanation) if test is not None and test.kind == "effects"]
+    named = [
+        test.diagnosis for test in (*found.tests, found.explanation) if test is not None and test.kind == "effects"
+    ]
     if "model" in choice:
         assert not named
-    assert "time_skew" not in [misfit.values.get("effect") for misfit in named]
+    assert "time_skew" not in [diagnosis.values.get("effect") for diagnosis in named]
 
 
 def test_effect_without_influence_on_the_parameters_passes(mems):
@@ -188,7 +190,7 @@ def test_effect_without_influence_on_the_parameters_passes(mems):
     context = context_of(primary, [secondary])
     found = solved(with_error(block, context, lambda w, f: gyro(1e-5 * f)), context, known(primary))
     assert all(test.value < test.limit for test in found.tests)
-    assert found.explanation.misfit.values["effect"] == "g_sensitivity"
+    assert found.explanation.diagnosis.values["effect"] == "g_sensitivity"
 
 
 def test_secondary_mounted_upside_down_is_calibrated():

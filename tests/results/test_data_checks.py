@@ -67,10 +67,10 @@ def test_gyro_that_clips_near_the_peak_rate_is_detected(grade, level):
     counts, time = turns(imu, 1, level=level * PEAK, scale=2e-5)
     found = clipping_test(counts, time, imu)
     assert found.value > MISSING_SAMPLES
-    values = found.misfit.values
+    values = found.diagnosis.values
     assert values["channel"] == "gyro z"
     assert abs(values["level"]) == pytest.approx(20.0 * level, rel=1e-3)
-    assert values["count"] == np.sum(counts[:, 2] == np.rint(found.misfit.size / imu.count_size[2]))
+    assert values["count"] == np.sum(counts[:, 2] == np.rint(found.diagnosis.size / imu.count_size[2]))
     assert 10.0 < values["first"] < values["last"] < time[-1]
 
 
@@ -81,7 +81,7 @@ def test_clipping_check_uses_the_resolution_of_the_output():
         assert clipping_test(np.round(sound * 1e-9, decimals), time, imu).value < MISSING_SAMPLES
     clipped = sound * 1e-9
     clipped[:, 2] = np.clip(clipped[:, 2], -PEAK, PEAK)
-    assert clipping_test(clipped, time, imu).misfit.values["channel"] == "gyro z"
+    assert clipping_test(clipped, time, imu).diagnosis.values["channel"] == "gyro z"
     assert clipping_test(clipped, time, imu).value > MISSING_SAMPLES
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calstation.config import RunRequest, resolve_configuration
-from calstation.estimation import Misfit, ModelTest, Solution
+from calstation.estimation import Diagnosis, ModelTest, Solution
 from calstation.estimation.common import Consistency, Posterior
 from calstation.physics import COUNT, NAMES
 from calstation.records import check_limits
@@ -17,7 +17,7 @@ from calstation.results.model_tests import ModelTests
 
 PRIOR = Posterior(np.zeros(COUNT), np.eye(COUNT))
 SOLVED = Solution("rate", Posterior(np.zeros(COUNT), 0.01 * np.eye(COUNT)), NAMES, Consistency(1.0, 0.9, 1.1, 100))
-FOUND = ModelTest("effects", 50.0, 30.0, "1", Misfit("gyro_cubic"))
+FOUND = ModelTest("effects", 50.0, 30.0, "1", Diagnosis("gyro_cubic"))
 
 
 @pytest.mark.parametrize(("message", "failed"), [("not_converged", ["rate convergence"]), ("turns_assumed_whole", [])])

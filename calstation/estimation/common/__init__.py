@@ -38,7 +38,7 @@ from calstation.estimation.common.least_squares import (
     restricted,
 )
 from calstation.estimation.common.localisation import Concentration, concentration
-from calstation.estimation.common.model_test import Agreement, Misfit, ModelTest, stage_agreement
+from calstation.estimation.common.model_test import Agreement, Diagnosis, ModelTest, stage_agreement
 from calstation.estimation.common.noise import (
     BIAS_DRIFT_PER_INSTABILITY,
     BIAS_DRIFT_TIME,

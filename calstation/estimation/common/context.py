@@ -124,7 +124,7 @@ class SolveContext:
     imu: ImuModel
     table: TableModel
     secondaries: tuple[Secondary, ...] = ()
-    #: Whether to also compute what tests the data and the model: observability, responses to effects, misfits.
+    #: Whether to also compute what tests the data and the model: observability, responses to effects, diagnoses.
     diagnostics: bool = True
 
 

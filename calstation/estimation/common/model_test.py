@@ -20,7 +20,7 @@ _RESOLVED = 1e-4
 
 
 @dataclass(frozen=True)
-class Misfit:
+class Diagnosis:
     """Meaning of a failed test of the model: the cause, its size, and its effect on the result."""
 
     cause: str  #: Code of the cause in the message catalogue, without the family ``cause``.
@@ -37,7 +37,7 @@ class Misfit:
         return {**entries, "moves": dict(self.moves), "values": dict(self.values)}
 
     @classmethod
-    def from_json(cls, row: Mapping[str, Any]) -> "Misfit":
+    def from_json(cls, row: Mapping[str, Any]) -> "Diagnosis":
         """Read the entries that `to_json` returns from a check in a result JSON."""
         size, sigma = (math.nan if row[key] is None else row[key] for key in ("size", "sigma"))
         return cls(row["cause"], size, sigma, row["size_unit"], row["moves"], row["values"])
@@ -51,7 +51,7 @@ class ModelTest:
     value: float
     limit: float | tuple[float, float]  #: Largest value, or (lowest, highest).
     unit: str
-    misfit: Misfit
+    diagnosis: Diagnosis
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.estimation.common.context import ImuModel, SolveContext
-from calstation.estimation.common.model_test import Misfit, ModelTest
+from calstation.estimation.common.model_test import Diagnosis, ModelTest
 from calstation.estimation.common.stage import StageData, find_rests, group_means, slope_weights
 from calstation.physics import CHANNELS, FloatArray
 
@@ -257,8 +257,8 @@ def noise_tests(profile: SolveContext, used: SolveContext, measured: RestNoise) 
     if table == 1.0 and np.isfinite(measured.velocity.value[0]):
         table = min(float(measured.velocity.value[0]), 1.0)
     ratio, channel, time = measured.worst()
-    vibrates = Misfit("table_vibrates", used.table.velocity_sigma, unit="m/s", values={"ratio": table})
-    noisy = Misfit("imu_noise", values={"ratio": ratio, "channel": channel, "seconds": time})
+    vibrates = Diagnosis("table_vibrates", used.table.velocity_sigma, unit="m/s", values={"ratio": table})
+    noisy = Diagnosis("imu_noise", values={"ratio": ratio, "channel": channel, "seconds": time})
     return (
         ModelTest("table_noise", table, MOST_NOISE, "1", vibrates),
         ModelTest("imu_noise", ratio, MOST_NOISE, "1", noisy),

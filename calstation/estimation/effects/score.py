@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calstation.estimation.common import Misfit, ModelTest, Posterior
+from calstation.estimation.common import Diagnosis, ModelTest, Posterior
 from calstation.estimation.effects.changes import drifted
 from calstation.estimation.effects.sensitivity import Sensitivity
 from calstation.physics import AXES, COUNT, EFFECTS, INDEX, Effect, FloatArray, IntArray
@@ -63,8 +63,8 @@ def effect_tests(found: Sequence[EffectFound]) -> tuple[ModelTest | None, ModelT
 
 def _test(found: EffectFound) -> ModelTest:
     values = {"component": found.component, "parameter": found.parameter, "during": found.stage}
-    misfit = Misfit(found.cause, found.size, found.sigma, found.unit, found.moves, values)
-    return ModelTest("effects", found.excess, MOST_EXCESS, "1", misfit)
+    diagnosis = Diagnosis(found.cause, found.size, found.sigma, found.unit, found.moves, values)
+    return ModelTest("effects", found.excess, MOST_EXCESS, "1", diagnosis)
 
 
 @dataclass(frozen=True)
@@ -253,8 +253,8 @@ class EffectTests:
     def found(self, posterior: Posterior) -> list[EffectFound]:
         """Return the evidence for every effect outside the model, the likeliest first.
 
-        `posterior` is the latest one. A change in one stage has more chances to appear than other effects: several times
-        in every stage for each group of parameters. Its likelihood is divided by the number of chances.
+        `posterior` is the latest one. A change in one stage has more chances to appear than other effects, several in
+        every stage for each group of parameters; its likelihood is divided by their number.
         """
         known, names = self.estimated(), tuple(self._parameters)
         found = [t.found(known, self._before, posterior.sigma, names) for t in self._tested()]

@@ -139,7 +139,7 @@ class _Meter:
             self.report(0.9 * (done - beyond) / self.expected + 0.1 * (1.0 - 0.5**beyond))
 
 
-def _misfit(run: NavigationPass) -> float:
+def _chi2(run: NavigationPass) -> float:
     """Return the sum of the squared normalised innovations; infinity for a pass that diverged."""
     return float(np.nan_to_num(np.sum(run.history.nis), nan=np.inf))
 
@@ -176,7 +176,7 @@ class _Relinearisation:
             turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTHS_TRIED)
             turned = [replace(s, prior=turn @ s.prior, attitude=turn @ s.attitude) for s in found]
             run, _ = self.one_pass(ClosedLoopFilter, point, turned, [s.attitude for s in turned])
-            candidates.append((_misfit(run), k, turned))
+            candidates.append((_chi2(run), k, turned))
         return min(candidates, key=lambda c: c[:2])[2]
 
     def iterate(self, found: list[Start], attitudes: list[FloatArray], point: FloatArray) -> NavigationResult:
@@ -194,7 +194,7 @@ class _Relinearisation:
             nis = run.history.nis
             if self.passes == 1 and not np.sum(nis) < FITS * len(nis):
                 other, other_ends = self.one_pass(ClosedLoopFilter, point, found, attitudes)
-                if _misfit(other) <= _misfit(run):
+                if _chi2(other) <= _chi2(run):
                     run, ends = other, other_ends
             posterior = run.posterior
             sigma = np.where(posterior.sigma > 0.0, posterior.sigma, 1.0)

@@ -29,7 +29,7 @@ from calstation.estimation.common import (
     widened,
 )
 from calstation.estimation.effects import Sensitivity
-from calstation.estimation.method import Innovations, Progress, Ranking, Solution, with_misfit
+from calstation.estimation.method import Innovations, Progress, Ranking, Solution, with_diagnosis
 from calstation.estimation.navigation.closed_loop import ClosedLoopFilter
 from calstation.estimation.navigation.local_scores import local_scores
 from calstation.estimation.navigation.observability import ObservabilityAnalysis, observability_analysis
@@ -156,7 +156,7 @@ class NavigationStage:
             sensitivity=self._sensitivity(data, context, mask, result),
             local_scores=partial(local_scores, updates=result.updates, index=result.history.index),
         )
-        return with_misfit(solution, data, self.context)
+        return with_diagnosis(solution, data, self.context)
 
     def _noise_excess(self, data: StageData) -> float:
         """Return the factor by which the noise at rest exceeds the profiles' noise, at least 1."""

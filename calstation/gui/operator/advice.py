@@ -52,7 +52,7 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
     failed = [check for check in checks if not check.passed]
     if not failed or result is None:
         return say("advice.no_stage")
-    tests = [check for check in failed if check.misfit is not None]
+    tests = [check for check in failed if check.diagnosis is not None]
     first = failed_check_text(tests[0] if tests else max(failed, key=_share), result)
     first = first[0].upper() + first[1:]
     return first if len(failed) == 1 else f"{first} {say('advice.more_failed', count=len(failed) - 1)}"

@@ -41,8 +41,8 @@ class MissingState(QWidget):
 
     def _add(self) -> None:
         assert self._check is not None
-        assert self._check.misfit is not None
-        self.wanted.emit(self._check.misfit.cause)
+        assert self._check.diagnosis is not None
+        self.wanted.emit(self._check.diagnosis.cause)
 
     def _refresh(self) -> None:
         cause = None if self._check is None else cause_text(self._check)
