@@ -176,11 +176,11 @@ def _steady(number: int, calibrated: PairResult) -> ModelTest:
     changes = np.nan_to_num(fit.change / fit.change_sigma)
     names = [pair_name(p.name, number) for p in PAIR_PARAMETERS]
     worst = int(np.argmax(np.abs(changes)))
-    moves = {name: float(change) for name, change in zip(names, changes, strict=True) if abs(change) > CHANGED}
+    shift = {name: float(change) for name, change in zip(names, changes, strict=True) if abs(change) > CHANGED}
     values = {"parameter": names[worst]}
     unit = PAIR_PARAMETERS[worst].unit
     diagnosis = Diagnosis(
-        "halves_differ", float(fit.change[worst]), float(fit.change_sigma[worst]), unit, moves, values
+        "halves_differ", float(fit.change[worst]), float(fit.change_sigma[worst]), unit, shift, values
     )
     return ModelTest("halves", float(abs(changes[worst])), CHANGED, "sigma", diagnosis)
 
@@ -193,12 +193,12 @@ def _worst(tests: list[ModelTest]) -> ModelTest:
 def _of_pair(number: int, test: ModelTest) -> ModelTest:
     """Return a test for effects outside the model with the parameter names of a pair."""
     found = test.diagnosis
-    moves = {pair_name(name, number): move for name, move in found.moves.items()}
+    shift = {pair_name(name, number): size for name, size in found.parameter_shift.items()}
     if changed := found.values["parameter"]:
         values = {**found.values, "parameter": pair_name(changed, number)}
-        return replace(test, diagnosis=replace(found, moves=moves, values=values))
+        return replace(test, diagnosis=replace(found, parameter_shift=shift, values=values))
     values = {**found.values, "number": number, "effect": found.cause}
-    return replace(test, diagnosis=replace(found, cause="pair_effect", moves=moves, values=values))
+    return replace(test, diagnosis=replace(found, cause="pair_effect", parameter_shift=shift, values=values))
 
 
 def _details(

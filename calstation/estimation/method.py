@@ -112,10 +112,10 @@ def with_diagnosis(solution: Solution, data: StageData, context: SolveContext) -
     if found.signs is not None and scores is not None:
         channel, error, sigma = scores.single(found.rows, found.signs)
         shift = error * scores.shift[:, [6 * k + channel for k in found.rows]] @ found.signs / solution.posterior.sigma
-        moves = {name: float(shift[NAMES.index(name)]) for name in solution.estimated}
+        shifts = {name: float(shift[NAMES.index(name)]) for name in solution.estimated}
         values["channel"] = CHANNELS[channel]
         unit = "rad/s" if channel < 3 else "m/s²"
-        return replace(solution, diagnosis=Diagnosis("excess_shift", error, sigma, unit, moves, values))
+        return replace(solution, diagnosis=Diagnosis("excess_shift", error, sigma, unit, shifts, values))
     if found.place == "stage":
         values["times"] = sum(row.total for row in rows) / max(sum(row.freedom for row in rows), 1)
         return replace(solution, diagnosis=Diagnosis("excess_spread", values=values))

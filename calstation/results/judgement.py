@@ -257,8 +257,8 @@ def cause_text(check: Check) -> Text | None:
         display(parameter, value) if parameter else display_by_unit(found.unit, value)
         for value in (found.size, found.sigma)
     )
-    worst = sorted(found.moves, key=lambda name: -abs(found.moves[name]))[:_MOST_MOVES]
-    moves = [Text.of("cause.move", parameter=name, sigmas=found.moves[name]) for name in worst]
+    worst = sorted(found.parameter_shift, key=lambda name: -abs(found.parameter_shift[name]))[:_MOST_MOVES]
+    moves = [Text.of("cause.move", parameter=name, sigmas=found.parameter_shift[name]) for name in worst]
     shown = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": check.subject}
     return Text(f"cause.{found.cause}", {**shown, **values_from_json(found.values)})
 

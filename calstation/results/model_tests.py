@@ -67,6 +67,6 @@ def _agreement(solution: Solution, before: Sequence[Solution], posterior: Poster
     found = stage_agreement(posterior, solution.posterior, [name for name in solution.estimated if name in last])
     if found is None:
         return []
-    values = {"other": last[next(iter(found.moves))], "group": found.group, "probability": found.probability}
-    diagnosis = Diagnosis("stages_disagree", moves=found.moves, values=values)
+    values = {"other": last[next(iter(found.parameter_shift))], "group": found.group, "probability": found.probability}
+    diagnosis = Diagnosis("stages_disagree", parameter_shift=found.parameter_shift, values=values)
     return [ModelTest("agreement", found.probability, (LEAST_PROBABILITY, 1.0), "1", diagnosis)]

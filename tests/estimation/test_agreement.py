@@ -42,8 +42,8 @@ def test_changed_parameter_group_is_reported() -> None:
     found = stage_agreement(*two_stages(np.random.default_rng(2), change=10.0), NAMES)
     assert found is not None
     assert (found.group, found.probability < 1e-6) == ("gyro_bias", True)
-    assert max(found.moves, key=lambda name: abs(found.moves[name])) == "gyro_bias_y"
-    assert found.moves["gyro_bias_y"] == pytest.approx(7.0, abs=3.5)
+    assert max(found.parameter_shift, key=lambda name: abs(found.parameter_shift[name])) == "gyro_bias_y"
+    assert found.parameter_shift["gyro_bias_y"] == pytest.approx(7.0, abs=3.5)
 
 
 def test_stage_without_information_is_not_compared() -> None:

@@ -38,7 +38,9 @@ def test_score_test_equals_the_estimate_of_the_augmented_model() -> None:
     solution = np.linalg.solve(normal, augmented.T @ observed * 1e8)
     assert (found.size, found.sigma) == pytest.approx((solution[-1], np.sqrt(np.linalg.inv(normal)[-1, -1])), rel=1e-5)
     expected = (solution[:COUNT] - posterior.mean) / posterior.sigma
-    np.testing.assert_allclose([found.moves[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        [found.parameter_shift[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max()
+    )
 
 
 def test_effects_are_sorted_by_start_time_and_zero_before_it() -> None:
@@ -93,7 +95,9 @@ def test_drift_is_estimated_across_the_stages_of_a_run() -> None:
     at_end = solution[:COUNT].copy()
     at_end[i] += solution[COUNT:].reshape(3, 2).sum(axis=1)
     expected = (at_end - posterior.mean) / posterior.sigma
-    np.testing.assert_allclose([found.moves[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        [found.parameter_shift[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max()
+    )
 
 
 def solved(
@@ -129,8 +133,8 @@ def test_effect_is_reported_with_its_size_and_parameter_shifts() -> None:
     first = found[0]
     assert (first.cause, first.component, first.excess > 30.0) == ("accel_cubic", "x", True)
     assert first.size == pytest.approx(2e-6, rel=0.1)
-    worst = max(first.moves, key=lambda name: abs(first.moves[name]))
-    assert errors[INDEX[worst]] == pytest.approx(-first.moves[worst], rel=0.1)
+    worst = max(first.parameter_shift, key=lambda name: abs(first.parameter_shift[name]))
+    assert errors[INDEX[worst]] == pytest.approx(-first.parameter_shift[worst], rel=0.1)
 
 
 #: Sizes and components: a gyro's sensitivity to force along its own axis is an azimuth rate, which gravity hides.
@@ -151,9 +155,9 @@ def test_every_significant_effect_is_listed_first(cause: str) -> None:
     assert found[0].excess > 30.0
     alike = {"gyro_asymmetry", "gyro_square"}  # the same at one rate
     assert found[0].cause in (alike if cause in alike else {cause})
-    moves = found[0].moves
-    worst = max(moves, key=lambda name: abs(moves[name]))
-    assert errors[INDEX[worst]] == pytest.approx(-moves[worst], abs=4.5 + 0.1 * abs(moves[worst]))
+    shift = found[0].parameter_shift
+    worst = max(shift, key=lambda name: abs(shift[name]))
+    assert errors[INDEX[worst]] == pytest.approx(-shift[worst], abs=4.5 + 0.1 * abs(shift[worst]))
 
 
 @pytest.mark.long

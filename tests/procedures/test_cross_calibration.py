@@ -84,7 +84,7 @@ def test_bias_change_during_the_recording_fails_and_is_reported(mems):
     assert test.value > test.limit
     assert test.diagnosis.values["parameter"] == "secondary_gyro_bias_y"
     assert test.diagnosis.size == pytest.approx(14.0 * sigma, abs=4.0 * test.diagnosis.sigma)
-    assert set(test.diagnosis.moves) == {"secondary_gyro_bias_y"}
+    assert set(test.diagnosis.parameter_shift) == {"secondary_gyro_bias_y"}
 
 
 def with_error(

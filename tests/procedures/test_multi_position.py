@@ -131,8 +131,10 @@ def test_unmodelled_effect_that_resembles_noise_is_reported(mems, cause, size, c
     assert first.cause == cause
     assert first.size == pytest.approx(size, abs=4.5 * first.sigma)
     changed = (found.posterior.mean - sound.posterior.mean) / found.posterior.sigma
-    worst = max(first.moves, key=lambda name: abs(first.moves[name]))
-    assert changed[INDEX[worst]] == pytest.approx(-first.moves[worst], abs=1.0 + 0.1 * abs(first.moves[worst]))
+    worst = max(first.parameter_shift, key=lambda name: abs(first.parameter_shift[name]))
+    assert changed[INDEX[worst]] == pytest.approx(
+        -first.parameter_shift[worst], abs=1.0 + 0.1 * abs(first.parameter_shift[worst])
+    )
 
 
 def test_drift_during_the_recording_is_reported(mems):

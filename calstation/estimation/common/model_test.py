@@ -27,14 +27,15 @@ class Diagnosis:
     size: float = math.nan  #: Estimated size, in `unit`; NaN if there is none.
     sigma: float = math.nan  #: Standard deviation of `size`.
     unit: str = "1"  #: SI
-    moves: Mapping[str, float] = field(default_factory=dict)  #: Shift of each parameter, in its sigmas, by name.
+    #: Shift of each parameter, in its sigmas, by name.
+    parameter_shift: Mapping[str, float] = field(default_factory=dict)
     values: Mapping[str, Any] = field(default_factory=dict)  #: Further values of the message, JSON values.
 
     def to_json(self) -> dict[str, Any]:
         """Return the entries of a check in the result JSON."""
         size, sigma = (None if math.isnan(value) else value for value in (self.size, self.sigma))
         entries = {"cause": self.cause, "size": size, "sigma": sigma, "size_unit": self.unit}
-        return {**entries, "moves": dict(self.moves), "values": dict(self.values)}
+        return {**entries, "moves": dict(self.parameter_shift), "values": dict(self.values)}
 
     @classmethod
     def from_json(cls, row: Mapping[str, Any]) -> "Diagnosis":
@@ -60,7 +61,7 @@ class Agreement:
 
     group: str
     probability: float  #: Probability of a change at least as large as this one.
-    moves: dict[str, float]  #: Change of each parameter of the group, in standard deviations of that change.
+    parameter_shift: dict[str, float]  #: Change of each parameter of the group, in standard deviations of that change.
 
 
 def stage_agreement(before: Posterior, after: Posterior, names: Sequence[str]) -> Agreement | None:
@@ -81,6 +82,6 @@ def stage_agreement(before: Posterior, after: Posterior, names: Sequence[str]) -
         total = float(np.sum((direction[:, resolved].T @ change) ** 2 / size[resolved]))
         probability = float(gammaincc(0.5 * resolved.sum(), 0.5 * total))
         own = np.maximum(np.diag(variance), _RESOLVED)
-        moves = {NAMES[k]: float(m) for k, m in zip(i, change / np.sqrt(own), strict=True)}
-        found.append(Agreement(group, probability, moves))
+        shift = {NAMES[k]: float(m) for k, m in zip(i, change / np.sqrt(own), strict=True)}
+        found.append(Agreement(group, probability, shift))
     return min(found, key=lambda a: a.probability, default=None)

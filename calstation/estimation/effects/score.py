@@ -17,8 +17,8 @@ from calstation.estimation.effects.sensitivity import Sensitivity
 from calstation.physics import AXES, COUNT, EFFECTS, INDEX, Effect, FloatArray, IntArray
 
 #: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect shifts a parameter by
-#: more than `LEAST_MOVE` of its sigmas. An effect with a smaller shift is harmless, but may explain other failures.
-MOST_EXCESS, LEAST_MOVE = 30.0, 3.0
+#: more than `MIN_SHIFT` of its sigmas. An effect with a smaller shift is harmless, but may explain other failures.
+MOST_EXCESS, MIN_SHIFT = 30.0, 3.0
 #: An effect is not the cause if its χ² is smaller than the likeliest effect's χ² by more than this.
 _AS_LIKELY = 10.0
 #: Groups in which jumps between two stages are searched.
@@ -37,12 +37,12 @@ class EffectFound:
     size: float  #: Estimated size of the component, in `unit`.
     sigma: float
     unit: str
-    moves: dict[str, float]  #: Error that the effect leaves in each estimated parameter, in its sigmas.
+    parameter_shift: dict[str, float]  #: Error that the effect leaves in each estimated parameter, in its sigmas.
 
     @property
-    def largest_move(self) -> float:
-        """Largest of `moves`."""
-        return max((abs(move) for move in self.moves.values()), default=0.0)
+    def largest_shift(self) -> float:
+        """Largest of `parameter_shift`."""
+        return max((abs(shift) for shift in self.parameter_shift.values()), default=0.0)
 
 
 def effect_tests(found: Sequence[EffectFound]) -> tuple[ModelTest | None, ModelTest | None]:
@@ -55,7 +55,7 @@ def effect_tests(found: Sequence[EffectFound]) -> tuple[ModelTest | None, ModelT
         return None, None
     significant = found[0].excess > MOST_EXCESS
     likely = (f for f in found if f.excess > found[0].excess - _AS_LIKELY and (f.excess > MOST_EXCESS) == significant)
-    harmful = next((f for f in likely if f.largest_move > LEAST_MOVE), None)
+    harmful = next((f for f in likely if f.largest_shift > MIN_SHIFT), None)
     if harmful is not None:
         return _test(harmful), None
     return None, _test(found[0]) if significant else None
@@ -63,7 +63,7 @@ def effect_tests(found: Sequence[EffectFound]) -> tuple[ModelTest | None, ModelT
 
 def _test(found: EffectFound) -> ModelTest:
     values = {"component": found.component, "parameter": found.parameter, "during": found.stage}
-    diagnosis = Diagnosis(found.cause, found.size, found.sigma, found.unit, found.moves, values)
+    diagnosis = Diagnosis(found.cause, found.size, found.sigma, found.unit, found.parameter_shift, values)
     return ModelTest("effects", found.excess, MOST_EXCESS, "1", diagnosis)
 
 

@@ -112,7 +112,7 @@ def _found(
     size, own = solution[k:], covariance[k:, k:] + bias_drift.get(group, 0.0) * np.eye(len(solution) - k)
     best = int(np.argmax(np.abs(size) / np.sqrt(np.diag(own))))
     without = np.linalg.solve(normal[:k, :k], gradient[:k])
-    moves = dict(zip(names, ((solution[:k] - without) / sigma).tolist(), strict=True))
+    shift = dict(zip(names, ((solution[:k] - without) / sigma).tolist(), strict=True))
     changed = parameter = candidate.parameter_of(best)
     if parameter:
         own_axis = parameter[-1]
@@ -124,5 +124,5 @@ def _found(
     excess = float(size @ np.linalg.solve(own, size)) * (n - m) / (n - 1) - m
     found = float(size[best]), float(np.sqrt(own[best, best]))
     return EffectFound(
-        candidate.cause, candidate.components[best], changed, stage, excess, *found, candidate.unit, moves
+        candidate.cause, candidate.components[best], changed, stage, excess, *found, candidate.unit, shift
     )
