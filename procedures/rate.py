@@ -60,7 +60,7 @@ WHOLE = np.deg2rad(5.0)
 #: Smallest sine of the angle between a turn's axis and the vertical for which gravity verifies a whole turn.
 SEEN_BY_GRAVITY = 0.5
 #: Largest deviation from a whole number of turns for which this number is certain.
-BEYOND_DOUBT = 0.25
+CERTAIN_WITHIN = 0.25
 #: Largest deviation of a turn from a whole turn, in standard deviations.
 PROOF = 3.0
 #: Sigma of the table axes relative to the profile, rad: non-orthogonality and wobble.
@@ -193,7 +193,7 @@ def _require_whole(
     if seen > SEEN_BY_GRAVITY:
         away = float(np.linalg.norm(second - first)) / gravity / seen
         tolerance = PROOF * float(np.sqrt(stops + 3.0 * noise / seen**2))
-        proven = away < tolerance and beyond < 2.0 * np.pi * BEYOND_DOUBT
+        proven = away < tolerance and beyond < 2.0 * np.pi * CERTAIN_WITHIN
     else:
         away = beyond
         tolerance = PROOF * float(np.hypot(2.0 * np.pi * whole * prior.sigma[scale], np.sqrt(stops)))

@@ -33,7 +33,7 @@ from calstation.devices.links import SOCKETS
 from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile, span
 from calstation.errors import ConfigurationError
 from calstation.estimation import RepeatedSchedule
-from calstation.estimation.common import BIAS_SIGMAS, SLOWEST, SolveContext, without_gravity
+from calstation.estimation.common import BIAS_SIGMAS, REST_RATE, SolveContext, without_gravity
 from calstation.physics import INDEX, NAMES, PARAMETERS, GimbalTurn, Step, entry_of, group_indices
 from calstation.records import (
     FileSection,
@@ -301,7 +301,7 @@ class ResolvedConfiguration:
         context = context_from_meta(meta)
         site = context.site
         prior, biases = prior_from_meta(meta), group_indices("gyro_bias")
-        spread = BIAS_SIGMAS * prior.sigma[biases] + SLOWEST
+        spread = BIAS_SIGMAS * prior.sigma[biases] + REST_RATE
         warm_up, status = self.product.warm_up, self.imu.status
         return UnitTask(
             serial=self.request.serial,

@@ -16,7 +16,7 @@ from calstation.design.segments import LATTICE_DEG, REST_UNIT, Conditions, Posit
 from calstation.design.trial import MORE_NOISE, Moves, Trial
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import without_gravity
-from calstation.estimation.effects import MOST_EXCESS
+from calstation.estimation.effects import MAX_EXCESS
 from calstation.jobs import ProgressCallback
 from calstation.physics import COUNT, DISPLAY, EFFECTS, NAMES, PARAMETERS, FloatArray, Move
 from calstation.records import context_from_meta, prior_from_meta
@@ -127,7 +127,7 @@ class _Designer:
         whole = min(b - a for a, b in zip(low, high, strict=True)) * LATTICE_DEG >= 360.0
         turns = _TURNS if whole else _SHORT_TURNS
         sizes = [self._product.diagnosis[c.cause] for c in self._effects for _ in c.components]
-        targets = np.concatenate([factor * self._goal, np.array(sizes) / np.sqrt(MOST_EXCESS + 1.0)])
+        targets = np.concatenate([factor * self._goal, np.array(sizes) / np.sqrt(MAX_EXCESS + 1.0)])
         shortest = self._request.duration is None and self._gravity_rest is not None
         rests = (self._gravity_rest or 0, _GRAVITY_RESTS) if shortest else (0, 0)
         problem = Problem(self._library, targets, low, high, turns, factor * self._margin, *rests)

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 from calstation.design.design import STAGE, Variation
 from calstation.estimation import Solution
 from calstation.estimation.common import PlannedSamples, SampleBlock, SolveContext, stage_data
-from calstation.estimation.effects import MOST_EXCESS, EffectLimit, EffectTests
+from calstation.estimation.effects import MAX_EXCESS, EffectLimit, EffectTests
 from calstation.estimation.navigation import result_sensitivity, solve_navigation
 from calstation.physics import NAMES, Dwell, FloatArray, Move, RoundEnd, TableGeometry
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
@@ -108,7 +108,7 @@ class Trial:
         found = solve_navigation(STAGE, data, self._context, self._prior, mask)
         tests = EffectTests(self._prior.sigma)
         tests.add(STAGE, result_sensitivity(found, data, self._context, mask), names)
-        return tests.limits(found.posterior, MOST_EXCESS + 1.0)
+        return tests.limits(found.posterior, MAX_EXCESS + 1.0)
 
     def conditions(self) -> Iterator[Condition]:
         """Yield conditions that differ from the planned ones."""

@@ -29,7 +29,7 @@ from calstation.messages import Text
 from calstation.physics import CHANNELS, NAMES, FloatArray, IntArray, Step, TableGeometry
 
 #: Number of rests or moves that a message lists.
-_MOST_NAMED = 3
+MAX_NAMED = 3
 
 #: Callback that receives the progress from 0 to 1, never decreasing.
 Progress = Callable[[float], None]
@@ -105,7 +105,7 @@ def with_diagnosis(solution: Solution, data: StageData, context: SolveContext) -
         return solution
     found = concentration(residuals, white=solution.innovations.white)
     rows, scores = [residuals.rows[k] for k in found.rows], residuals.scores
-    named, by_row = [row.text for row in rows[:_MOST_NAMED]], found.place in ("rest", "move")
+    named, by_row = [row.text for row in rows[:MAX_NAMED]], found.place in ("rest", "move")
     axis = found.axis.split("+") if rows[0].kind == "move" else found.axis
     where = named if by_row else [Text(f"residual.{found.place}", {"axis": axis, "worst": named})]
     values: dict[str, Any] = {"where": [text.to_json() for text in where], "percent": 100.0 * min(found.share, 1.0)}

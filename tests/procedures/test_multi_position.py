@@ -20,7 +20,7 @@ from calstation.estimation import Solution
 from calstation.estimation.common import Posterior
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.effects import EffectFound, EffectTests
-from calstation.estimation.effects.score import MOST_EXCESS
+from calstation.estimation.effects.score import MAX_EXCESS
 from calstation.physics.motion import Dwell, ManualMove, Move
 from calstation.physics.parameters import INDEX, NAMES, group_indices, group_matrix, group_vector
 from calstation.physics.table import JointLimits, TableGeometry
@@ -151,7 +151,7 @@ def effects_of(solution: Solution, prior: Posterior) -> list[EffectFound]:
     """Return the effects found in a solution, the most significant first."""
     tests = EffectTests(prior.sigma)
     tests.add(solution.stage, solution.sensitivity, solution.estimated)
-    return [found for found in tests.found(solution.posterior) if found.excess > MOST_EXCESS]
+    return [found for found in tests.found(solution.posterior) if found.excess > MAX_EXCESS]
 
 
 def test_plan_also_runs_on_a_motorised_table():

@@ -59,8 +59,8 @@ from calstation.estimation.common.sequence import SequenceError, SequenceUnwrapp
 from calstation.estimation.common.stage import (
     BIAS_SIGMAS,
     REST_MARGIN,
+    REST_RATE,
     REST_WINDOW,
-    SLOWEST,
     StageBuffer,
     StageData,
     find_rests,

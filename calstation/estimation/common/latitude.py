@@ -24,7 +24,7 @@ _SUFFICIENT = np.sin(np.deg2rad(5.0)) / SIGMAS
 #: Averaging window, s.
 _WINDOW = 1.0
 #: Smallest number of windows in a rest; its first and last, during which the table may have moved, do not count.
-_SHORTEST = 3
+_MIN_WINDOWS = 3
 _MOVING = 3.0 * RATE
 _NEAR_POLE = 0.02
 _COLUMNS = (*group_indices("gyro_scale"), *group_indices("gyro_misalign"))
@@ -149,4 +149,4 @@ def _rests(second: IntArray, still: np.ndarray, force: FloatArray) -> list[tuple
     for a, b in runs(still):
         cuts = [a, *(a + 1 + np.flatnonzero(split[a + 1 : b])), b]
         found += [(int(c) + 1, int(d) - 1) for c, d in itertools.pairwise(cuts)]
-    return [(a, b) for a, b in found if b - a >= _SHORTEST]
+    return [(a, b) for a, b in found if b - a >= _MIN_WINDOWS]

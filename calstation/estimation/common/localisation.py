@@ -10,15 +10,15 @@ from calstation.estimation.common.by_position import PositionResidual, StageResi
 from calstation.physics import FloatArray
 
 #: Share of the excess above which rests or moves are named.
-_MOST = 0.5
+_MIN_SHARE = 0.5
 #: Scatter is attributed to some rests or moves if their excess per component is this many times the excess elsewhere.
-_DENSER = 2.0
+_MIN_DENSITY_RATIO = 2.0
 #: If a constant error leaves a larger fraction of the share unexplained than this, the excess is scatter.
 _SCATTER = 0.15
 #: A single rest or move is named if its share is this many times the share of any other.
-_CLEARER = 1.5
+_MIN_LEAD = 1.5
 #: For innovations that are not independent: rests or moves within this many sigmas of the worst are named with it.
-_CLOSE = 1.0
+_WITHIN_SIGMAS = 1.0
 
 #: One rest or move, those with a common axis, all rests, all moves, or the whole stage.
 Place = Literal["rest", "move", "rests_up", "moves_about", "rests", "moves", "stage"]
@@ -49,14 +49,14 @@ def concentration(residuals: StageResiduals, *, white: bool) -> Concentration:
     rows = residuals.rows
     if not white:
         worst = np.array([np.nan_to_num(row.excess) for row in rows])
-        named = _sorted(np.flatnonzero(worst > worst.max() - _CLOSE), rows)
+        named = _sorted(np.flatnonzero(worst > worst.max() - _WITHIN_SIGMAS), rows)
         return Concentration(rows[named[0]].kind if 2 * len(named) < len(rows) else "stage", named, 1.0)
     one = sorted(_single(residuals), key=lambda c: -c.share)
-    if one[0].share > _MOST and one[0].share > _CLEARER * max((c.share for c in one[1:]), default=0.0):
+    if one[0].share > _MIN_SHARE and one[0].share > _MIN_LEAD * max((c.share for c in one[1:]), default=0.0):
         return one[0]
     for candidates in (_common(residuals), _scattered(rows, by_axis=True), _scattered(rows)):
         best = max(candidates, key=lambda c: c.share, default=None)
-        if best is not None and best.share > _MOST:
+        if best is not None and best.share > _MIN_SHARE:
             return best
     return Concentration("stage", _sorted(range(len(rows)), rows), 1.0)
 
@@ -106,7 +106,7 @@ def _scattered(rows: Sequence[PositionResidual], *, by_axis: bool = False) -> It
         sets.setdefault((with_axis, row.axis) if by_axis else (every, ""), []).append(k)
     for (place, axis), chosen in sets.items():
         inside, share = _excess([rows[k] for k in chosen]), sum(rows[k].freedom for k in chosen) / freedom
-        if inside * (1.0 - share) > _DENSER * (total - inside) * share:
+        if inside * (1.0 - share) > _MIN_DENSITY_RATIO * (total - inside) * share:
             yield Concentration(place, _sorted(chosen, rows), inside / total, axis=axis)
 
 

@@ -21,7 +21,7 @@ _COARSE = 2.5
 #: Time for which such an error stays constant, s: the duration of a rest or of a turn at constant rate.
 _COARSE_TIME = 20.0
 #: Noise above this multiple of the profile's fails a unit or a table; a smaller excess widens the sigmas.
-MOST_NOISE = 3.0
+MAX_NOISE = 3.0
 #: Averaging times, s: white noise dominates at the first, and the second shows slower noise.
 _TIMES = (1.0, 4.0)
 #: Averaging time, s, at which few rests suffice for the gyros if their resolution is fine.
@@ -33,9 +33,9 @@ _MEDIAN = 0.4549
 #: Uncertain fraction of the table's part of an Allan variance, because the table's velocity is not quite white.
 _NOT_WHITE = 0.3
 #: Smallest number of differences for an estimate of a variance.
-_FEWEST = 10
+_MIN_COUNT = 10
 #: An excess below this many standard deviations, or below this ratio, counts as measurement scatter.
-_SIGMAS, _LEAST_EXCESS = 5.0, 1.05
+_SIGMAS, _MIN_EXCESS = 5.0, 1.05
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class NoiseRatio:
     @property
     def excess(self) -> FloatArray:
         """Ratios that are significantly larger than 1, with 1 for the others, shape (k,)."""
-        return np.where(self.value > np.maximum(_LEAST_EXCESS, self.limit), self.value, 1.0)
+        return np.where(self.value > np.maximum(_MIN_EXCESS, self.limit), self.value, 1.0)
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ def _vibration(rests: list[FloatArray], noise: FilterNoise, dt: float) -> tuple[
     changes = (group_means(rest, stride) * stride * dt for rest in rests)
     centred = (change - change.mean(axis=0) for change in changes if len(change))
     products = np.concatenate([np.empty((0, 3)), *(-change[1:] * change[:-1] for change in centred)])
-    if len(products) < _FEWEST:
+    if len(products) < _MIN_COUNT:
         return np.full(3, noise.velocity), 0
     return np.maximum(products.mean(axis=0), 0.0), len(products)
 
@@ -230,7 +230,7 @@ def _ratio(
     in 10⁵ cases.
     """
     steps = np.concatenate([np.empty((0, 3)), *(np.diff(group_means(rest, width), axis=0) for rest in rests)])
-    if len(steps) < _FEWEST:
+    if len(steps) < _MIN_COUNT:
         return NoiseRatio(time, np.ones(3), np.full(3, np.inf))
     variance = 0.5 * np.median(steps**2, axis=0) / _MEDIAN - table
     most = (1.0 + _SIGMAS * np.sqrt(2.0 / len(steps))) ** 2 * (expected + table) - table + _SIGMAS * uncertain
@@ -260,6 +260,6 @@ def noise_tests(profile: SolveContext, used: SolveContext, measured: RestNoise) 
     vibrates = Diagnosis("table_vibrates", used.table.velocity_sigma, unit="m/s", values={"ratio": table})
     noisy = Diagnosis("imu_noise", values={"ratio": ratio, "channel": channel, "seconds": time})
     return (
-        ModelTest("table_noise", table, MOST_NOISE, "1", vibrates),
-        ModelTest("imu_noise", ratio, MOST_NOISE, "1", noisy),
+        ModelTest("table_noise", table, MAX_NOISE, "1", vibrates),
+        ModelTest("imu_noise", ratio, MAX_NOISE, "1", noisy),
     )

@@ -21,7 +21,7 @@ REST_WINDOW = 0.5
 #: At rest the rate minus the bias is below this many sigmas of the bias ...
 BIAS_SIGMAS = 3.0
 #: ... plus this rate, rad/s.
-SLOWEST = np.deg2rad(0.1)
+REST_RATE = np.deg2rad(0.1)
 #: Time removed from both ends of a rest found in the data, s, because a table creeps before it settles.
 REST_MARGIN = 0.3
 #: Number of samples that are joined, because many small blocks are slow, and number of such blocks kept in memory:
@@ -207,7 +207,7 @@ def find_rests(
     """Find the rests (start, stop) of a stage, or of some segments, from its data.
 
     Rates are averaged over `REST_WINDOW`. The median of the windows in which they are small (`BIAS_SIGMAS`, 5 sigma of
-    noise, `SLOWEST`) and constant is the rate at rest, the sum of bias and earth rate. A rest is an interval in which
+    noise, `REST_RATE`) and constant is the rate at rest, the sum of bias and earth rate. A rest is an interval in which
     no window differs from that rate by more than noise plus 0.03 °/s (earth rate is 0.004 °/s), which excludes table
     creep. A step of the specific force (`FORCE_STEP`) separates two rests even without a recorded rotation.
     `gyro_bias` contains the biases, shape (3,), and their sigma, rad/s, see `Posterior.gyro_bias`.
@@ -254,7 +254,7 @@ def no_rest_error(data: StageData, imu: ImuModel, posterior: Posterior) -> Insuf
 def _limits_of_rest(imu: ImuModel, width: int, dt: float, bias_sigma: float) -> tuple[float, float]:
     """Return the largest rate of a window at rest, and its largest change to the next window, rad/s."""
     noise = 5.0 * _window_noise(imu, width, dt)
-    return BIAS_SIGMAS * bias_sigma + noise + SLOWEST, noise + np.deg2rad(0.01)
+    return BIAS_SIGMAS * bias_sigma + noise + REST_RATE, noise + np.deg2rad(0.01)
 
 
 def _window_noise(imu: ImuModel, width: int, dt: float) -> float:

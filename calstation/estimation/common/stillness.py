@@ -14,17 +14,17 @@ from calstation.estimation.common.stage import REST_MARGIN, REST_WINDOW, StageDa
 from calstation.physics import FloatArray
 
 #: Fraction of all windows, the quietest ones, whose noise defines the noise at rest.
-QUIETEST = 0.1
+QUIET_FRACTION = 0.1
 #: Windows with noise up to this multiple of the quietest windows' noise also count as quiet.
-ALIKE = 1.5
+QUIET_RATIO = 1.5
 #: A window with more gyro noise than this, rad/s rms, is in motion.
-LOUDEST = np.deg2rad(1.0)
+MAX_GYRO_NOISE = np.deg2rad(1.0)
 #: Duration that must be quiet on each side of a cut, s.
 CUT_WINDOW = 0.15
 #: Smallest jump of the force across a cut, m/s².
 CUT_STEP = 2.0
 #: Without gyros: noise of a rest relative to the quietest windows' noise, rms over the axes; ...
-LOUDEST_FORCE = 2.0
+MAX_FORCE_NOISE = 2.0
 #: ... change of mean force from one window to the next, in sigmas of its noise; ...
 STEADY_FORCE = 6.0
 #: ... and change of mean force that does not count as a motion, m/s².
@@ -64,7 +64,7 @@ def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness
     if not data.has_gyros:
         return _force_stillness(data, imu, shortest, windows[:, 1])
     gyro_std, accel_std, rate = windows[:, 0], windows[:, 1], windows[:, 2:]
-    limit = min(ALIKE * float(np.quantile(gyro_std, QUIETEST)), LOUDEST) if len(windows) else 0.0
+    limit = min(QUIET_RATIO * float(np.quantile(gyro_std, QUIET_FRACTION)), MAX_GYRO_NOISE) if len(windows) else 0.0
     quiet = gyro_std <= limit
     if not quiet.any():
         return Stillness((), (), imu.gyro_arw, imu.accel_vrw, np.zeros(3))
@@ -92,7 +92,7 @@ def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std:
 
     A window is at rest if it is as quiet as the quietest ones and its mean agrees with the windows before and after it.
     """
-    quietest = float(np.quantile(accel_std, QUIETEST)) if len(accel_std) else 0.0
+    quietest = float(np.quantile(accel_std, QUIET_FRACTION)) if len(accel_std) else 0.0
     lowest = float(np.hypot(imu.accel_vrw / np.sqrt(data.dt), imu.accel_lsb * imu.rate_factor / np.sqrt(12.0)))
     noise = max(quietest, lowest)
     width = max(round(REST_WINDOW / data.dt), 8)
@@ -104,7 +104,7 @@ def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std:
         force = window_mean(data.accel[start:stop], np.zeros(3), width)
         square = window_mean((data.accel[start:stop] - force.mean(axis=0)) ** 2, np.zeros(3), width)
         power = (square - (force - force.mean(axis=0)) ** 2).mean(axis=1)
-        still = power < (LOUDEST_FORCE * noise) ** 2
+        still = power < (MAX_FORCE_NOISE * noise) ** 2
         moved = np.abs(force[width:] - force[:-width]).max(axis=1) > STEADY_FORCE * noise / np.sqrt(width) + CREEP_FORCE
         still[width:] &= ~moved
         still[:-width] &= ~moved

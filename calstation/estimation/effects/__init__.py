@@ -2,7 +2,7 @@
 
 from calstation.estimation.effects.changes import changing, effect_errors
 from calstation.estimation.effects.score import (
-    MOST_EXCESS,
+    MAX_EXCESS,
     EffectFound,
     EffectLimit,
     EffectTests,

@@ -18,7 +18,7 @@ from calstation.physics import AXES, COUNT, EFFECTS, INDEX, Effect, FloatArray, 
 
 #: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect shifts a parameter by
 #: more than `MIN_SHIFT` of its sigmas. An effect with a smaller shift is harmless, but may explain other failures.
-MOST_EXCESS, MIN_SHIFT = 30.0, 3.0
+MAX_EXCESS, MIN_SHIFT = 30.0, 3.0
 #: An effect is not the cause if its χ² is smaller than the likeliest effect's χ² by more than this.
 _AS_LIKELY = 10.0
 #: Groups in which jumps between two stages are searched.
@@ -53,8 +53,8 @@ def effect_tests(found: Sequence[EffectFound]) -> tuple[ModelTest | None, ModelT
     """
     if not found:
         return None, None
-    significant = found[0].excess > MOST_EXCESS
-    likely = (f for f in found if f.excess > found[0].excess - _AS_LIKELY and (f.excess > MOST_EXCESS) == significant)
+    significant = found[0].excess > MAX_EXCESS
+    likely = (f for f in found if f.excess > found[0].excess - _AS_LIKELY and (f.excess > MAX_EXCESS) == significant)
     harmful = next((f for f in likely if f.largest_shift > MIN_SHIFT), None)
     if harmful is not None:
         return _test(harmful), None
@@ -64,7 +64,7 @@ def effect_tests(found: Sequence[EffectFound]) -> tuple[ModelTest | None, ModelT
 def _test(found: EffectFound) -> ModelTest:
     values = {"component": found.component, "parameter": found.parameter, "during": found.stage}
     diagnosis = Diagnosis(found.cause, found.size, found.sigma, found.unit, found.parameter_shift, values)
-    return ModelTest("effects", found.excess, MOST_EXCESS, "1", diagnosis)
+    return ModelTest("effects", found.excess, MAX_EXCESS, "1", diagnosis)
 
 
 @dataclass(frozen=True)

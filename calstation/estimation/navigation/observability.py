@@ -40,7 +40,7 @@ STATE_NAMES = (
     *NAMES,
 )
 #: A slower rotation, rad/s, is rest.
-SLOWEST_MOTION = np.deg2rad(0.5)
+REST_RATE = np.deg2rad(0.5)
 #: Largest rotation of a piece, rad.
 LARGEST_TURN = np.deg2rad(5.0)
 #: First parameter, the parameters of the sensors, and the outer lever arm among the states.
@@ -64,9 +64,9 @@ def _edges(step: IntArray, rate: FloatArray, elapsed: FloatArray) -> IntArray:
     count = len(step)
     edges, found, turned = np.zeros(count + 1, np.int64), 0, 0.0
     for k in range(1, count):
-        first, moving = edges[found], rate[k] > SLOWEST_MOTION
+        first, moving = edges[found], rate[k] > REST_RATE
         turned += rate[k] * elapsed[k] if moving else 0.0
-        same = step[k] == step[first] and moving == (rate[first] > SLOWEST_MOTION)
+        same = step[k] == step[first] and moving == (rate[first] > REST_RATE)
         if not (same and turned <= LARGEST_TURN):
             found, turned = found + 1, 0.0
             edges[found] = k

@@ -35,7 +35,7 @@ from calstation.physics import (
     rotation_rate,
 )
 
-MOST_PASSES = 20
+MAX_PASSES = 20
 #: Passes about a fixed point, after which the attitudes no longer change significantly.
 PASSES_AT_POINT = 2
 #: A first pass follows the motion well enough if its mean normalised innovation squared, of 3 degrees of freedom, is
@@ -187,7 +187,7 @@ class _Relinearisation:
         while little has been observed.
         """
         moved = 1.0  # the rate at which steps shrink is unknown before the first pass
-        for _ in range(MOST_PASSES):
+        for _ in range(MAX_PASSES):
             self.passes += 1
             smooth, ends = self.one_pass(ReferencePass, point, found, attitudes)
             run: NavigationPass = smooth

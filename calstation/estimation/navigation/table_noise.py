@@ -14,13 +14,13 @@ from calstation.physics import BoolArray, FloatArray
 _AGREES = 1.25
 #: Median of the χ² distribution with 3 degrees of freedom.
 _MEDIAN = 2.366
-_MOST_ADJUSTMENTS = 4
+MAX_ADJUSTMENTS = 4
 #: Smallest fraction of the profile's variance that is used: other noise remains, and rounding errors grow.
-_QUIETEST = 0.01
+_MIN_RATIO = 0.01
 #: A rotation between two observations slower than this, rad/s, is rest.
 _AT_REST = np.deg2rad(0.1)
 #: Smallest number of observations at rest, or in motion, for which the median is used.
-_FEWEST = 50
+_MIN_COUNT = 50
 
 
 def solve_with_table_noise(
@@ -38,7 +38,7 @@ def solve_with_table_noise(
     used. Raises InsufficientDataError if no segment contains a rest.
     """
     result = solve_navigation(stage, data, context, prior, estimated, progress)
-    for _ in range(_MOST_ADJUSTMENTS):
+    for _ in range(MAX_ADJUSTMENTS):
         ratio = _ratio(result.history, data.dt)
         if ratio < _AGREES:
             break
@@ -58,7 +58,7 @@ def judged(
     ratio = _ratio(result.history, data.dt)
     if ratio > 1.0 / _AGREES:
         return result
-    quieter = pass_about(data, _with_variance(context, max(ratio, _QUIETEST)), prior, estimated, result)
+    quieter = pass_about(data, _with_variance(context, max(ratio, _MIN_RATIO)), prior, estimated, result)
     return quieter if np.isfinite(quieter.history.nis).all() else result
 
 
@@ -74,5 +74,5 @@ def _ratio(history: History, dt: float) -> float:
     angle: FloatArray = np.arccos(np.clip(0.5 * (turned - 1.0), -1.0, 1.0))
     still = angle < _AT_REST * dt * np.maximum(np.diff(history.index), 1)
     nis = history.nis[1:]
-    parts = [part for part in (nis[still], nis[~still]) if len(part) >= _FEWEST]
+    parts = [part for part in (nis[still], nis[~still]) if len(part) >= _MIN_COUNT]
     return max((float(np.median(part)) / _MEDIAN for part in parts), default=1.0)

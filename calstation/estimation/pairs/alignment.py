@@ -26,9 +26,9 @@ WINDOW = 2.0
 #: Rate to which a window is averaged before it is differentiated, Hz: well above the motion, below most of the noise.
 _AVERAGED_RATE = 100.0
 #: Smallest rms change of the rate within a window that is used to measure the offset, rad/s.
-_LEAST_CHANGE = np.deg2rad(5.0)
+_MIN_CHANGE = np.deg2rad(5.0)
 #: Smallest correlation of the rate magnitudes for which a first measurement is accepted.
-_ALIKE = 0.9
+_MIN_CORRELATION = 0.9
 #: Standard deviation of an offset from arrival times, s, and of a drift before it is measured.
 ARRIVAL_SIGMA, _DRIFT_SIGMA = 0.05, 100e-6
 #: Random walk of the drift, 1/√s: 0.1 ppm in 20 minutes.
@@ -331,7 +331,7 @@ class PairAligner:
         average = max(round(primary.rate / _AVERAGED_RATE), 1)
         dt = average / primary.rate
         omega = _averaged(omega, average)
-        if np.isnan(omega).any() or float(np.sqrt(omega.var(axis=0).sum())) < _LEAST_CHANGE:
+        if np.isnan(omega).any() or float(np.sqrt(omega.var(axis=0).sum())) < _MIN_CHANGE:
             return False
         time = (np.arange(start, stop) + 1) / primary.rate
         position = self._position(k, time)
@@ -366,13 +366,13 @@ def _search(omega: FloatArray, omega2: FloatArray, dt: float) -> float | None:
     inner = b[reach : len(b) - reach]
     if np.isnan(inner).any() or len(inner) < reach:
         return None
-    best, at = _ALIKE, 0
+    best, at = _MIN_CORRELATION, 0
     for lag in range(-reach, reach + 1):
         shifted = a[reach + lag : len(a) - reach + lag]
         alike = float(np.corrcoef(shifted, inner)[0, 1])
         if alike > best:
             best, at = alike, lag
-    return at * dt if best > _ALIKE else None
+    return at * dt if best > _MIN_CORRELATION else None
 
 
 def _averaged(values: FloatArray, count: int) -> FloatArray:

@@ -18,7 +18,7 @@ _QUADRATIC = Effect("accel_quadratic", "s²/m", 1e-3, tuple(AXES), lambda m: m.f
 
 
 #: Smallest number of blocks for a test: the jackknife has as many degrees of freedom.
-FEWEST_BLOCKS = 40
+MIN_BLOCKS = 40
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def pair_effects(
     bias_drift : variance of the change of a bias over the recording by bias instability, by group, SI
     sigma, names : of the fitted parameters, shape (k,)
     """
-    if len(blocks) < FEWEST_BLOCKS:
+    if len(blocks) < MIN_BLOCKS:
         return []
     # a jump near an end would be determined by a few blocks only
     drifts = (c for c in changing(duration) if c.cause == "drift")

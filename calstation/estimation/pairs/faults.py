@@ -9,11 +9,11 @@ from calstation.estimation.positions import frozen_columns
 from calstation.physics import AXES, FloatArray, rotation_vector
 
 #: Shortest total time with samples of both IMUs, s.
-LEAST_PAIRS = 5.0
+MIN_PAIRED_TIME = 5.0
 #: Smallest rms rate, rad/s, about the axis of least rotation that determines a matrix.
-LEAST_RATE = np.deg2rad(3.0)
+MIN_RATE = np.deg2rad(3.0)
 #: Smallest rms change of specific force, m/s², along the axis of least change that determines a matrix.
-LEAST_FORCE = 0.5
+MIN_FORCE = 0.5
 #: Largest singular value of a matrix that is plausible as a scale factor; a larger one indicates a wrong unit.
 UNIT = 1.5
 #: Largest angle between the axes of gyro and accelerometer of one IMU, rad.
@@ -23,8 +23,8 @@ TOGETHER = np.deg2rad(10.0)
 def require_pairs(data: PairData, number: int, choice: PairChoice) -> None:
     """Check that the samples determine the chosen terms. Raises InputError or InsufficientDataError."""
     paired = sum(stop - start for start, stop in data.segments) * data.dt
-    if paired < LEAST_PAIRS:
-        raise InsufficientDataError("recording.too_few_pairs", number=number, seconds=paired, least=LEAST_PAIRS)
+    if paired < MIN_PAIRED_TIME:
+        raise InsufficientDataError("recording.too_few_pairs", number=number, seconds=paired, least=MIN_PAIRED_TIME)
     rows = np.concatenate([np.arange(start, stop) for start, stop in data.segments])
     columns: dict[str, FloatArray] = {
         "gyro": data.gyro[rows],
@@ -41,9 +41,9 @@ def require_pairs(data: PairData, number: int, choice: PairChoice) -> None:
             start=float(data.time[rows[first]]),
         )
     if choice.gyro in ("scale", "full") or choice.offset:
-        _require_spread(data.gyro[rows], LEAST_RATE, choice.gyro == "full", tilting=False)
+        _require_spread(data.gyro[rows], MIN_RATE, choice.gyro == "full", tilting=False)
     if choice.accel in ("scale", "full"):
-        _require_spread(data.accel[rows], LEAST_FORCE, choice.accel == "full", tilting=True)
+        _require_spread(data.accel[rows], MIN_FORCE, choice.accel == "full", tilting=True)
 
 
 def _require_spread(values: FloatArray, least: float, every_axis: bool, tilting: bool) -> None:

@@ -32,13 +32,13 @@ Model = Literal["bias", "scale", "full"]
 #: Duration of a jackknife block, s; residuals further apart are independent.
 BLOCK = 0.5
 #: Largest number of blocks for the tests of effects, which need much memory per block.
-MOST_BLOCKS = 200
+MAX_BLOCKS = 200
 #: Largest clock offset, s.
 LARGEST_OFFSET = 1.0
 #: Residuals above this multiple of the typical size have proportionally lower weights.
 FAR = 4.0
 #: Smallest share of the information about any direction for which half a recording is solved alone.
-LEAST_SHARE = 0.05
+MIN_SHARE = 0.05
 MAX_ITERATIONS = 20
 GYRO_BIAS, GYRO_MATRIX = slice(0, 3), slice(3, 12)
 ACCEL_BIAS, ACCEL_MATRIX = slice(12, 15), slice(15, 24)
@@ -210,8 +210,8 @@ class _System:
         return of
 
     def blocks(self, motion: Motion) -> list[Block]:
-        """Return at most `MOST_BLOCKS` longer blocks; `motion` covers all rows."""
-        count, found = -(-len(self._parts) // MOST_BLOCKS), []
+        """Return at most `MAX_BLOCKS` longer blocks; `motion` covers all rows."""
+        count, found = -(-len(self._parts) // MAX_BLOCKS), []
         for b in range(0, len(self._parts), count):
             parts = self._parts[b : b + count]
             part = slice(parts[0].start, parts[-1].stop)
@@ -244,7 +244,7 @@ class _System:
         halves = [(self._normals[part], self.gradient[part]) for part in (slice(0, middle), slice(middle, None))]
         everything = np.arange(len(self.normal))
         biases = np.flatnonzero(_BIASES[self._fitted])
-        determined = all(_share(normals.sum(axis=0), self.normal) > LEAST_SHARE for normals, _ in halves)
+        determined = all(_share(normals.sum(axis=0), self.normal) > MIN_SHARE for normals, _ in halves)
         chosen = everything if determined else biases
         change, variance = np.full(COUNT, np.nan), np.full(COUNT, np.nan)
         at = np.flatnonzero(self._fitted)[chosen]

@@ -16,9 +16,9 @@ from calstation.physics import FloatArray, rotation_matrix, rotation_vector
 #: Duration of a window, s.
 WINDOW = 0.25
 #: A window is in motion if its noise exceeds the quietest window's noise by this factor ...
-LOUD = 3.0
+NOISE_RATIO = 3.0
 #: ... or exceeds this gyro noise, rad/s rms ...
-LOUDEST = np.deg2rad(1.0)
+MAX_NOISE = np.deg2rad(1.0)
 #: ... or if its mean rate differs from the rate at rest by more than this, rad/s.
 RATE = np.deg2rad(0.3)
 #: Number of windows before the first decision.
@@ -122,7 +122,7 @@ class PositionGuide:
         rate = gyro.mean(axis=0)
         self._up = force / max(float(np.linalg.norm(force)), 1e-12)
         self._noise.append(noise)
-        quiet = valid and noise < min(LOUD * float(np.quantile(self._noise, 0.1)), LOUDEST)
+        quiet = valid and noise < min(NOISE_RATIO * float(np.quantile(self._noise, 0.1)), MAX_NOISE)
         if quiet:
             self._rates.append(rate)
         if len(self._noise) < LEARNING:
