@@ -5,7 +5,7 @@ VENV := .venv
 # Without compiled files every process of a test would compile its modules again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test rehearse exhaustive check docs benchmarks study fuzz translations clean
+.PHONY: run test rehearse exhaustive check docs benchmarks study fuzz translations fonts clean
 
 run: $(VENV)/installed
 	$(VENV)/bin/calstation
@@ -55,6 +55,10 @@ translations: $(VENV)/installed-dev
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/shell/*.py $(GUI)/text/*.py $(GUI)/widgets/*.py \
 		-ts $(GUI)/translations/window_zh_CN.ts
 	for words in $(GUI)/translations/*.ts; do $(VENV)/bin/pyside6-lrelease $$words || exit 1; done
+
+# The font of window and documents, from Debian packages that apt-get downloads.
+fonts: $(VENV)/installed-dev
+	$(VENV)/bin/python tests/make_fonts.py
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -c "import sys; sys.exit('calstation needs Python 3.11 or newer: make PYTHON=python3.11 ...' if sys.version_info < (3, 11) else 0)"

@@ -31,6 +31,11 @@ def shipped_folder() -> Path:
     return beside if (beside / "stations").is_dir() else package / "data"
 
 
+def fonts_folder() -> Path:
+    """Return the folder of the font in which window, certificates and labels are set."""
+    return shipped_folder() / "fonts"
+
+
 def names(kind: str) -> list[str]:
     """Return the sorted names of all files of a kind, both the site's and the shipped ones."""
     found: set[str] = set()

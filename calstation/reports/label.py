@@ -11,6 +11,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import local_time, os_reason
 from calstation.records import write_atomic
+from calstation.reports.pdf import compile_template
 from calstation.results import History, Result, load_result
 
 #: Longest time to connect to a printer and to send a label, host time, s.
@@ -107,16 +108,14 @@ def _send(text: str, station: Path | None) -> None:
 
 def _compiled(template: Path, result: Result) -> bytes:
     """Return the PDF of a template, identical for identical results."""
-    import typst
+    from typst import TypstError
 
     started = (
         datetime.fromisoformat(result.started_utc) if result.started_utc else datetime.fromtimestamp(0).astimezone()
     )
     fields = label_fields(result)
     try:
-        pdf = typst.compile(template, root=template.parent, sys_inputs=fields, timestamp=int(started.timestamp()))
-    except typst.TypstError as exc:
+        return compile_template(template, fields, started, template.parent)
+    except TypstError as exc:
         known = list(fields)
         raise InputError("label.typst", file=template, detail=exc.message, known=known) from exc
-    assert isinstance(pdf, bytes)
-    return pdf

@@ -1,7 +1,6 @@
-"""Typesetting of a certificate as PDF/A-3b with the templates in `data/reports`, which a site may copy and change."""
+"""Typesetting as PDF/A-3b with Typst templates, such as those in `data/reports`, which a site may copy and change."""
 
 import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, time
@@ -19,21 +18,6 @@ from calstation.reports.document import document
 FOLDER = "reports"
 #: Template of the document.
 _MAIN = "certificate.typ"
-#: Chinese fonts in the order of preference.
-CHINESE_FONTS = (
-    "Noto Serif CJK SC",
-    "Source Han Serif SC",
-    "SimSun",
-    "Songti SC",
-    "Noto Sans CJK SC",
-    "Source Han Sans SC",
-    "Microsoft YaHei",
-    "PingFang SC",
-    "WenQuanYi Micro Hei",
-    "WenQuanYi Zen Hei",
-    "Droid Sans Fallback",
-)
-_CHINESE = re.compile(r"[\u2e80-\u9fff\uff00-\uffef]")
 
 
 @dataclass(frozen=True)
@@ -54,18 +38,16 @@ def typeset(
     attachments: Sequence[Attachment],
     folder: Path | None = None,
 ) -> bytes:
-    """Return the PDF of a certificate; identical input and fonts yield identical bytes.
+    """Return the PDF of a certificate; identical input yields identical bytes.
 
     Templates in `folder` take precedence over the site's and the shipped templates. Raises InputError.
     """
-    import typst
+    from typst import TypstError
 
     data = json.dumps(document(certificate, analysis, language), ensure_ascii=False, sort_keys=True)
     files = used_templates(folder)
-    chinese = _chinese_font(language, data)
     inputs = {
         "data": data,
-        "chinese": chinese,
         "attachments": json.dumps(
             [
                 {
@@ -80,14 +62,45 @@ def typeset(
         ),
     }
     issued = datetime.combine(certificate.issued, time(), UTC)
-    main: Any = {"main.typ": files.pop(_MAIN), **files}
+    where = folder or library.site_folder() / FOLDER
     try:
-        pdf = typst.compile(
-            main, sys_inputs=inputs, pdf_standards=["a-3b"], timestamp=int(issued.timestamp()), format="pdf"
-        )
-    except typst.TypstError as exc:
-        where = folder or library.site_folder() / FOLDER
+        return compile_template({"main.typ": files.pop(_MAIN), **files}, inputs, issued, where)
+    except TypstError as exc:
         raise InputError("report.template", folder=where, detail=exc.message) from exc
+
+
+def compile_template(main: Path | dict[str, bytes], inputs: dict[str, str], moment: datetime, folder: Path) -> bytes:
+    """Return the PDF of a Typst template, in the shipped font and fonts in `folder`; installed fonts are ignored.
+
+    Parameters
+    ----------
+    main : the template, or the contents of its files by name, of which the first is the template
+    inputs : texts in `sys.inputs`
+    moment : time stated in the PDF
+    folder : may contain font files with characters that the shipped font lacks
+
+    Raises InputError for characters without a font, and TypstError.
+    """
+    import typst
+
+    fonts = [library.fonts_folder(), folder]
+    options: dict[str, Any] = {"format": "pdf", "pdf_standards": ["a-3b"], "timestamp": int(moment.timestamp())}
+    options |= {"font_paths": [path for path in fonts if path.is_dir()], "ignore_system_fonts": True}
+
+    def without_font(characters: str) -> list[str]:
+        try:
+            typst.compile(b"#sys.inputs.text", sys_inputs={"text": characters}, **options)
+        except typst.TypstError:
+            half = len(characters) // 2
+            return without_font(characters[:half]) + without_font(characters[half:]) if half else [characters]
+        return []
+
+    try:
+        pdf = typst.compile(main, sys_inputs=inputs, **options)
+    except typst.TypstError:
+        if characters := without_font("".join(sorted(set("".join(inputs.values()))))):
+            raise InputError("report.no_font", characters=characters, folder=folder) from None
+        raise
     assert isinstance(pdf, bytes)
     return pdf
 
@@ -118,14 +131,3 @@ def _templates(folder: Path | None) -> dict[str, bytes]:
         except OSError as exc:
             raise InputError("report.templates_unreadable", folder=place, reason=os_reason(exc)) from exc
     return files
-
-
-def _chinese_font(language: Language, text: str) -> str:
-    """Return the font for Chinese text; "" if the document has none. Raises InputError without such a font."""
-    import typst
-
-    installed = set(typst.Fonts().families())
-    found = next((font for font in CHINESE_FONTS if font in installed), "")
-    if not found and (language == "zh_CN" or _CHINESE.search(text)):
-        raise InputError("report.no_chinese_font", fonts=list(CHINESE_FONTS))
-    return found

@@ -321,7 +321,7 @@ def test_details_fit_on_a_small_screen(page: HistoryPage, runs: dict[str, Path],
     select_row(page, 2, qtbot)
     bar = page.details.content_area.horizontalScrollBar()
     qtbot.waitUntil(lambda: bar.maximum() == 0, timeout=WAIT)
-    page.resize(900, 500)
+    page.details.content_area.setMaximumWidth(300)
     qtbot.waitUntil(lambda: bar.maximum() > 0 and bar.isVisible(), timeout=WAIT)
 
 
@@ -371,7 +371,7 @@ def test_units_of_a_batch_are_listed_together(page: HistoryPage, folder: Path, q
     qtbot.waitUntil(lambda: len(rows(page)) == 4, timeout=WAIT)
     assert not table.isColumnHidden(slot)
     needed = table.fontMetrics().horizontalAdvance("B20261101T000000-00FF")
-    for width, stages_hidden in ((2400, False), (1280, True)):
+    for width, stages_hidden in ((2400, False), (1120, True)):
         page.resize(width, 640)
         qtbot.waitUntil(lambda hidden=stages_hidden: table.isColumnHidden(stages) == hidden, timeout=WAIT)
         assert not table.isColumnHidden(batch)

@@ -25,7 +25,6 @@ from calstation.messages import Language, parameter_name
 from calstation.physics import INDEX, RATE, display
 from calstation.records import Check, context_from_meta, open_log
 from calstation.records.meta import FurtherImuSection, PriorSection
-from calstation.reports import pdf as pdf_module
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import LATITUDE_ERROR_DEG
 from calstation.reports.content import arrangement, build_certificate, held_registers, power_up_sigmas
@@ -44,6 +43,7 @@ from calstation.simulation.bench_recordings import make_recording
 from calstation.simulation.hooks import BenchHooks
 from tests.helpers import ignore_progress
 from tests.reports.certificates import KINDS, LABORATORY, Made, make
+from tests.reports.test_fonts import RARE, fonts_of, write_font
 from tests.shared_runs import SharedRuns
 
 LANGUAGES: tuple[Language, ...] = ("en", "zh_CN")
@@ -537,11 +537,21 @@ def test_site_templates_override_the_shipped_templates(made: Made, tmp_path: Pat
         printed(made, folder=tmp_path / "nowhere")
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
-def test_missing_chinese_font_is_reported(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pdf_module, "CHINESE_FONTS", ("Font Of Another Computer",))
-    with pytest.raises(InputError, match=r"Install one of these fonts .*Font Of Another Computer"):
-        printed(made, "zh_CN")
+def test_certificate_uses_no_installed_font(made: Made, language: Language) -> None:
+    supplied = {"CalstationSans-Regular", "CalstationSans-Bold", "DejaVuSansMono"}  # the last one is a part of Typst
+    assert {name.removesuffix("-Identity-H") for name in fonts_of(printed(made, language))} == supplied
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_character_without_a_font_is_reported_until_the_site_adds_a_font(made: Made, home: Path) -> None:
+    result = Result.from_json({**made.certificate.result.to_json(), "operator": f"李{RARE}"})
+    made = replace(made, certificate=replace(made.certificate, result=result))
+    with pytest.raises(InputError, match=f"no glyph for {RARE}. Put a font file that has it into .*reports"):
+        printed(made)
+    write_font(home / "reports" / "squares.ttf", RARE)
+    assert "Squares-Regular" in fonts_of(printed(made))
 
 
 def test_labels_are_in_both_languages() -> None:

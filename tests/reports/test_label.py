@@ -8,10 +8,12 @@ from typing import Any
 import pytest
 import tomli_w
 
+from calstation.config.library import shipped_folder
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
 from calstation.messages.rendering import local_time, render
 from calstation.reports.label import label_fields, label_template, print_label
 from calstation.results.result import Result, load_result
+from tests.reports.test_fonts import RARE, fonts_of, write_font
 from tests.site_folder import BENCH, PRODUCT, STATION
 
 RESULT: dict[str, Any] = {
@@ -86,6 +88,23 @@ def test_same_result_gives_the_same_pdf(site: Path) -> None:
     assert pdf.read_bytes() != first
 
 
+def test_shipped_label_uses_no_installed_font(site: Path) -> None:
+    use_template(site, "label.typ", (shipped_folder() / "products" / "label.typ").read_text(encoding="utf-8"))
+    pdf = printed(site)
+    assert pdf is not None
+    assert fonts_of(pdf.read_bytes()) == {"CalstationSans-Regular-Identity-H", "CalstationSans-Bold-Identity-H"}
+
+
+def test_character_without_a_font_is_reported_until_the_site_adds_a_font(site: Path) -> None:
+    use_template(site, "label.typ", "#sys.inputs.operator")
+    with pytest.raises(InputError, match=f"no glyph for {RARE}. Put a font file that has it into .*products"):
+        printed(site, operator=f"李{RARE}")
+    write_font(site / "products" / "squares.ttf", RARE)
+    pdf = printed(site, operator=f"李{RARE}")
+    assert pdf is not None
+    assert "Squares-Regular" in fonts_of(pdf.read_bytes())
+
+
 @pytest.mark.parametrize(
     ("name", "template", "error", "text"),
     [
@@ -142,8 +161,6 @@ def test_unit_that_failed_later_gets_no_label(site: Path) -> None:
 
 def test_every_shipped_template_uses_known_fields() -> None:
     from string import Template
-
-    from calstation.config.library import shipped_folder
 
     fields = label_fields(Result.from_json(RESULT))
     text = (shipped_folder() / "products" / "label.zpl").read_text(encoding="utf-8")

@@ -27,7 +27,7 @@ class TextView(QPlainTextEdit):
         super().__init__()
         self.setObjectName(name)
         font = QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont)
-        font.setFamilies([*font.families(), "Consolas", "DejaVu Sans Mono", "WenQuanYi Micro Hei Mono"])
+        font.setFamilies([*font.families(), theme.FAMILY])
         font.setPixelSize(theme.BODY)
         self.setFont(font)
         self.setLineWrapMode(QPlainTextEdit.LineWrapMode.NoWrap)

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from functools import cache
 
 from PySide6.QtCore import QObject, Signal
-from PySide6.QtGui import QColor, QFont, QPainter, QPalette
+from PySide6.QtGui import QColor, QFont, QFontDatabase, QPainter, QPalette
 from PySide6.QtWidgets import QApplication, QWidget
 
+from calstation.config import library
 from calstation.gui.text import on_language_change
 
 #: Grid of margins and distances, px.
@@ -29,16 +30,8 @@ AXIS_COLOURS = {"x": "#0072B2", "y": "#D55E00", "z": "#009E73"}
 #: letters need more contrast than lines.
 _AXIS_TEXT = {"x": ("#0072B2", "#4DA3D9"), "y": ("#A84A00", "#E8741A"), "z": ("#007A59", "#10B284")}
 
-#: Font families in order of preference.
-FAMILIES = [
-    "Segoe UI",
-    "Noto Sans",
-    "DejaVu Sans",
-    "Microsoft YaHei",
-    "Noto Sans CJK SC",
-    "WenQuanYi Micro Hei",
-    "sans-serif",
-]
+#: The shipped font. Qt takes characters that it lacks from the fonts of the system.
+FAMILY = "Calstation Sans"
 
 
 @dataclass(frozen=True)
@@ -262,19 +255,24 @@ def style_sheet(c: Colours) -> str:
 
 
 def font(size: int = BODY, *, bold: bool = False) -> QFont:
-    """Return the font of the window at a size in px, with tabular figures."""
+    """Return the font of the window at a size in px; its figures have equal widths."""
     return QFont(_font(size, bold))
 
 
 @cache
 def _font(size: int, bold: bool) -> QFont:
-    made = QFont()
-    made.setFamilies(FAMILIES)
+    _load_font()
+    made = QFont(FAMILY)
     made.setPixelSize(size)
-    made.setFeature(QFont.Tag("tnum"), 1)
     if bold:
         made.setWeight(QFont.Weight.DemiBold)
     return made
+
+
+@cache
+def _load_font() -> None:
+    for file in library.fonts_folder().glob("*.otf"):
+        QFontDatabase.addApplicationFont(str(file))
 
 
 def painter(widget: QWidget) -> QPainter:
