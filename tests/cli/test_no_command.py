@@ -39,6 +39,7 @@ def test_unusable_screen_counts_as_no_screen(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_with_a_screen_the_window_opens(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
     monkeypatch.setattr(window, "has_screen", lambda: True)
     monkeypatch.setattr("calstation.gui.shell.app.main", lambda: 0)
     assert run_app([]) == 0

@@ -18,9 +18,10 @@ from calstation.gui.operator import advice
 from calstation.gui.operator.live.convergence import Convergence
 from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.starting import suggested_serial
+from calstation.gui.state.unit_status import UnitStatus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.plot import NumberAxis, spread
-from calstation.sequencer.events import Trace
+from calstation.sequencer.events import Message, Trace
 from tests.gui.conftest import result_with
 from tests.gui.plot_mouse import double_click, pixel, turn_wheel
 
@@ -215,3 +216,9 @@ def test_convergence_plot_marks_reached_targets_and_thins_its_lines(qtbot: QtBot
     assert plot.lines["gyro_bias"].reached
     assert "accel_bias" not in plot.lines
     assert len(plot.lines["gyro_bias"].times) <= 2001
+
+
+def test_alarm_of_a_control_chart_is_a_remark_of_the_unit() -> None:
+    unit, values = UnitStatus("SN-000042"), {"quantities": ["orthogonality"]}
+    unit.take(Message("table_moved", values))
+    assert unit.remarks == [("table_moved", values)]
