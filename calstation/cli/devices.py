@@ -31,7 +31,7 @@ from calstation.results import inspect_recording
 from calstation.schema import Problem
 
 _TESTS = {"table": check_table_link, "imu": check_imu_link}
-_MARKS = {"ok": "ok", "told": "", "look": "LOOK", "wrong": "WRONG"}
+_MARKS = {"ok": "ok", "info": "info", "warning": "WARNING", "error": "ERROR"}
 
 
 def link_command(device: str, station: Path | None, product: Path | None, json: str | None) -> int:
@@ -58,7 +58,7 @@ def link_command(device: str, station: Path | None, product: Path | None, json: 
     for slot in slots or (None,):
         request = LinkTestRequest(configured, product, slot)
         tested = _TESTS[device](progress, request)
-        if device == "table" and product is not None and tested.state != "wrong":
+        if device == "table" and product is not None and tested.state != "error":
             more = incompatibilities(link_test_configuration(request))
             tested = replace(tested, findings=(*tested.findings, *more))
         findings, found = _findings(tested, command_options(station, product))
@@ -76,7 +76,7 @@ def _findings(tested: Report, options: Mapping[str, str]) -> tuple[list[dict[str
     for finding in tested.findings:
         text = render(finding.message.code, {**finding.message.values, **options})
         findings.append({**finding.to_json(), "text": text.text, "mend": text.remedy})
-        lines += [f"{_MARKS[finding.state]:<6} {text.text}", *([f"       {text.remedy}"] if text.remedy else [])]
+        lines += [f"{_MARKS[finding.state]:<7} {text.text}", *([f"        {text.remedy}"] if text.remedy else [])]
     return findings, [*lines, say(f"cli.link_{tested.state}")]
 
 

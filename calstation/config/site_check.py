@@ -143,11 +143,11 @@ def site_advice(
         off = gravity_mps2 / expected - 1.0
         if abs(off) > ANOMALY:
             values: dict[str, Value] = {"ppm": off * 1e6, "percent": off * 1e2, "normal": expected}
-            found.append(Finding("gravity_off", "look", values))
+            found.append(Finding("gravity_off", "warning", values))
     if latitude_deg == 0 and longitude_deg == 0:
-        found.append(Finding("null_island", "look"))
+        found.append(Finding("null_island", "warning"))
     if azimuth_deg is None and isinstance(latitude_deg, float | int) and 90.0 >= abs(latitude_deg) > _NEAR_POLE:
-        found.append(Finding("azimuth_hopeless", "look", {"latitude": float(latitude_deg)}))
+        found.append(Finding("azimuth_hopeless", "warning", {"latitude": float(latitude_deg)}))
     return tuple(found)
 
 

@@ -47,22 +47,22 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
             id_ = "needs_gimbal"
         else:
             id_ = "needs_drive_not_gimbal" if error.code == "product.needs_table" else "needs_drive"
-        yield Finding(id_, "look", {"rig": setup.table.name, "product": product.name})
+        yield Finding(id_, "warning", {"rig": setup.table.name, "product": product.name})
     blind = needs_surveyed_gravity(setup.log_meta())
     contradiction = gravity_contradiction(site)
     if contradiction is not None:
-        yield Finding("gravity_unlike", "look", contradiction.values)
+        yield Finding("gravity_unlike", "warning", contradiction.values)
     if site.gravity_mps2 is None and blind:
-        yield Finding("gravity_missing", "look")
+        yield Finding("gravity_missing", "warning")
     if setup.station.bench is not None:
         return
     if not is_confirmed(site, needed=blind):
-        yield Finding("place_not_confirmed", "look", {"computer": this_computer(), "entry": confirmation_key(site)})
+        yield Finding("place_not_confirmed", "warning", {"computer": this_computer(), "entry": confirmation_key(site)})
     shipped = library.shipped_folder() / "stations" / "example_hardware.toml"  # the template for new files
     example = load_station(shipped)[1].site
     values = {"latitude": site.latitude_deg, "longitude": site.longitude_deg, "height": site.height_m}
     if values == {"latitude": example.latitude_deg, "longitude": example.longitude_deg, "height": example.height_m}:
-        yield Finding("example_site", "told", values)
+        yield Finding("example_site", "info", values)
 
 
 def station_conflicts(text: str) -> list[Problem]:

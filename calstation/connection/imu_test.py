@@ -56,18 +56,18 @@ class ImuTest:
             yield self._failed(exc)
             return
         if setup.imu.protocol == "stream":
-            yield Finding("cannot_tell", "told")
+            yield Finding("cannot_tell", "info")
         else:
             yield Finding("identified", "ok", asdict(identity))
             pattern = setup.product.serial_pattern
             if setup.station.bench is None and not re.fullmatch(pattern, identity.serial):
-                yield Finding("serial_unlike", "look", {"serial": identity.serial, "pattern": pattern})
+                yield Finding("serial_unlike", "warning", {"serial": identity.serial, "pattern": pattern})
         try:
             count = len(imu.read_registers())
         except DeviceFaultError as exc:
-            yield Finding("registers_unread", "wrong", {"words": exc.as_text})
+            yield Finding("registers_unread", "error", {"words": exc.as_text})
         else:
-            yield Finding("registers", "ok" if count else "told", {"count": count}, "" if count else "no_registers")
+            yield Finding("registers", "ok" if count else "info", {"count": count}, "" if count else "no_registers")
         try:
             yield from self._stream()
         except DeviceFaultError as exc:
@@ -76,7 +76,7 @@ class ImuTest:
     def _stream(self) -> Iterator[Finding]:
         """Wait until the unit is ready, then observe its stream."""
         imu, clock, profile = self.imu, self.at.clock, self.setup.imu
-        yield Finding("judged_as", "told", {"product": self.setup.product.name, "profile": profile.name})
+        yield Finding("judged_as", "info", {"product": self.setup.product.name, "profile": profile.name})
         if isinstance(clock, BenchClock):
             clock.attach(lambda: {0: imu.received})
         begin = clock.now()
@@ -96,20 +96,20 @@ class ImuTest:
         values: dict[str, Value] = {"expected": expected, "measured": len(seq) / elapsed}
         if not len(seq):
             if profile.protocol != "stream":
-                yield Finding("no_stream", "wrong", values)
+                yield Finding("no_stream", "error", values)
             elif not imu.stats.frames:
                 yield self._unanswered("")
             else:
-                yield Finding("no_samples", "wrong", {**values, "frames": imu.stats.frames})
+                yield Finding("no_samples", "error", {**values, "frames": imu.stats.frames})
             return
         missing = int(seq[-1] - seq[0]) + 1 - len(seq)
         errors = imu.stats.crc_errors - before.crc_errors
         allowed = max(_RATE_TOLERANCE * expected, 2.0 / elapsed) + max(missing, 0) / elapsed
         slow = abs(len(seq) / elapsed - expected) > allowed
-        yield Finding("wrong_rate" if slow else "rate", "wrong" if slow else "ok", values)
+        yield Finding("wrong_rate" if slow else "rate", "error" if slow else "ok", values)
         gaps = imu.stats.gaps - before.gaps
         if gaps or errors:
-            yield Finding("gaps", "wrong", {"gaps": gaps, "missing": missing, "errors": errors})
+            yield Finding("gaps", "error", {"gaps": gaps, "missing": missing, "errors": errors})
         else:
             yield Finding("no_gaps", "ok", {"count": len(seq)})
         yield from self._content(parts)
@@ -119,14 +119,14 @@ class ImuTest:
         profile, masks = self.setup.imu, self.setup.imu.status
         status = np.concatenate([part.status for part in parts])
         if np.any(status & masks.failed):
-            yield Finding("self_test_failed", "look")
+            yield Finding("self_test_failed", "warning")
         if np.any(status & masks.saturated):
-            yield Finding("saturated", "look")
+            yield Finding("saturated", "warning")
         if masks.ready and not status[-1] & masks.ready:
-            yield Finding("not_ready", "look", {"seconds": _READY_TIMEOUT})
+            yield Finding("not_ready", "warning", {"seconds": _READY_TIMEOUT})
         heat = np.concatenate([part.temperature for part in parts])
         if np.any(np.isfinite(heat)):
-            yield Finding("temperature", "told", {"celsius": float(np.nanmean(heat))})
+            yield Finding("temperature", "info", {"celsius": float(np.nanmean(heat))})
         stream, noise = profile.stream, profile.noise
         scale = (stream.sample_rate_hz, stream.output, stream.gyro_lsb, stream.accel_lsb)
         model = ImuModel("", *scale, noise.gyro_arw, noise.accel_vrw)
@@ -139,15 +139,15 @@ class ImuTest:
         if abs(measured / gravity - 1.0) <= tolerance:
             yield Finding("gravity", "ok", values)
         else:
-            yield Finding("wrong_gravity", "wrong", values)
+            yield Finding("wrong_gravity", "error", values)
 
     def _failed(self, error: DeviceFaultError) -> Finding:
         if isinstance(error, OtherModelError):
-            return Finding("wrong_model", "wrong", {"found": error.found, "expected": error.expected})
+            return Finding("wrong_model", "error", {"found": error.found, "expected": error.expected})
         if isinstance(error, ImuRefusalError):
-            return Finding("command_refused", "wrong", {"words": error.as_text})
+            return Finding("command_refused", "error", {"words": error.as_text})
         if isinstance(error, PortLostError):
-            return Finding("lost", "wrong", {"words": error.as_text})
+            return Finding("lost", "error", {"words": error.as_text})
         return self._unanswered(error.as_text)
 
     def _unanswered(self, words: Value) -> Finding:
@@ -156,13 +156,13 @@ class ImuTest:
         counts = {"bytes": stats.bytes, "frames": stats.frames, "errors": stats.crc_errors}
         values = {"words": words, "profile": profile.name, "line": profile.link.line, **counts, **line}
         if stats.bytes == 0:
-            return Finding("silent", "wrong", values)
+            return Finding("silent", "error", values)
         if stats.frames:
-            return Finding("one_way", "wrong", values)
+            return Finding("one_way", "error", values)
         size = FrameDecoder(profile.frame, profile.commands).size
         if stats.crc_errors * size > _WRONG_CHECKS * stats.bytes:
-            return Finding("wrong_checks", "wrong", {**values, "kind": profile.frame.crc.kind})
-        return Finding("no_frames", "wrong", values, "" if line else "no_frames_server")
+            return Finding("wrong_checks", "error", {**values, "kind": profile.frame.crc.kind})
+        return Finding("no_frames", "error", values, "" if line else "no_frames_server")
 
 
 def find_baud_rate(
@@ -173,7 +173,7 @@ def find_baud_rate(
     for i, baud in enumerate(others):
         progress(0.4 + 0.6 * i / len(others), note="trying_bauds")
         if has_frames(port, settings.model_copy(update={"baud": baud}), profile):
-            yield Finding("other_baud", "told", {"baud": settings.baud, "found": baud})
+            yield Finding("other_baud", "info", {"baud": settings.baud, "found": baud})
             return
 
 
@@ -185,7 +185,7 @@ def diagnose_text(frame: FrameSection, received: bytes) -> Finding | None:
         return None
     own = [line for line in lines if line.startswith(frame.sync_bytes)]
     if not own:
-        return Finding("line_sync", "wrong", {"sync": frame.sync, "line": _shown(lines[-1])})
+        return Finding("line_sync", "error", {"sync": frame.sync, "line": _shown(lines[-1])})
     kind = TextFrame(frame)
     for line in own:
         packet = line + tail
@@ -201,7 +201,7 @@ def _wrong_check(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding
     line = packet[: -len(frame.tail_bytes)]
     body, mark, stated = line.rpartition(frame.mark.encode())
     if not mark:
-        return Finding("line_mark", "wrong", {"mark": frame.mark, "line": _shown(line)})
+        return Finding("line_mark", "error", {"mark": frame.mark, "line": _shown(line)})
     right = frame.crc.function()(body[frame.crc.start :])
     values: dict[str, Value] = {
         "line": _shown(line),
@@ -210,7 +210,7 @@ def _wrong_check(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding
         "start": frame.crc.start,
         "right": f"{right:0{2 * frame.crc.size}X}",
     }
-    return Finding("line_check", "wrong", values)
+    return Finding("line_check", "error", values)
 
 
 def _wrong_column(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding | None:
@@ -219,7 +219,7 @@ def _wrong_column(frame: FrameSection, kind: TextFrame, packet: bytes) -> Findin
     values: dict[str, Value] = {"line": _shown(line)}
     if not kind.is_sample(packet):
         values |= {"sync": frame.sync, "separator": frame.separator}
-        return Finding("line_separator", "wrong", values)
+        return Finding("line_separator", "error", values)
     present = kind.columns([packet]).present
     row = line.rpartition(frame.mark.encode())[0][len(frame.sync_bytes) + 1 :]
     texts = row.decode("ascii", "replace").split(frame.separator)
@@ -229,9 +229,9 @@ def _wrong_column(frame: FrameSection, kind: TextFrame, packet: bytes) -> Findin
         column = kind.column_of[name]
         values |= {"field": name, "column": column}
         if column >= len(texts):
-            return Finding("line_short", "wrong", {**values, "count": len(texts)})
+            return Finding("line_short", "error", {**values, "count": len(texts)})
         text = quoted(texts[column].encode("ascii", "replace"))
-        return Finding("line_column", "wrong", {**values, "text": text})
+        return Finding("line_column", "error", {**values, "text": text})
     return None
 
 

@@ -132,7 +132,7 @@ def _found_on_table_port(
     if ids & _MAYBE_IMU:
         progress(0.6, note="listening_around")
         if link.two_lines and imu_on_table_port(link):
-            yield Finding("imus_line", "told", {"profile": link.imu.name})
+            yield Finding("imus_line", "info", {"profile": link.imu.name})
             return
 
     def tried(share: float) -> None:
@@ -143,7 +143,7 @@ def _found_on_table_port(
         other = find_unit_number(link, tried)
         if other is not None:
             values = {"found": other[0], "model": other[1], "unit": link.table.unit or 0}
-            yield Finding("unit_heard", "told", values)
+            yield Finding("unit_heard", "info", values)
             return
     if ids & {"silent_rtu", "silent_tcp", "exception", "wrong_model"}:
         units = [unit for unit in find_units(link, tried) if unit.profile or "wrong_model" not in ids]
@@ -155,9 +155,9 @@ def _units(units: list[FoundUnit]) -> Finding:
     for unit in units:
         if unit.profile:
             values = {"found": unit.unit, "model": unit.model, "profile": unit.profile}
-            return Finding("profile_heard", "told", values)
+            return Finding("profile_heard", "info", values)
     named = [f"{unit.unit} (“{unit.model}”)" if unit.model else str(unit.unit) for unit in units]
-    return Finding("units_heard", "told", {"units": ", ".join(named)})
+    return Finding("units_heard", "info", {"units": ", ".join(named)})
 
 
 def _found_on_imu_port(
@@ -168,7 +168,7 @@ def _found_on_imu_port(
     if ids & {"silent", "no_frames"} and link.two_lines and not setup.table.by_hand:
         progress(0.4, note="listening_around")
         if table_on_imu_port(link):
-            yield Finding("tables_line", "told")
+            yield Finding("tables_line", "info")
             return
     if "no_frames" in ids and "://" not in at.imu:
         yield from find_baud_rate(at.imu, link.imu_serial, link.imu, progress)
@@ -207,4 +207,4 @@ def _not_opened(port: str, settings: SerialSettings, timeout: float, error: Cals
     if reason == "bad_settings":
         values |= {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}
     none_found = reason in ("no_port", "no_adapter") and not found
-    return Finding(reason, "wrong", values, f"{reason}_at_all" if none_found else "")
+    return Finding(reason, "error", values, f"{reason}_at_all" if none_found else "")

@@ -50,27 +50,27 @@ def query_table(
             times.append(time.perf_counter() - begin)
             progress(0.5 + 0.5 * (i + 1) / _POLLS, note="asking")
     except OtherModelError as exc:
-        yield Finding("wrong_model", "wrong", {"found": exc.found, "expected": exc.expected})
+        yield Finding("wrong_model", "error", {"found": exc.found, "expected": exc.expected})
     except ModbusRefusalError as exc:
         entry = f"exception_{exc.exception}"
         values: dict[str, Value] = {"code": exc.exception, "unit": exc.unit}
-        yield Finding("exception", "wrong", values, entry if known(f"finding.{entry}") else "")
+        yield Finding("exception", "error", values, entry if known(f"finding.{entry}") else "")
     except TextRefusalError as exc:
-        yield Finding("line_refused", "wrong", {"words": exc.as_text})
+        yield Finding("line_refused", "error", {"words": exc.as_text})
     except UnlikeAnswerError as exc:
         if is_text(table.received):
-            yield Finding("unlike_answer", "wrong", {"words": exc.as_text})
+            yield Finding("unlike_answer", "error", {"words": exc.as_text})
         else:
             yield _no_text(table.received, profile, settings, port, exc)
     except PortLostError as exc:
-        yield Finding("lost", "wrong", {"words": exc.as_text})
+        yield Finding("lost", "error", {"words": exc.as_text})
     except NoAnswerError as exc:
         # Bytes received before a second drive failed to reply came from the first drive.
         received = table.received if exc.unit == profile.unit else b""
         yield _no_modbus(received, profile, settings, port, exc)
     except DeviceFaultError as exc:
         if isinstance(table, ModbusTable):
-            yield Finding("no_number", "wrong", {"words": exc.as_text})
+            yield Finding("no_number", "error", {"words": exc.as_text})
         else:
             yield _no_text(table.received, profile, settings, port, exc)
     else:
@@ -84,7 +84,7 @@ def _round_trip(times: list[float]) -> Finding:
     values = {**seconds, "count": _POLLS, **{f"{name}_ms": 1e3 * value for name, value in seconds.items()}}
     if seconds["worst"] <= SLOWEST_POLL:
         return Finding("round_trip", "ok", values)
-    return Finding("round_trip", "look", values, "round_trip_slow")
+    return Finding("round_trip", "warning", values, "round_trip_slow")
 
 
 def _status(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
@@ -92,26 +92,26 @@ def _status(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
     if stops_after:
         yield Finding("watchdog", "ok", {"seconds": stops_after})
     elif math.isinf(status.watchdog):
-        yield Finding("no_watchdog", "told")
+        yield Finding("no_watchdog", "info")
     else:
-        yield Finding("watchdog_off", "wrong")
+        yield Finding("watchdog_off", "error")
     if status.fault == LOCAL_CONTROL:
-        yield Finding("local_control", "look")
+        yield Finding("local_control", "warning")
     elif status.fault == UNKNOWN_FAULT:
-        yield Finding("fault_untold", "look")
+        yield Finding("fault_untold", "warning")
     elif status.fault is not None:
-        yield Finding("fault", "look", {"fault": status.fault})
-    yield Finding("interlock", "ok") if status.interlock_closed else Finding("interlock_open", "look")
+        yield Finding("fault", "warning", {"fault": status.fault})
+    yield Finding("interlock", "ok") if status.interlock_closed else Finding("interlock_open", "warning")
     angles = np.rad2deg(status.angles).tolist()
     if status.joints is None:
-        yield Finding("angles", "told", {"outer": angles[0], "inner": angles[1]})
+        yield Finding("angles", "info", {"outer": angles[0], "inner": angles[1]})
     else:
         joints = np.rad2deg(status.joints).tolist()
-        yield Finding("joints", "told", {"x": joints[0], "y": joints[1], "z": joints[2]})
+        yield Finding("joints", "info", {"x": joints[0], "y": joints[1], "z": joints[2]})
     if status.moving:
-        yield Finding("moving", "look")
+        yield Finding("moving", "warning")
     if not status.homed:
-        yield Finding("not_homed", "told")
+        yield Finding("not_homed", "info")
     if status.joints is not None:  # the travel is checked before every turn and at every poll
         return
     for joint, name in enumerate(JOINTS):
@@ -121,9 +121,9 @@ def _status(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
         values: dict[str, Value] = {"joint": name, "low": float(low), "high": float(high), **own}
         inside = section.low_deg - _TRAVEL_TOLERANCE <= angles[joint] <= section.high_deg + _TRAVEL_TOLERANCE
         if status.homed and not inside:
-            yield Finding("outside_travel", "wrong", {**values, "angle": angles[joint]})
+            yield Finding("outside_travel", "error", {**values, "angle": angles[joint]})
         elif low > section.low_deg + _TRAVEL_TOLERANCE or high < section.high_deg - _TRAVEL_TOLERANCE:
-            yield Finding("travel_narrower", "look", values)
+            yield Finding("travel_narrower", "warning", values)
         else:
             yield Finding("travel", "ok", values)
 
@@ -134,19 +134,19 @@ def _no_modbus(
     unit = error.unit
     values: dict[str, Value] = {"unit": unit, "seconds": profile.timeout_s, "words": error.as_text}
     if port.startswith("tcp://"):
-        return Finding("not_modbus" if received else "silent_tcp", "wrong", {**values, "count": len(received)})
+        return Finding("not_modbus" if received else "silent_tcp", "error", {**values, "count": len(received)})
     line = line_values(port, settings)
     values |= {**line, "line": profile.serial.line}
     if not received:
-        return Finding("silent_rtu", "wrong", values, "" if line else "silent_rtu_server")
+        return Finding("silent_rtu", "error", values, "" if line else "silent_rtu_server")
     values["count"] = len(received)
     if len(received) >= _REQUEST_SIZE and _valid(received[:_REQUEST_SIZE]) and received[2] != _REQUEST_SIZE - 5:
-        return Finding("echo", "wrong", values)
+        return Finding("echo", "error", values)
     if _valid(received) and received[0] != unit:
-        return Finding("other_unit", "wrong", {**values, "found": received[0]})
+        return Finding("other_unit", "error", {**values, "found": received[0]})
     if received[0] == unit and len(received) > 1 and received[1] & 0x7F == _READ_HOLDING:
-        return Finding("crc", "wrong", values)
-    return Finding("garbled", "wrong", values, "" if line else "garbled_server")
+        return Finding("crc", "error", values)
+    return Finding("garbled", "error", values, "" if line else "garbled_server")
 
 
 def _no_text(
@@ -155,11 +155,11 @@ def _no_text(
     line = line_values(port, settings)
     values: dict[str, Value] = {"seconds": profile.timeout_s, "words": error.as_text, "count": len(received), **line}
     if not received:
-        return Finding("silent_host" if port.startswith(SOCKETS) else "silent_text", "wrong", values)
+        return Finding("silent_host" if port.startswith(SOCKETS) else "silent_text", "error", values)
     if not is_text(received):
         values["line"] = profile.serial.line
-        return Finding("garbled_text", "wrong", values, "" if line else "garbled_text_server")
-    return Finding("unlike_text", "wrong", {**values, "said": quoted(received.strip())})
+        return Finding("garbled_text", "error", values, "" if line else "garbled_text_server")
+    return Finding("unlike_text", "error", {**values, "said": quoted(received.strip())})
 
 
 def _valid(frame: bytes) -> bool:

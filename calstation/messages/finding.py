@@ -7,9 +7,9 @@ from typing import Any, Literal
 from calstation.messages.rendering import Text, Value, sentence, values_to_json
 
 #: In order: good; for information; the link works, but a run would not start; the link or a setting is wrong.
-State = Literal["ok", "told", "look", "wrong"]
+State = Literal["ok", "info", "warning", "error"]
 
-_WORST: tuple[State, ...] = ("wrong", "look", "ok")
+_WORST: tuple[State, ...] = ("error", "warning", "ok")
 
 
 @dataclass(frozen=True)

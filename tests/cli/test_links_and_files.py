@@ -30,7 +30,7 @@ def test_a_working_link_is_described_line_by_line(calstation: Run) -> None:
     done = calstation("test", "table")
     assert done.code == 0, done.out + done.err
     assert done.out.splitlines()[-1] == "The link works."
-    assert "ok     bench-table, serial number T-0001." in done.out
+    assert "ok      bench-table, serial number T-0001." in done.out
     report = calstation("test", "imu", "--json", "-").json
     assert (report["device"], report["state"]) == ("imu", "ok")
     assert {"id", "state", "values", "text", "mend"} == set(report["findings"][0])
@@ -63,9 +63,9 @@ def test_a_failed_link_is_shown_with_its_remedy(calstation: Run, tmp_path: Path)
         done = calstation("test", "table", "--station", station(tmp_path, f"tcp://{address}", "/dev/ttyNONE9"))
     assert done.code == 3
     lines = done.out.splitlines()
-    wrong = next(i for i, line in enumerate(lines) if line.startswith("WRONG"))
+    wrong = next(i for i, line in enumerate(lines) if line.startswith("ERROR"))
     assert "watchdog is off" in lines[wrong]
-    assert lines[wrong + 1].startswith("       Set the watchdog's time in the drive")
+    assert lines[wrong + 1].startswith("        Set the watchdog's time in the drive")
     assert "calstation table reset" in done.out
     assert set(fake.functions) == {3}
     assert "is unknown. Choose from table, imu" in calstation("test", "oven").err
@@ -76,7 +76,7 @@ def test_imu_on_hardware_is_tested(calstation: Run, tmp_path: Path) -> None:
     unit = FakeImu()
     with terminal(unit.answer, unit.sends) as port:
         done = calstation("test", "imu", "--station", station(tmp_path, "tcp://127.0.0.1:1", port))
-    assert "ok     bench-imu, serial number SN-000042." in done.out, done.out
+    assert "ok      bench-imu, serial number SN-000042." in done.out, done.out
     assert done.code == 0
 
 
@@ -150,7 +150,7 @@ def test_gravity_that_a_run_would_refuse_is_a_problem(calstation: Run, tmp_path:
     assert "site.gravity_mps2: 9.83 m/s² contradicts latitude 34.25° and height" in done.out
     done = calstation("test", "imu", "--station", file)
     assert done.code == 3
-    assert "LOOK   site.gravity_mps2 = 9.83 does not match latitude 34.25°" in done.out
+    assert "WARNING site.gravity_mps2 = 9.83 does not match latitude 34.25°" in done.out
     assert done.out.splitlines()[-1] == "The link works, but a run would not start with these settings."
 
 
@@ -172,9 +172,9 @@ def test_all_incompatibilities_between_product_and_station_are_shown(calstation:
         file = station(tmp_path, "tcp://127.0.0.1:1", port)
         mems = calstation("test", "imu", "--station", file, "--product", shipped_folder() / "products" / "mems_c.toml")
     assert "Tested as a unit of “carried”, with the profile “Bench IMU, navigation grade”." in carried.out
-    assert "LOOK   “Bench table” is driven, but stages of “carried” are turned by hand" in carried.out, carried.out
-    assert "LOOK   Surveyed gravity is missing" in mems.out, mems.out
-    assert "LOOK   The site has not been confirmed on this computer" in mems.out
+    assert "WARNING “Bench table” is driven, but stages of “carried” are turned by hand" in carried.out, carried.out
+    assert "WARNING Surveyed gravity is missing" in mems.out, mems.out
+    assert "WARNING The site has not been confirmed on this computer" in mems.out
     assert "site.confirmed_on of the station file" in mems.out
     for done in (carried, mems):
         assert done.code == 3

@@ -145,4 +145,4 @@ def test_link_of_each_slot_is_tested(orientation: str) -> None:
     assert setup.station.imu.orientation == orientation
     report = check_imu_link(ignore_progress, request)
     assert {"identified", "gravity"} <= {finding.id for finding in report.findings}
-    assert not [finding for finding in report.findings if finding.state == "wrong"]
+    assert not [finding for finding in report.findings if finding.state == "error"]

@@ -221,9 +221,9 @@ def test_link_tests_report_swapped_ports(imu: str) -> None:
             "imu": {"port": line},
         }
         table = check_table_link(ignore_progress, order(**crossed))
-        assert (table.state, table.findings[-1].id) == ("wrong", "imus_line")
+        assert (table.state, table.findings[-1].id) == ("error", "imus_line")
         found = check_imu_link(ignore_progress, order(**crossed))
-    assert (found.state, found.findings[-1].id) == ("wrong", "tables_line")
+    assert (found.state, found.findings[-1].id) == ("error", "tables_line")
 
 
 @needs_terminals

@@ -56,18 +56,18 @@ def imu(**section: Any) -> Report:
 
 def wrong(report: Report) -> Finding:
     """Return the only failed finding."""
-    (finding,) = [f for f in report.findings if f.state == "wrong"]
-    assert report.state == "wrong"
+    (finding,) = [f for f in report.findings if f.state == "error"]
+    assert report.state == "error"
     return finding
 
 
 def test_state_of_a_report_is_the_state_of_its_worst_finding() -> None:
     for states, worst in (
         ((), "ok"),
-        (("told",), "ok"),
-        (("ok", "told"), "ok"),
-        (("ok", "look", "told"), "look"),
-        (("look", "wrong", "ok"), "wrong"),
+        (("info",), "ok"),
+        (("ok", "info"), "ok"),
+        (("ok", "warning", "info"), "warning"),
+        (("warning", "error", "ok"), "error"),
     ):
         assert Report("imu", tuple(Finding("rate", state) for state in states)).state == worst
 
@@ -107,7 +107,7 @@ def test_latched_fault_is_reported_with_its_cause_if_available(code: int, expect
     fake.words[17], fake.words[18] = 1 << 9 | 1 << 3, code
     with server(fake.answer) as address:
         report = table(port=f"tcp://{address}", timeout_s=5.0)
-    assert report.state == "look"
+    assert report.state == "warning"
     assert expected in [english_texts(finding) for finding in report.findings]
 
 
@@ -134,7 +134,7 @@ def test_serial_links_pass_and_the_table_state_is_reported() -> None:
     }
     report = check_table_link(no_progress, order(bench=bench))
     assert wrong(report).id == "watchdog_off"
-    assert [f.id for f in report.findings if f.state == "look"] == ["interlock_open", "travel_narrower"]
+    assert [f.id for f in report.findings if f.state == "warning"] == ["interlock_open", "travel_narrower"]
     narrower = report.find("travel_narrower")
     assert narrower is not None
     assert narrower.values["joint"] == "outer"
@@ -374,11 +374,11 @@ def test_imu_stream_that_contradicts_its_profile_is_reported() -> None:
     unit = FakeImu(rate=100.0, skip=7, counts=[0, 0, 0, 0, 0, 4_000], status=5)
     with terminal(unit.answer, unit.sends) as port:
         report = imu(port=port)
-    assert {f.id for f in report.findings if f.state == "wrong"} == {"wrong_rate", "gaps", "wrong_gravity"}
+    assert {f.id for f in report.findings if f.state == "error"} == {"wrong_rate", "gaps", "wrong_gravity"}
     gaps = report.find("gaps")
     assert gaps is not None
     assert (gaps.values["gaps"], gaps.values["missing"]) == (1, 7)
-    assert [f.id for f in report.findings if f.state == "look"] == ["self_test_failed"]
+    assert [f.id for f in report.findings if f.state == "warning"] == ["self_test_failed"]
 
 
 @pytest.mark.long
@@ -404,7 +404,7 @@ def test_serial_number_that_does_not_match_the_product_is_reported(tmp_path: Pat
         report = check_imu_link(no_progress, order(product, imu={"port": port}))
     unlike = report.find("serial_unlike")
     assert unlike is not None
-    assert unlike.state == "look"
+    assert unlike.state == "warning"
     assert unlike.values == {"serial": "SN-000042", "pattern": "X.*"}
 
 

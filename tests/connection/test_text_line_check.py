@@ -130,4 +130,4 @@ def product(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_link_test_of_a_text_unit_names_the_incorrect_entry(product: Path, begins: str, expected: str) -> None:
     with terminal(silent, lambda: line(begins=begins)) as port:
         report = check_imu_link(ignore_progress, order(product, imu={"port": port}))
-    assert [f.id for f in report.findings if f.state == "wrong"] == [expected]
+    assert [f.id for f in report.findings if f.state == "error"] == [expected]

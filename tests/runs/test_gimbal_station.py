@@ -227,7 +227,7 @@ def test_link_test_shows_joint_angles_and_watchdog(site: GimbalSite) -> None:
     report = check_table_link(no_progress, LinkTestRequest(station, site.product))
     found = {f.id: f.state for f in report.findings}
     assert found["identified"] == found["watchdog"] == "ok"
-    assert found["joints"] == "told"
+    assert found["joints"] == "info"
 
 
 def test_preview_gives_the_longest_duration_but_no_sigmas(site: GimbalSite) -> None:

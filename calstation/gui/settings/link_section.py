@@ -225,7 +225,7 @@ class LinkSection(Section):
 
 
 #: Symbols for the states of a finding and of the whole test.
-_KINDS = {"ok": "good", "told": "none", "look": "caution", "wrong": "bad", "failed": "bad"}
+_KINDS = {"ok": "good", "info": "none", "warning": "caution", "error": "bad", "failed": "bad"}
 #: Findings after which a reset of the table is offered.
 _LATCHED = ("fault", "fault_untold")
 
