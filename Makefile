@@ -5,7 +5,7 @@ VENV := .venv
 # Without compiled files every process of a test would compile its modules again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test rehearse exhaustive check docs benchmarks study fuzz translations fonts clean
+.PHONY: run test rehearse exhaustive check docs benchmarks study fuzz fonts clean
 
 run: $(VENV)/installed
 	$(VENV)/bin/calstation
@@ -37,24 +37,6 @@ study: $(VENV)/installed
 
 fuzz: $(VENV)/installed-dev
 	mkdir -p .fuzz && cd .fuzz && mkdir -p corpus && ../$(VENV)/bin/python ../tests/fuzz/harness.py -max_total_time=600 corpus
-
-# The window's words: one file per page folder, and window for what lies beside them. New ones appear unfinished.
-GUI := calstation/gui
-translations: $(VENV)/installed-dev
-	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/operator/*.py $(GUI)/operator/live/*.py \
-		$(GUI)/operator/production/*.py $(GUI)/operator/units/*.py \
-		-ts $(GUI)/translations/operator_zh_CN.ts
-	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/engineer/*.py $(GUI)/engineer/designer/*.py \
-		-ts $(GUI)/translations/engineer_zh_CN.ts
-	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/history/*.py -ts $(GUI)/translations/history_zh_CN.ts
-	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/logs/*.py -ts $(GUI)/translations/offline_zh_CN.ts
-	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/logs/methods/*.py -ts $(GUI)/translations/methods_zh_CN.ts
-	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/quality/*.py -ts $(GUI)/translations/quality_zh_CN.ts
-	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/settings/*.py \
-		-ts $(GUI)/translations/station_page_zh_CN.ts
-	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/shell/*.py $(GUI)/text/*.py $(GUI)/widgets/*.py \
-		-ts $(GUI)/translations/window_zh_CN.ts
-	for words in $(GUI)/translations/*.ts; do $(VENV)/bin/pyside6-lrelease $$words || exit 1; done
 
 # The font of window and documents, from Debian packages that apt-get downloads.
 fonts: $(VENV)/installed-dev

@@ -30,7 +30,7 @@ from calstation.config import access, library, versions
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.text import language
-from calstation.gui.text.messages import show
+from calstation.gui.text.messages import say
 from calstation.messages.rendering import Text
 from calstation.records import audit_path, read_audit
 from calstation.records.log import open_log
@@ -715,9 +715,9 @@ def test_guard_band_shows_acceptance_limits_and_risk_of_wrong_decisions(engineer
 
 def test_schedule_beyond_the_travel_is_explained_in_both_languages(qapp: QApplication) -> None:
     refusal = Text.of("plan.turns_exceed_travel", turns=7, needed_deg=2520, axis="outer", travel_deg=2160.0)
-    assert show(refusal).endswith("Lower turns in the schedule of rate.")
+    assert say(refusal).endswith("Lower turns in the schedule of rate.")
     language.use("zh_CN")
     try:
-        assert show(refusal).startswith("转 7 整圈需要外框 2520° 的行程，实际只有 2160°。")
+        assert say(refusal).startswith("转 7 整圈需要外框 2520° 的行程，实际只有 2160°。")
     finally:
         language.use("en")

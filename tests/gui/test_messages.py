@@ -7,13 +7,7 @@ from PySide6.QtWidgets import QApplication
 
 from calstation.errors import DeviceFaultError
 from calstation.gui.text import language
-from calstation.gui.text.messages import (
-    duration_text,
-    event_sentence,
-    fault_text,
-    step_sentence,
-    term,
-)
+from calstation.gui.text.messages import duration_text, fault_text, say, step_sentence, term
 from calstation.sequencer.events import Fault
 
 
@@ -26,17 +20,17 @@ def english(qapp: QApplication) -> Iterator[None]:
 def test_error_shows_source_reason_and_remedy_in_both_languages() -> None:
     fault = Fault.of(DeviceFaultError("program.internal", detail="KeyError: 3"))
     text = fault_text(fault)
-    assert (text.source, text.where) == ("program", "Program")
-    assert text.reason == "Internal error: KeyError: 3."
+    assert text.source == "Program"
+    assert text.text == "Internal error: KeyError: 3."
     assert text.remedy.startswith("Start the run again.")
     language.use("zh_CN")
     text = fault_text(fault)
-    assert (text.source, text.where) == ("program", "程序")
-    assert text.reason == "程序内部错误：KeyError: 3。"
+    assert text.source == "程序"
+    assert text.text == "程序内部错误：KeyError: 3。"
 
 
 def test_fault_without_a_code_is_shown_unchanged() -> None:
-    assert fault_text(Fault("internal", "free text", 3)).reason == "free text"
+    assert fault_text(Fault("internal", "free text", 3)).text == "free text"
 
 
 def test_steps_events_and_terms_follow_the_language() -> None:
@@ -46,7 +40,7 @@ def test_steps_events_and_terms_follow_the_language() -> None:
     language.use("zh_CN")
     assert step_sentence(*rest) == "绕 x 轴转动 90°  ·  静止采集"
     assert term("stage", "six_position") == "六位置"
-    assert event_sentence("step_repeated", {"reason": "gap", "attempt": 2}) == "重做这一步（丢数），第 2 次。"
+    assert say("event.step_repeated", reason="gap", attempt=2) == "重做这一步（丢数），第 2 次。"
 
 
 def test_duration_shows_hours_only_if_needed() -> None:

@@ -15,7 +15,7 @@ from calstation.gui.engineer.schedule_form import _number as schedule_number
 from calstation.gui.quality.yield_view import DayAxis
 from calstation.gui.settings.fields import NumberEdit, VectorEdit
 from calstation.gui.text import language, parameter_text, product_text
-from calstation.gui.text.messages import show
+from calstation.gui.text.messages import say
 from calstation.gui.widgets import Column, ParameterModel, ParameterTable, ThemedPlot
 from calstation.messages import Text, sentence
 from calstation.physics import EFFECT_PARAMETERS, PAIR_PARAMETERS, PARAMETERS
@@ -79,7 +79,7 @@ def test_axis_labels_have_minus_signs(qtbot: QtBot) -> None:
 
 def test_sentences_have_minus_signs_only_in_the_window(qapp: QApplication) -> None:
     turn = Text.of("step.position", outer=-90.0, inner=0.0)
-    assert "−90" in show(turn)
+    assert "−90" in say(turn)
     assert "-90" in sentence(turn)
 
 

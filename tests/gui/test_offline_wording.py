@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QApplication
 
 from calstation.errors import InputError
 from calstation.gui.text import language
-from calstation.gui.text.messages import error_text
+from calstation.gui.text.messages import say
 from calstation.results.resolving import resolve
 from tests.cli.conftest import HEADER, six_position_rows, write_log
 
@@ -82,7 +82,7 @@ def error_of(make: Maker, folder: Path) -> str:
     path, stages, first, last = make(folder)
     with pytest.raises(InputError) as error:
         resolve(path, stages, first, last)
-    return error_text(error.value).sentences
+    return say(error.value.as_text)
 
 
 @pytest.mark.parametrize("make", WRONG.values(), ids=WRONG)

@@ -1,14 +1,11 @@
 """Translations, advice, plots and labels of the operator page, without a window."""
 
-import string
-import xml.etree.ElementTree as ElementTree
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QTranslator
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
@@ -26,35 +23,6 @@ from tests.gui.conftest import result_with
 from tests.gui.plot_mouse import double_click, pixel, turn_wheel
 
 PACKAGE = Path(calstation.__file__).parent
-
-
-@pytest.mark.parametrize("path", sorted((PACKAGE / "gui" / "translations").glob("*.ts")), ids=lambda p: p.stem)
-def test_every_text_is_translated_with_its_placeholders(path: Path) -> None:
-    for message in ElementTree.parse(path).getroot().iter("message"):
-        source, translation = message.find("source"), message.find("translation")
-        assert source is not None
-        assert translation is not None
-        assert translation.get("type") is None, source.text
-        assert translation.text, source.text
-        assert _fields(translation.text) <= _fields(source.text or ""), source.text
-
-
-@pytest.mark.parametrize("path", sorted((PACKAGE / "gui" / "translations").glob("*.ts")), ids=lambda p: p.stem)
-def test_compiled_translations_match_the_translation_file(path: Path, qapp: QApplication) -> None:
-    compiled = QTranslator()
-    assert compiled.load(str(path.with_suffix(".qm")))
-    for context in ElementTree.parse(path).getroot().iter("context"):
-        for message in context.iter("message"):
-            source, chinese = message.findtext("source", ""), message.findtext("translation")
-            found = compiled.translate(context.findtext("name", ""), source, message.findtext("comment", ""))
-            assert found == chinese, f"{source}: make translations"
-
-
-def _fields(text: str) -> set[str]:
-    try:
-        return {name for _, name, _, _ in string.Formatter().parse(text) if name}
-    except ValueError:
-        return set()
 
 
 def check(name: str, value: float, limit: Any, *, passed: bool) -> dict[str, Any]:

@@ -9,8 +9,9 @@ from PySide6.QtWidgets import QCheckBox, QFrame, QLabel, QToolButton, QVBoxLayou
 
 from calstation.config import ScheduleOptions
 from calstation.gui.engineer.schedule_form import ScheduleForm
-from calstation.gui.text import bind, on_language_change, term
+from calstation.gui.text import bind, on_language_change, say, term
 from calstation.gui.widgets import button, clear, column, enable, label, row, scroll_area, show_text, theme
+from calstation.messages import Text
 
 #: Stages of each part of the calibration, by the suffix of its check box's object name.
 PARTS = {"scale_factors": ("rate", "six_position"), "installation": ("excitation",), "biases": ("azimuth_flip",)}
@@ -32,8 +33,8 @@ class ChoicePanel(QFrame):
         self.parts = Parts()
         self._heading, self._lock_label = label(kind="section"), label(kind="muted", wrap=True)
         self._unlock_button = button("unlock_schedule_button", pressed=self.unlock_wanted)
-        self._reset_button = button("reset_schedule_button", lambda: self.tr("Reset"), lambda: self.form.reset())
-        self._save_button = button("save_product_button", lambda: self.tr("Save to product"), self.save_wanted)
+        self._reset_button = button("reset_schedule_button", "engineer.reset", lambda: self.form.reset())
+        self._save_button = button("save_product_button", "engineer.save_to_product", self.save_wanted)
         self._reason = label(kind="muted", name="save_reason_label", wrap=True)
         content = QWidget()
         self._form_box = column(on=content, spacing=0, margins=(0, 0, theme.GRID // 2, 0))
@@ -96,15 +97,14 @@ class ChoicePanel(QFrame):
         self._unlock_button.setVisible(bool(role))
         for each in (self._reset_button, self._save_button):
             each.setVisible(not role)
-        enable(self._reset_button, busy or role, self.tr("Back to the product's values of this stage"))
+        enable(self._reset_button, busy or role, say("engineer.back_to_product_values"))
         enable(self._save_button, busy or role or save)
         show_text(self._reason, "" if role else busy or save)
 
     def _show_texts(self) -> None:
-        enter = self.tr("Enter the engineer's PIN")
-        self._unlock_button.setText(self.tr("Set the engineer's PIN") if self._new_pin else enter)
+        self._unlock_button.setText(say("engineer.set_pin" if self._new_pin else "engineer.enter_pin"))
         stage = self.parts.current
-        self._heading.setText(self.tr("Schedule: {0}").format(term("stage", stage)) if stage else "")
+        self._heading.setText(say("engineer.schedule_of", stage=stage) if stage else "")
 
     def _show_form(self, stage: str) -> None:
         for name, form in self._forms.items():
@@ -124,9 +124,9 @@ class Parts(QWidget):
         self._rows: list[_StageRow] = []
         self.current = ""
         self._parts = {name: QCheckBox() for name in PARTS}
-        bind(self._parts["scale_factors"], lambda: self.tr("Scale factors"))
-        bind(self._parts["installation"], lambda: self.tr("Installation matrix and lever arms"))
-        bind(self._parts["biases"], lambda: self.tr("Biases"))
+        bind(self._parts["scale_factors"], "engineer.scale_factors")
+        bind(self._parts["installation"], "engineer.installation_and_lever_arms")
+        bind(self._parts["biases"], "engineer.biases")
         for name, check in self._parts.items():
             check.setObjectName(f"part_check_{name}")
             check.setMinimumHeight(_ROW_HEIGHT)
@@ -134,12 +134,12 @@ class Parts(QWidget):
             check.clicked.connect(lambda _=False, part=name: self._choose_part(part))
         self._list: QVBoxLayout = column(spacing=0)
         column(
-            label(lambda: self.tr("What to calibrate"), "section"),
+            label("engineer.what_to_calibrate", "section"),
             *self._parts.values(),
             theme.GRID,
-            label(lambda: self.tr("or single stages, in this order:"), "muted"),
+            label("engineer.single_stages", "muted"),
             self._list,
-            label(lambda: self.tr("A choice of parts holds for one run."), "muted"),
+            label("engineer.parts_hold_once", "muted"),
             on=self,
             spacing=0,
         )
@@ -246,7 +246,6 @@ class _StageRow(QFrame):
         self.down = self._make_button("down", Qt.ArrowType.DownArrow, 1)
         margins = (theme.GRID, 0, 0, 0)
         row(self.number, (self.check, 1), self.up, self.down, on=self, spacing=theme.GRID // 2, margins=margins)
-        on_language_change(self, self._show_texts)
 
     def _make_button(self, name: str, arrow: Qt.ArrowType, by: int) -> QToolButton:
         made = QToolButton()
@@ -255,10 +254,6 @@ class _StageRow(QFrame):
         made.setAutoRaise(True)
         made.setFixedSize(_ROW_HEIGHT, _ROW_HEIGHT)
         made.clicked.connect(lambda: self.moved.emit(self, by))
+        for show in (made.setToolTip, made.setAccessibleName):
+            bind(show, Text.of(f"engineer.move_{name}", stage=self.stage))
         return made
-
-    def _show_texts(self) -> None:
-        texts = (self.tr("Move {0} one up"), self.tr("Move {0} one down"))
-        for each, text in zip((self.up, self.down), texts, strict=True):
-            each.setToolTip(text.format(term("stage", self.stage)))
-            each.setAccessibleName(each.toolTip())

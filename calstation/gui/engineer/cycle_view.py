@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
-from calstation.gui.text import bind, term
+from calstation.gui.text import bind, say, term
 from calstation.gui.widgets import clear, column, grid, label, row, theme
 from calstation.results import Result
 
@@ -68,14 +68,14 @@ class CycleView(QWidget):
         self._bar, self._others_bar = CycleBar(), CycleBar()
         for bar, name in ((self._bar, "cycle_bar"), (self._others_bar, "cycle_others_bar")):
             bar.setObjectName(name)
-        bind(self._bar.setAccessibleName, lambda: self.tr("Phases of the cycle, to scale"))
-        bind(self._others_bar.setAccessibleName, lambda: self.tr("Phases except the stages, to scale"))
+        bind(self._bar.setAccessibleName, "engineer.phases_to_scale")
+        bind(self._others_bar.setAccessibleName, "engineer.phases_except_stages")
         self._legend = grid(across=2 * theme.GRID, down=theme.GRID // 2)
         column(
             self.total_label,
             self._bar,
             theme.GRID,
-            label(lambda: self.tr("Everything except the stages")),
+            label("engineer.except_stages"),
             self._others_bar,
             theme.GRID,
             row(self._legend, None),
@@ -107,14 +107,14 @@ class CycleView(QWidget):
         self._others_bar.show_segments([(seconds, colours[part]) for part, seconds in segments if part in others])
         total = sum(durations.values())
         in_stages = sum(durations[part] for part in stages)
-        self.total_label.setText(self.tr("Cycle: {0:.1f} s").format(total))
+        self.total_label.setText(say("engineer.cycle_time", seconds=total))
         clear(self._legend)
         rows = [(term("stage", part[1]), durations[part], colours[part]) for part in stages]
         rows += [(term("cycle", part[0]), durations[part], colours[part]) for part in others]
         for name, seconds, colour in rows:
             self._add_row(name, seconds, total, colour)
-        self._add_row(self.tr("All stages"), in_stages, total)
-        self._add_row(self.tr("Everything else"), total - in_stages, total)
+        self._add_row(say("engineer.all_stages"), in_stages, total)
+        self._add_row(say("engineer.everything_else"), total - in_stages, total)
 
     def _add_row(self, name: str, seconds: float, total: float, colour: QColor | None = None) -> None:
         """Add a row to the legend; a sum, which has no colour, is shown in bold."""

@@ -44,17 +44,17 @@ class InnovationsView(StackedPlots[Diagnostics]):
         super().__init__(3, 7 * theme.GRID)
         self._stage_combo = StageCombo("innovation_stage_combo")
         self._stage_combo.currentIndexChanged.connect(self.refresh)
-        caption = label(lambda: self.tr("Stage"), buddy=self._stage_combo)
+        caption = label("engineer.stage", buddy=self._stage_combo)
         self._beyond = label()
         self._nis = table = CellTable("nis_table")
         table.verticalHeader().hide()
         table.parameters.set_columns(
             (
-                Column(lambda: self.tr("Stage"), partial(term, "stage"), number=False),
-                table.column(lambda: self.tr("Mean NIS"), "mean"),
-                table.column(lambda: self.tr("Expected"), "band"),
+                Column("engineer.stage", partial(term, "stage"), number=False),
+                table.column("engineer.mean_nis", "mean"),
+                table.column("engineer.expected_band", "band"),
                 Column(
-                    lambda: self.tr("Verdict"),
+                    "common.verdict",
                     lambda name: say(f"engineer.nis_{table.cells[name]['verdict']}"),
                     number=False,
                     state=lambda name: table.cells[name]["state"],
@@ -104,20 +104,20 @@ class InnovationsView(StackedPlots[Diagnostics]):
             reach = max(_MIN_HALF_RANGE, float(np.nan_to_num(np.abs(values)).max(initial=0.0)) * 1.05)
             plot.setYRange(-reach, reach, padding=0.0)
             plot.setLabel("left", name)
-        self.plots[2].setLabel("bottom", self.tr("time in the stage, min"))
+        self.plots[2].setLabel("bottom", say("engineer.axis_time_in_stage"))
         self.plots[0].setXRange(0.0, max(float(minutes.max(initial=0.0)), 1e-3), padding=0.02)
         tested = np.abs(innovations.normalised[np.isfinite(innovations.normalised)])
         if not len(tested):
             self._beyond.setText(say("engineer.nis_untested"))
             return
         share, count = 100.0 * float(np.mean(tested > _BOUND)), len(innovations.seq)
-        self._beyond.setText(self.tr("{0} observations, {1:.2f} % beyond ±3 σ (0.27 % expected)").format(count, share))
+        self._beyond.setText(say("engineer.observations", count=count, percent=share))
 
     def _components(self, stage: StageDiagnostics) -> tuple[str, str, str]:
         """Return the names of the components: velocity in the level frame, or along the unit's axes."""
         if stage.details.get("turns") or stage.details.get("positions"):
             return "x, σ", "y, σ", "z, σ"
-        return self.tr("east, σ"), self.tr("north, σ"), self.tr("up, σ")
+        return say("engineer.east_sigma"), say("engineer.north_sigma"), say("engineer.up_sigma")
 
 
 def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
@@ -176,13 +176,13 @@ class ResidualsView(StackedPlots[Diagnostics]):
             begin += len(stage.rests)
         self.add_bands(bands)
         self._rows = _placed(stages)
-        self.plots[0].setLabel("left", self.tr("test, σ"))
+        self.plots[0].setLabel("left", say("engineer.test_sigma"))
         self._draw_tests(self.plots[0])
-        titles = (self.tr("gravity, µg"), self.tr("vertical, °/h"), self.tr("horizontal, °/h"))
+        titles = (say("engineer.gravity_ug"), say("engineer.vertical_rate"), say("engineer.horizontal_rate"))
         for plot, title, (values, sigmas) in zip(self.plots[1:], titles, _columns(stages), strict=True):
             plot.setLabel("left", title)
             self._draw_column(plot, values, sigmas)
-        self.plots[-1].setLabel("bottom", self.tr("rest, by the axis that is up"))
+        self.plots[-1].setLabel("bottom", say("engineer.axis_rest"))
         self.plots[0].setXRange(-0.5, max(len(self._rests) - 0.5, 0.5), padding=0.01)
         self._name_ticks()
 

@@ -4,7 +4,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QLabel, QLineEdit, QVBoxLayout, QWidget
 
 from calstation.gui.state import EndStageButton, RunStatus, RunStrip
-from calstation.gui.text import bind, on_language_change
+from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import button, column, label, row, theme
 
 
@@ -20,14 +20,14 @@ class EngineerHeader(QWidget):
         self._next = False
         self._serial_caption = label(self._serial_text, buddy=self.serial_edit)
         serial = self._captioned(self.serial_edit, "engineer_serial_edit", self._serial_caption)
-        name = label(lambda: self.tr("Your name"), buddy=self.engineer_edit)
+        name = label("engineer.your_name", buddy=self.engineer_edit)
         engineer = self._captioned(self.engineer_edit, "engineer_name_edit", name)
         self.serial_edit.setFixedWidth(24 * theme.GRID)
         self.serial_edit.setMaxLength(80)
-        bind(self.serial_edit.setPlaceholderText, lambda: self.tr("scan or type"))
+        bind(self.serial_edit.setPlaceholderText, "engineer.scan_or_type")
         self.engineer_edit.setFixedWidth(25 * theme.GRID)
         self.engineer_edit.setMaxLength(40)
-        bind(self.engineer_edit.setPlaceholderText, lambda: self.tr("your name, for the record"))
+        bind(self.engineer_edit.setPlaceholderText, "engineer.name_tip")
         self._partial = False
         self.start_button = button("engineer_start_button", pressed=self.start_pressed, kind="primary")
         self.start_button.setFixedHeight(theme.BIG_BUTTON)
@@ -55,7 +55,7 @@ class EngineerHeader(QWidget):
         return self.engineer_edit.text().strip()
 
     def _show_start(self) -> None:
-        self.start_button.setText(self.tr("START PARTIAL") if self._partial else self.tr("START"))
+        self.start_button.setText(say("common.start_partial" if self._partial else "engineer.start"))
 
     def show_next(self, following: bool) -> None:
         """Show whether the serial number belongs to the next unit instead of the one whose verdict is shown."""
@@ -64,7 +64,7 @@ class EngineerHeader(QWidget):
             self._serial_caption.setText(self._serial_text())
 
     def _serial_text(self) -> str:
-        return self.tr("Serial number: next unit") if self._next else self.tr("Serial number")
+        return say("engineer.next_serial" if self._next else "common.serial_number")
 
     def _captioned(self, edit: QLineEdit, name: str, caption: QLabel) -> QVBoxLayout:
         edit.setObjectName(name)

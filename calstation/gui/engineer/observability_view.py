@@ -12,8 +12,9 @@ from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter
 from PySide6.QtWidgets import QToolTip, QWidget
 
 from calstation.gui.engineer.stage_combo import StageCombo
-from calstation.gui.text import say, short_step, step_sentence, term
+from calstation.gui.text import say, step_sentence, term
 from calstation.gui.widgets import EmptyState, ThemedPlot, column, label, row, scroll_area, theme
+from calstation.messages import known, short_step_text
 from calstation.physics import OBSERVABLE, FloatArray
 from calstation.sequencer import StageRanked
 
@@ -73,11 +74,11 @@ class ObservabilityView(QWidget):
         self._live: dict[str, StageRanked] = {}
         self._stage_combo = StageCombo("observability_stage_combo")
         self._stage_combo.currentIndexChanged.connect(self._show)
-        self._caption = label(lambda: self.tr("Stage"), buddy=self._stage_combo)
+        self._caption = label("engineer.stage", buddy=self._stage_combo)
         self._lost = label(name="unobservable_label", wrap=True)
         self.map = HeatMap()
         self._scroll = scroll_area(self.map)
-        self._empty = EmptyState()
+        self._empty = EmptyState(title="engineer.no_observability", text="engineer.about_no_observability")
         column(
             row(self._caption, self._stage_combo, 2 * theme.GRID, (self._lost, 1)),
             (self._scroll, 1),
@@ -85,7 +86,7 @@ class ObservabilityView(QWidget):
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
-        theme.on_appearance_change(self, self._show_texts)
+        theme.on_appearance_change(self, self._show)
 
     def show_stages(self, stages: Mapping[str, Mapping[str, Any]], labels: Mapping[int, StepLabel] = {}) -> None:
         """Show the observability of stages from a result or a preview; `labels` names the moves by step."""
@@ -114,13 +115,6 @@ class ObservabilityView(QWidget):
         if self._stage_combo.stage == stage:
             self._show()
 
-    def _show_texts(self) -> None:
-        self._empty.say(
-            self.tr("No observability to show"),
-            self.tr("Only stages solved by the filter report it: the excitation and the azimuth flips."),
-        )
-        self._show()
-
     def _show(self) -> None:
         found = self._stages.get(self._stage_combo.stage)
         for widget in (self._scroll, self._caption, self._stage_combo, self._lost):
@@ -136,16 +130,14 @@ class ObservabilityView(QWidget):
             np.array([state["by_step"] for state in states.values()], dtype=np.float64),
             self._labels,
         )
-        self.map.setLabel("top", self.tr("{0}: after step").format(term("stage", self._stage_combo.stage)))
+        self.map.setLabel("top", say("engineer.after_step", stage=self._stage_combo.stage))
         lost = [self.map.state_name(name) for name, state in states.items() if state["step"] is None]
         if (ranked := self._live.get(self._stage_combo.stage)) is not None:
-            key = "observed_so_far" if lost else "observed_all"
-            self._lost.setText(say(f"engineer.{key}", step=ranked.step, rank=ranked.rank, lost=lost))
+            code = "engineer.observed_so_far" if lost else "engineer.observed_all"
+            self._lost.setText(say(code, step=ranked.step, rank=ranked.rank, lost=lost))
             return
         self._lost.setText(
-            self.tr("Not determined by this stage: {0}").format(", ".join(lost))
-            if lost
-            else self.tr("Every state is determined by this stage.")
+            say("engineer.not_determined", states=", ".join(lost)) if lost else say("engineer.all_determined")
         )
 
 
@@ -194,9 +186,9 @@ class HeatMap(ThemedPlot):
         lines, columns = np.nonzero(lost)
         self._dots.setData(columns + 0.5, lines + 0.5, brush=theme.colours().muted)
         self.getAxis("left").setTicks([[(k + 0.5, self.state_name(name)) for k, name in enumerate(names)]])
-        short = {step: f"  {short_step(labels[step])}" if step in labels else "" for step in steps}
+        short = {step: f"  {say(short_step_text(labels[step]))}" if step in labels else "" for step in steps}
         self._axis.set_names([f"{step}{short[step]}" for step in steps])
-        self._scale.setLabel(self.tr("prior σ / σ after the step, ×"))
+        self._scale.setLabel(say("engineer.sigma_ratio"))
         for axis in (self._axis, self._scale):
             axis.setPen(QColor(theme.colours().line))
             axis.setTextPen(QColor(theme.colours().text))
@@ -220,17 +212,15 @@ class HeatMap(ThemedPlot):
         number = self._steps[step]
         move = ""
         if number in self._labels:
-            move = self.tr("Step {0}: {1}").format(number, step_sentence("move", self._labels[number]))
+            move = say("engineer.step", number=number, move=step_sentence("move", self._labels[number]))
         if self._axis.sceneBoundingRect().contains(scene):
             return move
         if not 0 <= line < len(self._names):
             return ""
         strength = float(self._strength[line, step])
-        if strength <= _OBSERVED:
-            text = self.tr("{0} after step {1}: not better known than before")
-        else:
-            text = self.tr("{0} after step {1}: {2:.3g} times better known than before the stage")
-        return "\n".join(filter(None, (text.format(self.state_name(self._names[line]), number, strength), move)))
+        code = "engineer.state_not_better" if strength <= _OBSERVED else "engineer.state_better"
+        text = say(code, state=self.state_name(self._names[line]), step=number, times=strength)
+        return "\n".join(filter(None, (text, move)))
 
     def viewportEvent(self, event: QEvent) -> bool:
         """Show the description of a cell or step as the tooltip."""
@@ -242,6 +232,6 @@ class HeatMap(ThemedPlot):
     def state_name(self, state: str) -> str:
         """Return the group and component of a state, such as "gyro bias x"."""
         group, _, component = state.rpartition("_")
-        errors = {"attitude_error": self.tr("attitude"), "velocity_error": self.tr("velocity")}
-        directions = {"east": self.tr("east"), "north": self.tr("north"), "up": self.tr("up")}
-        return f"{errors.get(group) or term('group', group)} {directions.get(component, component)}"
+        error, direction = f"engineer.error_{group.removesuffix('_error')}", f"engineer.direction_{component}"
+        name = say(error) if known(error) else term("group", group)
+        return f"{name} {say(direction) if known(direction) else component}"

@@ -19,7 +19,7 @@ from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.registers_view import UNNAMED, RegistersView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
 from calstation.gui.state import AppContext, Page
-from calstation.gui.text import error_text, event_sentence, on_language_change, product_text, say
+from calstation.gui.text import on_language_change, product_text, say
 from calstation.gui.widgets import (
     Choice,
     ElidedLabel,
@@ -33,6 +33,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
+from calstation.messages import Text, event_text
 from calstation.results import FinishedRun
 from calstation.runs import resumable_run
 from calstation.sequencer import Event, Verdict
@@ -67,18 +68,15 @@ class EngineerPage(Page):
         self._read_options()
 
     def _lay_out(self) -> None:
-        self._tabs = ViewTabs("engineer_views")
+        self._tabs = ViewTabs(
+            "engineer_views",
+            *("engineer.preview", "common.parameters", "engineer.innovations", "common.residuals"),
+            *("engineer.observability", "engineer.register_view", "common.cycle", "engineer.design"),
+        )
         self._views = stack(self.preview, *self.analysis.views, self.registers, self.analysis.cycle, self.design)
-        for _ in range(self._views.count()):
-            self._tabs.addTab("")
         self._source = ElidedLabel("muted")
         self._source.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        open_button = button(
-            "open_result_button",
-            lambda: self.tr("Open"),
-            self._ask_file,
-            tip=lambda: self.tr("Show an earlier result or log"),
-        )
+        open_button = button("open_result_button", "common.open", self._ask_file, tip="engineer.open_tip")
         self.choice.setFixedWidth(_LEFT)
         right = column(row(self._tabs, (self._source, 1), open_button), self.notice, (self._views, 1))
         wide = 2 * theme.GRID
@@ -95,9 +93,7 @@ class EngineerPage(Page):
         self.analysis.changed.connect(lambda: self._source.setText(self.analysis.source()))
         self.analysis.loaded.connect(self._loaded)
         self.analysis.failed.connect(self._not_loaded)
-        self.notice.report_failures(
-            self.analysis.adding, lambda: self.tr("The log could not be solved again"), self.analysis.result.setFocus
-        )
+        self.notice.report_failures(self.analysis.adding, "engineer.log_not_solved", self.analysis.result.setFocus)
         self.registers.changed.connect(self._update)
         self._tabs.currentChanged.connect(self._show_view)
         app.engine_link.event.connect(self._follow)
@@ -112,10 +108,6 @@ class EngineerPage(Page):
         app.open_run.connect(self.analysis.open)
 
     def _show_texts(self) -> None:
-        titles = [self.tr("Preview"), self.tr("Parameters"), self.tr("Innovations"), self.tr("Residuals")]
-        titles += [self.tr("Observability"), self.tr("Registers"), self.tr("Cycle"), self.tr("Design")]
-        for index, title in enumerate(titles):
-            self._tabs.setTabText(index, title)
         self._source.setText(self.analysis.source())
         self._update()
 
@@ -187,7 +179,7 @@ class EngineerPage(Page):
                 self.choice.parts.offer(found.offered, found.stages)
             for name, values in self.app.run.unit.remarks:
                 if name in ("certificate_waits", "certificate_not_made", "table_moved"):
-                    self.notice.ask("caution", partial(event_sentence, name, values), str)
+                    self.notice.ask("caution", event_text(name, values), "")
         self._update()
 
     def _drop_question(self) -> None:
@@ -221,12 +213,12 @@ class EngineerPage(Page):
         assert self._options is not None
         product, stage = self._options.name, self.choice.form.stage
         save = partial(self._save, self._options.product, {stage: self.choice.form.departures})
-        confirm = Choice("confirm_save_button", lambda: self.tr("Save to product"), save, primary=True)
+        confirm = Choice("confirm_save_button", "engineer.save_to_product", save, primary=True)
         self.notice.ask(
             "caution",
             lambda: say("engineer.ask_save", stage=stage, product=product_text(product)),
-            lambda: say("engineer.about_save", engineer=self._header.engineer),
-            (Choice("cancel_save_button", lambda: self.tr("Cancel"), lambda: None), confirm),
+            Text.of("engineer.about_save", engineer=self._header.engineer),
+            (Choice("cancel_save_button", "common.cancel", lambda: None), confirm),
         )
 
     def _save(self, product: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
@@ -247,7 +239,7 @@ class EngineerPage(Page):
             self.app.set_product(path)
 
     def _not_saved(self, error: CalstationError) -> None:
-        self.notice.ask("bad", lambda: self.tr("The product was not saved"), lambda: error_text(error).sentences)
+        self.notice.ask("bad", "engineer.product_not_saved", error.as_text)
         self._update()
 
     # ---- START
@@ -264,11 +256,11 @@ class EngineerPage(Page):
         self.notice.ask(
             "paused",
             lambda: say("engineer.interrupted", **unit),
-            lambda: say("engineer.ask_resume"),
+            "engineer.ask_resume",
             (
-                Choice("resume_choice", lambda: self.tr("Resume"), lambda: self.app.resume_run.emit(log), primary=True),
-                Choice("anew_choice", lambda: self.tr("Begin again"), self._start_anew),
-                Choice("cancel_choice", lambda: self.tr("Cancel"), lambda: None),
+                Choice("resume_choice", "common.resume", lambda: self.app.resume_run.emit(log), primary=True),
+                Choice("anew_choice", "engineer.begin_again", self._start_anew),
+                Choice("cancel_choice", "common.cancel", lambda: None),
             ),
         )
 
@@ -281,11 +273,11 @@ class EngineerPage(Page):
         station = self._options.station
         self.notice.ask(
             "caution",
-            lambda: say("engineer.table_moves", station=station),
-            lambda: say("engineer.ask_clear"),
+            Text.of("engineer.table_moves", station=station),
+            "engineer.ask_clear",
             (
-                Choice("clear_choice", lambda: self.tr("All clear, start"), self._run),
-                Choice("cancel_choice", lambda: self.tr("Cancel"), lambda: None, primary=True),
+                Choice("clear_choice", "engineer.all_clear", self._run),
+                Choice("cancel_choice", "common.cancel", lambda: None, primary=True),
             ),
         )
 
@@ -294,7 +286,7 @@ class EngineerPage(Page):
         if self.app.badge_required:
             self._update()
         elif self.app.job_queue.at_device:
-            self.notice.ask("caution", lambda: say("engineer.communicating"), lambda: say("engineer.start_again"))
+            self.notice.ask("caution", "engineer.communicating", "engineer.start_again")
         else:
             self.app.engine_link.start(request if badge is None else replace(request, operator=badge))
 
@@ -317,8 +309,8 @@ class EngineerPage(Page):
     # ---- finished run
 
     def _ask_file(self) -> None:
-        dialog = QFileDialog(self, self.tr("Open a result or a log"), str(self.app.runs_folder))
-        dialog.setNameFilters([self.tr("Results and logs (*.json *.h5 *.csv *.csv.gz)"), self.tr("All files (*)")])
+        dialog = QFileDialog(self, say("engineer.open_result_or_log"), str(self.app.runs_folder))
+        dialog.setNameFilters([say("engineer.results_and_logs"), say("common.all_files")])
         dialog.fileSelected.connect(lambda name: self.analysis.open(Path(name)))
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         dialog.open()
@@ -331,7 +323,7 @@ class EngineerPage(Page):
         self._update()
 
     def _not_loaded(self, error: CalstationError) -> None:
-        self.notice.ask("bad", lambda: self.tr("This file cannot be opened"), lambda: error_text(error).sentences)
+        self.notice.ask("bad", "engineer.file_not_opened", error.as_text)
 
     def _show_view(self, index: int) -> None:
         self._views.setCurrentIndex(index)
@@ -363,7 +355,7 @@ class EngineerPage(Page):
 
     def _why_no_options(self) -> str:
         if self._problem is not None:
-            return error_text(self._problem).sentences
+            return say(self._problem.as_text)
         if self._options is not None and not self._options.offered:
             return say("engineer.no_stage_offered")
         return ""

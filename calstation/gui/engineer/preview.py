@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QWidget
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext
-from calstation.gui.text import duration_text, error_text, on_language_change, say, show, step_sentence, term
+from calstation.gui.text import duration_text, on_language_change, say, step_sentence, term
 from calstation.gui.widgets import (
     Band,
     CellTable,
@@ -51,7 +51,7 @@ class PreviewView(QWidget):
         self._error: CalstationError | None = None
         self.watch = JobWatch(self, self._done, self._show_error, self._refresh)
         self._job = JobRow(self.watch)
-        self.button = button("preview_button", lambda: self.tr("Preview"), self._start)
+        self.button = button("preview_button", "engineer.preview", self._start)
         self._badge = StateBadge()
         self._summary = label(name="preview_summary")
         self._problems = label(kind="error", name="preview_violations", wrap=True)
@@ -60,7 +60,7 @@ class PreviewView(QWidget):
         self._plot = MotionPlot()
         self._plot.setMinimumHeight(22 * theme.GRID)
         self._table = CellTable("preview_table", grouped=True)
-        self._empty = EmptyState()
+        self._empty = EmptyState(title="engineer.preview_empty", text="engineer.preview_about")
         self._stack = stack(self._empty, split((self._plot, 2), (self._table, 3), along=Qt.Orientation.Vertical))
         column(
             row(self._badge, (self._summary, 1), (self._job, 1), self.button, spacing=2 * theme.GRID),
@@ -70,7 +70,7 @@ class PreviewView(QWidget):
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
-        on_language_change(self, self._show_texts)
+        on_language_change(self, self._refresh)
 
     def mark_outdated(self) -> None:
         """Mark the preview as outdated because the selection has changed."""
@@ -81,11 +81,6 @@ class PreviewView(QWidget):
         self._next_outdated = False
         self.watch.watch(self._app.job_queue.submit(compute_preview, self._request()))
         self._show_error(None)
-
-    def _show_texts(self) -> None:
-        self._empty.say(say("engineer.preview_empty"), say("engineer.preview_about"))
-        self._table.parameters.refresh()
-        self._refresh()
 
     def _done(self, preview: Preview) -> None:
         self.preview, self._outdated = preview, self._next_outdated
@@ -107,13 +102,13 @@ class PreviewView(QWidget):
         self.button.setVisible(not busy)
         self._summary.setVisible(not busy)
         self._badge.setVisible(not busy and preview is not None and not self._error)
-        problems = [error_text(self._error).sentences] if self._error else []
+        problems = [say(self._error.as_text)] if self._error else []
         summary = ends = ""
         if preview is not None:
             moves = sum(stage.moves for stage in preview.stages)
-            summary = self.tr("{0} in all, {1} moves").format(duration_text(preview.duration), moves)
+            summary = say("engineer.path_length", duration=duration_text(preview.duration), moves=moves)
             if self._outdated:
-                summary = self.tr("{0}; the choice has changed since, preview again").format(summary)
+                summary = say("engineer.choice_changed", length=summary)
                 self._badge.show_state("waiting", say("engineer.preview_outdated"))
             else:
                 problems += _problem_texts(preview)
@@ -133,16 +128,16 @@ class PreviewView(QWidget):
             )
             for number, stage in enumerate(preview.stages)
         ]
-        target = table.column(lambda: self.tr("σ target"), "target")
+        target = table.column("engineer.sigma_target", "target")
         return [
-            table.column(lambda: self.tr("Unit"), "unit", number=False),
-            table.column(lambda: self.tr("σ before"), "before"),
+            table.column("common.unit", "unit", number=False),
+            table.column("engineer.sigma_before", "before"),
             *stages,
-            table.column(lambda: self.tr("σ limit"), "limit"),
+            table.column("engineer.sigma_limit", "limit"),
             *([target] if preview.targets else []),
             Column(
-                lambda: self.tr("Expected"),
-                lambda name: term("engineer", table.cells[name]["verdict"]),
+                "engineer.expected",
+                lambda name: say(f"engineer.expected_{table.cells[name]['verdict']}"),
                 number=False,
                 state=lambda name: _STATES.get(table.cells[name]["verdict"]),
             ),
@@ -169,7 +164,7 @@ class MotionPlot(StackedPlots[Preview]):
         c, size = theme.colours(), time_unit(preview.duration)
         self.add_bands(self.bands(preview))
         angles = (preview.outer, preview.inner)
-        titles = (self.tr("outer, °"), self.tr("inner, °"))
+        titles = (say("engineer.outer_degrees"), say("engineer.inner_degrees"))
         for plot, title, angle, travel in zip(self.plots, titles, angles, preview.travel, strict=True):
             plot.setLabel("left", title)
             pen = pg.mkPen(c.accent, width=1)
@@ -179,7 +174,7 @@ class MotionPlot(StackedPlots[Preview]):
                     line = pg.InfiniteLine(np.rad2deg(end), 0, pen=dashed(c.bad))
                     self.add(plot, line, scaled=False)
             plot.enableAutoRange()
-        self.plots[1].setLabel("bottom", self.tr("time, s") if size == 1.0 else self.tr("time, min"))
+        self.plots[1].setLabel("bottom", say("engineer.axis_time_s" if size == 1.0 else "engineer.axis_time_min"))
         self.plots[0].setXRange(0.0, max(preview.duration / size, 1e-3), padding=0.01)
 
 
@@ -198,7 +193,7 @@ def _problem_texts(preview: Preview) -> list[str]:
     problems = [_violation_text(violation) for violation in preview.violations]
     for stage in preview.stages:
         if stage.error:
-            problems.append(f"{term('stage', stage.stage)}: {show(stage.error)}")
+            problems.append(f"{term('stage', stage.stage)}: {say(stage.error)}")
         if stage.reason == "" and not preview.violations:
             problems.append(say("engineer.too_few_rounds", stage=stage.stage, rounds=stage.rounds))
     return problems
@@ -216,7 +211,7 @@ def _end_texts(preview: Preview) -> list[str]:
 def _violation_text(violation: Violation) -> str:
     """Return the text of a violated limit with its step and the remedy."""
     if violation.kind == "plan":
-        return f"{term('stage', violation.stage)}: {show(violation.text)}"
+        return f"{term('stage', violation.stage)}: {say(violation.text)}"
     values = {"stage": violation.stage, "step": violation.step, "more": violation.more}
     code = "engineer.move_and_more" if violation.more else "engineer.move"
     value, low, high = (float(v) for v in np.rad2deg([violation.value, violation.low, violation.high]))
@@ -251,7 +246,7 @@ def _gain_text(preview: Preview, number: int, name: str) -> str:
     """Return a text that states by which factor a stage improves a parameter."""
     stage = preview.stages[number]
     if stage.sigma is None:
-        return "" if stage.error is None else show(stage.error)
+        return "" if stage.error is None else say(stage.error)
     before = preview.before if number == 0 else preview.stages[number - 1].sigma
     if name not in stage.estimated or before is None:
         return say("engineer.not_estimated")

@@ -22,15 +22,7 @@ from calstation.config import (
 from calstation.errors import CalstationError
 from calstation.gui.engineer.verdict import verdict_badge
 from calstation.gui.state import AppContext, PeoplePanel
-from calstation.gui.text import (
-    bind,
-    error_text,
-    event_sentence,
-    fault_text,
-    on_language_change,
-    say,
-    step_sentence,
-)
+from calstation.gui.text import Words, bind, fault_text, on_language_change, say, step_sentence
 from calstation.gui.widgets import (
     CellTable,
     Choice,
@@ -39,7 +31,6 @@ from calstation.gui.widgets import (
     JobWatch,
     NoticeBar,
     StateBadge,
-    Words,
     button,
     column,
     enable,
@@ -47,7 +38,7 @@ from calstation.gui.widgets import (
     row,
     theme,
 )
-from calstation.messages import local_time
+from calstation.messages import Text, event_text, local_time
 from calstation.physics import display
 from calstation.registers import Register, TargetRegisters, UnitRegisters, read_unit, wanted_registers
 from calstation.results import FinishedRun
@@ -82,35 +73,36 @@ class RegistersView(QWidget):
         self._old: dict[str, Register] = {}
         self._new: dict[str, Register] = {}
         self._why_not = ""
-        self._error: Words | None = None
-        self._progress: Words | None = None
+        self._error: Words = ""
+        self._progress: Words = ""
         self.watch = JobWatch(self, self._show_unit, self._show_failure, self._refresh)
         self._target_watch = JobWatch(self, self._show_target, self._show_failure)
         self._lay_out()
         app.engine_link.event.connect(self._follow)
         app.product_changed.connect(self._product_changed)
-        on_language_change(self, self._show_texts)
+        on_language_change(self, self._refresh)
 
     def _lay_out(self) -> None:
         self._job, self._notice, self._people = JobRow(self.watch), NoticeBar(), PeoplePanel("registers")
-        self._empty, self._badge, self._about = EmptyState(), StateBadge(), label(wrap=True)
+        self._empty = EmptyState(title="engineer.registers", text="engineer.about_registers")
+        self._badge, self._about = StateBadge(), label(wrap=True)
         self._reason = label(kind="muted", name="write_reason_label")
         self._reason.setAlignment(Qt.AlignmentFlag.AlignRight)
-        self._read_button = button("read_registers_button", lambda: self.tr("Read the unit"), self._read)
-        self._write_button = button("write_registers_button", lambda: self.tr("Write to the unit"), self._ask)
+        self._read_button = button("read_registers_button", "engineer.read_unit_button", self._read)
+        self._write_button = button("write_registers_button", "engineer.write_unit", self._ask)
         self._table = table = CellTable("register_table")
         table.parameters.set_columns(
             (
-                table.column(lambda: self.tr("Address"), "address"),
-                table.column(lambda: self.tr("Unit"), "unit", number=False),
+                table.column("engineer.address", "address"),
+                table.column("common.unit", "unit", number=False),
                 table.column(self._old_heading, "old", hint=self._before_run),
-                table.column(lambda: self.tr("stored as"), "old_raw"),
-                table.column(lambda: self.tr("New"), "new"),
-                table.column(lambda: self.tr("stored as"), "new_raw"),
-                table.column(lambda: self.tr("Change"), "change"),
+                table.column("engineer.stored_as", "old_raw"),
+                table.column("engineer.new", "new"),
+                table.column("engineer.stored_as", "new_raw"),
+                table.column("engineer.change", "change"),
             )
         )
-        bind(table.setAccessibleName, lambda: say("engineer.registers"))
+        bind(table.setAccessibleName, "engineer.registers")
         status = (self._badge, (self._about, 1), (self._job, 1))
         column(
             row(*status, self._read_button, self._write_button, spacing=2 * theme.GRID),
@@ -164,7 +156,7 @@ class RegistersView(QWidget):
     def _read(self) -> None:
         job = self._app.job_queue.submit(read_unit, self._request(), self._app.runs_folder, cancellable=False)
         self.watch.watch(job)
-        self._error = None
+        self._error = ""
         self._notice.dismiss()
         self._refresh()
         self.changed.emit()
@@ -191,9 +183,7 @@ class RegistersView(QWidget):
             self._people.hide()
             self._write(target, people, at_rest=at_rest)
 
-        def title() -> str:
-            return self.tr("Two engineers confirm the registers of unit {0}").format(target.serial)
-
+        title = Text.of("engineer.two_engineers", serial=target.serial)
         self._people.ask(title, needed, confirmed, by=self._app.badge or "", reason=False)
 
     def _files(self) -> tuple[ProductConfig, StationConfig]:
@@ -203,7 +193,7 @@ class RegistersView(QWidget):
     def _write(self, target: TargetRegisters, people: Confirmation | None = None, *, at_rest: bool) -> None:
         assert self._run is not None
         if self._app.job_queue.at_device:
-            self._show_error(lambda: say("engineer.device_busy"))
+            self._show_error("engineer.device_busy")
             return
         result = self._run.result
         request = replace(self._request(), serial=result.serial)
@@ -216,8 +206,8 @@ class RegistersView(QWidget):
             people=people,
         )
         self._incomplete = ""
-        self._error = None
-        self._show_progress(lambda: say("engineer.write_starting"))
+        self._error = ""
+        self._show_progress("engineer.write_starting")
         self._app.engine_link.start(self._operation)
 
     def _follow(self, event: Event) -> None:
@@ -227,7 +217,7 @@ class RegistersView(QWidget):
         if isinstance(event, Message):
             if event.id in _INCOMPLETE:
                 self._incomplete = event.id
-            self._show_progress(lambda: event_sentence(event.id, event.values))
+            self._show_progress(event_text(event.id, event.values))
         elif isinstance(event, StepStarted):
             self._show_progress(lambda: step_sentence(event.kind, event.label))
         elif isinstance(event, Settled | Fault):
@@ -241,22 +231,22 @@ class RegistersView(QWidget):
         elif event.closing != "stopped":
             self._show_unit(UnitRegisters.of(event.unit), event.proof)
         elif incomplete:
-            self._show_error(lambda: event_sentence(incomplete, {}))
+            self._show_error(event_text(incomplete, {}))
         else:
-            self._show_error(lambda: say("engineer.write_stopped"))
+            self._show_error("engineer.write_stopped")
 
     # ---- display
 
     def _show_target(self, target: TargetRegisters | None) -> None:
         self.target = target
-        self._proof, self._error = "", None
+        self._proof = self._error = ""
         if target is None or self.unit is None or self.unit.serial != target.serial:
             self.unit = None
         self._fill()
 
     def _show_unit(self, unit: UnitRegisters, proof: str = "") -> None:
         self.unit, self._proof = unit, proof
-        self._error = self._progress = None
+        self._error = self._progress = ""
         self._fill()
 
     def _show_progress(self, words: Words) -> None:
@@ -264,17 +254,12 @@ class RegistersView(QWidget):
         self._refresh()
 
     def _show_failure(self, error: CalstationError) -> None:
-        self._show_error(lambda: error_text(error).sentences)
+        self._show_error(error.as_text)
 
     def _show_error(self, words: Words) -> None:
-        self._error, self._progress = words, None
+        self._error, self._progress = words, ""
         self._refresh()
         self.changed.emit()
-
-    def _show_texts(self) -> None:
-        self._empty.say(say("engineer.registers"), say("engineer.about_registers"))
-        self._table.parameters.refresh()
-        self._refresh()
 
     def _fill(self) -> None:
         target = self.target
@@ -310,7 +295,7 @@ class RegistersView(QWidget):
 
     def _old_heading(self) -> str:
         known = self.unit is not None or (self.target is not None and bool(self.target.written))
-        return self.tr("In the unit") if known else self.tr("Old")
+        return say("engineer.in_unit" if known else "engineer.old")
 
     def _before_run(self, name: str) -> str:
         before = self.target.before if self.target is not None and self.target.written else ()
@@ -342,14 +327,14 @@ class RegistersView(QWidget):
         def choice(name: str, words: Words, *, at_rest: bool) -> Choice:
             return Choice(name, words, lambda: self._confirm(target, at_rest=at_rest))
 
-        choices = [Choice("cancel_write_button", lambda: self.tr("Cancel"), lambda: None, primary=True)]
+        choices = [Choice("cancel_write_button", "common.cancel", lambda: None, primary=True)]
         confirm = "confirm_write_button"
         if table:
             at_rest = "confirm_at_rest_button"
-            choices.append(choice(at_rest, lambda: self.tr("Write, table at rest"), at_rest=True))
-            choices.append(choice(confirm, lambda: self.tr("Write and turn the table"), at_rest=False))
+            choices.append(choice(at_rest, "engineer.write_at_rest", at_rest=True))
+            choices.append(choice(confirm, "engineer.write_and_turn", at_rest=False))
         else:
-            choices.append(choice(confirm, lambda: self.tr("Write {0} registers").format(count), at_rest=True))
+            choices.append(choice(confirm, Text.of("engineer.write_registers", count=count), at_rest=True))
 
         def title() -> str:
             values = {"count": count, "serial": unit.serial}
@@ -372,7 +357,7 @@ class RegistersView(QWidget):
     def _show_reason(self) -> None:
         """Show the reason next to a disabled button, because a touch screen shows no tooltips."""
         self._reason.setText(self._why_not)
-        self._reason.setVisible(bool(self._why_not) and not self.watch.busy and self._progress is None)
+        self._reason.setVisible(bool(self._why_not) and not self.watch.busy and not self._progress)
 
     def _refresh(self) -> None:
         busy = self.watch.busy
@@ -380,18 +365,18 @@ class RegistersView(QWidget):
         self._job.setVisible(busy)
         self._about.setVisible(not busy)
         for each in (self._read_button, self._write_button):
-            each.setVisible(not busy and self._progress is None)
+            each.setVisible(not busy and not self._progress)
         kind, state = self._state()
         self._badge.setVisible(not busy and bool(state))
         if state:
             self._badge.show_state(kind, say(f"engineer.state_{state}", count=len(self._changes())))
         theme.set_kind(self._about, "error" if self._error else "")
         words = self._error or self._progress or self._sentences
-        self._about.setText(words())
+        self._about.setText(say(words))
 
     def _state(self) -> tuple[str, str]:
         """Return the badge shape and the key of its text, or "" for both if there is no badge."""
-        if self._progress is not None:
+        if self._progress:
             return "active", "writing"
         if self._error:
             return "bad", "failed"

@@ -14,16 +14,7 @@ from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.verdict import verdict_badge, verdict_text
 from calstation.gui.operator import advice
 from calstation.gui.state import AppContext, ReleaseBar
-from calstation.gui.text import (
-    bind,
-    error_text,
-    event_sentence,
-    of_parameter,
-    on_language_change,
-    parameter_text,
-    say,
-    term,
-)
+from calstation.gui.text import Words, bind, of_parameter, on_language_change, parameter_text, say, term
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
     CellTable,
@@ -34,7 +25,6 @@ from calstation.gui.widgets import (
     JobWatch,
     MissingState,
     StateBadge,
-    Words,
     button,
     column,
     label,
@@ -83,38 +73,33 @@ class ResultView(QWidget):
         self._table = table = CellTable("result_table", grouped=True)
         table.parameters.set_columns(
             (
-                table.column(lambda: self.tr("Unit"), "unit", number=False),
-                table.column(lambda: self.tr("Value"), "value"),
-                table.column(lambda: self.tr("± σ"), "sigma"),
+                table.column("common.unit", "unit", number=False),
+                table.column("common.numeric_value", "value"),
+                table.column("common.plus_minus_sigma", "sigma"),
                 table.column(self._compared_heading, "previous"),
-                table.column(lambda: self.tr("Change"), "change"),
+                table.column("engineer.change", "change"),
                 Column(
-                    lambda: self.tr("in σ"),
+                    "engineer.in_sigma",
                     lambda name: table.cells[name].get("in_sigma", _NONE),
                     state=lambda name: "caution" if "changed" in table.cells[name] else None,
                 ),
-                table.column(lambda: self.tr("Value limit"), "limit"),
-                table.column(lambda: self.tr("Accepted"), "accepted"),
-                table.column(lambda: self.tr("σ limit"), "sigma_limit"),
-                Column(lambda: self.tr("Stage"), lambda name: term("stage", table.cells[name]["stage"]), number=False),
+                table.column("engineer.value_limit", "limit"),
+                table.column("engineer.accepted", "accepted"),
+                table.column("engineer.sigma_limit", "sigma_limit"),
+                Column("engineer.stage", lambda name: term("stage", table.cells[name]["stage"]), number=False),
                 Column(
-                    lambda: self.tr("Verdict"),
-                    lambda name: term("engineer", f"verdict_{table.cells[name]['verdict']}"),
+                    "common.verdict",
+                    lambda name: say(f"engineer.verdict_{table.cells[name]['verdict']}"),
                     number=False,
                     state=lambda name: _SHAPES.get(table.cells[name]["verdict"]),
                     hint=self._conformity_hint,
                 ),
             )
         )
-        bind(table.setAccessibleName, lambda: self.tr("Parameters of the run"))
+        bind(table.setAccessibleName, "engineer.run_parameters")
         self._checks = ChecksTable()
         self._checks.setObjectName("acceptance_checks")
-        copy = button(
-            "copy_button",
-            lambda: self.tr("Copy table"),
-            table.copy,
-            tip=lambda: self.tr("The selected rows, or all, as a table for a spreadsheet (Ctrl+C)"),
-        )
+        copy = button("copy_button", "common.copy_table", table.copy, tip="engineer.copy_table_tip")
         column(
             row(self._badge, (self._about, 1), copy, spacing=2 * theme.GRID),
             self._note,
@@ -153,7 +138,7 @@ class ResultView(QWidget):
 
     def _compared_heading(self) -> str:
         trial = self.shown is not None and self.shown.result.states_added
-        return self.tr("Without state") if trial else self.tr("Previous")
+        return say("engineer.without_state" if trial else "engineer.previous")
 
     def _conformity_hint(self, name: str) -> str:
         """Return the probability that the decision about a parameter is wrong, and the risks of its product."""
@@ -169,7 +154,6 @@ class ResultView(QWidget):
         return "\n".join(texts)
 
     def _show_texts(self) -> None:
-        self._table.parameters.refresh()
         if self.shown is None:
             return
         result = self.shown.result
@@ -178,16 +162,16 @@ class ResultView(QWidget):
         about = []
         if count := len(result.checks):
             passed = count - len(result.failed_checks)
-            about.append(self.tr("{0} of {1} checks passed").format(passed, count))
+            about.append(say("engineer.checks_passed", passed=passed, count=count))
         if near := sum(check.near_miss for check in result.checks):
-            about.append(self.tr("near-misses: {0}").format(near))
+            about.append(say("engineer.near_misses", count=near))
         if result.conformity is not None:
             about.append(say(f"engineer.rule_{result.conformity.rule}"))
         if result.registers is not None and result.verified:
             about += _register_texts(result.registers)
         if result.states_added:
             names = [term("group", state) for state in result.states_added]
-            about.append(event_sentence("states_added", {"states": names}))
+            about.append(say("event.states_added", states=names))
         self._about.setText("  ·  ".join(about))
         show_text(self._note, "\n".join(advice.override_notes(result)))
 
@@ -293,7 +277,7 @@ class ResultAnalysis(QObject):
         #: The views in order: parameters, innovations, residuals, observability.
         self.views: tuple[QWidget, ...] = (self.result, *self._computed, self.observability)
         app.released.connect(self._released)
-        self._diagnosing.failed.connect(lambda error: self._not_diagnosed(lambda: error_text(error).sentences))
+        self._diagnosing.failed.connect(lambda error: self._not_diagnosed(error.as_text))
 
     def open(self, path: Path) -> None:
         """Open a result or a log."""
@@ -329,7 +313,7 @@ class ResultAnalysis(QObject):
         if run is None or view not in self._computed or run.log == self._diagnosed_log is not None:
             return
         if run.log is None:
-            self._not_diagnosed(lambda: say("engineer.log_gone"))
+            self._not_diagnosed("engineer.log_gone")
         elif not run.result.stages:
             self._not_diagnosed(lambda: _why_no_result(run))
         else:
@@ -343,7 +327,7 @@ class ResultAnalysis(QObject):
     def source(self) -> str:
         """Return serial number, time and verdict of the displayed run, on one line."""
         if self.loading.busy and self._path is not None:
-            return self.tr("Opening {0}").format(self._path.name)
+            return say("engineer.opening", file=self._path.name)
         if self._run is None:
             return ""
         result = self._run.result
@@ -379,7 +363,7 @@ class ResultAnalysis(QObject):
             self.cycle.view.show_result(run.result)
             self.cycle.show_view()
         else:
-            self.cycle.show_empty(lambda: say("engineer.no_cycle"))
+            self.cycle.show_empty("engineer.no_cycle")
         self.changed.emit()
         self.loaded.emit(run)
 
@@ -399,7 +383,7 @@ class ResultAnalysis(QObject):
         for lazy in self._computed:
             lazy.show_view()
 
-    def _not_diagnosed(self, why: Words | None = None) -> None:
+    def _not_diagnosed(self, why: Words = "") -> None:
         self._diagnosed_log = None
         for lazy in self._computed:
             lazy.show_empty(why)
@@ -408,7 +392,7 @@ class ResultAnalysis(QObject):
 def _why_no_result(run: FinishedRun) -> str:
     result = run.result
     text = say("engineer.no_result", outcome=result.outcome)
-    error = result.error if result.fault is None else error_text(result.fault).sentences
+    error = result.error if result.fault is None else say(result.fault.as_text)
     return f"{text}. {error}" if error else text
 
 
@@ -422,14 +406,13 @@ class _LazyView(QStackedWidget, Generic[View]):
         super().__init__()
         self._make = make
         self._view: View | None = None
-        self._why: Words | None = None
-        self._empty, self._working, self._work = EmptyState(), EmptyState(), QWidget()
+        self._empty, self._work = EmptyState(title="engineer.no_run", text="engineer.about_no_run"), QWidget()
         if watch is not None:
             wide = 8 * theme.GRID
-            column((self._working, 1), JobRow(watch), None, on=self._work, spacing=0, margins=(wide, 0, wide, 0))
+            working = EmptyState(title="engineer.solving", text="engineer.about_solving")
+            column((working, 1), JobRow(watch), None, on=self._work, spacing=0, margins=(wide, 0, wide, 0))
         for widget in (self._empty, self._work):
             self.addWidget(widget)
-        on_language_change(self, self._show_texts)
 
     @property
     def view(self) -> View:
@@ -447,15 +430,10 @@ class _LazyView(QStackedWidget, Generic[View]):
         """Show the progress of the job."""
         self.setCurrentWidget(self._work)
 
-    def show_empty(self, why: Words | None = None) -> None:
+    def show_empty(self, why: Words = "") -> None:
         """Show the reason why the view has no contents, or how to obtain them."""
-        self._why = why
-        self._show_texts()
-        self.setCurrentWidget(self._empty)
-
-    def _show_texts(self) -> None:
-        if self._why is not None:
-            self._empty.say(say("engineer.nothing_to_show"), self._why())
+        if why:
+            self._empty.say("engineer.nothing_to_show", why)
         else:
-            self._empty.say(say("engineer.no_run"), say("engineer.about_no_run"))
-        self._working.say(say("engineer.solving"), say("engineer.about_solving"))
+            self._empty.say("engineer.no_run", "engineer.about_no_run")
+        self.setCurrentWidget(self._empty)

@@ -8,8 +8,8 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QLabel, QLineEdit, QSizePolicy, QWidget
 
 from calstation.config import ScheduleField, ScheduleOptions, ScheduleProblem, schedule_fields, schedule_problems
-from calstation.gui.text import bind, on_language_change, say, term, with_minus, without_minus
-from calstation.gui.widgets import Words, column, enable, label, row, show_text, theme
+from calstation.gui.text import Words, bind, on_language_change, say, term, with_minus, without_minus
+from calstation.gui.widgets import column, enable, label, row, show_text, theme
 from calstation.messages import known
 from calstation.physics import DISPLAY
 

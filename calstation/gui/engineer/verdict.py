@@ -8,10 +8,11 @@ def verdict_text(result: Result, *, stages: bool = True) -> str:
     """Return the verdict of a run, such as ``PASS``; for a partial run, with its `stages` unless they are False."""
     if result.released or not result.partial or not result.stages:
         return term("badge", result.badge)
-    family = "passed" if result.verdict == "partial" else "partial"
+    passed = result.verdict == "partial"
     if not stages:
-        return term("badge", "partial") if family == "passed" else say("engineer.partial", outcome=result.outcome)
-    return say(f"engineer.{family}_stages", outcome=result.outcome, stages=list(result.stages))
+        return term("badge", "partial") if passed else say("engineer.partial", outcome=result.outcome)
+    code = "engineer.passed_stages" if passed else "engineer.partial_stages"
+    return say(code, outcome=result.outcome, stages=result.stages)
 
 
 def verdict_badge(result: Result) -> tuple[str, str]:

@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPen
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import bind, on_language_change, parameter_text
+from calstation.gui.text import bind, on_language_change, parameter_text, say
 from calstation.gui.widgets import (
     Compared,
     ComparisonTable,
@@ -45,13 +45,13 @@ class RunComparison(QWidget):
     def __init__(self, back: Callable[[], None]) -> None:
         super().__init__()
         self._runs: Sequence[RunRecord] = ()
-        self._back_button = button("comparison_back_button", lambda: self.tr("Back to the list"), back)
+        self._back_button = button("comparison_back_button", "history.back_to_list", back)
         self._title = label(kind="section")
         self._note = label(kind="muted", wrap=True, name="comparison_note_label")
         self.table = ComparisonTable(independent=True)
         self.table.setObjectName("run_comparison_table")
         self.table.horizontalHeader().setMinimumHeight(6 * theme.GRID)  # serial number and time on two lines
-        bind(self.table.setAccessibleName, lambda: self.tr("Parameters of the selected runs"))
+        bind(self.table.setAccessibleName, "history.compared_parameters")
         self.plot = ComparisonPlot()
         body = split((self.table, 13), (self.plot, 9), handle=2 * theme.GRID)
         column(row(self._back_button, self._title, None, spacing=2 * theme.GRID), self._note, (body, 1), on=self)
@@ -77,17 +77,16 @@ class RunComparison(QWidget):
 
     def _refresh(self) -> None:
         serials = list(dict.fromkeys(run.serial for run in self._runs))
-        runs = self.tr("{0} runs of {1}").format(len(self._runs), self.tr(", ").join(serials[:2]))
+        runs = say("history.runs_of", count=len(self._runs), units=serials[:2])
         if len(serials) > 2:
-            runs = self.tr("{0} runs of {1} units").format(len(self._runs), len(serials))
+            runs = say("history.runs_of_units", count=len(self._runs), units=len(serials))
         self._title.setText(runs)
-        lines = [self.tr("Differences are those to the first run, in sigmas of the difference.")]
+        lines = [say("history.differences_to_first")]
         if len(serials) == 1:
-            lines.append(self.tr("Those beyond 3 σ are marked."))
+            lines.append(say("history.large_differences"))
         if self._runs and not self.plot.has_limits:
-            lines.append(self.tr("No run has limits, so no value is drawn."))
+            lines.append(say("history.no_limits_to_draw"))
         show_text(self._note, " ".join(lines))
-        self.table.parameters.refresh()
 
 
 class ComparisonPlot(ThemedPlot):
@@ -99,7 +98,7 @@ class ComparisonPlot(ThemedPlot):
         self._names: list[str] = []
         self._limits: Limits = {}
         self._results: Sequence[Result] = ()
-        bind(self.setAccessibleName, lambda: self.tr("Values relative to their limits"))
+        bind(self.setAccessibleName, "history.relative_values")
         theme.on_appearance_change(self, self.draw)
 
     @property
@@ -137,7 +136,7 @@ class ComparisonPlot(ThemedPlot):
         self.getAxis("left").setTicks([[(number, parameter_text(name)) for number, name in enumerate(self._names)]])
         self.getPlotItem().invertY(True)
         self.setYRange(-0.6, max(len(self._names), 1) - 0.4, padding=0)
-        self.setLabel("bottom", self.tr("value relative to its limits"))
+        self.setLabel("bottom", say("history.relative_value"))
 
 
 def limits_of(result: Result) -> Limits:

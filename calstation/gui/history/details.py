@@ -19,12 +19,11 @@ from calstation.gui.text import (
     KINDS,
     bind,
     duration_text,
-    error_text,
-    event_sentence,
-    free_text,
     on_language_change,
     parameter_text,
     product_text,
+    rendered,
+    say,
     term,
 )
 from calstation.gui.widgets import (
@@ -78,14 +77,14 @@ class Trend(QWidget):
         self._combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self._combo.setMinimumContentsLength(18)
         self._combo.currentIndexChanged.connect(lambda _: self.draw())
-        bind(self._combo.setAccessibleName, lambda: self.tr("Parameter"))
-        caption = label(lambda: self.tr("This unit's runs"), buddy=self._combo)
+        bind(self._combo.setAccessibleName, "common.parameter")
+        caption = label("history.runs_of_this_unit", buddy=self._combo)
         caption.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self._plot = ThemedPlot()
         self._plot.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self._plot.getAxis("left").setWidth(8 * theme.GRID)
         self._plot.getAxis("bottom").setHeight(6 * theme.GRID)  # date and time on two lines
-        bind(self._plot.setAccessibleName, lambda: self.tr("The parameter over the unit's runs"))
+        bind(self._plot.setAccessibleName, "history.parameter_over_runs")
         column(row((caption, 1), self._combo), (self._plot, 1), on=self, spacing=theme.GRID // 2)
         theme.themes.changed.connect(self.draw)
 
@@ -160,14 +159,12 @@ class RunDetails(QFrame):
         self.resolves = ResolvesTable()
         self.trend = Trend()
         self.trend.setMinimumHeight(22 * theme.GRID)
-        self.result_button = button("history_result_button", lambda: self.tr("Result"))
-        self.log_button = button("history_log_button", lambda: self.tr("Log"))
-        self.folder_button = button("history_folder_button", lambda: self.tr("Folder"))
-        self.resume_button = button("history_resume_button", lambda: self.tr("Resume"))
+        self.result_button = button("history_result_button", "history.open_result")
+        self.log_button = button("history_log_button", "history.open_log")
+        self.folder_button = button("history_folder_button", "history.folder")
+        self.resume_button = button("history_resume_button", "history.resume")
         self.close_button = button("history_close_button")
-        self.batch_button = button(
-            "history_batch_button", lambda: self.tr("Batch"), tip=lambda: self.tr("All units of the batch")
-        )
+        self.batch_button = button("history_batch_button", "history.batch", tip="history.whole_batch")
         self._documents, self._release = (label_button, certificate_button), release
         self._people = certificate_button.panel
         for asking in (release.asking, self._people.asking):
@@ -226,7 +223,7 @@ class RunDetails(QFrame):
             failed = result.failed_checks
             lines = [f"✕  {advice.failed_check_text(check, result)}" for check in failed[:_MAX_FAILED]]
             if len(failed) > _MAX_FAILED:
-                lines.append(self.tr("and {0} more").format(len(failed) - _MAX_FAILED))
+                lines.append(say("history.and_more", count=len(failed) - _MAX_FAILED))
         show_text(self.failed_label, "\n".join(lines))
         self._figures.show_result(result)
         self._fill_facts(run)
@@ -237,61 +234,60 @@ class RunDetails(QFrame):
         result = self._result
         if run.outcome == "fault" and run.error:
             fault = None if result is None else result.fault
-            text = free_text(run.error) if fault is None else error_text(fault)
-            return "\n".join(part for part in (text.reason, text.remedy) if part)
+            if fault is None:
+                return run.error
+            text = rendered(fault.as_text)
+            return "\n".join(filter(None, (text.text, text.remedy)))
         if result is not None and result.override is not None:
             return ""  # stated in the note about the release
         if run.outcome in ("passed", "failed") and result is not None:
             if result.failed_checks:
-                return self.tr("Outside its limits:")
+                return say("history.outside_limits")
             return advice.reason(result.verdict, result)
         reason = ""
         if run.outcome == "incomplete":
-            reason = self.tr("The run did not reach its end.")
+            reason = say("history.not_ended")
         elif run.outcome == "stopped" and run.error in (None, "", "operator"):
-            reason = self.tr("The run was stopped by the operator.")
+            reason = say("history.stopped")
         elif run.outcome == "stopped":
-            reason = event_sentence("stopped_because", {"reason": run.error})
+            reason = say("event.stopped_because", reason=run.error)
         if self._actions.resumable:
-            reason += "\n" + self.tr("It can be resumed after its last completed stage, or closed.")
+            reason += "\n" + say("history.can_be_resumed")
         elif run.closed:
-            reason += "\n" + self.tr("It was closed and cannot be resumed.")
+            reason += "\n" + say("history.cannot_be_resumed")
         return reason
 
     def _fill_facts(self, run: RunRecord) -> None:
         while self._facts.rowCount():
             self._facts.removeRow(0)
         software = self._result.software if self._result is not None else None
-        for name, text in (
-            (self.tr("Started"), local_time(run.started_utc, zone=True)),
-            (self.tr("Duration"), duration_text(run.duration)),
-            (self.tr("Cycle"), self._cycle_text()),
-            (self.tr("Product"), product_text(run.product or "")),
-            (self.tr("Attempt"), str(run.attempt)),
-            (self.tr("Station"), run.station),
-            (self.tr("Operator"), run.operator),
-            (self.tr("Batch"), run.batch),
-            (self.tr("Slot"), run.slot),
-            (self.tr("Software"), software.version if software is not None else ""),
-            (self.tr("Resumed from"), run.resumed_from),
-            (self.tr("Stages"), stages_text(run)),
-            (self.tr("Log at"), run.location),
+        for code, text in (
+            ("common.started", local_time(run.started_utc, zone=True)),
+            ("history.duration", duration_text(run.duration)),
+            ("common.cycle", self._cycle_text()),
+            ("common.product", product_text(run.product or "")),
+            ("history.attempt", str(run.attempt)),
+            ("common.station", run.station),
+            ("common.operator", run.operator),
+            ("history.batch", run.batch),
+            ("history.slot", run.slot),
+            ("history.software", software.version if software is not None else ""),
+            ("history.resumed_from", run.resumed_from),
+            ("common.stages", stages_text(run)),
+            ("history.log_at", run.location),
         ):
             if text:
-                caption, value = label(kind="muted"), ElidedLabel()
-                caption.setText(name)
+                value = ElidedLabel()
                 value.setText(text)
-                self._facts.addRow(caption, value)
+                self._facts.addRow(label(code, "muted"), value)
 
     def _why_no_log(self, run: RunRecord) -> str:
         """Return why the log cannot be opened, "" if it can; another station's log is copied from an archive."""
         if run.log.exists() or is_archived(run.location):
             return ""
         if not run.origin:
-            return self.tr("The log is no longer there")
-        return self.tr("The log is only at the station {0}, which keeps no archive of logs: {1}").format(
-            run.station or "?", run.location or "?"
-        )
+            return say("history.log_gone")
+        return say("history.log_elsewhere", station=run.station or "?", location=run.location or "?")
 
     def _cycle_text(self) -> str:
         """Return the durations of the cycle and of its phases except the stages; "" for a result without them."""
@@ -300,28 +296,24 @@ class RunDetails(QFrame):
             return ""
         total = sum(seconds.values())
         others = duration_text(total - seconds.get("stage", 0.0))
-        return self.tr("{0}, of which {1} not in stages").format(duration_text(total), others)
+        return say("history.duration_not_in_stages", duration=duration_text(total), others=others)
 
     def _update_buttons(self, run: RunRecord) -> None:
         actions = self._actions
         incomplete = run.outcome == "incomplete"
         self.batch_button.setVisible(run.batch is not None)
-        self.close_button.setText(self.tr("Close as incomplete") if incomplete else self.tr("Do not resume"))
+        self.close_button.setText(say("history.close_as_incomplete" if incomplete else "history.do_not_resume"))
         self.resume_button.setVisible(actions.resumable)
         self.close_button.setVisible(actions.resumable or (incomplete and not run.closed and not run.origin))
         solved = bool(run.stages) if run.origin else self.has_parameters
-        enable(
-            self.result_button,
-            "" if solved else self.tr("No parameter was solved in this run"),
-            self.tr("Show every parameter of this run"),
-        )
-        enable(self.log_button, self._why_no_log(run), self.tr("Draw the log and solve it again"))
+        enable(self.result_button, "" if solved else say("history.no_parameters"), say("history.show_parameters"))
+        enable(self.log_button, self._why_no_log(run), say("history.draw_log"))
         self.folder_button.setVisible(not run.origin)
         self.folder_button.setToolTip(str(run.log.parent))
-        busy = self.tr("A run is going on; wait for its end") if actions.running else ""
-        enable(self.resume_button, busy, self.tr("Resume after the last completed stage"))
+        busy = say("history.wait_for_run") if actions.running else ""
+        enable(self.resume_button, busy, say("history.resume_tip"))
         enable(
             self.close_button,
-            busy or (self.tr("It is being closed") if actions.closing else ""),
-            self.tr("The run keeps its outcome and can then no longer be resumed"),
+            busy or (say("history.being_closed") if actions.closing else ""),
+            say("history.close_tip"),
         )

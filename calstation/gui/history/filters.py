@@ -1,19 +1,30 @@
 """Filters for the listed runs: text, outcome, product, station, operator and dates."""
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
+from typing import Any
 
 from PySide6.QtCore import QDate, QLocale, QSignalBlocker, Qt, QTimer, Signal
 from PySide6.QtGui import QTextCharFormat
 from PySide6.QtWidgets import QCalendarWidget, QComboBox, QDateEdit, QLineEdit, QSizePolicy, QWidget
 
-from calstation.gui.text import bind, language, on_language_change, product_text, term
-from calstation.gui.widgets import column, label, row, theme
-from calstation.messages import local_time
+from calstation.gui.text import Words, bind, language, on_language_change, product_text, say
+from calstation.gui.widgets import column, combo_box, label, row, theme
+from calstation.messages import Text, local_time
 from calstation.records import RunChoices, RunFilter
 
-#: Verdicts and numbers of past days that can be selected; "" and None for all, 0 for the dates next to it.
-_VERDICTS = ("", "passed", "partial", "failed", "stopped", "fault", "incomplete")
-_DAYS = (None, 1, 7, 30, 365, 0)
+#: Verdicts that can be selected; "" for all.
+_VERDICTS = {
+    "": "history.every_outcome",
+    **{name: f"badge.{name}" for name in ("passed", "partial", "failed", "stopped", "fault", "incomplete")},
+}
+#: Numbers of past days that can be selected; None for all, 0 for the dates next to the list.
+_PERIODS: dict[int | None, Words] = {
+    None: "history.any_time",
+    1: "history.today",
+    **{days: Text.of("common.last_days", days=days) for days in (7, 30, 365)},
+    0: "history.dates",
+}
 _DATE = "yyyy-MM-dd"
 
 
@@ -29,30 +40,25 @@ class Filters(QWidget):
         self.search_edit.setObjectName("history_search_edit")
         self.search_edit.setClearButtonEnabled(True)
         self.search_edit.setMinimumWidth(14 * theme.GRID)
-        bind(self.search_edit.setPlaceholderText, lambda: self.tr("Part of a serial number, name or file"))
-        caption = label(lambda: self.tr("Search"), buddy=self.search_edit)
-        self._verdict, self._product, self._station, self._operator, self._period = (
-            self._combo(name) for name in ("outcome", "product", "station", "operator", "time")
-        )
+        bind(self.search_edit.setPlaceholderText, "history.search_placeholder")
+        caption = label("history.search", buddy=self.search_edit)
+        self._verdict, self._period = self._combo("outcome", _VERDICTS), self._combo("time", _PERIODS)
+        self._product, self._station, self._operator = map(self._combo, ("product", "station", "operator"))
         self._from, self._to = self._date_edit("from"), self._date_edit("to")
         for set_name, text in (
-            (self._verdict.setAccessibleName, lambda: self.tr("Outcome")),
-            (self._product.setAccessibleName, lambda: self.tr("Product")),
-            (self._station.setAccessibleName, lambda: self.tr("Station")),
-            (self._operator.setAccessibleName, lambda: self.tr("Operator")),
-            (self._period.setAccessibleName, lambda: self.tr("Time")),
-            (self._from.setAccessibleName, lambda: self.tr("From date")),
-            (self._to.setAccessibleName, lambda: self.tr("To date")),
+            (self._verdict.setAccessibleName, "history.outcome"),
+            (self._product.setAccessibleName, "common.product"),
+            (self._station.setAccessibleName, "common.station"),
+            (self._operator.setAccessibleName, "common.operator"),
+            (self._period.setAccessibleName, "common.time"),
+            (self._from.setAccessibleName, "history.from_date"),
+            (self._to.setAccessibleName, "history.to_date"),
         ):
             bind(set_name, text)
-        for verdict in _VERDICTS:
-            self._verdict.addItem("", verdict)
-        for days in _DAYS:
-            self._period.addItem("", days)
         values = ((combo, 2) for combo in (self._verdict, self._product, self._station, self._operator))
         column(
             row(caption, (self.search_edit, 3), *values),
-            row(self._period, self._from, label(lambda: self.tr("to")), self._to, (beside, 1)),
+            row(self._period, self._from, label("history.to"), self._to, (beside, 1)),
             on=self,
         )
         self._timer = QTimer(self, singleShot=True, interval=150)
@@ -97,9 +103,8 @@ class Filters(QWidget):
             self._name_entries()
         self._show_dates()
 
-    def _combo(self, name: str) -> QComboBox:
-        combo = QComboBox()
-        combo.setObjectName(f"history_{name}_combo")
+    def _combo(self, name: str, items: Mapping[Any, Words] = {}) -> QComboBox:
+        combo = combo_box(f"history_{name}_combo", items)
         combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         combo.setMinimumContentsLength(10)
         return combo
@@ -128,7 +133,7 @@ class Filters(QWidget):
             with QSignalBlocker(other):
                 other.setDate(changed.date())
         with QSignalBlocker(self._period):
-            self._period.setCurrentIndex(_DAYS.index(0))
+            self._period.setCurrentIndex(list(_PERIODS).index(0))
         self._timer.start()
 
     def _show_dates(self) -> None:
@@ -143,17 +148,10 @@ class Filters(QWidget):
                 edit.setDate(shown)
 
     def _name_entries(self) -> None:
-        for index, verdict in enumerate(_VERDICTS):
-            self._verdict.setItemText(index, term("badge", verdict) if verdict else self.tr("Every outcome"))
-        for index, days in enumerate(_DAYS):
-            text = self.tr("Last {0} days").format(days)
-            if not days or days == 1:
-                text = {None: self.tr("Any time"), 1: self.tr("Today"), 0: self.tr("Dates")}[days]
-            self._period.setItemText(index, text)
         found = self._choices
-        _offer(self._product, self.tr("Every product"), [(product_text(name), name) for name in found.products])
-        _offer(self._station, self.tr("Every station"), [(name, name) for name in found.stations])
-        _offer(self._operator, self.tr("Every operator"), [(name, name) for name in found.operators])
+        _offer(self._product, say("history.every_product"), [(product_text(name), name) for name in found.products])
+        _offer(self._station, say("history.every_station"), [(name, name) for name in found.stations])
+        _offer(self._operator, say("history.every_operator"), [(name, name) for name in found.operators])
         locale = QLocale(QLocale.Language.Chinese if language.current() == "zh_CN" else QLocale.Language.English)
         for edit in (self._from, self._to):
             edit.setLocale(locale)

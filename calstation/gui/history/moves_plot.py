@@ -7,7 +7,7 @@ import pyqtgraph as pg
 from PySide6.QtGui import QColor
 
 from calstation.fleet import Move
-from calstation.gui.text import bind
+from calstation.gui.text import bind, say
 from calstation.gui.widgets import NOTABLE_SIGMAS, LogAxis, ThemedPlot, dashed, theme
 
 #: Smallest change that is distinguished from zero, and smallest upper end of the axis, sigmas.
@@ -26,7 +26,7 @@ class MovesPlot(ThemedPlot):
         self.setAxisItems({"bottom": LogAxis("bottom")})
         self.apply_theme()
         self.setLogMode(x=True)
-        bind(self.setAccessibleName, lambda: self.tr("Distribution of the moves"))
+        bind(self.setAccessibleName, "history.move_distribution")
         theme.on_appearance_change(self, self.draw)
 
     def show_moves(self, rows: Mapping[str, Move]) -> None:
@@ -56,4 +56,4 @@ class MovesPlot(ThemedPlot):
         self.setYRange(-0.6, max(len(y), 1) - 0.4, padding=0)
         end = max([_END, *x["largest"]])
         self.setXRange(np.log10(_LEAST) - 0.1, np.log10(end) + 0.1, padding=0)
-        self.setLabel("bottom", self.tr("move, σ:  ● median   | 95 %   × largest"))
+        self.setLabel("bottom", say("history.axis_moves"))

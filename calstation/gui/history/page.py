@@ -56,7 +56,7 @@ class HistoryPage(Page):
         self._compared: tuple[RunRecord, ...] = ()
         self._count = 0
         self.table = RunTable()
-        bind(self.table.setAccessibleName, lambda: self.tr("Runs, the latest first"))
+        bind(self.table.setAccessibleName, "history.run_table")
         self.notice = NoticeBar("history_notice")
         focus = self.table.setFocus
         self.details = RunDetails(
@@ -118,11 +118,12 @@ class HistoryPage(Page):
         self._count_label = ElidedLabel("muted")
         self._count_label.setObjectName("history_count_label")
         self._count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        self._clear_button = button("history_clear_button", lambda: self.tr("Show all runs"))
-        self._compare_button = button("history_compare_button", lambda: self.tr("Compare"), self._compare)
-        self._export_button = button("history_export_button", None, self._export)
-        versions = button("history_versions_button", lambda: self.tr("Versions"), self._show_versions)
-        bind(versions.setToolTip, lambda: self.tr("Compare solutions of all logs by two versions"))
+        self._clear_button = button("history_clear_button", "history.show_all")
+        self._compare_button = button("history_compare_button", "common.compare", self._compare)
+        self._export_button = button("history_export_button", pressed=self._export)
+        versions = button(
+            "history_versions_button", "history.versions", self._show_versions, tip="history.versions_tip"
+        )
         actions = QWidget()
         buttons = (self._clear_button, self._compare_button, versions, self._export_button)
         row((self._count_label, 1), *buttons, on=actions)
@@ -130,8 +131,8 @@ class HistoryPage(Page):
         return JobStack(
             actions,
             loading,
-            JobRow(self._logs, "log_cancel_button", lambda: self.tr("Copying the log")),
-            JobRow(self._results, "result_cancel_button", lambda: self.tr("Reading the result")),
+            JobRow(self._logs, "log_cancel_button", "history.copying_log"),
+            JobRow(self._results, "result_cancel_button", "history.reading_result"),
             JobRow(self.exports.watch, "history_export_cancel_button"),
         )
 
@@ -150,13 +151,13 @@ class HistoryPage(Page):
         self._loader.done.connect(self._show_comparison)
         self.exports.watch.busy_changed.connect(self.notice.dismiss)
         self._refresher.done.connect(self._show_refreshed)
-        unread, focus = lambda: self.tr("The runs could not be read"), self.table.setFocus
+        unread, focus = "common.runs_not_read", self.table.setFocus
         self.notice.report_failures(self._refresher, unread, focus)
         self.notice.report_failures(self._offers, unread, focus)
-        self.notice.report_failures(self._loader, lambda: self.tr("The runs cannot be compared"), focus)
-        self.notice.report_failures(self._logs, lambda: self.tr("The log was not opened"), focus)
-        self.notice.report_failures(self._results, lambda: self.tr("The result was not opened"), focus)
-        self.notice.report_failures(self._closer, lambda: self.tr("The run was not closed"), focus)
+        self.notice.report_failures(self._loader, "history.runs_not_compared", focus)
+        self.notice.report_failures(self._logs, "history.log_not_opened", focus)
+        self.notice.report_failures(self._results, "common.result_not_opened", focus)
+        self.notice.report_failures(self._closer, "common.run_not_closed", focus)
         self._offers.done.connect(self._show_resumable)
         for ended in (self._closer.done, self._closer.failed):
             ended.connect(self._update)
@@ -251,10 +252,10 @@ class HistoryPage(Page):
                 return
             copy = partial(QGuiApplication.clipboard().setText, folder)  # this computer cannot open folders
             choices = (
-                Choice("copy_folder_button", lambda: self.tr("Copy the path"), copy, primary=True),
-                Choice("folder_close_button", lambda: self.tr("Close"), self.table.setFocus),
+                Choice("copy_folder_button", "history.copy_path", copy, primary=True),
+                Choice("folder_close_button", "common.close", self.table.setFocus),
             )
-            self.notice.ask("none", lambda: self.tr("Folder of this run"), lambda: folder, choices)
+            self.notice.ask("none", "history.run_folder", lambda: folder, choices)
 
     def _show_batch(self) -> None:
         """List the units that were on the table together with the selected one."""
@@ -264,8 +265,7 @@ class HistoryPage(Page):
 
     def _close_run(self) -> None:
         if self.app.badge_required:
-            title, reason = lambda: self.tr("The run was not closed"), lambda: say("operator.sign_in")
-            self.notice.inform("caution", title, reason, self.table.setFocus)
+            self.notice.inform("caution", "common.run_not_closed", "operator.sign_in", self.table.setFocus)
         elif self.table.run is not None:
             job = self.app.job_queue.submit(
                 close_incomplete_job, self.table.run.log, self.app.operator or computer_user()
@@ -301,7 +301,7 @@ class HistoryPage(Page):
         if len(self.table.chosen) > 1:
             wanted = RunFilter(names=tuple(run.log.stem for run in self.table.chosen))
         self.exports.ask(
-            self.tr("Export runs"),
+            say("history.export_runs"),
             folder.absolute().parent / "runs.csv",
             ["CSV (*.csv)", "JSON (*.json)"],
             lambda target: (export_shared_runs, self.app.station_path, folder, wanted, target),
@@ -310,35 +310,29 @@ class HistoryPage(Page):
     def _why_not_compare(self) -> str:
         chosen = self.table.chosen
         if not 2 <= len(chosen) <= MAX_COMPARED:
-            return self.tr("Select 2 to {0} runs with Ctrl or Shift").format(MAX_COMPARED)
+            return say("history.select_runs", largest=MAX_COMPARED)
         if any(run.outcome == "incomplete" for run in chosen):
-            return self.tr("An incomplete run has no values to compare")
+            return say("history.incomplete_selected")
         return ""
 
     def _show_texts(self) -> None:
         """Show the number of runs, the possible actions on them, and the text of an empty list."""
         listed, chosen = len(self.table.runs), len(self.table.chosen)
-        text = self.tr("{0} runs, {1} shown").format(self._count, listed)
+        code = "history.runs_shown"
         if self._count == listed:
-            text = self.tr("1 run") if listed == 1 else self.tr("{0} runs").format(listed)
-        self._count_label.setText(text)
+            code = "history.one_run" if listed == 1 else "history.run_count"
+        self._count_label.setText(say(code, count=self._count, shown=listed))
         filtered = self._filters.wanted != RunFilter()
         self._clear_button.setVisible(filtered)
-        enable(self._compare_button, self._why_not_compare(), self.tr("Show the values of these runs side by side"))
-        self._export_button.setText(self.tr("Export selection…") if chosen > 1 else self.tr("Export list…"))
+        enable(self._compare_button, self._why_not_compare(), say("history.compare_tip"))
+        self._export_button.setText(say("history.export_selection" if chosen > 1 else "history.export_list"))
         count = chosen if chosen > 1 else self._count
-        tip = self.tr("Runs that are exported: {0}").format(count)
-        enable(self._export_button, "" if count else self.tr("There is no run to export"), tip)
+        tip = say("history.export_tip", count=count)
+        enable(self._export_button, "" if count else say("history.nothing_to_export"), tip)
         if filtered:
-            self._nothing.say(self.tr("No run matches"), self.tr("Search for less, or show all runs."))
+            self._nothing.say("history.no_run_matches", "history.relax_filters")
         else:
-            self._nothing.say(
-                self.tr("Every run will be listed here"),
-                self.tr(
-                    "Passed, failed, stopped, faulty and incomplete ones, with their results and logs. "
-                    "Start a run on the first page."
-                ),
-            )
+            self._nothing.say("history.no_runs_yet", "history.about_no_runs")
 
 
 def _result(run: RunRecord) -> Result | None:

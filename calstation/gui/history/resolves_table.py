@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractItemView, QTableWidget, QTableWidgetItem, QWidget
 
 from calstation.errors import CalstationError
-from calstation.gui.text import bind, error_text, on_language_change, parameter_text, term
+from calstation.gui.text import bind, on_language_change, say, term
 from calstation.gui.widgets import column, label, show_text, theme
 from calstation.messages import local_time
 from calstation.records import ResolveRecord
@@ -22,7 +22,7 @@ class ResolvesTable(QWidget):
         super().__init__()
         self._records: Sequence[ResolveRecord] = ()
         self._error: CalstationError | None = None
-        caption = label(lambda: self.tr("Solved again offline"), "muted")
+        caption = label("history.solved_again", "muted")
         self._problem = label(kind="caution", wrap=True)
         self.table = QTableWidget(0, 6)
         self.table.setObjectName("resolves_table")
@@ -36,7 +36,7 @@ class ResolvesTable(QWidget):
         self.table.verticalHeader().setDefaultSectionSize(_ROW)
         self.table.horizontalHeader().setHighlightSections(False)
         self.table.horizontalHeader().setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
-        bind(self.table.setAccessibleName, lambda: self.tr("Offline solutions of the log"))
+        bind(self.table.setAccessibleName, "history.offline_solutions")
         column(caption, self._problem, self.table, on=self, spacing=theme.GRID // 2)
         on_language_change(self, self._show)
 
@@ -47,15 +47,15 @@ class ResolvesTable(QWidget):
 
     def _show(self) -> None:
         headings = (
-            self.tr("Time"),
-            self.tr("User"),
-            self.tr("Largest difference to the run"),
-            self.tr("Stages"),
-            self.tr("Samples"),
-            self.tr("Software"),
+            "common.time",
+            "history.user",
+            "history.largest_difference",
+            "common.stages",
+            "history.samples",
+            "history.software",
         )
         table = self.table
-        table.setHorizontalHeaderLabels(headings)
+        table.setHorizontalHeaderLabels([say(code) for code in headings])
         table.setRowCount(len(self._records))
         for number, record in enumerate(self._records):
             for k, text in enumerate(self._texts(record)):
@@ -67,30 +67,29 @@ class ResolvesTable(QWidget):
         bars = table.horizontalHeader().sizeHint().height() + table.horizontalScrollBar().sizeHint().height()
         table.setFixedHeight(_ROW * rows + bars + 2)
         table.setVisible(bool(self._records))
-        show_text(self._problem, "" if self._error is None else error_text(self._error).sentences)
+        show_text(self._problem, "" if self._error is None else say(self._error.as_text))
         self.setVisible(bool(self._records) or self._error is not None)
 
     def _texts(self, record: ResolveRecord) -> tuple[str, ...]:
-        stages = self.tr(", ").join(term("stage", stage) for stage in record.stages)
+        stages = say("common.comma").join(term("stage", stage) for stage in record.stages)
         samples = f"{record.first_seq}–{record.last_seq}"
         return local_time(record.utc), record.by or "", self._difference(record), stages, samples, record.software
 
     def _difference(self, record: ResolveRecord) -> str:
         found = record.difference
         if found is None:
-            return self.tr("no result of the run")
+            return say("history.no_run_result")
         if found.identical:
-            return self.tr("identical bit for bit")
+            return say("history.identical")
         if not found.parameter:
-            return self.tr("no parameter in common")
+            return say("history.no_common_parameter")
         size = "∞" if found.sigmas is None else f"{found.sigmas:.2f}"
-        text = self.tr("{0} σ, {1}").format(size, parameter_text(found.parameter))
-        added = self.tr(", ").join(term("group", state) for state in record.states_added)
-        return self.tr("trial with {0}: {1}").format(added, text) if added else text
+        text = say("history.difference", sigmas=size, parameter=found.parameter)
+        return say("history.trial", states=record.states_added, difference=text) if record.states_added else text
 
     def _hint(self, record: ResolveRecord) -> str:
         lines = [local_time(record.utc, zone=True)]
         if record.states_added:
-            lines.append(self.tr("States added: {0}").format(", ".join(record.states_added)))
-        lines.append(self.tr("Configuration: {0}").format(record.configuration_sha256 or ""))
+            lines.append(say("history.states_added", states=", ".join(record.states_added)))
+        lines.append(say("history.configuration", digest=record.configuration_sha256 or ""))
         return "\n".join(lines)

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from PySide6.QtCore import QCoreApplication, QItemSelection, QItemSelectionModel, QModelIndex, Qt, Signal
+from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, Qt, Signal
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
 
-from calstation.gui.text import KINDS, duration_text, on_language_change, product_text, term
+from calstation.gui.text import KINDS, duration_text, on_language_change, product_text, say, term
 from calstation.gui.widgets import state_colour, state_icon, theme
 from calstation.messages import local_time
 from calstation.records import RunRecord
@@ -89,20 +89,20 @@ class RunTable(QTableWidget):
 
     def _refresh(self) -> None:
         headings = (
-            self.tr("Outcome"),
-            self.tr("Serial number"),
-            self.tr("Started"),
-            self.tr("Product"),
-            self.tr("Attempt"),
-            self.tr("Operator"),
-            self.tr("Duration"),
-            self.tr("Station"),
-            self.tr("Slot"),
-            self.tr("Batch"),
-            self.tr("Stages"),
+            "history.outcome",
+            "common.serial_number",
+            "common.started",
+            "common.product",
+            "history.attempt",
+            "common.operator",
+            "history.duration",
+            "common.station",
+            "history.slot",
+            "history.batch",
+            "common.stages",
         )
-        for column, text in enumerate(headings):
-            self.setHorizontalHeaderItem(column, _cell(text, column))
+        for column, code in enumerate(headings):
+            self.setHorizontalHeaderItem(column, _cell(say(code), column))
         if self.runs:
             self.show_runs(self.runs)
 
@@ -175,5 +175,4 @@ def _cell(text: str, column: int) -> QTableWidgetItem:
 
 def stages_text(run: RunRecord) -> str:
     """Return the names of the solved stages, separated by commas."""
-    comma = QCoreApplication.translate("RunTable", ", ")
-    return comma.join(term("stage", stage) for stage in run.stages)
+    return say("common.comma").join(term("stage", stage) for stage in run.stages)

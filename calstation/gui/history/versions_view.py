@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QAbstractItemView, QComboBox, QTableWidget, QTable
 from calstation.fleet import GROUPS, Comparison, VerdictChange, compare_job, export_job, versions_job
 from calstation.gui.history.moves_plot import MovesPlot
 from calstation.gui.state import AppContext
-from calstation.gui.text import bind, on_language_change, parameter_text, product_text, term
+from calstation.gui.text import Words, bind, on_language_change, parameter_text, product_text, say, term
 from calstation.gui.widgets import (
     ROW,
     CellTable,
@@ -20,6 +20,7 @@ from calstation.gui.widgets import (
     NoticeBar,
     button,
     column,
+    combo_box,
     enable,
     label,
     row,
@@ -28,10 +29,12 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
-from calstation.messages import local_time
+from calstation.messages import known, local_time
 
 #: Version of the results stored by the runs.
 _ONLINE = "online"
+#: Rows of the plot: parameters, or the groups of one parameter.
+_GROUPS = {"": "history.by_parameter", **{kind: f"history.by_{kind}" for kind in GROUPS}}
 #: Largest number of changed verdicts listed; an export contains all.
 _MOST = 1000
 
@@ -45,10 +48,10 @@ class VersionsView(QWidget):
         self._versions: list[str] = []
         self._found: Comparison | None = None
         self._reader, self._worker = JobWatch(self, self._offer), JobWatch(self, self._show_found)
-        self.back_button = button("versions_back_button", lambda: self.tr("Back to the list"), back)
+        self.back_button = button("versions_back_button", "history.back_to_list", back)
         self.exports = FileExport(app.job_queue, self, notice, self.back_button.setFocus)
-        notice.report_failures(self._reader, lambda: self.tr("The versions could not be read"), back)
-        notice.report_failures(self._worker, lambda: self.tr("The versions cannot be compared"), back)
+        notice.report_failures(self._reader, "history.versions_not_read", back)
+        notice.report_failures(self._worker, "history.versions_not_compared", back)
         for watch in (self._worker, self.exports.watch):
             watch.busy_changed.connect(notice.dismiss)
         self._reader.busy_changed.connect(self._show_texts)
@@ -57,9 +60,8 @@ class VersionsView(QWidget):
         self.changes = self._make_changes()
         self.moves = self._make_moves()
         self.plot = MovesPlot()
-        self._group = QComboBox()
-        self._group.setObjectName("versions_group_combo")
-        bind(self._group.setAccessibleName, lambda: self.tr("Rows of the plot"))
+        self._group = combo_box("versions_group_combo", _GROUPS)
+        bind(self._group.setAccessibleName, "history.plot_rows")
         self._group.currentIndexChanged.connect(lambda _: self._draw())
         left = QWidget()
         column(self._changes_title, (self.changes, 2), (self.moves, 3), on=left)
@@ -86,10 +88,8 @@ class VersionsView(QWidget):
 
     def _make_choice(self) -> QWidget:
         self._before, self._after = self._version_combo("before"), self._version_combo("after")
-        self._compare_button = button(
-            "versions_compare_button", lambda: self.tr("Compare"), self._compare, kind="primary"
-        )
-        self._export_button = button("versions_export_button", lambda: self.tr("Export…"), self._export)
+        self._compare_button = button("versions_compare_button", "common.compare", self._compare, kind="primary")
+        self._export_button = button("versions_export_button", "history.export", self._export)
         idle = QWidget()
         row(None, self._compare_button, self._export_button, on=idle)
         progress = JobStack(
@@ -98,8 +98,8 @@ class VersionsView(QWidget):
             JobRow(self._worker, "versions_cancel_button"),
             JobRow(self.exports.watch, "versions_export_cancel_button"),
         )
-        before = label(lambda: self.tr("Before"), buddy=self._before)
-        after = label(lambda: self.tr("After"), buddy=self._after)
+        before = label("history.before", buddy=self._before)
+        after = label("history.after", buddy=self._after)
         choice = QWidget()
         row(self.back_button, before, (self._before, 2), after, (self._after, 2), (progress, 3), on=choice)
         return choice
@@ -128,20 +128,20 @@ class VersionsView(QWidget):
         table.horizontalHeader().setStretchLastSection(True)
         table.horizontalHeader().setResizeContentsPrecision(_MOST)
         table.horizontalHeader().setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
-        bind(table.setAccessibleName, lambda: self.tr("Changed verdicts"))
+        bind(table.setAccessibleName, "history.changed_verdicts")
         return table
 
     def _make_moves(self) -> CellTable:
         table = CellTable("versions_moves_table")
-        bind(table.setAccessibleName, lambda: self.tr("Moves of the parameters, σ"))
+        bind(table.setAccessibleName, "history.moves_of_parameters")
         table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         text = table.column
         table.parameters.set_columns(
             (
-                text(lambda: self.tr("Median, σ"), "median"),
-                text(lambda: self.tr("95 %, σ"), "percentile_95"),
-                text(lambda: self.tr("Largest, σ"), "largest"),
-                text(lambda: self.tr("Unit with the largest"), "serial", number=False, hint=self._log_of),
+                text("history.median_sigma", "median"),
+                text("history.percentile_sigma", "percentile_95"),
+                text("history.largest_sigma", "largest"),
+                text("history.largest_unit", "serial", number=False, hint=self._log_of),
             )
         )
         table.selectionModel().currentRowChanged.connect(lambda *_: self._draw())
@@ -163,7 +163,7 @@ class VersionsView(QWidget):
         self._show_texts()
 
     def _name(self, version: str) -> str:
-        return self.tr("Results of the runs") if version == _ONLINE else version
+        return say("history.original_results") if version == _ONLINE else version
 
     def _chosen(self) -> tuple[str, str]:
         return self._before.currentData() or "", self._after.currentData() or ""
@@ -174,7 +174,7 @@ class VersionsView(QWidget):
     def _export(self) -> None:
         station, (before, after) = self._app.station_path, self._chosen()
         self.exports.ask(
-            self.tr("Export the comparison, or the later version as Parquet"),
+            say("history.export_comparison"),
             self._app.runs_folder.absolute().parent / "comparison.json",
             ["JSON (*.json)", "Parquet (*.parquet)"],
             lambda target: (export_job, station, before, after, target),
@@ -189,76 +189,59 @@ class VersionsView(QWidget):
     def _why_not(self) -> str:
         before, after = self._chosen()
         if len(self._versions) < 2:
-            return self.tr("There are no two versions to compare")
-        return self.tr("Choose two different versions") if before == after else ""
+            return say("history.no_two_versions")
+        return say("history.choose_different") if before == after else ""
 
     def _show_texts(self) -> None:
         why = self._why_not()
-        enable(self._compare_button, why, self.tr("Compare these versions on the logs that both have"))
-        enable(self._export_button, why, self.tr("Write the comparison, or the later version as Parquet"))
+        enable(self._compare_button, why, say("history.compare_versions_tip"))
+        enable(self._export_button, why, say("history.export_comparison_tip"))
         for combo in (self._before, self._after):
             for index in range(combo.count()):
                 combo.setItemText(index, self._name(combo.itemData(index)))
         found = self._found
         if found is None or (found.before, found.after) != self._chosen():
             self._body.setCurrentWidget(self._nothing)
-            self._nothing.say(*self._empty_texts())
+            self._nothing.say(*self._empty_words())
             return
         self._body.setCurrentWidget(self._answer)
-        for index, text in enumerate((self.tr("By parameter"), *(self._group_name(kind) for kind in GROUPS))):
-            if index < self._group.count():
-                self._group.setItemText(index, text)
-            else:
-                self._group.addItem(text, ("", *GROUPS)[index])
         down, up = len(found.pass_to_fail), len(found.fail_to_pass)
-        lines = [self.tr("{0} logs in both versions").format(found.logs)]
+        lines = [say("history.logs_in_both", count=found.logs)]
         if found.only_before or found.only_after:
-            lines.append(self.tr("{0} only before, {1} only after").format(found.only_before, found.only_after))
-        lines.append(self.tr("PASS to FAIL: {0}, FAIL to PASS: {1}").format(down, up))
+            lines.append(say("history.logs_in_one", before=found.only_before, after=found.only_after))
+        lines.append(say("history.verdict_changes", down=down, up=up))
         show_text(self._summary, "  ·  ".join(lines))
         self._fill_changes(found.changes)
         self._fill_moves(found)
         self._draw()
 
-    def _empty_texts(self) -> tuple[str, str]:
+    def _empty_words(self) -> tuple[Words, ...]:
         """Return title and text of the area in which the result will be shown."""
         if self._app.exchange_state is None:
-            text = self.tr(
-                "Solutions of many logs are kept in a database that stations share. Name one on the page Station."
-            )
-            return self.tr("This station shares no records"), text
+            return "history.nothing_shared", "history.no_database"
         if self._reader.busy:
-            return self.tr("Reading the versions"), ""
+            return ("history.reading_versions",)
         if len(self._versions) < 2:
-            text = self.tr(
-                "Solve the logs again with another version of the program or another configuration, "
-                "and compare the answers here: calstation fleet resolve archive --database URL --patch FILE.toml"
-            )
-            return self.tr("There are no two versions to compare yet"), text
-        text = self.tr("Changed verdicts and how far every parameter moved, in sigmas, over the logs of all stations.")
-        return self.tr("Choose two versions and press Compare"), text
-
-    def _group_name(self, kind: str) -> str:
-        names = {"product": self.tr("By product"), "station": self.tr("By station"), "month": self.tr("By month")}
-        return names[kind]
+            return "history.no_two_versions_yet", "history.no_versions"
+        return "history.choose_versions", "history.about_versions"
 
     def _fill_changes(self, changes: Sequence[VerdictChange]) -> None:
         table, shown = self.changes, changes[:_MOST]
-        title = self.tr("Changed verdicts: {0}").format(len(changes))
-        if len(shown) < len(changes):
-            title = self.tr("Changed verdicts: {0}, the first {1} listed").format(len(changes), len(shown))
-        self._changes_title.setText(title if changes else self.tr("No verdict changed"))
+        code = "history.no_verdict_changed"
+        if changes:
+            code = "history.changed_count" if len(shown) == len(changes) else "history.changed_listed"
+        self._changes_title.setText(say(code, count=len(changes), shown=len(shown)))
         table.setVisible(bool(changes))
         headings = (
-            self.tr("Serial number"),
-            self.tr("Product"),
-            self.tr("Station"),
-            self.tr("Started"),
-            self.tr("Before"),
-            self.tr("After"),
-            self.tr("Failed checks"),
+            "common.serial_number",
+            "common.product",
+            "common.station",
+            "common.started",
+            "history.before",
+            "history.after",
+            "history.failed_checks",
         )
-        table.setHorizontalHeaderLabels(headings)
+        table.setHorizontalHeaderLabels([say(code) for code in headings])
         table.setRowCount(len(shown))
         for number, change in enumerate(shown):
             texts = (
@@ -277,8 +260,8 @@ class VersionsView(QWidget):
         table.resizeColumnsToContents()
 
     def _verdict(self, verdict: str) -> str:
-        others = {"unjudged": self.tr("not judged"), "error": self.tr("not solved")}
-        return others.get(verdict) or term("badge", verdict)
+        code = f"history.verdict_{verdict}"
+        return say(code) if known(code) else term("badge", verdict)
 
     def _fill_moves(self, found: Comparison) -> None:
         numbers = ("median", "percentile_95", "largest")

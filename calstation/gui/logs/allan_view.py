@@ -1,7 +1,6 @@
 """The Allan deviation of a range of a log at rest, and the derived noise, which can be stored in the IMU profile."""
 
 import csv
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from PySide6.QtWidgets import QWidget
 from calstation.config import Version, computer_user, save_noise
 from calstation.gui.logs.methods import MethodPlot
 from calstation.gui.state import AppContext
-from calstation.gui.text import duration_text, say
+from calstation.gui.text import duration_text, say, term
 from calstation.gui.widgets import (
     Choice,
     Column,
@@ -32,6 +31,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
+from calstation.messages import Text
 from calstation.physics import CHANNELS, DEGREE_PER_HOUR, MICRO_G, NOISE_DISPLAY, FloatArray
 from calstation.results.plots import FLOOR, AllanCurve, AllanDeviation, allan_deviation
 
@@ -70,18 +70,18 @@ class AllanPlot(MethodPlot):
             tau = next(iter(curves.values())).tau
             step = found.quantisation[self._sensor == "accel"] / size
             for name, values, at, anchor in (
-                (self.tr("random walk"), walk / np.sqrt(tau), -1, (1.0, 0.0)),
-                (self.tr("bias instability"), np.full(len(tau), FLOOR * instability), 0, (0.0, 1.0)),
-                (self.tr("quantisation"), step / (2.0 * tau), len(tau) // 2, (1.0, 0.0)),
+                (say("logs.random_walk_line"), walk / np.sqrt(tau), -1, (1.0, 0.0)),
+                (say("logs.bias_instability_line"), np.full(len(tau), FLOOR * instability), 0, (0.0, 1.0)),
+                (say("logs.quantisation"), step / (2.0 * tau), len(tau) // 2, (1.0, 0.0)),
             ):
                 if values[0] > 0.0:
                     self._profile_line(name, tau, values, at, anchor)
             self.span(np.array([walk / np.sqrt(tau[-1]), FLOOR * instability]))
         self.setLabel("left", unit)
-        self.setLabel("bottom", self.tr("averaging time, s"))
-        title = self.tr("Gyro") if self._sensor == "gyro" else self.tr("Accel")
+        self.setLabel("bottom", say("logs.averaging_time"))
+        title = say("logs.gyro" if self._sensor == "gyro" else "logs.accel")
         letters = [(f"<b>{axis}</b>", theme.axis_text(axis)) for axis in curves]
-        self.finish([(title, c.text), *letters, (self.tr("– – profile"), c.muted)])
+        self.finish([(title, c.text), *letters, (say("logs.profile_line"), c.muted)])
 
     def write_csv(self, target: Path) -> None:
         """Write the deviations and their bounds, SI, in one row per averaging time."""
@@ -124,27 +124,27 @@ class AllanView(QWidget):
         self.watch, self.saving = JobWatch(self, self._show), JobWatch(self, self._saved)
         self._plots = AllanPlot("gyro"), AllanPlot("accel")
         self._about = label(wrap=True, name="allan_label")
-        self._hint = label(kind="muted", wrap=True)
+        hint = label("logs.about_missing_noise", "muted", wrap=True)
         self._table = self._make_table()
-        self._take_button = button("take_noise_button", lambda: self.tr("Take these values…"), self._ask)
-        copy = button("copy_noise_button", lambda: self.tr("Copy table"), self._table.copy)
-        back = button("allan_back_button", lambda: self.tr("Back"), self.closed)
-        content, working = QWidget(), EmptyState(JobRow(self.watch, "allan_cancel_button"))
-        self._working = working
+        self._take_button = button("take_noise_button", "logs.take_values", self._ask)
+        copy = button("copy_noise_button", "common.copy_table", self._table.copy)
+        back = button("allan_back_button", "logs.back", self.closed)
+        job = JobRow(self.watch, "allan_cancel_button")
+        content, self._working = QWidget(), EmptyState(job, title="logs.computing_allan_deviation")
         column(
             row((self._about, 1), copy, self._take_button, back),
             (row(*((plot, 1) for plot in self._plots)), 1),
             self._table,
-            self._hint,
+            hint,
             on=content,
         )
-        self._stack = stack(content, working)
+        self._stack = stack(content, self._working)
         column(self._stack, on=self, margins=(theme.GRID, 0, 0, 0))
         self.watch.cancelled.connect(self.closed)
         self.saving.busy_changed.connect(self._update)
         app.role.changed.connect(lambda _: self._update())
         app.engine_link.running_changed.connect(lambda _: self._update())
-        notice.report_failures(self.saving, lambda: self.tr("Not saved"), self.setFocus)
+        notice.report_failures(self.saving, "logs.values_not_saved", self.setFocus)
         theme.on_appearance_change(self, self._refresh)
 
     def compute(self, path: Path, first_seq: int, last_seq: int) -> None:
@@ -153,14 +153,13 @@ class AllanView(QWidget):
         self.watch.watch(self._app.job_queue.submit(allan_deviation, path, first_seq, last_seq))
 
     def _make_table(self) -> ParameterTable:
-        def cell(heading: Callable[[], str], key: str, number: bool = True) -> Column:
+        def cell(heading: str, key: str, number: bool = True) -> Column:
             return Column(heading, lambda name: self._cells[name][key], number)
 
-        walk, instability = lambda: self.tr("Random walk"), lambda: self.tr("Bias instability")
-        columns = [Column(lambda: self.tr("Channel"), self._channel_text, number=False)]
-        for number, heading in enumerate((walk, instability)):
+        columns = [Column("logs.channel", self._channel_text, number=False)]
+        for number, heading in enumerate(("logs.random_walk", "logs.bias_instability")):
             columns.append(cell(heading, f"value{number}"))
-            columns.append(cell(lambda: self.tr("Profile"), f"profile{number}", number=False))
+            columns.append(cell("logs.profile", f"profile{number}", number=False))
         table = ParameterTable(ParameterModel(columns))
         table.setObjectName("allan_table")
         table.verticalHeader().hide()
@@ -169,7 +168,7 @@ class AllanView(QWidget):
 
     def _channel_text(self, channel: str) -> str:
         sensor, _, axis = channel.partition("_")
-        return (self.tr("gyro {0}") if sensor == "gyro" else self.tr("accel {0}")).format(axis)
+        return say(f"logs.{sensor}_axis", axis=axis)
 
     def _show(self, found: AllanDeviation) -> None:
         self.found = found
@@ -182,21 +181,13 @@ class AllanView(QWidget):
         self._refresh()
 
     def _refresh(self) -> None:
-        self._working.say(self.tr("Computing the Allan deviation"), "")
-        self._hint.setText(
-            self.tr(
-                "–: no slope of −1/2, other noise hides the random walk. ≤: no flat minimum yet; needs a longer rest."
-            )
-        )
-        self._table.parameters.refresh()
         found = self.found
         if found is not None:
             for plot in self._plots:
                 plot.show_deviation(found)
-            text = self.tr("{0}: {1} at rest, samples {2} to {3}")
-            self._about.setText(
-                text.format(found.serial, duration_text(found.seconds), found.first_seq, found.last_seq)
-            )
+            duration = duration_text(found.seconds)
+            values = {"serial": found.serial, "duration": duration, "first": found.first_seq, "last": found.last_seq}
+            self._about.setText(say("logs.rest", **values))
         self._update()
 
     # ---- values for the profile
@@ -222,28 +213,22 @@ class AllanView(QWidget):
         if self._app.engine_link.running or self.saving.busy:
             return say("window.busy_job")
         if self.found is None or self.found.profile is None:
-            return self.tr("The log does not name an IMU profile.")
-        return "" if self._values else self.tr("This rest determines none of the values; take a longer one.")
+            return say("logs.no_profile_named")
+        return "" if self._values else say("logs.rest_too_short")
 
     def _update(self) -> None:
-        enable(self._take_button, self._why_not_take(), self.tr("Stores them in the IMU profile as a new version"))
+        enable(self._take_button, self._why_not_take(), say("logs.take_tip"))
 
     def _change_text(self) -> str:
         """Return the values before and after the change, and the unchanged ones."""
         assert self.found is not None
-        names = {
-            "gyro_arw": self.tr("angle random walk"),
-            "accel_vrw": self.tr("velocity random walk"),
-            "gyro_bias_instability": self.tr("gyro bias instability"),
-            "accel_bias_instability": self.tr("accelerometer bias instability"),
-        }
         parts = []
         for name, value in self._values.items():
             _, unit, size = NOISE_DISPLAY[name]
-            parts.append(f"{names[name]} {self.found.noise[name] / size:.3g} → {value / size:.3g} {unit}")
-        text = "; ".join(parts) + "\n" + self.tr("Each is the largest of its three axes.")
-        kept = [word for name, word in names.items() if name not in self._values]
-        return text + (" " + self.tr("Not determined, so unchanged: {0}.").format(", ".join(kept)) if kept else "")
+            parts.append(f"{term('form', name)} {self.found.noise[name] / size:.3g} → {value / size:.3g} {unit}")
+        text = "; ".join(parts) + "\n" + say("logs.largest_of_axes")
+        kept = [term("form", name) for name in NOISE_DISPLAY if name not in self._values]
+        return text + (" " + say("logs.kept_values", names=", ".join(kept)) if kept else "")
 
     def _ask(self) -> None:
         found = self.found
@@ -251,11 +236,11 @@ class AllanView(QWidget):
         save = partial(self._save, found, self._values)
         self._notice.ask(
             "caution",
-            lambda: self.tr("Save as a new version of the IMU profile {0}?").format(found.profile),
+            Text.of("logs.ask_profile_version", profile=found.profile),
             self._change_text,
             (
-                Choice("cancel_noise_button", lambda: self.tr("Cancel"), self.setFocus),
-                Choice("save_noise_button", lambda: self.tr("Save"), save, primary=True),
+                Choice("cancel_noise_button", "common.cancel", self.setFocus),
+                Choice("save_noise_button", "common.save", save, primary=True),
             ),
         )
 
@@ -270,8 +255,8 @@ class AllanView(QWidget):
         self._app.product_changed.emit()
         self._notice.inform(
             "good",
-            lambda: self.tr("Saved: version {0} of the IMU profile {1}").format(version.number, version.name),
-            lambda: self.tr("The next runs use it. Station, Profiles and products, restores earlier versions."),
+            Text.of("logs.profile_saved", number=version.number, profile=version.name),
+            "logs.about_saved_profile",
             self.setFocus,
         )
 

@@ -3,7 +3,7 @@
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QMenu, QPushButton
 
-from calstation.gui.text import bind, on_language_change
+from calstation.gui.text import bind, on_language_change, say
 from calstation.results.plots import CHANNELS
 
 #: Channels of each plot, and the unit and decimals of their values.
@@ -27,8 +27,8 @@ class ChannelButton(QPushButton):
         self._hidden: set[str] = set()
         self._menu = QMenu(self)
         self.setMenu(self._menu)
-        bind(self, lambda: self.tr("Channels"))
-        bind(self.setToolTip, lambda: self.tr("Shows or hides channels of the log"))
+        bind(self, "logs.channels")
+        bind(self.setToolTip, "logs.channels_tip")
         on_language_change(self, self._fill)
 
     def show_channels(self, present: tuple[str, ...]) -> None:
@@ -39,17 +39,10 @@ class ChannelButton(QPushButton):
 
     def _fill(self) -> None:
         self._menu.clear()
-        names = {
-            "gyro": self.tr("Gyro {0}"),
-            "accel": self.tr("Accelerometer {0}"),
-            "outer": self.tr("Outer axis"),
-            "inner": self.tr("Inner axis"),
-            "temperature": self.tr("Temperature"),
-        }
         for channels, _, _ in PLOTS:
             for channel in filter(self._present.__contains__, channels):
                 sensor, _, axis = channel.partition("_")
-                action = self._menu.addAction(names[sensor].format(axis))
+                action = self._menu.addAction(say(f"logs.channel_{sensor}", axis=axis))
                 action.setCheckable(True)
                 action.setChecked(channel not in self._hidden)
                 action.toggled.connect(lambda _, channel=channel: self._toggle(channel))

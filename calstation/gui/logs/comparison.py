@@ -3,7 +3,7 @@
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import KINDS, bind, event_sentence, on_language_change, parameter_text, show, term
+from calstation.gui.text import KINDS, bind, on_language_change, say, term
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
     Compared,
@@ -15,6 +15,7 @@ from calstation.gui.widgets import (
     show_text,
     theme,
 )
+from calstation.messages import event_text
 from calstation.results import Parameter, Resolved, Result, online_difference
 from calstation.results.plots import LogIndex
 
@@ -33,12 +34,8 @@ class Comparison(QWidget):
         self._unobservable: frozenset[str] = frozenset()
         names = ("online_badge", "offline_badge", "difference_badge")
         self.online_badge, self.offline_badge, self.difference_badge = badges = [StateBadge(name=n) for n in names]
-        self._difference_head = label(lambda: self.tr("Difference"), "muted")
-        heads = (
-            label(lambda: self.tr("Run"), "muted"),
-            label(lambda: self.tr("Offline"), "muted"),
-            self._difference_head,
-        )
+        self._difference_head = label("logs.compared", "muted")
+        heads = (label("logs.online", "muted"), label("logs.offline", "muted"), self._difference_head)
         self.note_label = label(name="comparison_label", wrap=True)
         rows = grid(across=2 * theme.GRID, down=theme.GRID // 2, stretch=1)
         for line, (head, badge) in enumerate(zip(heads, badges, strict=True)):
@@ -47,8 +44,8 @@ class Comparison(QWidget):
         self.table = ComparisonTable(independent=False, differences=True)
         self.model = self.table.parameters
         self.table.setObjectName("comparison_table")
-        bind(self.table.setAccessibleName, lambda: self.tr("The run's parameters and those solved offline"))
-        hint = label(lambda: self.tr("Parameters and their sigmas are shown here once a range is solved."), "muted")
+        bind(self.table.setAccessibleName, "logs.compared_parameters")
+        hint = label("logs.about_comparison", "muted")
         hint.setWordWrap(True)
         hint.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self._nothing = hint
@@ -84,7 +81,7 @@ class Comparison(QWidget):
         online, offline = self._parameters()
         self.table.show_sets(
             (
-                Compared(lambda: self.tr("run"), online),
+                Compared("logs.online_column", online),
                 Compared(self._offline_heading, offline, self._value_state, self._sigma_state),
             )
         )
@@ -103,7 +100,7 @@ class Comparison(QWidget):
         self.model.refresh()
         self.online_badge.show_state(*self._online_verdict())
         if self._solved is None or self._log_index is None:
-            self.offline_badge.show_state("none", self.tr("Not solved yet"))
+            self.offline_badge.show_state("none", say("logs.not_solved_yet"))
             notes = []
         else:
             self.offline_badge.show_state(*self._offline_verdict(self._solved.result))
@@ -119,47 +116,46 @@ class Comparison(QWidget):
             return KINDS.get(self._online.verdict, "none"), term("badge", self._online.badge)
         log = self._log_index
         if log is not None and log.outcome is None and log.meta.run is not None:
-            return "caution", self.tr("No result: this run did not reach its end")
-        return "none", self.tr("The log holds no result of a run")
+            return "caution", say("logs.run_not_ended")
+        return "none", say("logs.no_run_result")
 
     def _offline_heading(self) -> str:
-        return self.tr("offline, outdated") if self._outdated else self.tr("offline")
+        return say("logs.offline_outdated" if self._outdated else "logs.offline_column")
 
     def _offline_verdict(self, result: Result) -> tuple[str, str]:
         if self._outdated:
-            return "caution", self.tr("Outdated: the range or the stages have changed; solve again")
+            return "caution", say("logs.outdated")
         if result.passed is None and result.missing_data:
-            return "caution", self.tr("Solved as far as the data allow; some stages are not")
+            return "caution", say("logs.solved_partly")
         if result.passed is None:
-            return "none", self.tr("Solved; the log names no limits to compare with")
+            return "none", say("logs.solved_no_limits")
         if result.passed and result.partial:
-            return "partial", self.tr("Partial: inside the limits, but not all stages of the product were solved")
+            return "partial", say("logs.solved_partial")
         if result.passed:
-            return "good", self.tr("Inside every limit of the product")
-        failed = self.tr("Outside the limits: {0} of {1} checks")
-        return "bad", failed.format(len(result.failed_checks), len(result.checks))
+            return "good", say("logs.inside_limits")
+        return "bad", say("logs.outside_limits", failed=len(result.failed_checks), count=len(result.checks))
 
     def _difference(self, offline: Result, online: Result) -> tuple[str, str]:
         found = online_difference(offline, online)
         if found.identical:
-            return "good", self.tr("Identical bit for bit")
-        largest = self.tr("Largest difference {0} σ, {1}").format(
-            f"{abs(self._in_sigma[found.parameter]):.2f}", parameter_text(found.parameter)
-        )
+            return "good", say("logs.identical")
+        sigmas = abs(self._in_sigma[found.parameter])
+        largest = say("logs.largest_difference", sigmas=sigmas, parameter=found.parameter)
         beyond = sum(abs(difference) > NOTABLE_SIGMAS for difference in self._in_sigma.values())
-        return ("caution", self.tr("{0}; beyond 3 σ: {1}").format(largest, beyond)) if beyond else ("none", largest)
+        if not beyond:
+            return "none", largest
+        return "caution", say("logs.difference_beyond", difference=largest, count=beyond)
 
     def _notes(self, solved: Resolved, log_index: LogIndex) -> list[str]:
         result, facts = solved.result, log_index.facts
         first, last = result.log.first_seq, result.log.last_seq
         notes = []
         if (first, last) != (facts.first_seq, facts.last_seq):
-            notes.append(self.tr("From samples {0} to {1}, part of the log.").format(first, last))
+            notes.append(say("logs.part_of_log", first=first, last=last))
         if self._online is not None and self._online.stages not in ([], result.stages):
-            stages = self.tr(", ").join(term("stage", stage) for stage in result.stages)
-            notes.append(self.tr("Stages solved: {0}.").format(stages))
+            notes.append(say("logs.stages_solved", stages=result.stages))
         if self._unobservable:
-            lost = self.tr("Not determined by these data: {0} of {1} parameters, marked below.")
-            notes.append(lost.format(len(self._unobservable), len(result.parameters)))
-        notes += [show(reason) for reason in solved.missing_data]
-        return notes + [event_sentence(key, values) for key, values in solved.messages]
+            lost, count = len(self._unobservable), len(result.parameters)
+            notes.append(say("logs.parameters_lost", lost=lost, count=count))
+        notes += [say(reason) for reason in solved.missing_data]
+        return notes + [say(event_text(key, values)) for key, values in solved.messages]

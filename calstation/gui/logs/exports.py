@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from calstation.gui.text import say
 from calstation.gui.widgets import FileExport
 from calstation.results import Result, export_log, export_result
 from calstation.results.plots import LogIndex
@@ -15,18 +16,18 @@ class Exports(FileExport):
         whole = (first, last) == (log.facts.first_seq, log.facts.last_seq)
         ending = "export" if whole else f"{first}-{last}"
         self.ask(
-            self.tr("Export the log") if whole else self.tr("Export the range"),
+            say("logs.export_log" if whole else "logs.export_range"),
             log.path.with_name(f"{_stem(log.path)}-{ending}.csv"),
-            ["CSV (*.csv)", self.tr("Compressed CSV (*.csv.gz)")],
+            ["CSV (*.csv)", say("logs.csv_compressed")],
             lambda target: (export_log, log.path, target, first, last),
         )
 
     def ask_result(self, log: Path, result: Result, stored: Result | None, ending: str = "offline") -> None:
         """Ask for the file of a log's result; `stored` is the run's result, `ending` a suffix of the proposed name."""
         self.ask(
-            self.tr("Export the result"),
+            say("logs.export_result_title"),
             log.with_name(f"{_stem(log)}-{ending}.json"),
-            ["JSON (*.json)", self.tr("Parameters as CSV (*.csv)")],
+            ["JSON (*.json)", say("logs.csv_parameters")],
             lambda target: (export_result, result, stored, target),
         )
 

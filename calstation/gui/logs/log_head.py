@@ -9,8 +9,8 @@ from calstation.gui.logs.channels import ChannelButton
 from calstation.gui.logs.log_plot import LogPlot
 from calstation.gui.logs.marks import draw_sign
 from calstation.gui.logs.range_bar import RangeBar
-from calstation.gui.text import bind, duration_text, product_text
-from calstation.gui.widgets import ElidedLabel, Words, button, label, painted_pixmap, row, theme
+from calstation.gui.text import Words, bind, duration_text, product_text, say
+from calstation.gui.widgets import ElidedLabel, button, label, painted_pixmap, row, theme
 from calstation.results.plots import LogIndex
 
 _SIGN = 12
@@ -26,17 +26,12 @@ class LogHead(QWidget):
         self.channels = ChannelButton()
         self.channels.changed.connect(plot.show_channels)
         self._signs: dict[str, tuple[QLabel, QLabel]] = {k: (label(), label()) for k in ("gap", "spoilt", "damaged")}
-        tips: tuple[Words, ...] = (
-            lambda: self.tr("Closer (+)"),
-            lambda: self.tr("Further away (−)"),
-            lambda: self.tr("Bring the chosen range into view"),
-            lambda: self.tr("Bring the whole log into view (Home, or a double click)"),
-        )
+        tips: tuple[Words, ...] = ("logs.zoom_in", "logs.zoom_out", "logs.show_range", "logs.show_log")
         buttons: tuple[QPushButton, ...] = (
-            button("zoom_in_button", lambda: "+", lambda: plot.zoom(True)),
-            button("zoom_out_button", lambda: "−", lambda: plot.zoom(False)),
-            button("zoom_range_button", lambda: self.tr("Range"), lambda: plot.show_part(*chosen.range)),
-            button("zoom_all_button", lambda: self.tr("All"), plot.whole),
+            button("zoom_in_button", "logs.plus", lambda: plot.zoom(True)),
+            button("zoom_out_button", "logs.minus", lambda: plot.zoom(False)),
+            button("zoom_range_button", "logs.range", lambda: plot.show_part(*chosen.range)),
+            button("zoom_all_button", "logs.all", plot.whole),
         )
         for made, tip in zip(buttons, tips, strict=True):
             bind(made.setToolTip, tip)
@@ -58,18 +53,19 @@ class LogHead(QWidget):
         log = self._log_index
         if log is None:
             return
-        samples = self.tr("{0} samples, {1} Hz").format(f"{log.facts.samples:,}".replace(",", " "), f"{log.rate:g}")
+        number = f"{log.facts.samples:,}".replace(",", " ")
+        samples = say("logs.samples_and_rate", samples=number, rate=log.rate)
         parts = [log.meta.imu.serial, duration_text(log.facts.samples / log.rate), samples]
         if log.meta.product is not None:  # last, because an overlong line is elided at its end
             parts.append(product_text(log.meta.product.name))
         self._facts.setText("  ·  ".join(parts))
-        for kind, count, words in (
-            ("gap", log.gaps.count, self.tr("gaps: {0}")),
-            ("spoilt", log.spoilt_samples, self.tr("invalid samples: {0}")),
-            ("damaged", log.facts.damaged, self.tr("damaged rows: {0}")),
+        for kind, count, code in (
+            ("gap", log.gaps.count, "logs.gaps"),
+            ("spoilt", log.spoilt_samples, "logs.invalid_samples"),
+            ("damaged", log.facts.damaged, "logs.damaged_rows"),
         ):
             icon, text = self._signs[kind]
             icon.setPixmap(painted_pixmap(_SIGN, partial(draw_sign, kind=kind, box=QRectF(0, 0, _SIGN, _SIGN))))
-            text.setText(words.format(count))
+            text.setText(say(code, count=count))
             icon.setVisible(count > 0)
             text.setVisible(count > 0)

@@ -16,7 +16,7 @@ from calstation.gui.logs.log_columns import LogColumns, Wanted, split_at_gaps
 from calstation.gui.logs.marks import Backdrop, LogMarks, Strip
 from calstation.gui.logs.range_item import RangeItem
 from calstation.gui.logs.time_axis import TimeAxis
-from calstation.gui.text import term, with_minus
+from calstation.gui.text import say, term, with_minus
 from calstation.gui.widgets import NumberAxis, PlotMenu, PlotNote, TimeBox, column, fit_below_note, theme
 from calstation.results.plots import CHANNELS, Columns, LogIndex
 
@@ -269,16 +269,16 @@ class LogPlot(QWidget):
         for cursor in self._cursors:
             cursor.setPen(QPen(QColor(c.text), 0))
         self._write_notes()
-        self.setAccessibleName(self.tr("The log's curves"))
+        self.setAccessibleName(say("logs.curves"))
         self._graph.viewport().update()
 
     def _write_notes(self) -> None:
         """Write the names of the channels and, while the mouse points at the log, their values."""
         c = theme.colours()
-        titles = self.tr("Gyro, °/s"), self.tr("Accelerometer, m/s²"), self.tr("Table, °"), self.tr("Temperature, °C")
-        letters = {"outer": self.tr("outer"), "inner": self.tr("inner"), "temperature": ""}
+        titles = "common.gyro_dps", "common.accel_mps2", "logs.table_degrees", "logs.temperature_celsius"
+        letters = {"outer": say("joint.outer"), "inner": say("joint.inner"), "temperature": ""}
         for note, title, (channels, _, decimals) in zip(self._notes, titles, PLOTS, strict=True):
-            parts = [(title, c.text)]
+            parts = [(say(title), c.text)]
             for name in filter(self._shown.__contains__, channels):
                 letter = letters.get(name, name[-1])
                 colour = theme.axis_text(letter) if letter in theme.AXIS_COLOURS else _colour(name)

@@ -120,11 +120,11 @@ class OfflinePage(Page):
             self._open_chosen(path)
 
     def _build(self) -> None:
-        open_button = button("", lambda: self.tr("Open a log…"), self.source.browse, kind="primary")
-        self._empty = EmptyState(open_button)
+        open_button = button("", "logs.open_log_button", self.source.browse, kind="primary")
+        self._empty = EmptyState(open_button, title="logs.no_log", text="logs.about_no_log")
         progress = JobRow(self.reader, "read_cancel_button")
         progress.setFixedWidth(70 * theme.GRID)
-        self._reading = EmptyState(progress)
+        self._reading = EmptyState(progress, title="logs.reading_log")
         self._open = self._build_open()
         self._stack = stack(self._empty, self._reading, self._open)
         by_stages = QWidget()
@@ -139,18 +139,16 @@ class OfflinePage(Page):
         self._pointer = label(kind="muted", name="pointer_label")
         self._pointer.setFixedHeight(2 * theme.GRID + 4)
         self.stages, self.comparison = StageChoice(), Comparison()
-        self.solve_button = button(
-            "solve_button", lambda: self.tr("Start offline solve"), lambda: self.solve(), kind="primary"
-        )
+        self.solve_button = button("solve_button", "logs.start_solve", lambda: self.solve(), kind="primary")
         jobs = JobStack(
             self.solve_button,
             JobRow(self.solver, "solve_cancel_button"),
             JobRow(self.exports.watch, "export_cancel_button"),
             JobRow(self.rest_finder, "rest_cancel_button"),
         )
-        self.result_button = button("export_result_button", lambda: self.tr("Export result…"), self._export_result)
-        self.log_button = button("export_log_button", None, self._export_log)
-        self.allan_button = button("allan_button", lambda: self.tr("Allan deviation"), self._show_allan)
+        self.result_button = button("export_result_button", "logs.export_result", self._export_result)
+        self.log_button = button("export_log_button", pressed=self._export_log)
+        self.allan_button = button("allan_button", "logs.allan_deviation", self._show_allan)
         self.allan = AllanView(self.app, self.notice)
         left, right = QWidget(), QWidget()
         column(self.head, (self.plot, 1), self._pointer, self.range, on=left, margins=(0, 0, theme.GRID, 0))
@@ -175,14 +173,12 @@ class OfflinePage(Page):
         self.allan.closed.connect(self._hide_allan)
         for watch in (self.reader, self.solver, self.exports.watch, self.rest_finder, self.allan.watch):
             watch.busy_changed.connect(self._update)
-        self.notice.report_failures(self.rest_finder, lambda: self.tr("No rest has been found"), self.plot.setFocus)
+        self.notice.report_failures(self.rest_finder, "logs.no_rest_found", self.plot.setFocus)
         self.allan.watch.failed.connect(self._hide_allan)
-        self.notice.report_failures(
-            self.allan.watch, lambda: self.tr("This range has no Allan deviation"), self.plot.setFocus
-        )
+        self.notice.report_failures(self.allan.watch, "logs.no_allan_deviation", self.plot.setFocus)
         self.exports.watch.busy_changed.connect(self.notice.dismiss)
-        self.notice.report_failures(self.reader, lambda: self.tr("This log cannot be opened"), self.plot.setFocus)
-        self.notice.report_failures(self.solver, lambda: self.tr("This range cannot be solved"), self.plot.setFocus)
+        self.notice.report_failures(self.reader, "logs.log_not_opened", self.plot.setFocus)
+        self.notice.report_failures(self.solver, "logs.range_not_solved", self.plot.setFocus)
         shortcut = QShortcut(QKeySequence.StandardKey.Open, self, self.source.browse)
         shortcut.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
 
@@ -311,12 +307,9 @@ class OfflinePage(Page):
         stage = next((term("stage", s.stage) for s in log.spans if s.first_seq <= seq <= s.last_seq), "")
         step = int(log.step_numbers[log.steps.ranges[:, 0].searchsorted(seq, side="right")])
         label = log.step_labels.get(step)
-        move = (
-            self.tr("step {0}: {1}").format(step, step_sentence("move", label))
-            if label
-            else self.tr("step {0}").format(step)
-        )
-        parts = time, self.tr("Sample {0}").format(seq), stage, move if step else ""
+        code = "logs.step_with_move" if label else "logs.step"
+        move = say(code, number=step, move=step_sentence("move", label or ()))
+        parts = time, say("logs.sample", seq=seq), stage, move if step else ""
         self._pointer.setText("   ".join(filter(None, parts)))
 
     # ---- texts and enabled controls
@@ -327,7 +320,7 @@ class OfflinePage(Page):
         return any(watch.busy for watch in jobs)
 
     def _wait_text(self) -> str:
-        return self.tr("Another log can be opened when this job has ended or is cancelled.")
+        return say("logs.wait_for_job")
 
     @property
     def _selection(self) -> tuple[object, ...]:
@@ -335,19 +328,19 @@ class OfflinePage(Page):
 
     def _why_not_export_result(self) -> str:
         if self.solved is None:
-            return self.tr("Solve the log first")
+            return say("logs.solve_first")
         if self._selection != self._solved_with:
-            return self.tr("The range or the stages have changed: solve again first")
+            return say("logs.solve_again")
         return ""
 
     def _why_not_solve(self) -> str:
         if self.log is None:
-            return self.tr("Open a log first")
+            return say("logs.open_log_first")
         if self._working:
             return say("window.busy_job")
         if not self.stages.in_range:
-            return self.tr("The range holds no stage; widen it")
-        return "" if self.stages.chosen else self.tr("Tick a stage to solve")
+            return say("logs.range_empty")
+        return "" if self.stages.chosen else say("logs.tick_stage")
 
     def _update(self) -> None:
         """Enable the controls that are currently usable; tooltips explain why the others are disabled."""
@@ -357,24 +350,16 @@ class OfflinePage(Page):
         for widget in (self.range, self.stages):
             enable(widget, wait)
         enable(self.solve_button, self._why_not_solve())
-        tip = self.tr("Of the chosen range, at rest: gives random walk and bias instability")
-        enable(self.allan_button, wait or ("" if self.log is not None else self.tr("Open a log first")), tip)
+        tip = say("logs.allan_tip")
+        enable(self.allan_button, wait or ("" if self.log is not None else say("logs.open_log_first")), tip)
         part = self.log is not None and not self.range.whole
-        self.log_button.setText(self.tr("Export range…") if part else self.tr("Export log…"))
-        tip = self.tr("Only the chosen samples; “Set to…” returns to the whole log") if part else ""
-        enable(self.log_button, wait or ("" if self.log is not None else self.tr("Open a log first")), tip)
+        self.log_button.setText(say("logs.export_range_button" if part else "logs.export_log_button"))
+        tip = say("logs.export_range_tip") if part else ""
+        enable(self.log_button, wait or ("" if self.log is not None else say("logs.open_log_first")), tip)
         enable(self.result_button, wait or self._why_not_export_result())
         self.comparison.set_outdated(self.solved is not None and self._selection != self._solved_with)
 
     def _refresh(self) -> None:
-        self._empty.say(
-            self.tr("A stored log, drawn and solved again"),
-            self.tr(
-                "Open a raw log (.h5) or a CSV with its TOML beside it, or drop the file here. Choose a range; "
-                "the solver of the run solves it again, and both results are compared."
-            ),
-        )
-        self._reading.say(self.tr("Reading the log"), "")
         self._show_pointed(self._pointed)
         self._update()
 

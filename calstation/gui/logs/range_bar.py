@@ -3,8 +3,9 @@
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QDoubleSpinBox, QMenu, QWidget
 
-from calstation.gui.text import duration_text, on_language_change, term
-from calstation.gui.widgets import Words, button, column, enable, grid, label, row, show_text, theme
+from calstation.gui.text import Words, duration_text, on_language_change, say, term
+from calstation.gui.widgets import button, column, enable, grid, label, row, show_text, theme
+from calstation.messages import Text
 from calstation.results.plots import LogIndex, StageSpan
 
 #: Number of stage check boxes in a row.
@@ -43,24 +44,20 @@ class RangeBar(QWidget):
         self._log_index: LogIndex | None = None
         self._typed = ""
         self.first_spin, self.last_spin = CountSpin("first_seq_spin"), CountSpin("last_seq_spin")
-        first, last = label(lambda: self.tr("First sample")), label(lambda: self.tr("Last sample"))
+        first, last = label("logs.first_sample"), label("logs.last_sample")
         for caption, spin in ((first, self.first_spin), (last, self.last_spin)):
             caption.setBuddy(spin)
             spin.valueChanged.connect(lambda _, spin=spin: self._entered(spin))
             spin.lineEdit().textEdited.connect(self._type)
             spin.editingFinished.connect(lambda spin=spin: self._finished(spin))
         self.length_label = label(kind="muted")
-        self.part_button = button(
-            "range_button",
-            lambda: self.tr("Set to…"),
-            tip=lambda: self.tr("The whole log, a stage, or the longest rest"),
-        )
+        self.part_button = button("range_button", "logs.set_to", tip="logs.set_to_tip")
         self._menu = QMenu(self)
         self.part_button.setMenu(self._menu)
         self.note_label = label(kind="error", name="range_note_label", wrap=True)
         boxes = row(first, self.first_spin, last, self.last_spin, (self.length_label, 1), self.part_button)
         column(boxes, self.note_label, on=self, spacing=theme.GRID // 2)
-        self._note: Words = str
+        self._note: Words = ""
         on_language_change(self, self._show_texts)
 
     def show_log(self, log_index: LogIndex) -> None:
@@ -95,7 +92,7 @@ class RangeBar(QWidget):
     def _show_texts(self) -> None:
         self._fill_menu()
         self._show_length()
-        show_text(self.note_label, self._note())
+        show_text(self.note_label, say(self._note))
 
     def _show_length(self) -> None:
         if self._log_index is not None:
@@ -107,13 +104,13 @@ class RangeBar(QWidget):
         if self._log_index is None:
             return
         facts = self._log_index.facts
-        parts = [(self.tr("Whole log"), facts.first_seq, facts.last_seq)]
+        parts = [(say("logs.whole_log"), facts.first_seq, facts.last_seq)]
         parts += [(term("stage", s.stage), s.first_seq, s.last_seq) for s in self._log_index.spans]
         for text, first, last in parts:
             action = self._menu.addAction(text)
             action.triggered.connect(lambda _=False, part=(first, last): self.choose(*part))
         self._menu.addSeparator()
-        self._menu.addAction(self.tr("Longest rest")).triggered.connect(lambda _: self.rest_wanted.emit())
+        self._menu.addAction(say("logs.longest_rest")).triggered.connect(lambda _: self.rest_wanted.emit())
 
     def choose(self, first: int, last: int) -> None:
         """Select a range as if the user had entered it."""
@@ -126,10 +123,10 @@ class RangeBar(QWidget):
         self._show_note(str)
         if first > last and spin is self.first_spin:
             first = last
-            self._show_note(lambda: self.tr("The first sample cannot be after the last: set to {0}.").format(last))
+            self._show_note(Text.of("logs.first_clipped", last=last))
         elif first > last:
             last = first
-            self._show_note(lambda: self.tr("The last sample cannot be before the first: set to {0}.").format(last))
+            self._show_note(Text.of("logs.last_clipped", first=last))
         self._typed = ""
         self.choose(first, last)
 
@@ -142,14 +139,12 @@ class RangeBar(QWidget):
         typed, self._typed = self._typed, ""
         if self._log_index is not None and typed and typed != spin.lineEdit().text():
             facts = self._log_index.facts
-            held = facts.first_seq, facts.last_seq
-            self._show_note(
-                lambda: self.tr("{0} is not in this log; it holds samples {1} to {2}.").format(typed, *held)
-            )
+            held = {"first": facts.first_seq, "last": facts.last_seq}
+            self._show_note(Text.of("logs.sample_outside", sample=typed, **held))
 
     def _show_note(self, note: Words) -> None:
         self._note = note
-        show_text(self.note_label, note())
+        show_text(self.note_label, say(note))
 
 
 class StageChoice(QWidget):
@@ -199,4 +194,4 @@ class StageChoice(QWidget):
     def _refresh(self) -> None:
         for stage, box in self._boxes.items():
             box.setText(term("stage", stage))
-            enable(box, "" if stage in self.in_range else self.tr("The range holds no sample of this stage"))
+            enable(box, "" if stage in self.in_range else say("logs.stage_outside"))

@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication, QSettings, QTimer, Signal
+from PySide6.QtCore import QSettings, QTimer, Signal
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QFileDialog, QLineEdit, QMenu, QWidget
 
-from calstation.gui.text import bind, on_language_change
+from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import button, enable, label, row
 
 _KEY = "offline/recent"
@@ -21,8 +21,7 @@ def ask_log(parent: QWidget, title: str, folder: Path, chosen: Callable[[Path], 
     """Ask for a log without blocking the window, and call `chosen` with its path."""
     dialog = QFileDialog(parent, title, str(folder if folder.is_dir() else Path()))
     dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
-    logs = QCoreApplication.translate("SourceBar", "Logs (*.h5 *.csv *.csv.gz)")
-    dialog.setNameFilters([logs, QCoreApplication.translate("SourceBar", "All files (*)")])
+    dialog.setNameFilters([say("logs.logs_filter"), say("common.all_files")])
     dialog.fileSelected.connect(lambda name: chosen(Path(name)))
     dialog.finished.connect(dialog.deleteLater)
     dialog.open()
@@ -45,13 +44,10 @@ class SourceBar(QWidget):
         self._unchanged = QTimer(self, singleShot=True, interval=400)
         self._unchanged.timeout.connect(self._open_pasted)
         self.log_edit.textChanged.connect(self._unchanged.start)
-        bind(
-            self.log_edit.setPlaceholderText,
-            lambda: self.tr("Path of a raw log (.h5) or of a CSV with its TOML beside it"),
-        )
-        caption = label(lambda: self.tr("Log"), buddy=self.log_edit)
-        self.open_button = button("log_open_button", lambda: self.tr("Open…"), self.browse)
-        self.recent_button = button("log_recent_button", lambda: self.tr("Recent"))
+        bind(self.log_edit.setPlaceholderText, "logs.path_tip")
+        caption = label("logs.log", buddy=self.log_edit)
+        self.open_button = button("log_open_button", "logs.open", self.browse)
+        self.recent_button = button("log_recent_button", "logs.recent")
         self._menu = QMenu(self)
         self.recent_button.setMenu(self._menu)
         self._menu.aboutToShow.connect(self._fill)
@@ -78,7 +74,7 @@ class SourceBar(QWidget):
         """Open the file dialog in the folder of the path shown, or else of the most recent log."""
         typed = self.log_edit.text()
         latest = Path(typed) if typed else next(iter(self.recent()), Path("runs/log"))
-        ask_log(self, self.tr("Open a log"), latest.parent, self.chosen.emit)
+        ask_log(self, say("logs.open_log"), latest.parent, self.chosen.emit)
 
     def showEvent(self, event: QShowEvent) -> None:
         """Add the runs made since the bar was last shown to the menu."""
@@ -101,9 +97,9 @@ class SourceBar(QWidget):
         self._offer(recent)
         latest = [path for path in self._latest() if path not in recent]
         if latest:
-            self._menu.addSection(self.tr("Latest runs"))
+            self._menu.addSection(say("logs.latest_runs"))
             self._offer(latest)
-        enable(self.recent_button, self.tr("No log has been opened here yet") if self._menu.isEmpty() else "")
+        enable(self.recent_button, say("logs.no_recent_logs") if self._menu.isEmpty() else "")
 
     def _offer(self, paths: list[Path]) -> None:
         for path in paths:

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 from calstation.database import Claim
 from calstation.gui.state import AppContext
-from calstation.gui.text import event_sentence
+from calstation.gui.text import say
 from calstation.gui.widgets import NoticeBar
+from calstation.messages import event_text
 
 
 class ClaimNotice(NoticeBar):
@@ -35,10 +36,10 @@ class ClaimNotice(NoticeBar):
             return
         self._claims = mine
         if mine:
-            self.ask("caution", self._text_of_claims, lambda: self.tr("Agree which station goes on with it."))
+            self.ask("caution", self._text_of_claims, "operator.agree_station")
         else:
             self.dismiss()
 
     def _text_of_claims(self) -> str:
         messages = [claim.message for claim in self._claims]
-        return "\n".join(event_sentence(message.id, message.values) for message in messages)
+        return "\n".join(say(event_text(message.id, message.values)) for message in messages)

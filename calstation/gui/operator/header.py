@@ -7,7 +7,7 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QVBoxLayout, QWidget
 
 from calstation.gui.operator.production import BadgeField
-from calstation.gui.text import bind, on_language_change
+from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import StateIcon, button, column, enable, label, row, theme
 
 #: Size of the symbol in the serial field that shows whether a scan was accepted, px.
@@ -46,7 +46,7 @@ class RunHeader(QWidget):
         self._fields = row(
             (self.badge_field, 2),
             (_field(self.serial_edit, "serial_edit", self._serial_caption), 4),
-            (_field(self.product_combo, "product_combo", label(lambda: self.tr("Product"))), 3),
+            (_field(self.product_combo, "product_combo", label("common.product")), 3),
             self.start_button,
             self.pause_button,
             on=self,
@@ -66,7 +66,7 @@ class RunHeader(QWidget):
         self.product_combo.activated.connect(lambda _: self.product_chosen.emit(self.product))
         self.start_button.installEventFilter(self)
         self.guard(self.product_combo)
-        bind(self.serial_edit.setPlaceholderText, lambda: self.tr("scan or type"))
+        bind(self.serial_edit.setPlaceholderText, "operator.scan_or_type")
         on_language_change(self, self._show_texts)
 
     @property
@@ -124,7 +124,7 @@ class RunHeader(QWidget):
 
     def set_start(self, why_not: str) -> None:
         """Disable START for the given reason; "" enables it."""
-        enable(self.start_button, why_not, self.tr("Press Space or click; Enter does not start, scanners send it."))
+        enable(self.start_button, why_not, say("operator.start_tip"))
 
     def show_partial(self, *, partial: bool) -> None:
         """Mark on START whether the next run is partial."""
@@ -136,7 +136,7 @@ class RunHeader(QWidget):
     def set_pause(self, paused: bool, why_not: str) -> None:
         """Show Pause or Resume, disabled for the given reason; "" enables it."""
         enable(self.pause_button, why_not)
-        self.pause_button.setText(self.tr("Resume") if paused else self.tr("Pause"))
+        self.pause_button.setText(say("common.resume" if paused else "operator.pause"))
 
     def guard(self, combo: QComboBox) -> None:
         """Prevent a scan from changing the selection of a combo box, open or closed."""
@@ -175,11 +175,11 @@ class RunHeader(QWidget):
         return super().eventFilter(watched, event)
 
     def _show_texts(self) -> None:
-        self.start_button.setText(self.tr("START PARTIAL") if self._partial else self.tr("START"))
+        self.start_button.setText(say("common.start_partial" if self._partial else "operator.start"))
         self._show_caption()
 
     def _show_caption(self) -> None:
-        caption = self.tr("Serial number")
+        caption = say("common.serial_number")
         self._serial_caption.setText(f"{caption}: {self._serial_note}" if self._serial_note else caption)
 
 

@@ -10,7 +10,6 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask
 from calstation.gui.state import AppContext
-from calstation.gui.text import event_sentence
 from calstation.gui.widgets import JobWatch, NoticeBar
 from calstation.messages import Text
 from calstation.results import Delivery
@@ -31,7 +30,7 @@ class InterruptedRuns(QObject):
         self._serial: str | None = None
         self._search, self._closing = JobWatch(self, self._found, self._not_found), JobWatch(self)
         self._recovery = JobWatch(self, lambda done: self._show_delivery(done.delivery), self._not_recovered)
-        notice.report_failures(self._closing, lambda: self.tr("The run was not closed"), header.focus_scan)
+        notice.report_failures(self._closing, "common.run_not_closed", header.focus_scan)
         app.resume_run.connect(lambda log: self.offer(log=log))
 
     def recover(self) -> None:
@@ -43,13 +42,13 @@ class InterruptedRuns(QObject):
 
     def _not_recovered(self, error: CalstationError) -> None:
         if self.run_summary is not None:  # otherwise the page shows the problem with station and product
-            self._notice.report(lambda: self.tr("Earlier runs were not closed or handed over"), error, self.offer)
+            self._notice.report("operator.earlier_not_closed", error, self.offer)
 
     def _show_delivery(self, delivery: Delivery) -> None:
         """Show why results could not be handed over."""
         if delivery.waiting and not self._notice.asking:
             values = {"count": delivery.waiting, "folder": str(delivery.folder), "reason": delivery.reason}
-            self._notice.ask("caution", lambda: event_sentence("handover_waiting", values), str)
+            self._notice.ask("caution", Text("event.handover_waiting", values), "")
 
     def offer(self, serial: str | None = None, log: Path | None = None) -> None:
         """Offer runs that can be resumed, or only runs of the unit `serial` or the run of `log` if given."""

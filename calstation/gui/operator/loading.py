@@ -36,7 +36,7 @@ class Loading(QFrame):
         pictures = ((self.picture, 2), (self.rails, 2), (self.fixture, 2))
         drawings = row((column(None, steps, None), 3), *pictures, spacing=4 * theme.GRID)
         column(
-            label(lambda: self.tr("Load the unit"), "section"),
+            label("operator.load_unit", "section"),
             (drawings, 1),
             on=self,
             margins=(3 * theme.GRID, 2 * theme.GRID, 3 * theme.GRID, 2 * theme.GRID),

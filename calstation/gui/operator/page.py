@@ -29,7 +29,6 @@ from calstation.gui.operator.units import SlotsPanel, VerdictGrid
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.state import AppContext, ExchangeLabel, Page, run_badge
 from calstation.gui.text import (
-    event_sentence,
     fault_text,
     offered_products,
     on_language_change,
@@ -52,7 +51,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
-from calstation.messages import Text
+from calstation.messages import Text, event_text
 from calstation.sequencer import Command
 
 #: Refusals of production that an engineer can override.
@@ -60,6 +59,13 @@ _OVERRIDABLE = (
     "quality.not_in_order",
     *(f"quality.standard_{reason}" for reason in ("never", "overdue", "out", "certificate")),
 )
+
+#: What is wrong with a station whose rig does not suit the product, by the code of the error.
+_WRONG_RIGS = {
+    "product.needs_manual_table": "window.driven_station",
+    "plan.needs_gimbal": "window.not_gimbal_station",
+    "product.needs_table": "window.gimbal_station",
+}
 
 
 class OperatorPage(Page):
@@ -230,17 +236,15 @@ class OperatorPage(Page):
             request = RunRequest("-", app.station_path, app.product_path, app.stages, schedule=app.schedule)
             return run_summary(request), []
         except ManualRigError as error:
-            stations = {"product.needs_manual_table": "driven_station", "plan.needs_gimbal": "not_gimbal_station"}
-            stations["product.needs_table"] = "gimbal_station"
             found = compatible_products(app.station_path, app.product_path)
             shown = {path: name for name, path in self._products}
             names = ", ".join(f"“{shown[path]}”" for _, path in found)
-            why = Text.of(f"window.{stations.get(error.code, 'manual_station')}")
+            why = Text(_WRONG_RIGS.get(error.code, "window.manual_station"))
             products = Text.of("window.compatible_products" if found else "window.no_compatible_product", names=names)
             self._problem = Text.of("question.wrong_table", why=why, products=products)
             choices = []
             for name, path in found[:2]:  # the notice lists all of them
-                words = partial(say, "window.choose_product", name=shown[path])
+                words = Text.of("window.choose_product", name=shown[path])
                 choices.append(Choice(f"product_choice_{name}", words, partial(app.set_product, path)))
             return None, choices
         except CalstationError as error:
@@ -296,7 +300,7 @@ class OperatorPage(Page):
         """Show the serial number of the unit, or the number of units, during a run."""
         run, request = self.app.run, self.app.engine_link.request
         if run.going and request is not None and not run.register_operation:
-            count = self.tr("{count} units").format(count=len(run.units))
+            count = say("operator.unit_count", count=len(run.units))
             self.header.set_serial(count if request.serials else request.serial)
 
     def _await_next(self) -> None:
@@ -396,16 +400,16 @@ class OperatorPage(Page):
     def _message_text(self) -> str:
         run = self.app.run
         if run.fault is not None:
-            return fault_text(run.fault).reason
+            return fault_text(run.fault).text
         if run.shown == "idle" and self.header.badge_field.required:
             return say("operator.sign_in")
         if run.state in ("idle", "starting"):
             slots = run.state == "idle" and run.runnable and self._starting.slots
-            return say("operator.idle_slots" if slots else f"operator.{run.shown}")
+            return say("operator.message_idle_slots" if slots else f"operator.message_{run.shown}")
         if run.state == "stopping" and not run.commanded:
-            return say("operator.stopping_connecting")
+            return say("operator.message_stopping_connecting")
         if run.state in ("stopping", "paused"):
-            return say(f"operator.{run.state}{'_manual' if run.by_hand else ''}")
+            return say(f"operator.message_{run.state}{'_manual' if run.by_hand else ''}")
         if not run.going:
             return self._verdicts.next_action() if run.in_slots else self._verdict.next_action()
         if run.latest is None:
@@ -413,4 +417,4 @@ class OperatorPage(Page):
         what, key, values = run.latest
         if key == "carry" and run.stage is not None:  # only the guide gives instructions
             return term("stage", run.stage.name)
-        return event_sentence(key, values) if what == "message" else step_sentence(key, values)
+        return say(event_text(key, values)) if what == "message" else step_sentence(key, values)

@@ -1,9 +1,8 @@
 """Notices and questions whose texts are entries of the catalogue families ``question`` and ``answer``."""
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 
-from calstation.gui.text import rendered, show
+from calstation.gui.text import rendered
 from calstation.gui.widgets import Choice, NoticeBar
 from calstation.messages import Text
 
@@ -23,7 +22,7 @@ def ask(
     the focus. `others` are additional choices with their own texts, which are shown first.
     """
     choices = [
-        Choice(f"{name}_choice", partial(show, Text(f"answer.{name}", question.values)), act, name == primary)
+        Choice(f"{name}_choice", Text(f"answer.{name}", question.values), act, name == primary)
         for name, act in answers.items()
     ]
     bar.ask(kind, lambda: rendered(question).text, lambda: rendered(question).remedy, [*others, *choices])

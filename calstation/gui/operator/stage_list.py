@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListWidget, QL
 
 from calstation.config import RunSummary
 from calstation.gui.state import EndStageButton, RunStatus, StageState, planned
-from calstation.gui.text import duration_text, on_language_change, term
+from calstation.gui.text import duration_text, on_language_change, say, term
 from calstation.gui.widgets import PANEL, STEPS, StateIcon, column, label, progress_bar, row, show_text, theme
 
 _KINDS = {
@@ -56,7 +56,7 @@ class StageList(QFrame):
         self.setProperty("kind", "panel")
         self._run = run
         self._planned: RunSummary | None = None
-        title = label(lambda: self.tr("Stages"), "section")
+        title = label("common.stages", "section")
         title.setContentsMargins(*PANEL)
         self.list = QListWidget()
         self.list.setObjectName("stage_list")
@@ -130,7 +130,7 @@ class StageList(QFrame):
         if stage.state not in ("waiting", "active"):
             return ""
         if not planning and not self._run.going:
-            return self.tr("not run")
+            return say("operator.not_run")
         pace = 1.0 if planning else self._run.pace
         return "" if pace is None else duration_text(self._run.left(stage) / pace)
 
@@ -138,15 +138,14 @@ class StageList(QFrame):
         left = note = ""
         if planning and stages:
             total = duration_text(sum(stage.duration for stage in stages))
-            left = self.tr("{time} in all").format(time=total)
+            left = say("operator.time_in_all", time=total)
             if self._planned is not None and self._planned.virtual:
-                note = self.tr("Times of a real table; the virtual bench is much faster.")
+                note = say("operator.table_times")
         elif (remaining := self._run.remaining) is not None:
-            left = self.tr("{time} left").format(time=duration_text(remaining))
+            left = say("common.time_left", time=duration_text(remaining))
         summary = self._planned if planning else self._run.run_summary
         omitted = () if summary is None else summary.omitted
-        names = self.tr(", ").join(term("stage", stage) for stage in omitted)
-        partial = self.tr("Partial calibration, without {stages}").format(stages=names) if omitted else ""
+        partial = say("operator.partial_without", stages=omitted) if omitted else ""
         for shown, text in ((self._left, left), (self._partial, partial), (self._note, note)):
             show_text(shown, text)
 

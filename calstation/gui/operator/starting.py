@@ -25,7 +25,7 @@ from calstation.gui.operator.interrupted import InterruptedRuns, product_file
 from calstation.gui.operator.questions import ask
 from calstation.gui.operator.units import Slots
 from calstation.gui.state import AppContext, PeoplePanel
-from calstation.gui.text import on_language_change
+from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from calstation.records import RunRecord
@@ -171,19 +171,19 @@ class RunStarter(QObject):
             self._await_start()
             return True
         if not self._valid(header.serial):
-            self._refuse(self.tr("not valid"))
+            self._refuse(say("operator.not_valid"))
             code = "question.invalid_serial" if header.serial else "question.missing_serial"
             example = self.run_summary.serial_example
             ask(self._notice, "caution", Text.of(code, serial=header.serial, example=example), {})
             header.focus_scan()
             return False
         if slots and (where := slots.slot_of(header.serial)) is not None:
-            self._refuse(self.tr("twice"))
+            self._refuse(say("operator.twice"))
             ask(self._notice, "caution", Text.of("question.serial_twice", serial=header.serial, slot=where.name), {})
             header.focus_scan()
             return False
         if slots and slots.next is None:
-            self._refuse(self.tr("no slot left"))
+            self._refuse(say("operator.no_slot_left"))
             ask(self._notice, "caution", Text.of("question.no_slot_left", serial=header.serial), {})
             header.focus_scan()
             return False
@@ -199,7 +199,7 @@ class RunStarter(QObject):
             self._await_start() if slots.full else header.focus_scan()
             return True
         self._app.claim(header.serial)
-        note = self.tr("attempt {count}").format(count=before + 1) if before else self.tr("accepted")
+        note = say("operator.attempt" if before else "operator.accepted", count=before + 1)
         header.note_serial(note, accepted=True)
         self._await_start()
         return True
@@ -317,9 +317,7 @@ class RunStarter(QObject):
             self.run(replace(request, override_standard=reason, overridden_by=people))
 
         by = (self._app.badge if required.badge else self._app.operator or computer_user()) or ""
-        self.people.ask(
-            lambda: self.tr("Calibrate {0} nevertheless?").format(request.serial), required, confirmed, by=by
-        )
+        self.people.ask(Text.of("operator.ask_calibrate", serial=request.serial), required, confirmed, by=by)
 
     def _resume(self, run: Resumable) -> None:
         product = product_file(run.product) or self._app.product_path
@@ -343,12 +341,12 @@ class RunStarter(QObject):
     def _note_next(self, *, accepted: bool | None = None) -> None:
         """Show the slot of the next scan and, while a verdict is shown, that the field is for the next unit."""
         judged = self._app.run.ended or self._app.run.fault is not None
-        note, following = (self.tr("next unit") if judged else ""), self.slots.marked
+        note, following = (say("operator.next_unit") if judged else ""), self.slots.marked
         if self.slots and not judged and not self._app.run.going:
             full = len(self.slots.units) == len(self.slots.serials)
-            note = self.tr("all slots have a unit") if full else self.tr("the other slots stay empty")
+            note = say("operator.slots_full" if full else "operator.slots_stay_empty")
             if following is not None:
-                note = self.tr("slot {slot}").format(slot=following.name)
+                note = say("operator.slot", slot=following.name)
         self._header.note_serial(note, accepted=accepted)
 
     def _ask_attempt(

@@ -14,19 +14,9 @@ from calstation.gui.operator import advice
 from calstation.gui.operator.production import CertificateButton, LabelButton
 from calstation.gui.operator.units import Banner
 from calstation.gui.state import AppContext, ResetBar
-from calstation.gui.text import duration_text, event_sentence, fault_text, say
-from calstation.gui.widgets import (
-    NoticeBar,
-    StateIcon,
-    button,
-    clear,
-    column,
-    grid,
-    label,
-    row,
-    show_text,
-    theme,
-)
+from calstation.gui.text import duration_text, fault_text, say
+from calstation.gui.widgets import NoticeBar, StateIcon, button, clear, column, grid, label, row, show_text, theme
+from calstation.messages import entry, event_text, known
 from calstation.physics import aligned
 from calstation.results import Result, load_result
 from calstation.sequencer import Fault, Verdict
@@ -49,12 +39,12 @@ class FiguresTable(QWidget):
         figures = [] if result is None else advice.figures(result)
         if not figures:
             return
-        columns = self.tr("value"), self.tr("sigma"), self.tr("limit"), self.tr("unit")
+        columns = say("operator.value"), say("operator.sigma"), say("common.limit_column"), say("common.unit_column")
         values, sigmas = aligned([figure.value for figure in figures]), aligned([figure.sigma for figure in figures])
         number, passing = 0, None
         for figure, value, sigma in zip(figures, values, sigmas, strict=True):
             if figure.passed is not passing:
-                title = self.tr("nearest to its limit") if figure.passed else self.tr("outside its limit")
+                title = say("operator.nearest_to_limit" if figure.passed else "operator.outside_limit")
                 for at, text in enumerate((title, *(columns if passing is None else ())), start=1):
                     heading = label(kind="muted")
                     heading.setText(text)
@@ -101,16 +91,14 @@ class VerdictPanel(QFrame):
         self.reason_label.setFont(theme.font(theme.SECTION))
         self.action_label.setFont(theme.font(theme.SECTION, bold=True))
         self.reset = ResetBar(app, self._table, "verdict_reset_button")
-        self.details_button = button("details_button", lambda: self.tr("Details"), self._show_details)
-        self.acknowledge_button = button(
-            "acknowledge_button", lambda: self.tr("Understood"), self.acknowledged, kind="primary"
-        )
+        self.details_button = button("details_button", "operator.details", self._show_details)
+        self.acknowledge_button = button("acknowledge_button", "operator.understood", self.acknowledged, kind="primary")
         self.label_button = LabelButton(app, "label_button", notice, then)
         self.certificate_button = CertificateButton(app, "certificate_button", notice, then)
-        self.close_button = button("all_units_button", lambda: self.tr("All units"), self.closed, kind="primary")
+        self.close_button = button("all_units_button", "operator.all_units", self.closed, kind="primary")
         self._station_button = button(
             "verdict_station_button",
-            lambda: self.tr("Open the station page"),
+            "operator.open_station_page",
             lambda: app.page_wanted.emit("station_page"),
         )
         beside = column(
@@ -147,7 +135,7 @@ class VerdictPanel(QFrame):
         if fault is not self._fault:
             self._fault = fault
             self.reset.forget()
-            self.reset.offer(fault is not None and fault_text(fault).resettable)
+            self.reset.offer(fault is not None and known(fault.code) and entry(fault.code).resettable)
         if unit.verdict is not self._verdict:
             self._verdict = unit.verdict
             file = None if unit.verdict is None else Path(unit.verdict.result_file)
@@ -178,17 +166,18 @@ class VerdictPanel(QFrame):
         released = shown == "failed" and result is not None and result.released
         name = f"{unit.slot} · {unit.serial}" if unit.slot else unit.serial
         if run.in_slots and run.fault is not None:
-            name = self.tr("{count} units").format(count=len(run.units))
+            name = say("operator.unit_count", count=len(run.units))
         self._banner.show_state("released" if released else shown, name)
         self.acknowledge_button.setVisible(run.fault is not None)
         self.close_button.setVisible(run.in_slots and run.fault is None)
         self.details_button.setVisible(self._verdict is not None)
-        self._station_button.setVisible(text is not None and text.source == "configuration")
-        reason = advice.reason(shown, result, self._stopped_entry()) if text is None else text.reason
+        misconfigured = fault is not None and known(fault.code) and entry(fault.code).source == "configuration"
+        self._station_button.setVisible(misconfigured)
+        reason = advice.reason(shown, result, self._stopped_entry()) if text is None else text.text
         self.reason_label.setText(reason)
-        notes = dict.fromkeys(event_sentence(*remark) for remark in unit.remarks)
+        notes = dict.fromkeys(say(event_text(*remark)) for remark in unit.remarks)
         for each, content in (
-            (self._source, self.tr("Where: {place}").format(place=text.where) if text and text.where else ""),
+            (self._source, say("operator.where", source=text.source) if text and text.source else ""),
             (self.action_label, self.next_action()),
             (self._notes, "\n".join([*advice.override_notes(result), *notes])),
             (self._facts, "  ·  ".join(self._fact_texts())),
@@ -219,15 +208,12 @@ class VerdictPanel(QFrame):
         if result is None:
             return []
         facts = [
-            self.tr("attempt {count}").format(count=result.attempt),
-            self.tr("{time} of table time").format(time=duration_text(result.duration_s)),
+            say("operator.attempt", count=result.attempt),
+            say("operator.table_time", time=duration_text(result.duration_s)),
         ]
         if result.registers is not None and result.registers.verified:
-            facts.append(
-                self.tr("registers written and read back, effect not verified")
-                if result.registers.proved_on == "read_back"
-                else self.tr("registers written and verified")
-            )
+            unverified = result.registers.proved_on == "read_back"
+            facts.append(say("operator.registers_unverified" if unverified else "operator.registers_verified"))
         return facts
 
     def _show_details(self) -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtWidgets import QAbstractItemView, QWidget
 
-from calstation.gui.text import bind, on_language_change, parameter_text
+from calstation.gui.text import bind, on_language_change, parameter_text, say
 from calstation.gui.widgets import CellTable, ThemedPlot, column, dashed, label, split, theme
+from calstation.messages import Text
 from calstation.physics import display, number
 from calstation.quality import Interval, ParameterQuality
 
@@ -25,32 +26,25 @@ class CapabilityView(QWidget):
         self._found: dict[str, ParameterQuality] = {}
         self.table = table = CellTable("capability_table", grouped=True)
         self.plot = Histogram()
-        bind(table.setAccessibleName, lambda: self.tr("Process capability by parameter"))
+        bind(table.setAccessibleName, "quality.capability_by_parameter")
         table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         text = table.column
         table.parameters.set_columns(
             (
-                text(lambda: self.tr("Mean"), "mean"),
-                text(lambda: self.tr("σ within"), "within"),
-                text(lambda: self.tr("σ overall"), "overall"),
-                text(lambda: self.tr("Unit"), "unit", number=False),
-                text(lambda: "Cp", "cp", hint=self._hint),
-                text(lambda: "Cpk", "cpk", hint=self._hint),
-                text(lambda: "Pp", "pp", hint=self._hint),
-                text(lambda: "Ppk", "ppk", hint=self._hint),
-                text(lambda: self.tr("Outside"), "outside"),
-                text(lambda: self.tr("Normal"), "normal", number=False, hint=self._hint),
+                text("quality.mean", "mean"),
+                text("quality.sigma_within", "within"),
+                text("quality.sigma_overall", "overall"),
+                text("common.unit", "unit", number=False),
+                text("quality.cp", "cp", hint=self._hint),
+                text("quality.cpk", "cpk", hint=self._hint),
+                text("quality.pp", "pp", hint=self._hint),
+                text("quality.ppk", "ppk", hint=self._hint),
+                text("quality.outside", "outside"),
+                text("quality.normal", "normal", number=False, hint=self._hint),
             )
         )
         table.selectionModel().currentRowChanged.connect(lambda current, _: self._choose(current.row()))
-        note = label(
-            lambda: self.tr(
-                "Cp and Cpk compare the limits with the scatter from run to run, Pp and Ppk with that of all runs. "
-                "The tooltip of an index shows its 95 % confidence interval. Usually at least {0:g} is required."
-            ).format(_REQUIRED),
-            kind="muted",
-            wrap=True,
-        )
+        note = label(Text.of("quality.about_capability", required=_REQUIRED), kind="muted", wrap=True)
         column(
             note,
             (split((table, 2), (self.plot, 1), handle=2 * theme.GRID), 1),
@@ -88,7 +82,7 @@ class CapabilityView(QWidget):
                 "pp": _index(found.pp),
                 "ppk": _index(found.ppk),
                 "outside": str(found.outside),
-                "normal": self.tr("yes") if found.normal else self.tr("no"),
+                "normal": say("quality.yes" if found.normal else "quality.no"),
             }
         self.table.show_cells(cells, ("mean", "within", "overall"))
 
@@ -97,7 +91,7 @@ class CapabilityView(QWidget):
         assert found is not None
         indices = (("Cp", found.cp), ("Cpk", found.cpk), ("Pp", found.pp), ("Ppk", found.ppk))
         lines = [f"{key}: {i.low:.2f} … {i.value:.2f} … {i.high:.2f}" for key, i in indices]
-        return "\n".join([*lines, self.tr("Normal distribution: p = {0:.2g}").format(found.normality_p)])
+        return "\n".join([*lines, say("quality.normality", probability=found.normality_p)])
 
     def _choose(self, line: int) -> None:
         names = list(self._found)
@@ -127,7 +121,7 @@ class Histogram(ThemedPlot):
         size, unit = display(name, 1.0)
         values, mean, sigma = size * self._shown.values, size * found.mean, size * found.sigma_overall
         self.setLabel("bottom", f"{parameter_text(name)}, {unit}")
-        self.setLabel("left", self.tr("runs"))
+        self.setLabel("left", say("quality.axis_runs"))
         counts, edges = np.histogram(values, bins="auto" if len(values) < 5000 else 60)
         width = edges[1] - edges[0]
         bars = pg.BarGraphItem(x0=edges[:-1], width=width, height=counts, brush=theme.faint(c.accent, 110), pen=c.line)

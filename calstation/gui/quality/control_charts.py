@@ -68,7 +68,7 @@ class ControlCharts(StackedPlots[Shown]):
         top, middle, bottom = self.plots
         top.setLabel("left", data.unit)
         middle.setLabel("left", data.unit)
-        bottom.setLabel("bottom", self.tr("run"))
+        bottom.setLabel("bottom", say("quality.axis_run"))
         self._lines(top, size * chart.center, [size * chart.low, size * chart.high])
         self._values(top, size * chart.values, chart.signals.index)
         self._lines(middle, size * chart.range_center, [size * chart.range_high])
@@ -76,10 +76,10 @@ class ControlCharts(StackedPlots[Shown]):
         if self._slow == "ewma":
             bottom.setLabel("left", data.unit)
             self._draw_ewma(bottom, ewma, size)
-            slow = self.tr("EWMA, λ = {0:g}, L = {1:g}").format(ewma.weight, ewma.width)
+            slow = say("quality.ewma_limits", weight=ewma.weight, width=ewma.width)
         else:
             self._draw_cusum(bottom, cusum)
-            slow = self.tr("CUSUM, k = {0:g} σ, h = {1:g} σ").format(cusum.allowance, cusum.decision)
+            slow = say("quality.cusum_limits", allowance=cusum.allowance, decision=cusum.decision)
         if 0 < process.baseline < len(chart.values):
             for plot in self.plots:
                 end = pg.InfiniteLine(process.baseline + 0.5, 90, pen=pg.mkPen(c.line, width=1))
@@ -95,10 +95,10 @@ class ControlCharts(StackedPlots[Shown]):
             (mean, unit), (between, _) = (display(data.parameter.parameter, x) for x in (effects.mean, effects.between))
             words = {"mean": number(mean, between), "between": number(between, between), "unit": unit}
             about.append(say("chart.effects", **words))
-        limits = self.tr("; ").join(about)
+        limits = say("quality.semicolon").join(about)
         width = process.widths.individuals
-        individuals = self.tr("{0}: individuals, ±{1:g} σ, Nelson's rules; {2}").format(data.quantity, width, limits)
-        texts = individuals, self.tr("Moving range of two runs"), slow
+        individuals = say("quality.individuals", quantity=data.quantity, width=width, slow=limits)
+        texts = individuals, say("quality.moving_range"), slow
         for title, text in zip(self._titles, texts, strict=True):
             title.setText(text)
 

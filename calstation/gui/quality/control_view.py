@@ -5,11 +5,11 @@ from datetime import UTC, datetime
 
 import numpy as np
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QAbstractItemView, QComboBox, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QWidget
 
 from calstation.gui.quality.control_charts import ControlCharts, Shown
 from calstation.gui.text import bind, on_language_change, parameter_text, say
-from calstation.gui.widgets import CellTable, Column, column, label, row, split, theme
+from calstation.gui.widgets import CellTable, Column, column, combo_box, label, row, split, theme
 from calstation.messages import local_time
 from calstation.physics import IntArray, display
 from calstation.quality import ParameterQuality
@@ -34,20 +34,17 @@ class ControlView(QWidget):
         self._signals: dict[str, IntArray] = {}  #: Signals of the selected quantity, see `Charts.signals`.
         self._relative = False
         self.plots = ControlCharts()
-        self._slow = QComboBox()
-        self._slow.setObjectName("quality_slow_combo")
-        self._slow.addItem("EWMA", "ewma")
-        self._slow.addItem("CUSUM", "cusum")
+        self._slow = combo_box("quality_slow_combo", {"ewma": "quality.ewma", "cusum": "quality.cusum"})
         self._slow.currentIndexChanged.connect(lambda _: self.plots.show_slow(self._slow.currentData()))
         self.quantities, self.signals = CellTable("quality_quantities_table"), CellTable("quality_signals_table")
         self.note = label(kind="muted", name="quality_signals_label", wrap=True)
         self._build_tables()
         self._side, right = QWidget(), QWidget()
         column((self.quantities, 3), self.note, (self.signals, 2), on=self._side)
-        caption = label(lambda: self.tr("Chart of slow changes"), buddy=self._slow)
+        caption = label("quality.slow_chart", buddy=self._slow)
         column((self.plots, 1), row(None, caption, self._slow), on=right)
         column((split((self._side, 3), (right, 7), handle=2 * theme.GRID), 1), on=self, margins=(0, theme.GRID, 0, 0))
-        on_language_change(self, self._show_texts)
+        on_language_change(self, self._draw)
 
     def show_charts(self, charts: Sequence[ParameterQuality], *, relative: bool) -> None:
         """Show charts of the quantities of one product; `relative` values are in standard deviations."""
@@ -72,16 +69,16 @@ class ControlView(QWidget):
 
     def _build_tables(self) -> None:
         quantities, signals = self.quantities, self.signals
-        bind(quantities.setAccessibleName, lambda: self.tr("Quantities and their signals"))
-        bind(signals.setAccessibleName, lambda: self.tr("Runs that signal, the latest first"))
+        bind(quantities.setAccessibleName, "quality.quantities")
+        bind(signals.setAccessibleName, "quality.signalling_runs")
         for table in (quantities, signals):
             table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
             table.horizontalHeader().setResizeContentsPrecision(_MEASURED)
         quantities.parameters.set_columns(
             (
-                quantities.column(lambda: self.tr("Runs"), "runs"),
+                quantities.column("quality.runs", "runs"),
                 Column(
-                    lambda: self.tr("Signals"),
+                    "quality.signals",
                     lambda name: quantities.cells[name]["signals"],
                     state=lambda name: self._states[name],
                 ),
@@ -90,9 +87,9 @@ class ControlView(QWidget):
         signals.verticalHeader().hide()
         signals.parameters.set_columns(
             (
-                signals.column(lambda: self.tr("Run"), "run"),
-                signals.column(lambda: self.tr("Started"), "started", number=False),
-                signals.column(lambda: self.tr("Signal"), "rules", number=False, hint=self._hint),
+                signals.column("quality.run", "run"),
+                signals.column("common.started", "started", number=False),
+                signals.column("quality.signal", "rules", number=False, hint=self._hint),
             )
         )
         quantities.selectionModel().currentRowChanged.connect(lambda *_: self._draw())
@@ -147,11 +144,6 @@ class ControlView(QWidget):
         index = self._index(line)
         if index is not None:
             self.run_wanted.emit(self._charts[self._quantity].names[index])
-
-    def _show_texts(self) -> None:
-        self.quantities.parameters.refresh()
-        self.signals.parameters.refresh()
-        self._draw()
 
 
 def _state(charts: ParameterQuality) -> str:

@@ -1,7 +1,9 @@
 """The Quality page: statistics of many runs about units, stations and the process."""
 
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QShowEvent
@@ -16,7 +18,7 @@ from calstation.gui.quality.standards_view import StandardsView
 from calstation.gui.quality.study_view import StudyView
 from calstation.gui.quality.yield_view import YieldView
 from calstation.gui.state import AppContext, Page
-from calstation.gui.text import bind, offered_products, on_language_change, say
+from calstation.gui.text import Words, bind, offered_products, on_language_change, say
 from calstation.gui.widgets import (
     EmptyState,
     JobRow,
@@ -25,19 +27,25 @@ from calstation.gui.widgets import (
     NoticeBar,
     ViewTabs,
     column,
+    combo_box,
     label,
     row,
     stack,
     theme,
 )
 from calstation.jobs import Job
+from calstation.messages import Text
 from calstation.quality import LEAST_VALUES, QualitySummary, StationQuality, station_quality, summarise_quality
 from calstation.records import RunFilter
 from calstation.results import History, refresh_history
 from calstation.sequencer import Event, Verdict
 
 #: Selectable numbers of past days; None for all.
-_DAYS = (None, 1, 7, 30, 90, 365)
+_PERIODS: dict[int | None, Words] = {
+    None: "quality.any_time",
+    1: "quality.last_day",
+    **{days: Text.of("common.last_days", days=days) for days in (7, 30, 90, 365)},
+}
 
 
 class QualityPage(Page):
@@ -51,22 +59,24 @@ class QualityPage(Page):
         self._refresher = JobWatch(self, self._refreshed)
         self._watch, self._station_watch = JobWatch(self, self._show), JobWatch(self, self._show_station)
         self.notice = NoticeBar("quality_notice")
-        self.product, self.unit, self.period, self.shown_as = (
-            self._combo(name) for name in ("product", "unit", "period", "scale")
+        self.product, self.unit, self.period = (
+            self._combo("product"),
+            self._combo("unit"),
+            self._combo("period", _PERIODS),
         )
-        for days in _DAYS:
-            self.period.addItem("", days)
-        for relative in (False, True):
-            self.shown_as.addItem("", relative)
+        self.shown_as = self._combo("scale", {False: "common.numeric_value", True: "quality.deviation"})
+        bind(self.shown_as.setToolTip, "quality.about_deviations")
         self.count_label = label(kind="muted", name="quality_count_label")
         self.count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.control, self.capability, self.yields = ControlView(), CapabilityView(), YieldView()
         self.study = StudyView(app, self.product.currentData)
         self.standards = StandardsView()
         self._views: tuple[QWidget, ...] = (self.control, self.capability, self.yields, self.standards, self.study)
-        self.tabs = ViewTabs("quality_views")
-        for _ in self._views:
-            self.tabs.addTab("")
+        self.tabs = ViewTabs(
+            "quality_views",
+            *("quality.control_charts", "quality.capability", "quality.yield"),
+            *("quality.check_standards", "quality.repeatability"),
+        )
         self._empty = EmptyState()
         self._stack = stack(self._empty, *self._views)
         self._lay_out()
@@ -77,9 +87,9 @@ class QualityPage(Page):
         for view in (self.control, self.standards):
             view.run_wanted.connect(self._open_run)
         self._fetcher = JobWatch(self, app.open_run.emit)
-        self.notice.report_failures(self._fetcher, lambda: self.tr("The result was not opened"), self.tabs.setFocus)
+        self.notice.report_failures(self._fetcher, "common.result_not_opened", self.tabs.setFocus)
         for watch in (self._refresher, self._watch, self._station_watch):
-            self.notice.report_failures(watch, lambda: self.tr("The runs could not be read"), self.tabs.setFocus)
+            self.notice.report_failures(watch, "common.runs_not_read", self.tabs.setFocus)
         app.engine_link.event.connect(self._follow)
         app.runs_folder_changed.connect(self._refresh_visible)
         for changed in (app.station_changed, app.product_changed):
@@ -129,19 +139,18 @@ class QualityPage(Page):
         super().showEvent(event)
         self._offer_products(self.product.currentData())
 
-    def _combo(self, name: str) -> QComboBox:
-        combo = QComboBox()
-        combo.setObjectName(f"quality_{name}_combo")
+    def _combo(self, name: str, items: Mapping[Any, Words] = {}) -> QComboBox:
+        combo = combo_box(f"quality_{name}_combo", items)
         combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         return combo
 
     def _lay_out(self) -> None:
         fields = []
         for combo, words in (
-            (self.product, lambda: self.tr("Product")),
-            (self.unit, lambda: self.tr("Units")),
-            (self.period, lambda: self.tr("Time")),
-            (self.shown_as, lambda: self.tr("Shown as")),
+            (self.product, "common.product"),
+            (self.unit, "quality.units"),
+            (self.period, "common.time"),
+            (self.shown_as, "quality.shown_as"),
         ):
             fields.append(column(label(words, buddy=combo), combo, spacing=theme.GRID // 2))
             bind(combo.setAccessibleName, words)
@@ -180,9 +189,9 @@ class QualityPage(Page):
         chosen = self.unit.currentData()
         with QSignalBlocker(self.unit):
             self.unit.clear()
-            self.unit.addItem(self.tr("All units, the last run of each"), "")
+            self.unit.addItem(say("quality.all_units"), "")
             for serial in _check_standards(self.product.currentData()):
-                self.unit.addItem(self.tr("Check standard {0}").format(serial), serial)
+                self.unit.addItem(say("quality.check_standard", serial=serial), serial)
             self.unit.setCurrentIndex(max(0, self.unit.findData(chosen)))
 
     def _refresh_visible(self) -> None:
@@ -235,7 +244,7 @@ class QualityPage(Page):
             code = "no_limits" if summary.parameters else code
         elif view is self.standards:
             shown, code = not self.standards.empty, "no_standards"
-        self._empty.say(say(f"chart.{code}"), say(f"chart.{code}_about", least=LEAST_VALUES))
+        self._empty.say(f"chart.{code}", Text.of(f"chart.{code}_about", least=LEAST_VALUES))
         self._stack.setCurrentWidget(view if shown else self._empty)
         overall = None if summary is None else summary.yields.overall
         self.count_label.setText("" if overall is None else say("chart.judged_runs", count=overall.count))
@@ -251,29 +260,7 @@ class QualityPage(Page):
                 self._fetcher.watch(self.app.job_queue.submit(fetch_result, self.app.station_path, run))
 
     def _show_texts(self) -> None:
-        titles = (
-            self.tr("Control charts"),
-            self.tr("Capability"),
-            self.tr("Yield"),
-            self.tr("Check standards"),
-            self.tr("Repeatability"),
-        )
-        for index, text in enumerate(titles):
-            self.tabs.setTabText(index, text)
-        for index, days in enumerate(_DAYS):
-            text = self.tr("Last {0} days").format(days)
-            if days is None or days == 1:
-                text = self.tr("Any time") if days is None else self.tr("Last 24 hours")
-            self.period.setItemText(index, text)
-        self.shown_as.setItemText(0, self.tr("Value"))
-        self.shown_as.setItemText(1, self.tr("Deviation in σ"))
-        formulas = (
-            self.tr("Deviations of runs of several schedules are comparable:"),
-            self.tr("all units: (value − mean) / √(σ² of the run + σ² between units)"),
-            self.tr("check standard: (value − reference) / √(σ² of the run + σ² of the reference + expected change²)"),
-        )
-        self.shown_as.setItemData(1, "\n".join(formulas), Qt.ItemDataRole.ToolTipRole)
-        self.shown_as.setToolTip("\n".join(formulas))
+        self.shown_as.setItemData(1, say("quality.about_deviations"), Qt.ItemDataRole.ToolTipRole)
         self._offer_products(self.product.currentData() or self.app.product_path)
         self._show_view()
 

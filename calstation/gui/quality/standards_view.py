@@ -8,14 +8,13 @@ import pyqtgraph as pg
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QAbstractItemView, QWidget
 
-from calstation.gui.text import bind, on_language_change, parameter_text, say, with_minus
+from calstation.gui.text import Words, bind, on_language_change, parameter_text, say, with_minus
 from calstation.gui.widgets import (
     CellTable,
     Column,
     ElidedLabel,
     StackedPlots,
     ThemedPlot,
-    Words,
     column,
     dashed,
     label,
@@ -23,7 +22,7 @@ from calstation.gui.widgets import (
     split,
     theme,
 )
-from calstation.messages import local_time
+from calstation.messages import Text, local_time
 from calstation.physics import ARCSECOND, display
 from calstation.quality import BASELINE, POWER, StandardHistory, StationQuality, TableChart
 
@@ -47,20 +46,17 @@ class StandardsView(QWidget):
         self.waiting = label(wrap=True, name="table_waiting_label")
         self.alarm = label(kind="error", wrap=True, name="table_alarm_label")
         self._build_tables()
-        titles = [ElidedLabel("muted") for _ in range(6)]
-        for title, words in zip(
-            titles,
-            (
-                lambda: self.tr("Check standards of the product"),
-                lambda: self.tr("Runs of the selected one, the latest first"),
-                lambda: self.tr("Instruments of the station"),
-                lambda: self.tr("Normalised errors Eₙ of the selected run, and their limit"),
-                lambda: self.tr("Geometry of the table: EWMA after {} runs").format(BASELINE),
-                lambda: self.tr("Smallest errors that this run detects, {} %").format(round(100 * POWER)),
-            ),
-            strict=True,
-        ):
-            bind(title, words)
+        words: tuple[Words, ...] = (
+            "quality.product_standards",
+            "quality.standard_runs",
+            "quality.station_instruments",
+            "quality.normalised_errors",
+            Text.of("quality.geometry_chart", runs=BASELINE),
+            Text.of("quality.detected_errors", percent=round(100 * POWER)),
+        )
+        titles = [ElidedLabel("muted") for _ in words]
+        for title, text in zip(titles, words, strict=True):
+            bind(title, text)
         left, middle, right = QWidget(), QWidget(), QWidget()
         column(titles[0], (self.standards, 2), titles[1], (self.runs, 4), titles[2], (self.instruments, 3), on=left)
         column(titles[3], (self.errors, 3), titles[5], (self.power, 2), on=middle)
@@ -93,10 +89,10 @@ class StandardsView(QWidget):
 
     def _build_tables(self) -> None:
         for table, words in (
-            (self.standards, lambda: self.tr("Check standards")),
-            (self.runs, lambda: self.tr("Runs of the check standard")),
-            (self.instruments, lambda: self.tr("Instruments")),
-            (self.power, lambda: self.tr("Smallest errors detected")),
+            (self.standards, "quality.check_standards"),
+            (self.runs, "quality.runs_of_standard"),
+            (self.instruments, "quality.instruments"),
+            (self.power, "quality.smallest_errors"),
         ):
             table.verticalHeader().hide()
             table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
@@ -104,38 +100,38 @@ class StandardsView(QWidget):
         text = self.standards.column
         self.standards.parameters.set_columns(
             (
-                _state_column(self.standards, lambda: self.tr("State")),
-                text(lambda: self.tr("Serial number"), "serial", number=False),
-                text(lambda: self.tr("Passed"), "passed", number=False),
-                text(lambda: self.tr("Due"), "due", number=False),
+                _state_column(self.standards, "quality.state"),
+                text("common.serial_number", "serial", number=False),
+                text("quality.passed", "passed", number=False),
+                text("quality.due", "due", number=False),
             )
         )
         text = self.runs.column
         self.runs.parameters.set_columns(
             (
-                _state_column(self.runs, lambda: self.tr("Verdict")),
-                text(lambda: self.tr("Started"), "started", number=False),
-                text(lambda: self.tr("largest |Eₙ|"), "error"),
-                text(lambda: "T²", "t_squared"),
+                _state_column(self.runs, "common.verdict"),
+                text("common.started", "started", number=False),
+                text("quality.largest_en", "error"),
+                text("quality.t_squared", "t_squared"),
             )
         )
         text = self.instruments.column
         self.instruments.parameters.set_columns(
             (
-                _state_column(self.instruments, lambda: self.tr("State")),
-                text(lambda: self.tr("Name"), "name", number=False),
-                text(lambda: self.tr("Certificate"), "certificate", number=False),
-                text(lambda: self.tr("Due"), "due", number=False),
+                _state_column(self.instruments, "quality.state"),
+                text("quality.name", "name", number=False),
+                text("quality.certificate", "certificate", number=False),
+                text("quality.due", "due", number=False),
             )
         )
         text = self.power.column
         self.power.parameters.set_columns(
             (
-                text(lambda: self.tr("Parameter"), "parameter", number=False),
-                text(lambda: "Eₙ", "e_n"),
-                text(lambda: self.tr("Error"), "error"),
-                text(lambda: self.tr("Unit"), "unit", number=False),
-                text(lambda: self.tr("of the limit"), "share"),
+                text("common.parameter", "parameter", number=False),
+                text("quality.normalised_error", "e_n"),
+                text("quality.error", "error"),
+                text("common.unit", "unit", number=False),
+                text("quality.of_limit", "share"),
             )
         )
         self.standards.selectionModel().currentRowChanged.connect(lambda *_: self._show_runs())
@@ -147,8 +143,9 @@ class StandardsView(QWidget):
         if found is None:
             return
         known = min((found.table[name].baseline if name in found.table else 0) for name in _QUANTITIES)
-        text = self.tr("Nothing is tested yet: {0} of {1} runs of the baseline are missing.")
-        show_text(self.waiting, text.format(BASELINE - known, BASELINE) if known < BASELINE else "")
+        missing = BASELINE - known
+        text = say("quality.baseline_missing", missing=missing, runs=BASELINE) if missing > 0 else ""
+        show_text(self.waiting, text)
         moved = [name for name in _QUANTITIES if name in found.table and found.table[name].alarms]
         show_text(self.alarm, say("chart.table_moved", quantities=moved) if moved else "")
         cells = {}
@@ -232,7 +229,7 @@ class ErrorBars(ThemedPlot):
         self._draw()
 
     def _draw(self) -> None:
-        self.setLabel("bottom", "Eₙ")
+        self.setLabel("bottom", say("quality.normalised_error"))
         self.getPlotItem().clear()
         c = theme.colours()
         values, rows = np.array(list(self._errors.values())), np.arange(len(self._errors))
@@ -263,7 +260,7 @@ class TableCharts(StackedPlots[Mapping[str, TableChart]]):
     def draw(self, data: Mapping[str, TableChart]) -> None:
         """Draw the charts."""
         c = theme.colours()
-        self.plots[-1].setLabel("bottom", self.tr("run"))
+        self.plots[-1].setLabel("bottom", say("quality.axis_run"))
         for plot, name in zip(self.plots, _QUANTITIES, strict=True):
             plot.setLabel("left", say(f"chart.{name}"))
             if name not in data:

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLineEdit, QSpinBox, QWidg
 from calstation.config import load_product
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext
-from calstation.gui.text import bind, error_text, on_language_change, parameter_text, say
+from calstation.gui.text import bind, on_language_change, parameter_text, say
 from calstation.gui.widgets import (
     CellTable,
     Column,
@@ -66,15 +66,15 @@ class StudyView(QWidget):
         self._build_tables()
         self._empty, self._waiting, self._answer = EmptyState(), QWidget(), QWidget()
         column(self._left_label, (self.order, 1), on=self._waiting)
-        caption = label(lambda: self.tr("Quantity"), buddy=self._quantity)
+        caption = label("quality.quantity", buddy=self._quantity)
         column(
             row(caption, self._quantity, 2 * theme.GRID, self.badge, 2 * theme.GRID, (self.about_label, 1)),
             (split((self.components, 5), (self.anova, 4), handle=2 * theme.GRID), 1),
             on=self._answer,
         )
         self._stack = stack(self._empty, self._waiting, self._answer)
-        open_button = button("study_open_button", lambda: self.tr("Open plan…"), self._open)
-        new_button = button("study_new_button", lambda: self.tr("New plan…"), self.form.show)
+        open_button = button("study_open_button", "quality.open_plan", self._open)
+        new_button = button("study_new_button", "quality.new_plan", self.form.show)
         column(
             row(open_button, new_button, (self._plan_label, 1)),
             self.form,
@@ -96,48 +96,48 @@ class StudyView(QWidget):
         self.order.verticalHeader().hide()
         self.order.parameters.set_columns(
             (
-                text(lambda: self.tr("Run"), "run"),
-                text(lambda: self.tr("Trial"), "trial"),
-                text(lambda: self.tr("Unit"), "unit", number=False),
-                text(lambda: self.tr("Operator"), "operator", number=False),
-                text(lambda: self.tr("Station"), "station", number=False),
+                text("quality.run", "run"),
+                text("quality.trial", "trial"),
+                text("quality.unit", "unit", number=False),
+                text("common.operator", "operator", number=False),
+                text("common.station", "station", number=False),
                 Column(
-                    lambda: self.tr("State"),
+                    "quality.state",
                     lambda key: self.order.cells[key]["state"],
                     number=False,
                     state=lambda key: self.order.cells[key]["kind"],
                 ),
             )
         )
-        bind(self.order.setAccessibleName, lambda: self.tr("Runs of the plan"))
+        bind(self.order.setAccessibleName, "quality.plan_runs")
         text = self.components.column
         self.components.verticalHeader().hide()
         self.components.parameters.set_columns(
             (
-                text(lambda: self.tr("Variation"), "name", number=False),
-                text(lambda: "σ", "sigma"),
-                text(lambda: self.tr("95 % interval"), "interval"),
-                text(lambda: self.tr("% of study"), "study"),
-                text(lambda: self.tr("% of tolerance"), "tolerance"),
+                text("quality.variation", "name", number=False),
+                text("common.sigma", "sigma"),
+                text("quality.interval", "interval"),
+                text("quality.of_study", "study"),
+                text("quality.of_tolerance", "tolerance"),
             )
         )
-        bind(self.components.setAccessibleName, lambda: self.tr("Components of the variation"))
+        bind(self.components.setAccessibleName, "quality.variation_components")
         text = self.anova.column
         self.anova.verticalHeader().hide()
         self.anova.parameters.set_columns(
             (
-                text(lambda: self.tr("Source"), "name", number=False),
-                text(lambda: self.tr("Degrees of freedom"), "dof"),
-                text(lambda: "F", "f"),
-                text(lambda: "p", "p"),
+                text("quality.source", "name", number=False),
+                text("quality.degrees_of_freedom", "dof"),
+                text("quality.variance_ratio", "f"),
+                text("quality.probability", "p"),
             )
         )
-        bind(self.anova.setAccessibleName, lambda: self.tr("Analysis of variance"))
+        bind(self.anova.setAccessibleName, "quality.analysis_of_variance")
 
     # ---- plan
 
     def _open(self) -> None:
-        name, _ = QFileDialog.getOpenFileName(self, self.tr("Open the plan of a study"), "", "JSON (*.json)")
+        name, _ = QFileDialog.getOpenFileName(self, say("quality.open_study_plan"), "", "JSON (*.json)")
         if name:
             self.open_plan(Path(name))
 
@@ -148,7 +148,7 @@ class StudyView(QWidget):
 
     def _planned(self, plan: GaugePlan) -> None:
         save = partial(self._save, plan)
-        ask_file(self, self.tr("Save the plan"), Path("gauge.json"), ["JSON (*.json)"], save)
+        ask_file(self, say("quality.save_plan"), Path("gauge.json"), ["JSON (*.json)"], save)
 
     def _save(self, plan: GaugePlan, path: Path) -> None:
         plan.save(path)
@@ -173,10 +173,10 @@ class StudyView(QWidget):
 
     def _refresh(self) -> None:
         state = self._state
-        show_text(self._problem, "" if self._error is None else error_text(self._error).sentences)
+        show_text(self._problem, "" if self._error is None else say(self._error.as_text))
         self._plan_label.setText("" if self._path is None else self._path.name)
         if state is None:
-            self._empty.say(say("gauge.no_plan"), say("gauge.about"))
+            self._empty.say("gauge.no_plan", "gauge.about")
             self._stack.setCurrentWidget(self._empty)
         elif state.left:
             self._show_order(state)
@@ -236,20 +236,20 @@ class PlanForm(QWidget):
         self._trials.setRange(2, 20)
         self._trials.setValue(3)
         self._problem = label(kind="error", wrap=True)
-        bind(self.units_edit.setPlaceholderText, lambda: self.tr("serial numbers, separated by commas"))
+        bind(self.units_edit.setPlaceholderText, "quality.serials_placeholder")
         for edit in (self.operators_edit, self.stations_edit):
-            bind(edit.setPlaceholderText, lambda: self.tr("names, or empty"))
+            bind(edit.setPlaceholderText, "quality.names_placeholder")
         fields = (
-            (lambda: self.tr("Units"), self.units_edit, 3),
-            (lambda: self.tr("Operators"), self.operators_edit, 2),
-            (lambda: self.tr("Stations"), self.stations_edit, 2),
-            (lambda: self.tr("Trials"), self._trials, 0),
+            ("quality.study_units", self.units_edit, 3),
+            ("quality.operators", self.operators_edit, 2),
+            ("quality.stations", self.stations_edit, 2),
+            ("quality.trials", self._trials, 0),
         )
         parts = [
             (column(label(words, buddy=field), field, spacing=theme.GRID // 2), share) for words, field, share in fields
         ]
-        save = button("study_save_button", lambda: self.tr("Save plan…"), self._make, kind="primary")
-        close = button("study_close_button", lambda: self.tr("Close"), self.hide)
+        save = button("study_save_button", "quality.save_plan_button", self._make, kind="primary")
+        close = button("study_close_button", "common.close", self.hide)
         column(panel(row(*parts, save, close), self._problem), on=self)
         on_language_change(self, lambda: show_text(self._problem, ""))
 
@@ -260,7 +260,7 @@ class PlanForm(QWidget):
             product = load_product(self._product())[1].name
             plan = GaugePlan.random(product, units, people, places, self._trials.value(), secrets.randbits(32), now)
         except CalstationError as error:
-            show_text(self._problem, error_text(error).sentences)
+            show_text(self._problem, say(error.as_text))
             return
         show_text(self._problem, "")
         self._then(plan)

@@ -9,7 +9,7 @@ from pyqtgraph.graphicsItems.DateAxisItem import MONTH_SPACING
 from PySide6.QtCore import QLocale
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import bind, check_name, language, on_language_change, product_text
+from calstation.gui.text import bind, check_name, language, on_language_change, product_text, say
 from calstation.gui.widgets import CellTable, ThemedPlot, column, label, row, split, theme
 from calstation.quality import FailedCheck, Share, Yields
 from calstation.records import Check
@@ -32,25 +32,20 @@ class YieldView(QWidget):
         self.first_label = label(name="yield_first_label")
         self.days, self.pareto = DailyYield(), Pareto()
         self.table = table = CellTable("yield_table")
-        bind(table.setAccessibleName, lambda: self.tr("Yield by product, station and operator"))
+        bind(table.setAccessibleName, "quality.yield_table")
         table.verticalHeader().hide()
         table.parameters.set_columns(
             (
-                table.column(lambda: self.tr("By"), "by", number=False),
-                table.column(lambda: self.tr("Name"), "name", number=False),
-                table.column(lambda: self.tr("Passed"), "passed"),
-                table.column(lambda: self.tr("Runs"), "count"),
-                table.column(lambda: self.tr("Yield"), "share"),
-                table.column(lambda: self.tr("95 % interval"), "interval"),
+                table.column("quality.by", "by", number=False),
+                table.column("quality.name", "name", number=False),
+                table.column("quality.passed", "passed"),
+                table.column("quality.runs", "count"),
+                table.column("quality.yield", "share"),
+                table.column("quality.interval", "interval"),
             )
         )
         plots = QWidget()
-        titles = [label(kind="muted") for _ in range(2)]
-        bind(
-            titles[0],
-            lambda: self.tr("Yield by day, or by week if there are many, with its 95 % interval"),
-        )
-        bind(titles[1], lambda: self.tr("Failed checks by frequency, and their cumulative share of the failed runs"))
+        titles = label("quality.yield_by_day", "muted"), label("quality.failed_checks", "muted")
         column(titles[0], (self.days, 4), titles[1], (self.pareto, 5), on=plots, spacing=theme.GRID // 2)
         column(
             row(self.overall_label, 2 * theme.GRID, self.first_label, None),
@@ -71,12 +66,12 @@ class YieldView(QWidget):
         found = self._yields
         if found is None or found.overall is None or found.first_pass is None:
             return
-        self.overall_label.setText(self.tr("Yield {0}").format(_text(found.overall)))
-        self.first_label.setText(self.tr("First pass {0}").format(_text(found.first_pass)))
+        self.overall_label.setText(say("quality.overall_yield", percent=_text(found.overall)))
+        self.first_label.setText(say("quality.first_pass", percent=_text(found.first_pass)))
         groups = (
-            (self.tr("Product"), {product_text(name): share for name, share in found.products.items()}),
-            (self.tr("Station"), found.stations),
-            (self.tr("Operator"), found.operators),
+            (say("common.product"), {product_text(name): share for name, share in found.products.items()}),
+            (say("common.station"), found.stations),
+            (say("common.operator"), found.operators),
         )
         cells = {
             f"{by} {name}": {
@@ -123,7 +118,7 @@ class DailyYield(ThemedPlot):
         self._draw()
 
     def _draw(self) -> None:
-        self.setLabel("left", self.tr("yield, %"))
+        self.setLabel("left", say("quality.yield_percent"))
         self.getAxis("bottom").setStyle(tickFont=theme.font())  # draws the months again in the current language
         self.getPlotItem().clear()
         if not self._days:
@@ -161,7 +156,7 @@ class Pareto(ThemedPlot):
         self._draw()
 
     def _draw(self) -> None:
-        self.setLabel("bottom", self.tr("runs"))
+        self.setLabel("bottom", say("quality.axis_runs"))
         self.getPlotItem().clear()
         c = theme.colours()
         rows = np.arange(len(self._checks))

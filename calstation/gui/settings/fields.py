@@ -1,7 +1,6 @@
 """Input widgets for single values, and form fields built from the schema of a configuration file."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, Literal, get_args, get_origin
 
 from pydantic.fields import FieldInfo
@@ -12,9 +11,9 @@ from PySide6.QtWidgets import QComboBox, QFrame, QGridLayout, QLineEdit, QSizePo
 from calstation.config import editing
 from calstation.connection import FoundPort
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.text import bind, on_language_change, say, show, term, with_minus, without_minus
-from calstation.gui.widgets import Item, Words, column, enable, label, row, show_text, theme
-from calstation.messages import known
+from calstation.gui.text import Words, bind, on_language_change, say, with_minus, without_minus
+from calstation.gui.widgets import Item, column, enable, label, row, show_text, theme
+from calstation.messages import Text, known
 from calstation.schema import KeyPath, Problem
 
 
@@ -80,7 +79,7 @@ class AddressEdit(WordEdit):
     def __init__(self, scheme: str, default_port: int) -> None:
         super().__init__()
         self._prefix, self._default_port = f"{scheme}://", str(default_port)
-        bind(self.setPlaceholderText, lambda: self.tr("name or IP address") + f":{default_port}")
+        bind(self.setPlaceholderText, Text.of("settings.host_placeholder", port=default_port))
 
     def value(self) -> Any:
         """Return the typed address, with the default port number if none is typed."""
@@ -187,7 +186,7 @@ class PortBox(EditableBox):
         self._ports: Sequence[FoundPort] = ()
         self.activated.connect(self._chosen)
         self.view().setMinimumWidth(56 * theme.GRID)
-        bind(self.line.setPlaceholderText, lambda: self.tr("choose or type a port"))
+        bind(self.line.setPlaceholderText, "settings.port_placeholder")
 
     def offer(self, ports: Sequence[FoundPort]) -> None:
         """List the ports found."""
@@ -264,7 +263,7 @@ class Field(QWidget):
         *,
         name: str = "",
         width: int = EDITOR,
-        hint: Words | None = None,
+        hint: Words = "",
         default: Any = None,
     ) -> None:
         super().__init__()
@@ -272,26 +271,27 @@ class Field(QWidget):
         self.editor = editor or _make_editor(info, key)
         #: Key paths whose problems are shown here.
         self.places: tuple[KeyPath, ...] = (place,)
-        #: Function that returns a warning about a valid but unlikely value, "" if there is none.
-        self.advice: Words = str
+        #: Warning about a valid but unlikely value; its text is "" if there is none.
+        self.advice: Words = ""
         self._draft, self._place = draft, place
         about = f"setting.about_{key}"
-        self._hint = hint or (partial(say, about) if known(about) else str)
+        self._hint = hint or (about if known(about) else "")
         self._default = info.get_default() if default is None and info and not info.is_required() else default
         joined = "_".join(map(str, place))
         self.editor.setObjectName(f"{joined}_edit")
-        words = partial(term, "setting", name or key)
+        words = f"setting.{name or key}"
         self.label = label(words, wrap=True, buddy=self.editor)
         self.label.setFixedWidth(LABEL)
         bind(self.editor.setAccessibleName, words)
         self._message = label(name=f"{joined}_message", wrap=True)
         self._message.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Minimum)
-        unit = _UNITS.get(key) or _UNITS_BY_END.get(key.rpartition("_")[2], "")
+        unit = label(kind="muted")
+        unit.setText(_UNITS.get(key) or _UNITS_BY_END.get(key.rpartition("_")[2], ""))
         grid = QGridLayout(self)
         grid.setContentsMargins(0, 0, 0, 0)
         grid.setHorizontalSpacing(2 * theme.GRID)
         grid.setVerticalSpacing(2)
-        for number, widget in enumerate((self.label, self.editor, label(lambda: unit, "muted"))):
+        for number, widget in enumerate((self.label, self.editor, unit)):
             grid.addWidget(widget, 0, number)
         grid.addWidget(self._message, 1, 1, 1, 2)
         grid.setColumnStretch(2, 1)
@@ -302,7 +302,7 @@ class Field(QWidget):
         on_language_change(self, self.refresh)
 
     def hide_label(self, words: Words) -> None:
-        """Hide the label in a table of fields with headings; `words` returns the input's name for screen readers."""
+        """Hide the label in a table of fields with headings; `words` is the input's name for screen readers."""
         self.label.hide()
         self.setFixedWidth(self.editor.maximumWidth() + _UNIT)
         bind(self.editor.setAccessibleName, words)
@@ -315,10 +315,10 @@ class Field(QWidget):
         wrong = problem is not None
         if problem is not None:
             kind, text = "error", problem_text(problem)
-        elif text := self.advice():
+        elif text := say(self.advice):
             kind = "caution"
         else:
-            kind, text = "muted", self._hint()
+            kind, text = "muted", say(self._hint)
         show_text(self._message, text)
         if self._message.property("kind") != kind:
             theme.set_kind(self._message, kind)
@@ -338,7 +338,7 @@ class Row(QWidget):
     def __init__(self, editor: QWidget, name: str = "") -> None:
         super().__init__()
         self.editor = editor
-        caption = label(partial(term, "setting", name) if name else str, wrap=True, buddy=editor)
+        caption = label(f"setting.{name}" if name else "", wrap=True, buddy=editor)
         caption.setFixedWidth(LABEL)
         editor.setFixedWidth(EDITOR)
         row(caption, editor, None, on=self, spacing=2 * theme.GRID)
@@ -370,19 +370,19 @@ def problem_text(problem: Problem) -> str:
     """Return the text of a problem for display below its field."""
     codes = (f"field.{problem.what.code.replace('.', '_')}", f"field.{problem.kind}")
     code = next(filter(known, codes), None)
-    return say(code, **problem.values) if code else show(problem.what)
+    return say(code, **problem.values) if code else say(problem.what)
 
 
 def problem_text_with_name(problem: Problem) -> str:
     """Return the text of a problem with the name of its field, for display apart from the field."""
     if known(f"field.{problem.kind}") and problem.place:
         return f"{problem.name}: {problem_text(problem)}"
-    return show(problem.as_text)
+    return say(problem.as_text)
 
 
 def choices_of(name: str, *values: Any) -> Callable[[], list[tuple[Any, str]]]:
     """Return a function that lists values with their names from the catalogue family ``setting``, numbers as digits."""
-    return lambda: [(v, f"{v:g}" if isinstance(v, float | int) else term("setting", f"{name}_{v}")) for v in values]
+    return lambda: [(v, f"{v:g}" if isinstance(v, float | int) else say(f"setting.{name}_{v}")) for v in values]
 
 
 def _make_editor(info: FieldInfo | None, name: str) -> Editor:

@@ -23,7 +23,7 @@ from calstation.config import (
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import ChoiceBox, EditableBox, WordEdit
 from calstation.gui.settings.form_model import FormModel, Index
-from calstation.gui.text import on_language_change, parameter_text, say, show, term, with_minus, without_minus
+from calstation.gui.text import on_language_change, parameter_text, say, with_minus, without_minus
 from calstation.gui.widgets import (
     ParameterTable,
     button,
@@ -156,28 +156,28 @@ class FormView(QWidget):
         self._offer = ChoiceBox(self._offered, f"{form.name}_add_combo")
         self._offer.setMinimumWidth(28 * theme.GRID)
         self._offer.setVisible(bool(form.offered))
-        self._add_button = self._button("add", lambda: self.tr("Add"), self._add)
-        self._remove_button = self._button("remove", lambda: self.tr("Remove"), self._remove)
-        self._up_button = self._button("up", lambda: self.tr("Move up"), partial(self._move, -1))
-        self._down_button = self._button("down", lambda: self.tr("Move down"), partial(self._move, 1))
+        self._add_button = self._button("add", "settings.add", self._add)
+        self._remove_button = self._button("remove", "settings.remove", self._remove)
+        self._up_button = self._button("up", "settings.move_up", partial(self._move, -1))
+        self._down_button = self._button("down", "settings.move_down", partial(self._move, 1))
         self._buttons = (self._add_button, self._remove_button, self._up_button, self._down_button)
         rows = bool(form.offered) or form.listed
         for each, there in zip(self._buttons, (rows, rows, form.listed, form.listed), strict=True):
             each.setVisible(there)
-        hint = label(lambda: say("form.edit_hint"), "muted", wrap=True)
+        hint = label("form.edit_hint", "muted", wrap=True)
         actions = row(self._offer, *self._buttons, (hint, 1))
         column(self._reason, (self.table, 1), actions, on=self, margins=(0, theme.GRID, 0, 0))
         self.table.selectionModel().currentChanged.connect(lambda *_: self._enable())
         self.model.modelReset.connect(self._enable)
         on_language_change(self, self.refresh)
 
-    def _button(self, action: str, words: Callable[[], str], pressed: Callable[..., Any]) -> Any:
+    def _button(self, action: str, words: str, pressed: Callable[..., Any]) -> Any:
         return button(f"{self.form.name}_{action}_button", words, lambda: pressed())
 
     @property
     def title(self) -> str:
-        """The name of the form."""
-        return term("form", f"tab_{self.form.name}")
+        """The code of the form's name."""
+        return f"form.tab_{self.form.name}"
 
     def show_draft(self, draft: Draft) -> None:
         """Show a draft."""
@@ -191,7 +191,7 @@ class FormView(QWidget):
 
     def refresh(self) -> None:
         """Show the current values, or the reason why there are none."""
-        self.table.setAccessibleName(self.title)
+        self.table.setAccessibleName(say(self.title))
         draft = self._draft
         if draft is None:
             return
@@ -201,7 +201,7 @@ class FormView(QWidget):
         if not self.table.currentIndex().isValid() and at[0] >= 0:
             self.table.setCurrentIndex(self.model.index(min(at[0], len(self.model.rows) - 1), at[1]))
         unreadable = self.form.unreadable(draft.problems)
-        show_text(self._reason, "" if unreadable is None else say("form.unreadable", reason=show(unreadable.as_text)))
+        show_text(self._reason, "" if unreadable is None else say("form.unreadable", reason=say(unreadable.as_text)))
         self.table.setEnabled(unreadable is None)
         if self._offer.value() not in dict(self._offered()):
             self._offer.setCurrentIndex(-1)
@@ -220,14 +220,13 @@ class FormView(QWidget):
     def _enable(self) -> None:
         why_not = self.model.locked or self._reason.text()
         number, last = self.table.currentIndex().row(), len(self.model.rows) - 1
-        none = "" if number >= 0 else self.tr("Choose a row first.")
+        none = "" if number >= 0 else say("settings.choose_row")
         enable(self._offer, why_not)
-        enable(
-            self._add_button, why_not or ("" if self.form.listed or self._offer.count() else self.tr("All are listed."))
-        )
+        some = self.form.listed or self._offer.count()
+        enable(self._add_button, why_not or ("" if some else say("settings.all_listed")))
         enable(self._remove_button, why_not or none)
-        enable(self._up_button, why_not or none or ("" if number > 0 else self.tr("It is the first.")))
-        enable(self._down_button, why_not or none or ("" if number < last else self.tr("It is the last.")))
+        enable(self._up_button, why_not or none or ("" if number > 0 else say("settings.is_first")))
+        enable(self._down_button, why_not or none or ("" if number < last else say("settings.is_last")))
 
     def _offered(self) -> list[tuple[str, str]]:
         present = {each.name for each in self.model.rows}

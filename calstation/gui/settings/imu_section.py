@@ -34,9 +34,7 @@ class _SlotsView(FormView):
     def _enable(self) -> None:
         super()._enable()
         if len(self.model.rows) == 1 and self._remove_button.isEnabled():
-            self._remove_button.setToolTip(
-                self.tr("The station then takes one unit, with the link of this slot and the axes of the platform.")
-            )
+            self._remove_button.setToolTip(say("settings.one_unit"))
 
 
 class ImuSection(Section):
@@ -56,20 +54,20 @@ class ImuSection(Section):
             label(kind="error", name="slots_problems", wrap=True),
         )
         self._slots = QWidget()
-        column(label(lambda: self.view.title, "section"), self._about, self.view, self._problems, on=self._slots)
+        column(label(self.view.title, "section"), self._about, self.view, self._problems, on=self._slots)
         self._links = QStackedWidget()
         self._links.addWidget(self.link)
-        self._several = button("several_units_button", lambda: self.tr("Several units on this table"), self._divide)
+        self._several = button("several_units_button", "settings.several_units", self._divide)
         self._offer = QWidget()
-        row(self._several, (label(lambda: say("setting.about_several_units"), "muted", wrap=True), 1), on=self._offer)
+        row(self._several, (label("setting.about_several_units", "muted", wrap=True), 1), on=self._offer)
         column(self._slots, (self._links, 1), self._offer, on=self, spacing=2 * theme.GRID)
         draft.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
 
     @property
     def title(self) -> str:
-        """The name of the section."""
-        return self.view.title if self._has_slots else self.tr("Link to the IMU")
+        """The code of the section's name."""
+        return self.view.title if self._has_slots else "settings.link_to_imu"
 
     @property
     def _has_slots(self) -> bool:
@@ -109,9 +107,9 @@ class ImuSection(Section):
         """Return the reason why the station cannot take several units, "" if it can."""
         draft = self._draft
         if draft.value(("imu2",)) is not None:
-            return self.tr("This station has further IMUs on the same body; it takes one unit.")
+            return say("settings.one_body")
         if takes_one_unit(str(draft.value(("table", "profile")) or "")):
-            return self.tr("Several units need a driven two-axis table with a link of its own.")
+            return say("settings.needs_table")
         return ""
 
     def _show_link(self) -> None:

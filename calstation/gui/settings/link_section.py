@@ -33,7 +33,7 @@ from calstation.gui.settings.fields import (
     choices_of,
 )
 from calstation.gui.state import AppContext, ResetBar
-from calstation.gui.text import error_text, offered_products, on_language_change, rendered, say, term
+from calstation.gui.text import offered_products, on_language_change, rendered, say, term
 from calstation.gui.widgets import (
     JobRow,
     JobWatch,
@@ -75,7 +75,7 @@ class LinkSection(Section):
         self.way_box.typed.connect(self._choose_way)
         self.own_box.typed.connect(self._choose_own)
         self.port_box = PortBox()
-        self.search_button = button(f"{device}_search_button", lambda: self.tr("Look for ports again"), self.search)
+        self.search_button = button(f"{device}_search_button", "settings.search_ports", self.search)
         self.searching = JobWatch(self, self._found, self._not_found)
         self.test = TestPanel(app, device, self._station, self._slot)
         self._make_form()
@@ -162,9 +162,9 @@ class LinkSection(Section):
 
     def _title(self) -> str:
         if self._device == "table":
-            return self.tr("Link to the table")
+            return say("settings.link_to_table")
         slot = self._slot()
-        return self.tr("Link to the IMU") if slot is None else self.tr("Link to the unit in slot {0}").format(slot)
+        return say("settings.link_to_imu") if slot is None else say("settings.link_to_slot", slot=slot)
 
     def _slot(self) -> str | None:
         """Return the name of the slot, None for a device without a slot."""
@@ -204,24 +204,24 @@ class LinkSection(Section):
         self._ports["serial"].refresh()
 
     def _not_found(self, error: CalstationError) -> None:
-        enable(self.search_button, "", error_text(error).sentences)
+        enable(self.search_button, "", say(error.as_text))
 
     def _port_hint(self) -> str:
         description = self.port_box.description()
         if description or not self._searched or not self.port_box.value():
             return description
-        return self.tr("This port is not present now.")
+        return say("settings.port_absent")
 
     def _ways(self) -> list[tuple[Any, str]]:
         if self._device == "imu":
-            return [(way, term("setting", f"way_{way}")) for way in ("serial", "socket")]
+            return [(way, say(f"setting.way_{way}")) for way in ("serial", "socket")]
         if self._defaults is not None and self._defaults.unit is None:
-            return [(way, term("setting", f"way_{way}")) for way in ("tcp", "serial")]
-        return [(way, term("setting", f"modbus_{way}")) for way in ("tcp", "serial", "socket")]
+            return [(way, say(f"setting.way_{way}")) for way in ("tcp", "serial")]
+        return [(way, say(f"setting.modbus_{way}")) for way in ("tcp", "serial", "socket")]
 
     def _own_choices(self) -> list[tuple[Any, str]]:
         line = f" ({self._defaults.serial.line})" if self._defaults is not None else ""
-        return [(False, self.tr("the profile's") + line), (True, self.tr("this station's own"))]
+        return [(False, say("settings.of_profile") + line), (True, say("settings.of_station"))]
 
 
 #: Symbols for the states of a finding and of the whole test.
@@ -256,12 +256,7 @@ class TestPanel(QFrame):
             lambda: [(path.stem, name) for name, path in offered_products()], "imu_test_product"
         )
         self.product_box.typed.connect(self.refresh)
-        self.button = button(
-            f"test_{device}_button",
-            lambda: self.tr("Test the table") if device == "table" else self.tr("Test the IMU"),
-            self.start,
-            kind="primary",
-        )
+        self.button = button(f"test_{device}_button", f"settings.test_{device}", self.start, kind="primary")
         self.button.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
         self.watch = JobWatch(self, self._done, self._failed, self._show_running)
         self.watch.progress.connect(self._show_note)
@@ -272,7 +267,7 @@ class TestPanel(QFrame):
         self.reset.changed.connect(self.refresh)
         self.reset.ended.connect(lambda _: self._test())
         self._why = label(wrap=True)
-        self._nothing = label(lambda: say("setting.not_tested"), "muted", wrap=True)
+        self._nothing = label("setting.not_tested", "muted", wrap=True)
         self._lay_out()
         app.engine_link.running_changed.connect(lambda _: self.refresh())
         app.product_changed.connect(self._follow_product)
@@ -282,12 +277,12 @@ class TestPanel(QFrame):
     def _lay_out(self) -> None:
         self._lines = QWidget()
         self._list = column(None, on=self._lines, margins=(0, 0, theme.GRID, 0))
-        caption = label(lambda: self.tr("Expected: the IMU of product"), buddy=self.product_box)
+        caption = label("settings.expected_imu", buddy=self.product_box)
         self._expected = QWidget()
         row(caption, (self.product_box, 1), on=self._expected)
         column(
-            label(lambda: self.tr("Connection test"), "section"),
-            label(lambda: say("setting.about_test"), "muted", wrap=True),
+            label("settings.connection_test", "section"),
+            label("setting.about_test", "muted", wrap=True),
             self._expected,
             self.button,
             self._progress,
@@ -318,13 +313,13 @@ class TestPanel(QFrame):
         self._expected.setVisible(self._device == "imu" and not own)
         reason = ""
         if self._app.engine_link.running:
-            reason = self.tr("A run is going on; test when it has ended.")
+            reason = say("settings.test_after_run")
         elif self.watch.busy:
-            reason = self.tr("A test is going on.")
+            reason = say("settings.test_running")
         elif self.reset.watch.busy:
-            reason = self.tr("A fault is being reset.")
+            reason = say("settings.fault_resetting")
         elif station is None:
-            reason = self.tr("Correct what is marked first.")
+            reason = say("settings.correct_first")
         enable(self.button, reason)
 
     def _test(self) -> None:
@@ -383,8 +378,8 @@ class TestPanel(QFrame):
         state = "failed" if self._error else self.report.state if self.report is not None else ""
         self.badge.setVisible(bool(state) and not self.watch.busy)
         if state:
-            self.badge.show_state(_KINDS[state], term("setting", f"test_{state}"))
-        show_text(self._why, error_text(self._error).sentences if self._error else "")
+            self.badge.show_state(_KINDS[state], say(f"setting.test_{state}"))
+        show_text(self._why, say(self._error.as_text) if self._error else "")
         self._nothing.setVisible(not state and not self.watch.busy)
 
     def _clear(self) -> None:

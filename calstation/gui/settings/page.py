@@ -20,7 +20,7 @@ from calstation.gui.settings.site_section import SiteSection
 from calstation.gui.settings.station_section import StationSection
 from calstation.gui.settings.table_section import TableSection
 from calstation.gui.state import AppContext, Page, RunStrip
-from calstation.gui.text import bind, error_text, on_language_change
+from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import (
     Choice,
     NoticeBar,
@@ -45,6 +45,12 @@ _SECTION_KEYS: tuple[tuple[KeyPath, ...], ...] = (
     (*(("imu", key) for key in _LINK), ("slots",)),
     (("site",),),
     (("records",),),
+)
+
+#: Names of the sections after the links.
+_OTHER_TITLES = (
+    *("settings.site", "settings.shared_records", "settings.table"),
+    *("settings.profiles_and_products", "settings.this_computer"),
 )
 
 
@@ -92,11 +98,11 @@ class StationPage(Page):
         self.station_box.setObjectName("station_combo")
         self.station_box.setMinimumWidth(36 * theme.GRID)
         self.station_box.activated.connect(self._choose)
-        bind(self.station_box.setAccessibleName, lambda: self.tr("Station"))
-        caption = label(lambda: self.tr("Station"), buddy=self.station_box)
-        self._new_button = button("new_station_button", lambda: self.tr("New from copy"), self._ask_new)
-        self._save_button = button("save_station_button", lambda: self.tr("Save"), self.save, kind="primary")
-        self._discard_button = button("discard_station_button", lambda: self.tr("Discard"), self.drafts.discard)
+        bind(self.station_box.setAccessibleName, "common.station")
+        caption = label("common.station", buddy=self.station_box)
+        self._new_button = button("new_station_button", "settings.new_from_copy", self._ask_new)
+        self._save_button = button("save_station_button", "common.save", self.save, kind="primary")
+        self._discard_button = button("discard_station_button", "settings.discard", self.drafts.discard)
         self._unsaved_label = label(name="unsaved_label", wrap=True)
         self._unsaved_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         header = QWidget()
@@ -148,12 +154,12 @@ class StationPage(Page):
             go()
 
         choices = [
-            Choice("save_and_go_button", lambda: self.tr("Save and go on"), save, primary=True),
-            Choice("discard_and_go_button", lambda: self.tr("Discard and go on"), discard, primary=wrong),
-            Choice("stay_button", lambda: self.tr("Stay here"), lambda: None),
+            Choice("save_and_go_button", "settings.save_and_go", save, primary=True),
+            Choice("discard_and_go_button", "settings.discard_and_go", discard, primary=wrong),
+            Choice("stay_button", "settings.stay_here", lambda: None),
         ]
         answers = choices[1:] if wrong else choices
-        self.notice.ask("caution", lambda: self.tr("Unsaved changes"), self._unsaved_names, answers)
+        self.notice.ask("caution", "settings.unsaved_changes", self._unsaved_names, answers)
         return False
 
     def save(self) -> bool:
@@ -166,7 +172,7 @@ class StationPage(Page):
             self.drafts.save()
         except ConfigurationError as error:
             refusal = error
-            self.notice.ask("bad", lambda: self.tr("Not saved"), lambda: error_text(refusal).sentences)
+            self.notice.ask("bad", "settings.not_saved", refusal.as_text)
             return False
         self._saved_names = names
         self.refresh()
@@ -178,18 +184,18 @@ class StationPage(Page):
         status = ""
         if dirty:
             self._saved_names = ""
-            status = self.tr("● Not saved: {0}").format(self._unsaved_names())
+            status = say("settings.unsaved", names=self._unsaved_names())
         elif self._saved_names:
-            status = self.tr("✓ Saved: {0}").format(self._saved_names)
+            status = say("settings.saved", names=self._saved_names)
         elif self._role_reason():
-            status = self.tr("Read only: an engineer unlocks it.")
+            status = say("settings.read_only")
         self._unsaved_label.setText(status)
         for each in (self._discard_button, self._save_button):
             each.setVisible(bool(dirty))
         reason = self._why_not_save()
         if wrong and not reason:
             first = problem_text_with_name(wrong[0].problems[0])
-            reason = self.tr("Correct first, in “{0}”: {1}").format(wrong[0].name, first)
+            reason = say("settings.correct_in", file=wrong[0].name, problem=first)
         enable(self._save_button, reason)
         problems = self.drafts.station.problems
         unseen = [p for p in problems if not p.place or p.kind in ("toml", "file", "extra_forbidden")]
@@ -212,12 +218,12 @@ class StationPage(Page):
     def _role_reason(self) -> str:
         if self.app.role.engineer:
             return ""
-        return self.tr("Only an engineer may change this: press the padlock at the top right.")
+        return say("settings.engineers_only")
 
     def _why_not_save(self) -> str:
         """Return the reason why files cannot be changed now, "" if there is none."""
         if self.app.engine_link.running:
-            return self.tr("A run is going on; changes can be saved when it has ended.")
+            return say("settings.save_after_run")
         return self._role_reason()
 
     def _unsaved_names(self) -> str:
@@ -225,21 +231,12 @@ class StationPage(Page):
 
     def _name_sections(self) -> None:
         """Name the sections, with a dot after sections with unsaved changes."""
-        names = (
-            self.tr("Station"),
-            self.tr("Link to the table"),
-            self.imus.title,
-            self.tr("Site"),
-            self.tr("Shared records"),
-            self.tr("Table"),
-            self.tr("Profiles and products"),
-            self.tr("This computer"),
-        )
         station, table = self.drafts.station, self.drafts.table
         typed = [any(station.differs(place) for place in places) for places in _SECTION_KEYS]
         typed += [table.dirty, any(draft not in (station, table) for draft in self.drafts.dirty), False]
-        for number, (name, dot) in enumerate(zip(names, typed, strict=True)):
-            self.nav.item(number).setText(f"{name} ●" if dot else name)
+        titles = ("common.station", "settings.link_to_table", self.imus.title, *_OTHER_TITLES)
+        for number, (title, dot) in enumerate(zip(titles, typed, strict=True)):
+            self.nav.item(number).setText(f"{say(title)} ●" if dot else say(title))
 
     def _show_section(self, number: int) -> None:
         self._stack.setCurrentIndex(number)
@@ -271,7 +268,7 @@ class StationPage(Page):
         with QSignalBlocker(self.station_box):
             self.station_box.clear()
             for key, path in paths.items():
-                bench = self.tr("{0} (virtual bench)").format(path.stem)
+                bench = say("settings.virtual_station", name=path.stem)
                 self.station_box.addItem(bench if editing.is_bench(path) else path.stem, key)
             chosen = "" if current is None else str(current.absolute())
             self.station_box.setCurrentIndex(self.station_box.findData(chosen))

@@ -10,7 +10,7 @@ from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import default_author
 from calstation.gui.settings.fields import ChoiceBox, Row, choices_of, panel
 from calstation.gui.state import AppContext
-from calstation.gui.text import bind, error_text, language, on_language_change, say
+from calstation.gui.text import bind, language, on_language_change, say
 from calstation.gui.widgets import button, column, enable, label, row, theme
 
 
@@ -28,22 +28,22 @@ class PersonalSection(QWidget):
         self._sounds.setObjectName("sounds_check")
         self._sounds.setChecked(bool(app.settings.value("sounds", True, type=bool)))
         self._sounds.clicked.connect(lambda checked: app.settings.setValue("sounds", checked))
-        bind(self._sounds, lambda: self.tr("after every scan"))
+        bind(self._sounds, "settings.after_every_scan")
         self._author = QLineEdit()
         self._author.setObjectName("author_edit")
         self._author.setPlaceholderText(default_author())
         self._author.textEdited.connect(lambda text: app.settings.setValue("author", text.strip()))
         self._runs = label(name="runs_folder_label", wrap=True)
         self._runs.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self._folder_button = button("runs_folder_button", lambda: self.tr("Choose a folder"), self._choose_runs)
+        self._folder_button = button("runs_folder_button", "settings.choose_folder", self._choose_runs)
         left = column(
-            label(lambda: self.tr("This computer"), "section"),
+            label("settings.this_computer", "section"),
             Row(self._language, "language"),
             Row(self._theme, "theme"),
             Row(self._sounds, "sounds"),
             Row(self._author, "author"),
             Row(self._runs, "runs_folder"),
-            Row(label(lambda: say("setting.about_runs"), "muted", wrap=True)),
+            Row(label("setting.about_runs", "muted", wrap=True)),
             Row(self._folder_button),
             None,
         )
@@ -65,10 +65,10 @@ class PersonalSection(QWidget):
         self._pin_badge = QLineEdit()
         self._pin_badge.setObjectName("pin_badge_edit")
         self._pin_badge.textEdited.connect(lambda _: self.refresh())
-        bind(self._pin_badge.setPlaceholderText, lambda: self.tr("empty: the PIN of this site"))
+        bind(self._pin_badge.setPlaceholderText, "settings.pin_placeholder")
         return panel(
-            label(lambda: self.tr("The engineer's PIN"), "section"),
-            label(lambda: say("setting.about_pin"), "muted", wrap=True),
+            label("settings.engineer_pin", "section"),
+            label("setting.about_pin", "muted", wrap=True),
             Row(self._pin_badge, "pin_badge"),
             self._old_row,
             Row(self._new, "new_pin"),
@@ -93,8 +93,8 @@ class PersonalSection(QWidget):
         self._author.setText(str(self._app.settings.value("author", "")))
         known = access.has_pin(self._badge)
         self._old_row.setVisible(access.has_pin())
-        self._old.setPlaceholderText("" if known else self.tr("the PIN of this site"))
-        self._pin_button.setText(self.tr("Change the PIN") if known else self.tr("Set the PIN"))
+        self._old.setPlaceholderText("" if known else say("settings.site_pin"))
+        self._pin_button.setText(say("settings.change_pin" if known else "settings.set_pin"))
 
     @property
     def _badge(self) -> str:
@@ -103,28 +103,28 @@ class PersonalSection(QWidget):
 
     def _choose_runs(self) -> None:
         present = str(self._app.runs_folder.absolute())
-        folder = QFileDialog.getExistingDirectory(self, self.tr("Folder of the runs"), present)
+        folder = QFileDialog.getExistingDirectory(self, say("setting.runs_folder"), present)
         if folder:
             self._app.set_runs_folder(Path(folder))
             self.refresh()
 
     def _change_pin(self) -> None:
         if self._new.text() != self._again.text():
-            self._refuse(self.tr("The two are not the same."), self._again)
+            self._refuse(say("settings.pins_differ"), self._again)
             return
         if len(self._new.text()) < access.SHORTEST:
-            self._refuse(self.tr("Too short: at least {0} characters.").format(access.SHORTEST), self._new)
+            self._refuse(say("settings.pin_too_short", least=access.SHORTEST), self._new)
             return
         try:
             access.set_pin(self._old.text(), self._new.text(), self._badge)
         except ConfigurationError as error:
-            self._refuse(error_text(error).sentences, self._old)
+            self._refuse(say(error.as_text), self._old)
             self._old.selectAll()
             return
         for edit in self._pins:
             edit.clear()
         self.refresh()
-        self.pin_message.setText(self.tr("The PIN has been changed."))
+        self.pin_message.setText(say("settings.pin_changed"))
         theme.set_kind(self.pin_message, "muted")
 
     def _refuse(self, text: str, edit: QLineEdit) -> None:

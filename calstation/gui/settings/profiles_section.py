@@ -2,6 +2,7 @@
 
 import difflib
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QSignalBlocker, Signal
@@ -14,7 +15,7 @@ from calstation.gui.settings.drafts import Draft, Drafts
 from calstation.gui.settings.fields import ChoiceBox
 from calstation.gui.settings.form_view import FormView
 from calstation.gui.state import AppContext
-from calstation.gui.text import bind, error_text, on_language_change, say, show, term
+from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import button, column, enable, label, row, show_text, theme
 from calstation.messages import local_time
 from calstation.schema import Problem
@@ -77,15 +78,15 @@ class NewFileBar(QFrame):
         self._name.returnPressed.connect(self._make)
         self._source = ChoiceBox(lambda: [(name, name) for name in library.names(self._kind)], "new_source_combo")
         self._source.setMinimumWidth(26 * theme.GRID)
-        self._make_button = button("make_file_button", lambda: self.tr("Create"), self._make, kind="primary")
+        self._make_button = button("make_file_button", "settings.create", self._make, kind="primary")
         inputs = row(
             self._title,
             self._name,
-            label(lambda: self.tr("copied from")),
+            label("settings.copied_from"),
             self._source,
             None,
             self._make_button,
-            button("", lambda: self.tr("Cancel"), self.hide),
+            button("", "common.cancel", self.hide),
         )
         margins = (2 * theme.GRID, theme.GRID, theme.GRID, theme.GRID)
         column(inputs, self._message, on=self, spacing=theme.GRID // 2, margins=margins)
@@ -104,15 +105,15 @@ class NewFileBar(QFrame):
 
     def _check(self) -> None:
         """Show the error in the typed name, if any."""
-        self._title.setText(term("setting", f"new_{self._kind}"))
+        self._title.setText(say(f"setting.new_{self._kind}"))
         name = self._name.text()
         message = ""
         if name in library.names(self._kind):
-            message = self.tr("This name is taken; choose another.")
+            message = say("settings.name_taken")
         elif name and not editing.is_name(name):
-            message = self.tr("Only letters a to z, digits, - and _; a letter or digit first.")
+            message = say("settings.name_rule")
         show_text(self._message, message)
-        enable(self._make_button, message or ("" if name else self.tr("Type a name first.")))
+        enable(self._make_button, message or ("" if name else say("common.type_name")))
 
     def _make(self) -> None:
         if not self._make_button.isEnabled():
@@ -121,7 +122,7 @@ class NewFileBar(QFrame):
         try:
             path = self._drafts.create(self._kind, self._name.text(), source)
         except ConfigurationError as error:
-            show_text(self._message, error_text(error).sentences)
+            show_text(self._message, say(error.as_text))
             return
         self.hide()
         self.made.emit(self._kind, path)
@@ -152,8 +153,9 @@ class ProfilesSection(QWidget):
         self.views.setDocumentMode(True)
         self.views.tabBar().setProperty("kind", "views")
         self.views.tabBar().setDrawBase(False)
-        for view in (*self.forms, self.editor, self.diff):
-            self.views.addTab(view, "")
+        titles = (*(form.title for form in self.forms), "settings.text", "common.compare")
+        for view, title in zip((*self.forms, self.editor, self.diff), titles, strict=True):
+            bind(partial(self.views.setTabText, self.views.addTab(view, "")), title)
         self.views.currentChanged.connect(lambda _: self.refresh())
         self._versions_panel = self._make_versions()
         column(
@@ -174,34 +176,34 @@ class ProfilesSection(QWidget):
         self.kind_box.show_value("products")
         self.kind_box.setMinimumWidth(18 * theme.GRID)
         self.kind_box.typed.connect(self._fill)
-        bind(self.kind_box.setAccessibleName, lambda: self.tr("Kind of file"))
+        bind(self.kind_box.setAccessibleName, "settings.file_kind")
         self.file_box = QComboBox()
         self.file_box.setObjectName("file_combo")
         self.file_box.setMinimumWidth(30 * theme.GRID)
         self.file_box.activated.connect(lambda _: self._open())
-        bind(self.file_box.setAccessibleName, lambda: self.tr("File"))
+        bind(self.file_box.setAccessibleName, "settings.file")
         self._new = NewFileBar(self._drafts)
         self._new.made.connect(self._made)
         self._new_button = button(
             "new_file_button",
-            lambda: self.tr("New from copy"),
+            "settings.new_from_copy",
             lambda: self._new.ask(self.kind_box.value(), self.file_box.currentText()),
         )
         self._about = label(kind="muted")
 
     def _make_versions(self) -> QWidget:
         """Create the list of versions (number, time, author) to compare with the current text or to restore."""
-        title = label(lambda: self.tr("Versions"))
+        title = label("settings.versions")
         title.setFont(theme.font(bold=True))
-        self._no_versions = label(lambda: say("setting.no_versions"), "muted", wrap=True)
+        self._no_versions = label("setting.no_versions", "muted", wrap=True)
         self._list = QListWidget()
         self._list.setObjectName("versions_list")
         self._list.setWordWrap(True)
         self._list.setSpacing(theme.GRID // 2)
         self._list.currentRowChanged.connect(lambda _: self._enable())
         self._list.itemActivated.connect(lambda _: self._compare())
-        self._compare_button = button("compare_button", lambda: self.tr("Compare"), self._compare)
-        self._restore_button = button("take_back_button", lambda: self.tr("Restore"), self._restore)
+        self._compare_button = button("compare_button", "common.compare", self._compare)
+        self._restore_button = button("take_back_button", "settings.restore", self._restore)
         made = QWidget()
         made.setFixedWidth(36 * theme.GRID)
         buttons = row(self._compare_button, self._restore_button)
@@ -229,8 +231,6 @@ class ProfilesSection(QWidget):
 
     def refresh(self) -> None:
         """Show the current draft."""
-        for index, title in enumerate((*(form.title for form in self.forms), self.tr("Text"), self.tr("Compare"))):
-            self.views.setTabText(index, title)
         draft = self._draft
         if draft is None:
             return
@@ -259,7 +259,7 @@ class ProfilesSection(QWidget):
         """Return the sentence of a problem with its location: in the displayed form, or else in the text."""
         view = self.views.currentWidget()
         found = view.model.describe(problem) if isinstance(view, FormView) else ""
-        return found or self.tr("Line {0}: {1}").format(problem.line, show(problem.as_text))
+        return found or say("settings.line", number=problem.line, problem=say(problem.as_text))
 
     def showEvent(self, event: QShowEvent) -> None:
         """List the files and versions again, because they may have changed outside the section."""
@@ -267,12 +267,7 @@ class ProfilesSection(QWidget):
         self._fill()
 
     def _kinds(self) -> list[tuple[str, str]]:
-        return [
-            ("products", self.tr("Products")),
-            ("imus", self.tr("IMUs")),
-            ("tables", self.tr("Tables")),
-            ("stations", self.tr("Stations")),
-        ]
+        return [(kind, say(f"settings.kind_{kind}")) for kind in ("products", "imus", "tables", "stations")]
 
     def _fill(self) -> None:
         """List the files of the selected kind; the current file remains selected if it is among them."""
@@ -346,8 +341,8 @@ class ProfilesSection(QWidget):
         stored = next((v.number for v in self._versions if v.sha256 == digest), None)
         self._list.clear()
         for version in self._versions:
-            author = version.author if version.author is not None else self.tr("found, not saved here")
-            mark = self.tr("  ·  current") if version.number == stored else ""
+            author = version.author if version.author is not None else say("settings.found_file")
+            mark = say("settings.current_version") if version.number == stored else ""
             first = f"{version.number}  ·  {local_time(version.saved_utc)}{mark}"
             self._list.addItem(f"{first}\n{author}  ·  {version.sha256[:12]}")
         self._list.setCurrentRow(min(chosen, len(self._versions) - 1))
@@ -358,8 +353,8 @@ class ProfilesSection(QWidget):
 
     def _enable(self) -> None:
         """Enable the actions on the selected version; tooltips explain why an action is disabled."""
-        none = "" if self._chosen is not None else self.tr("Choose a version in the list.")
-        tip = self.tr("Puts its text into the editor; saving makes it a new version.")
+        none = "" if self._chosen is not None else say("settings.choose_version")
+        tip = say("settings.restore_tip")
         enable(self._compare_button, none)
         enable(self._restore_button, self._locked or none, tip)
 
@@ -368,14 +363,14 @@ class ProfilesSection(QWidget):
         if draft is None:
             return
         text: str | None = draft.saved
-        name = self.tr("the saved text")
+        name = say("settings.saved_text")
         if self._compared is not None:
-            text, name = self._text_of(self._compared), self.tr("version {0}").format(self._compared.number)
+            text, name = self._text_of(self._compared), say("settings.version", number=self._compared.number)
         if text is None:
             return
         old, new = text.splitlines(), draft.text.splitlines()
-        lines = list(difflib.unified_diff(old, new, name, self.tr("the present text"), lineterm="", n=4))
-        self.diff.setPlainText("\n".join(lines) or self.tr("The present text is the same as {0}.").format(name))
+        lines = list(difflib.unified_diff(old, new, name, say("settings.present_text"), lineterm="", n=4))
+        self.diff.setPlainText("\n".join(lines) or say("settings.same_text", name=name))
         colours = {"+": theme.colours().good, "-": theme.colours().bad}
         self.diff.shade((i, colours[line[0]]) for i, line in enumerate(lines, 1) if line[:1] in colours)
 
@@ -385,7 +380,7 @@ class ProfilesSection(QWidget):
         try:
             return versions.text(self._draft.kind, self._draft.name, version.number)
         except ConfigurationError as error:
-            self.diff.setPlainText(error_text(error).sentences)
+            self.diff.setPlainText(say(error.as_text))
             self.diff.shade(())
             return None
 

@@ -24,13 +24,13 @@ class RecordsSection(Section):
         super().__init__()
         self._app, self._draft = app, draft
         self._status = label(name="exchange_status_label", wrap=True)
-        about = label(lambda: say("setting.about_password"), "muted", wrap=True)
+        about = label("setting.about_password", "muted", wrap=True)
         about.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         left = column(
-            label(lambda: self.tr("Shared records"), "section"),
+            label("settings.shared_records", "section"),
             Field(draft, ("records", "database"), WordEdit(), width=_URL),
             Field(draft, _ARCHIVE, WordEdit(), width=_URL),
-            Row(button("archive_browse_button", lambda: self.tr("Choose a folder"), self._choose_folder)),
+            Row(button("archive_browse_button", "settings.choose_folder", self._choose_folder)),
             None,
         )
         waiting = ExchangeLabel(app)
@@ -47,7 +47,7 @@ class RecordsSection(Section):
         if state is not None:
             contact = state.contact_utc
             when = "" if contact is None else local_time(contact.isoformat())
-            lines.append(self.tr("Last exchange: {0}").format(when) if when else self.tr("Not exchanged yet"))
+            lines.append(say("settings.last_exchange", time=when) if when else say("settings.not_exchanged"))
             for error in (state.error_text, state.refusal_text, state.archive_error_text):
                 if error is not None:
                     lines += [rendered(error).text, rendered(error).remedy]
@@ -55,6 +55,6 @@ class RecordsSection(Section):
 
     def _choose_folder(self) -> None:
         present = str(self._draft.value(_ARCHIVE) or "")
-        folder = QFileDialog.getExistingDirectory(self, self.tr("Archive of logs"), present)
+        folder = QFileDialog.getExistingDirectory(self, say("setting.archive"), present)
         if folder:
             self._draft.set({_ARCHIVE: str(Path(folder))})

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QWidget
 from calstation.config import StationConfig, confirmation_key, normal_gravity_at, site_advice, this_computer
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import ChoiceBox, Field, Row, Section, panel
-from calstation.gui.text import on_language_change, say, show
+from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import button, column, enable, label, row, theme
 from calstation.schema import KeyPath
 
@@ -32,10 +32,10 @@ class SiteSection(Section):
         #: The azimuth and gravity entered last.
         self._last: dict[tuple[str, str], Any] = {_AZIMUTH: 0.0, _GRAVITY: _PLACEHOLDER_GRAVITY}
         azimuth_box = ChoiceBox(
-            lambda: [(True, self.tr("given here")), (False, self.tr("found from the data"))], "azimuth_way_combo"
+            lambda: [(True, say("settings.given_here")), (False, say("settings.found_from_data"))], "azimuth_way_combo"
         )
         gravity_box = ChoiceBox(
-            lambda: [(False, self.tr("normal gravity, computed")), (True, self.tr("surveyed, given here"))],
+            lambda: [(False, say("settings.normal_gravity")), (True, say("settings.surveyed"))],
             "gravity_way_combo",
         )
         for box, place in ((azimuth_box, _AZIMUTH), (gravity_box, _GRAVITY)):
@@ -46,7 +46,7 @@ class SiteSection(Section):
         self._optional = {_AZIMUTH: (azimuth_box, azimuth), _GRAVITY: (gravity_box, gravity)}
         self._confirmation = _Confirmation(draft)
         left = column(
-            label(lambda: self.tr("Site"), "section"),
+            label("settings.site", "section"),
             latitude,
             longitude,
             height,
@@ -66,9 +66,9 @@ class SiteSection(Section):
         self._compass, self._compass_note = _Compass(), label(kind="muted", wrap=True)
         self._normal = label(kind="section", name="normal_gravity_label")
         return panel(
-            label(lambda: self.tr("Normal gravity at this latitude and height (WGS-84)"), "muted", wrap=True),
+            label("settings.normal_gravity_tip", "muted", wrap=True),
             self._normal,
-            label(lambda: say("setting.about_normal_gravity"), "muted", wrap=True),
+            label("setting.about_normal_gravity", "muted", wrap=True),
             2 * theme.GRID,
             (self._compass, 0, Qt.AlignmentFlag.AlignHCenter),
             self._compass_note,
@@ -91,11 +91,7 @@ class SiteSection(Section):
             field.setVisible(given)
         latitude, _, height, azimuth, _ = self._values()
         self._compass.show_azimuth(float(azimuth) if isinstance(azimuth, float | int) else None)
-        self._compass_note.setText(
-            self.tr("Body +y at home, seen from above.")
-            if azimuth is not None
-            else self.tr("The azimuth is found from the data: levelling and gyrocompassing at the first rest.")
-        )
+        self._compass_note.setText(say("settings.azimuth_tip" if azimuth is not None else "settings.about_azimuth"))
         normal = normal_gravity_at(latitude, height)
         self._normal.setText(f"{normal:.5f} m/s²" if normal is not None else "–")
 
@@ -110,7 +106,7 @@ class SiteSection(Section):
 
     def _advice(self, *ids: str) -> str:
         """Return the first of these findings that applies to the typed values, "" if none does."""
-        return next((show(found.message) for found in site_advice(*self._values()) if found.id in ids), "")
+        return next((say(found.message) for found in site_advice(*self._values()) if found.id in ids), "")
 
 
 class _Confirmation(QWidget):
@@ -120,9 +116,7 @@ class _Confirmation(QWidget):
         super().__init__()
         self._draft = draft
         self._text = label(name="site_confirmed_on_message", wrap=True)
-        self.button = button(
-            "confirm_place_button", lambda: self.tr("Confirm: the station is at this site"), self._confirm
-        )
+        self.button = button("confirm_place_button", "settings.confirm_site", self._confirm)
         column(self._text, (self.button, 0, Qt.AlignmentFlag.AlignLeft), on=self, margins=(0, theme.GRID, 0, 0))
         draft.changed.connect(self._show)
         on_language_change(self, self._show)

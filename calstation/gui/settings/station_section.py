@@ -28,11 +28,11 @@ class StationSection(Section):
             Field(draft, ("bench", "units"), units),
         ]
         left = column(
-            label(lambda: self.tr("Station"), "section"),
+            label("common.station", "section"),
             Field(draft, ("name",)),
             Field(draft, ("table", "profile"), profiles),
             Field(draft, _FOLDER),
-            Row(button("handover_browse_button", lambda: self.tr("Choose a folder"), self._choose_folder)),
+            Row(button("handover_browse_button", "settings.choose_folder", self._choose_folder)),
             Field(draft, ("clock_error_ppm",)),
             *self._bench_fields,
             None,
@@ -63,31 +63,32 @@ class StationSection(Section):
             field.setVisible(bench)
         counted = self._draft.value(("slots",)) and self._draft.value(("bench", "units")) is None
         self._bench_fields[-1].setVisible(bench and not counted)
-        self.badge.show_state("none", self.tr("Virtual bench") if bench else self.tr("Hardware"))
+        self.badge.show_state("none", say("common.virtual_bench" if bench else "settings.hardware"))
         self._kind.setText(say(f"setting.station_{'bench' if bench else 'by_hand' if by_hand else 'hardware'}"))
         for (name, value), texts in zip(self._summary, self._summary_texts(bench, by_hand), strict=True):
-            name.setText(texts[0])
+            name.setText(say(texts[0]))
             value.setText(texts[1])
         self._file.setText(self._about_file())
 
     def _summary_texts(self, bench: bool, by_hand: bool) -> list[tuple[str, str]]:
-        """Return a caption and a one-line summary of each of the other sections."""
+        """Return the code of the caption, and a one-line summary, of each of the other sections."""
 
         def get(*place: str | int) -> str:
             value = self._draft.value(place)
             return "–" if value is None else with_minus(f"{value:g}") if isinstance(value, float | int) else str(value)
 
         slots = [get("slots", number, "name") for number in range(len(self._draft.value(("slots",)) or ()))]
-        own = self.tr("opened by the bench")
-        table = self.tr("turned by hand") if by_hand else own if bench else get("table", "port")
+        own = say("settings.opened_by_bench")
+        table = say("settings.turned_by_hand") if by_hand else own if bench else get("table", "port")
         position = f"{get('site', 'latitude_deg')}°, {get('site', 'longitude_deg')}°, {get('site', 'height_m')} m"
         azimuth, gravity = get("site", "azimuth_deg"), get("site", "gravity_mps2")
-        azimuth = self.tr("azimuth from the data") if azimuth == "–" else self.tr("azimuth {0}°").format(azimuth)
+        azimuth = say("settings.azimuth_from_data") if azimuth == "–" else say("settings.azimuth", degrees=azimuth)
+        imu = own if bench else get("imu", "port")
         return [
-            (self.tr("Table"), f"{get('table', 'profile')}, {table}"),
-            (self.tr("Slots"), ", ".join(slots)) if slots else (self.tr("IMU"), own if bench else get("imu", "port")),
-            (self.tr("Site"), f"{position}; {azimuth}"),
-            (self.tr("Gravity"), self.tr("normal") if gravity == "–" else f"{gravity} m/s²"),
+            ("settings.table", f"{get('table', 'profile')}, {table}"),
+            ("form.tab_slots", ", ".join(slots)) if slots else ("settings.imu", imu),
+            ("settings.site", f"{position}; {azimuth}"),
+            ("setting.gravity", say("settings.normal") if gravity == "–" else f"{gravity} m/s²"),
         ]
 
     def _about_file(self) -> str:
@@ -97,16 +98,16 @@ class StationSection(Section):
             return ""
         number = versions.version_number(draft.kind, draft.name, draft.saved)
         if draft.path.is_relative_to(library.shipped_folder()):
-            origin = self.tr("It came with the program; saving a change makes a copy for this site.")
+            origin = say("settings.shipped_file")
         elif number is not None:
-            origin = self.tr("Version {0} of this site's own file.").format(number)
+            origin = say("settings.own_version", number=number)
         else:
-            origin = self.tr("This site's own file, not saved from here yet.")
-        digest = self.tr("SHA-256 {0}, as in every result").format(versions.sha256(draft.saved)[:12])
+            origin = say("settings.own_file")
+        digest = say("settings.digest", digest=versions.sha256(draft.saved)[:12])
         return f"{draft.path}\n{origin}\n{digest}"
 
     def _choose_folder(self) -> None:
         present = str(self._draft.value(_FOLDER) or "")
-        folder = QFileDialog.getExistingDirectory(self, self.tr("Hand-over folder"), present)
+        folder = QFileDialog.getExistingDirectory(self, say("setting.folder"), present)
         if folder:
             self._draft.set({_FOLDER: str(Path(folder))})

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QGridLayout
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Field, Section
 from calstation.gui.text import on_language_change, say, term, with_minus
-from calstation.gui.widgets import ThemedPlot, Words, column, label, row, theme
+from calstation.gui.widgets import ThemedPlot, column, label, row, theme
 
 _JOINTS = ("outer", "inner")
 _LIMITS = ("low_deg", "high_deg", "max_rate_dps", "max_acceleration_dps2")
@@ -38,16 +38,9 @@ class TableSection(Section):
         axes = [Field(draft, (name,)) for name in ("outer_axis", "inner_axis")]
         axes[0].places += ((),)  # incompatible axes are a problem of the whole file
         accuracy = [Field(draft, ("accuracy", name), width=_NARROW) for name in _ACCURACY]
-        left = column(
-            label(lambda: self.tr("Table"), "section"),
-            self._file,
-            self._make_joints(),
-            self._travel,
-            *axes,
-            None,
-        )
+        left = column(label("settings.table", "section"), self._file, self._make_joints(), self._travel, *axes, None)
         right = column(
-            label(lambda: self.tr("Accuracy"), "section"),
+            label("settings.accuracy", "section"),
             *accuracy,
             Field(draft, ("outer_lever",), width=26 * theme.GRID),
             None,
@@ -58,13 +51,13 @@ class TableSection(Section):
 
     def _make_joints(self) -> QGridLayout:
         """Create the fields for travel, rate and acceleration of both joints, side by side."""
-        headings: tuple[Words, ...] = (lambda: self.tr("Outer axis"), lambda: self.tr("Inner axis"))
+        headings = "settings.outer_axis", "settings.inner_axis"
         grid = QGridLayout()
         grid.setHorizontalSpacing(2 * theme.GRID)
         grid.setVerticalSpacing(theme.GRID // 2)
         grid.setColumnStretch(3, 1)
         for line, key in enumerate(_LIMITS, start=1):
-            caption = label(partial(term, "setting", key))
+            caption = label(f"setting.{key}")
             caption.setMinimumHeight(4 * theme.GRID)
             grid.addWidget(caption, line, 0, Qt.AlignmentFlag.AlignTop)
             for number, (joint, heading) in enumerate(zip(_JOINTS, headings, strict=True), start=1):
@@ -85,9 +78,8 @@ class TableSection(Section):
         def ends(joint: str) -> tuple[Any, Any]:
             return self._draft.value((joint, "low_deg")), self._draft.value((joint, "high_deg"))
 
-        self._travel.show_travel({self.tr("Outer"): ends("outer"), self.tr("Inner"): ends("inner")})
-        text = self.tr("From the table profile “{0}”. Changes hold for every station with this profile.")
-        self._file.setText(text.format(self._draft.name))
+        self._travel.show_travel({say("settings.outer"): ends("outer"), say("settings.inner"): ends("inner")})
+        self._file.setText(say("settings.table_profile", profile=self._draft.name))
 
 
 class TravelPlot(ThemedPlot):
@@ -139,8 +131,8 @@ class TravelPlot(ThemedPlot):
         self.addItem(item, ignoreBounds=True)
 
 
-def _cell_name(heading: Words, key: str) -> str:
-    return f"{heading()}, {term('setting', key)}"
+def _cell_name(heading: str, key: str) -> str:
+    return f"{say(heading)}, {term('setting', key)}"
 
 
 def _span_text(span: float) -> str:

@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from PySide6.QtCore import QT_TRANSLATE_NOOP, QByteArray, QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt, QTimer
+from PySide6.QtCore import QByteArray, QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt, QTimer
 from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QLabel, QMainWindow, QStackedWidget, QTabWidget, QWidget
 
@@ -16,7 +16,7 @@ from calstation.config import load_station
 from calstation.errors import CalstationError
 from calstation.gui.operator import OperatorPage
 from calstation.gui.state import AppContext, Page, RolePanel, RunStrip
-from calstation.gui.text import bind, language, on_language_change
+from calstation.gui.text import bind, language, on_language_change, say
 from calstation.gui.widgets import PANEL, PageArea, button, column, label, padlock_icon, row, theme, theme_icon
 
 if TYPE_CHECKING:
@@ -35,14 +35,14 @@ def _later(package: str, page: str) -> Callable[[AppContext], Page]:
     return lambda app: cast("Page", getattr(import_module(f"calstation.gui.{package}"), page)(app))
 
 
-#: Each page and its title.
-_PAGES: dict[str, tuple[Callable[[AppContext], Page], str]] = {
-    "operator_page": (OperatorPage, str(QT_TRANSLATE_NOOP("MainWindow", "Operator"))),
-    "engineer_page": (_later("engineer", "EngineerPage"), str(QT_TRANSLATE_NOOP("MainWindow", "Engineer"))),
-    "offline_page": (_later("logs", "OfflinePage"), str(QT_TRANSLATE_NOOP("MainWindow", "Offline"))),
-    "history_page": (_later("history", "HistoryPage"), str(QT_TRANSLATE_NOOP("MainWindow", "History"))),
-    "quality_page": (_later("quality", "QualityPage"), str(QT_TRANSLATE_NOOP("MainWindow", "Quality"))),
-    "station_page": (_later("settings", "StationPage"), str(QT_TRANSLATE_NOOP("MainWindow", "Station"))),
+#: Constructors of the pages, in the order of their tabs.
+_PAGES: dict[str, Callable[[AppContext], Page]] = {
+    "operator_page": OperatorPage,
+    "engineer_page": _later("engineer", "EngineerPage"),
+    "offline_page": _later("logs", "OfflinePage"),
+    "history_page": _later("history", "HistoryPage"),
+    "quality_page": _later("quality", "QualityPage"),
+    "station_page": _later("settings", "StationPage"),
 }
 #: Time after which the Engineer page is created, ms; the window has been painted by then.
 _SOON_MS = 50
@@ -100,25 +100,20 @@ class MainWindow(QMainWindow):
         self.page_tabs.setCornerWidget(name, Qt.Corner.TopLeftCorner)
         self.page_tabs.setCornerWidget(self._corner(), Qt.Corner.TopRightCorner)
         self._strip, self._headers = QWidget(self.page_tabs), QStackedWidget()
-        self.stop_button = button(
-            "stop_button",
-            lambda: self.tr("STOP"),
-            app.run.stop,
-            tip=lambda: self.tr("Stops the run safely; Esc does the same. It is no emergency stop."),
-        )
+        self.stop_button = button("stop_button", "window.stop", app.run.stop, tip="window.stop_tip")
         self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Esc stops, but the keys of a scan must not
         self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
         row((self._headers, 1), self.stop_button, on=self._strip, spacing=2 * theme.GRID, margins=PANEL)
-        self._tabs = {name: _Tab(app, make) for name, (make, _) in _PAGES.items()}
+        self._tabs = {name: _Tab(app, make) for name, make in _PAGES.items()}
         for key, tab in self._tabs.items():
             tab.setObjectName(key)
             tab.installEventFilter(self)
-            self.page_tabs.addTab(tab, "")
+            bind(partial(self.page_tabs.setTabText, self.page_tabs.addTab(tab, "")), f"window.tab_{key}")
             self._headers.addWidget(tab.header)
         self._role_panel = RolePanel(app.role, self)
         self._order_tabs()
         self._connect()
-        for show in (self._show_titles, self._show_role, self._show_station):
+        for show in (self._show_language, self._show_role, self._show_station):
             on_language_change(self, show)
         self.setMinimumSize(_SMALLEST)
         self.resize(_USUAL)
@@ -178,18 +173,14 @@ class MainWindow(QMainWindow):
         """Return whether the current page may be left; see `Page.may_leave`."""
         return list(self._tabs.values())[self._shown].may_leave(go)
 
-    def _show_titles(self) -> None:
-        for index, (_, title) in enumerate(_PAGES.values()):
-            self.page_tabs.setTabText(index, self.tr(title))
+    def _show_language(self) -> None:
         with QSignalBlocker(self.language_combo):
             self.language_combo.setCurrentIndex(max(0, self.language_combo.findData(language.current())))
 
     def _show_role(self) -> None:
         engineer = self.app.role.engineer
-        self._role_button.setText(self.tr("Engineer") if engineer else self.tr("Operator"))
-        self._role_button.setToolTip(
-            self.tr("Lock: back to the operator's role") if engineer else self.tr("Unlock with the engineer's PIN")
-        )
+        self._role_button.setText(say("window.engineer" if engineer else "common.operator"))
+        self._role_button.setToolTip(say("window.lock_tip" if engineer else "window.unlock_tip"))
         self._set_icons()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
@@ -239,9 +230,9 @@ class MainWindow(QMainWindow):
         self.language_combo = language.language_combo()
         self.language_combo.setProperty("kind", "tall")
         self.language_combo.currentIndexChanged.connect(self._choose_language)
-        self._theme_button = button("theme_button", None, self._other_theme, tip=lambda: self.tr("Light or dark"))
+        self._theme_button = button("theme_button", pressed=self._other_theme, tip="window.theme_tip")
         self._theme_button.setFixedWidth(theme.BUTTON)
-        bind(self._theme_button.setAccessibleName, lambda: self.tr("Light or dark"))
+        bind(self._theme_button.setAccessibleName, "window.theme_tip")
         self._role_button = button("role_button", pressed=self._role_pressed)
         self._theme_button.setIconSize(_ICON)
         self._role_button.setIconSize(_ICON)
@@ -301,9 +292,9 @@ class MainWindow(QMainWindow):
         self._role_button.setIcon(padlock_icon(closed=not self.app.role.engineer))
 
     def _show_station(self) -> None:
-        virtual, name = False, self.tr("no station")
+        virtual, name = False, say("window.no_station")
         with suppress(CalstationError):  # the operator and station pages show the error
             _, station = load_station(self.app.station_path)
             virtual, name = station.bench is not None, station.name
-        self._station.setText(self.tr("virtual bench") if virtual else name)
-        self._station.setToolTip(self.tr("Table and unit are simulated: nothing moves.") if virtual else "")
+        self._station.setText(say("window.virtual_bench") if virtual else name)
+        self._station.setToolTip(say("window.virtual_tip") if virtual else "")

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from PySide6.QtWidgets import QPushButton
 
 from calstation.gui.state.run_status import RunStatus
-from calstation.gui.text import bind, on_language_change, term
+from calstation.gui.text import bind, on_language_change, say, term
 from calstation.gui.widgets import enable
 
 
@@ -17,7 +17,7 @@ class EndStageButton(QPushButton):
         self._run, self._allowed = run, allowed
         self.setObjectName(name)
         self.setVisible(False)
-        bind(self, lambda: self.tr("End stage"))
+        bind(self, "window.end_stage")
         self.clicked.connect(run.end_stage)
         run.changed.connect(self._refresh)
         on_language_change(self, self._refresh)
@@ -26,4 +26,4 @@ class EndStageButton(QPushButton):
         why_not = self._run.why_not_end_stage
         run = self._run
         self.setVisible(run.going and not run.register_operation and not run.by_hand and self._allowed())
-        enable(self, term("end_stage", why_not) if why_not else "", self.tr("After this move: solve, then go on"))
+        enable(self, term("end_stage", why_not) if why_not else "", say("window.end_stage_tip"))

@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QLabel
 
 from calstation.database import ExchangeState
 from calstation.gui.state.context import AppContext
-from calstation.gui.text import on_language_change, show
+from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import show_text, theme
 from calstation.messages import local_time
 
@@ -26,24 +26,21 @@ class ExchangeLabel(QLabel):
         state = self._app.exchange_state
         show_text(self, "" if state is None else "  ·  ".join(filter(None, (self._runs(state), self._logs(state)))))
         errors = () if state is None else (state.error_text, state.archive_error_text)
-        self.setToolTip("\n".join(show(error) for error in errors if error is not None))
+        self.setToolTip("\n".join(say(error) for error in errors if error is not None))
 
     def _runs(self, state: ExchangeState) -> str:
         count, since = state.pending, state.contact_utc
         if state.error is None or not count:
             return ""
+        waiting = "one_run" if count == 1 else "runs"
         if since is None:
-            text = self.tr("1 run waits for the database") if count == 1 else self.tr("{0} runs wait for the database")
-            return text.format(count)
-        text = self.tr("{0} runs wait for the database since {1}")
-        if count == 1:
-            text = self.tr("1 run waits for the database since {1}")
+            return say(f"window.waiting_{waiting}", count=count)
         today = since.astimezone().date() == datetime.now().astimezone().date()
-        return text.format(count, f"{since.astimezone():%H:%M}" if today else local_time(since.isoformat()))
+        since_text = f"{since.astimezone():%H:%M}" if today else local_time(since.isoformat())
+        return say(f"window.waiting_{waiting}_since", count=count, since=since_text)
 
     def _logs(self, state: ExchangeState) -> str:
         count = state.logs_pending
         if state.archive_error is None or not count:
             return ""
-        text = self.tr("1 log waits for the archive") if count == 1 else self.tr("{0} logs wait for the archive")
-        return text.format(count)
+        return say("window.one_log_waits" if count == 1 else "window.logs_wait", count=count)

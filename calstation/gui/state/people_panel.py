@@ -7,8 +7,8 @@ from PySide6.QtGui import QHideEvent, QShowEvent
 from PySide6.QtWidgets import QFrame, QLabel, QLineEdit
 
 from calstation.config import ConfirmationRequired, Person
-from calstation.gui.text import bind, on_language_change
-from calstation.gui.widgets import Words, button, column, enable, grid, label, row, theme
+from calstation.gui.text import Words, bind, on_language_change, say
+from calstation.gui.widgets import button, column, enable, grid, label, row, theme
 
 # Function called with the reason, the acting person, and the confirming person, None if none is required.
 Then = Callable[[str, Person, Person | None], None]
@@ -23,7 +23,7 @@ class PeoplePanel(QFrame):
         super().__init__()
         self.setObjectName(f"{name}_panel")
         self.setProperty("kind", "panel")
-        self._words: Words = str
+        self._words: Words = ""
         self._then: Then = lambda reason, first, second: None
         self._badges = False
         self._title = label(kind="section", wrap=True)
@@ -42,8 +42,8 @@ class PeoplePanel(QFrame):
             self._fields.addWidget(edit, len(self._edits), 1)
             self._captions.append(caption)
             self._edits.append(edit)
-        self._confirm_button = button(f"{name}_confirm_button", lambda: self.tr("Confirm"), self._confirm)
-        cancel = button(f"{name}_cancel_button", lambda: self.tr("Cancel"), self.hide)
+        self._confirm_button = button(f"{name}_confirm_button", "window.confirm", self._confirm)
+        cancel = button(f"{name}_cancel_button", "common.cancel", self.hide)
         column(
             self._title,
             self._fields,
@@ -51,7 +51,7 @@ class PeoplePanel(QFrame):
             on=self,
             margins=(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID),
         )
-        bind(self.setAccessibleName, lambda: self.tr("Confirmation"))
+        bind(self.setAccessibleName, "window.confirmation")
         on_language_change(self, self._show_texts)
         self.hide()
 
@@ -97,17 +97,12 @@ class PeoplePanel(QFrame):
             self._then(reason.strip(), Person(badge.strip(), pin), second)
 
     def _refresh(self) -> None:
-        enable(self._confirm_button, self.tr("Fill in every field") if self._missing() else "")
+        enable(self._confirm_button, say("window.fill_in") if self._missing() else "")
 
     def _show_texts(self) -> None:
-        texts = (
-            self.tr("Reason"),
-            self.tr("Your badge") if self._badges else self.tr("Your name"),
-            self.tr("Your PIN"),
-            self.tr("Second engineer's badge"),
-            self.tr("Second engineer's PIN"),
-        )
-        for caption, text in zip(self._captions, texts, strict=True):
+        name = "window.your_badge" if self._badges else "window.confirming_name"
+        codes = "window.reason", name, "window.your_pin", "window.second_badge", "window.second_pin"
+        for caption, text in zip(self._captions, map(say, codes), strict=True):
             caption.setText(text)
-        self._title.setText(self._words())
+        self._title.setText(say(self._words))
         self._refresh()

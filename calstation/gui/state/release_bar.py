@@ -8,8 +8,9 @@ from calstation.config import ConfirmationRequired, Person, computer_user
 from calstation.errors import CalstationError
 from calstation.gui.state.context import AppContext
 from calstation.gui.state.people_panel import PeoplePanel
-from calstation.gui.text import error_text
+from calstation.gui.text import say
 from calstation.gui.widgets import JobWatch, button, column, label, show_text
+from calstation.messages import Text
 from calstation.results import Result, override_required, override_result
 
 
@@ -26,12 +27,7 @@ class ReleaseBar(QWidget):
         self._panel = PeoplePanel(name)
         self.asking = self._panel.asking
         self._error = label(kind="error", name=f"{name}_error_label", wrap=True)
-        self._button = button(
-            f"{name}_button",
-            lambda: self.tr("Release the unit…"),
-            self._ask,
-            tip=lambda: self.tr("Let the unit be used although it failed; the run stays FAIL"),
-        )
+        self._button = button(f"{name}_button", "window.release_button", self._ask, tip="window.release_tip")
         self.asking.connect(lambda asking: self._button.setVisible(not asking))
         column(self._button, self._panel, self._error, on=self)
         self.hide()
@@ -54,9 +50,7 @@ class ReleaseBar(QWidget):
     def _open(self, required: ConfirmationRequired) -> None:
         by = (self._app.badge if required.badge else self._app.operator or computer_user()) or ""
         serial = self._serial
-        self._panel.ask(
-            lambda: self.tr("Release unit {0} although it failed?").format(serial), required, self._release, by=by
-        )
+        self._panel.ask(Text.of("window.ask_release", serial=serial), required, self._release, by=by)
 
     def _release(self, reason: str, first: Person, second: Person | None) -> None:
         show_text(self._error, "")
@@ -70,6 +64,6 @@ class ReleaseBar(QWidget):
         self._app.released.emit(self._path)
 
     def _refuse(self, error: CalstationError) -> None:
-        show_text(self._error, error_text(error).sentences)
+        show_text(self._error, say(error.as_text))
         if not self._panel.isHidden():
             self._panel.retry()

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 from calstation.connection import LinkTestRequest, TableReset, reset_table
 from calstation.errors import CalstationError
 from calstation.gui.state.context import AppContext
-from calstation.gui.text import error_text, on_language_change, say, term
+from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import JobWatch, StateIcon, button, column, enable, label, row, show_text
 
 
@@ -28,7 +28,7 @@ class ResetBar(QWidget):
         self._offered = False
         self.result: TableReset | None = None
         self._error: CalstationError | None = None
-        self.button = button(name, lambda: self.tr("Reset the fault"), self._start)
+        self.button = button(name, "window.reset_fault", self._start)
         self.button.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
         self._icon, self.result_label = StateIcon(18), label(name=f"{name}_result", wrap=True)
         self.watch = JobWatch(self, self._finish, lambda error: self._finish(error=error), self._finish)
@@ -77,8 +77,8 @@ class ResetBar(QWidget):
     def _show(self) -> None:
         running = self._app.engine_link.running
         self.button.setVisible(self._offered)
-        tip = self.tr("Clears what the table has latched. Nothing moves and no axis is switched on.")
-        enable(self.button, self.tr("A run is going on; reset when it has ended.") if running else "", tip)
+        tip = say("window.reset_tip")
+        enable(self.button, say("window.reset_after_run") if running else "", tip)
         self.button.setEnabled(not (running or self.watch.busy))
         kind, text = self._result_text()
         self._icon.setVisible(bool(kind))
@@ -89,9 +89,9 @@ class ResetBar(QWidget):
     def _result_text(self) -> tuple[str, str]:
         """Return the badge state and the text of the last reset, or of the one in progress."""
         if self.watch.busy:
-            return "", self.tr("Asking the table.")
+            return "", say("window.asking_table")
         if self._error is not None:
-            return "bad", error_text(self._error).sentences
+            return "bad", say(self._error.as_text)
         result = self.result
         if result is None:
             return "", ""

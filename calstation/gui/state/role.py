@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QPushButton, QWidg
 
 from calstation.config import access
 from calstation.errors import ConfigurationError
-from calstation.gui.text import bind, error_text, on_language_change
+from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import button, column, grid, label, row, show_text, theme
 
 
@@ -75,7 +75,7 @@ class RolePanel(QFrame):
             edit.returnPressed.connect(self._enter)
             edit.textEdited.connect(lambda _: self._show_error(""))
         self._unlock = button("unlock_button", pressed=self._enter, kind="primary")
-        cancel = button("", lambda: self.tr("Cancel"), self.hide)
+        cancel = button("", "common.cancel", self.hide)
         column(
             *(self._title, self._text, self.pin_edit, self._again_edit, self._error, self._keys()),
             row((self._unlock, 1), (cancel, 1)),
@@ -86,7 +86,7 @@ class RolePanel(QFrame):
         self._timer = QTimer(self, interval=250)
         self._timer.timeout.connect(self._show_wait)
         role.wanted.connect(self.open)
-        bind(self._again_edit.setPlaceholderText, lambda: self.tr("the same again"))
+        bind(self._again_edit.setPlaceholderText, "window.same_again")
         on_language_change(self, self._refresh)
         self.hide()
 
@@ -104,14 +104,10 @@ class RolePanel(QFrame):
     def _refresh(self) -> None:
         new = self._role.new
         self._again_edit.setVisible(new)
-        self._title.setText(self.tr("Choose the engineer's PIN") if new else self.tr("Engineer"))
-        self._text.setText(
-            self.tr("No PIN has been set here yet. At least four characters; it opens what changes results.")
-            if new
-            else self.tr("The PIN opens settings that change results, and registers.")
-        )
-        self.pin_edit.setPlaceholderText(self.tr("new PIN") if new else self.tr("PIN"))
-        self._unlock.setText(self.tr("Set PIN") if new else self.tr("Unlock"))
+        self._title.setText(say("window.choose_pin" if new else "window.engineer"))
+        self._text.setText(say("window.about_choosing_pin" if new else "window.about_pin"))
+        self.pin_edit.setPlaceholderText(say("window.new_pin" if new else "window.pin"))
+        self._unlock.setText(say("window.set_pin" if new else "window.unlock"))
         self.adjustSize()
 
     def _keys(self) -> QGridLayout:
@@ -136,7 +132,7 @@ class RolePanel(QFrame):
         pin, again = self.pin_edit.text(), self._again_edit.text()
         try:
             if self._role.new and again != pin:
-                self._show_error(self.tr("The two PINs differ."))
+                self._show_error(say("window.pins_differ"))
                 self._again_edit.setFocus()
             elif self._role.new:
                 self._role.set_first_pin(pin)
@@ -144,10 +140,10 @@ class RolePanel(QFrame):
             elif self._role.unlock(pin):
                 self.hide()
             else:
-                self._show_error(self.tr("The PIN is wrong."))
+                self._show_error(say("window.wrong_pin"))
                 self.pin_edit.selectAll()
         except ConfigurationError as error:
-            self._show_error(error_text(error).sentences)
+            self._show_error(say(error.as_text))
 
     def _show_error(self, text: str) -> None:
         self._wrong = text
@@ -159,8 +155,8 @@ class RolePanel(QFrame):
         try:
             wait = access.wait()
         except ConfigurationError as error:
-            self._wrong = error_text(error).sentences
-        waiting = self.tr("Wait {seconds:.0f} s.").format(seconds=max(1.0, wait)) if wait > 0.0 else ""
+            self._wrong = say(error.as_text)
+        waiting = say("window.wait", seconds=max(1.0, wait)) if wait > 0.0 else ""
         text = f"{self._wrong} {waiting}".strip()
         self._unlock.setEnabled(not waiting)
         show_text(self._error, text)

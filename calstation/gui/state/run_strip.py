@@ -5,7 +5,7 @@ from collections import Counter
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.state.run_status import RunStatus
-from calstation.gui.text import KINDS, duration_text, on_language_change, term
+from calstation.gui.text import KINDS, duration_text, on_language_change, say, term
 from calstation.gui.widgets import STEPS, StateBadge, column, label, progress_bar, row, theme
 
 #: Outcomes of units, in the order in which they are counted.
@@ -34,7 +34,7 @@ class RunStrip(QWidget):
         if run.stage is not None:
             parts = [term("stage", run.stage.name), f"{100.0 * run.stage.fraction:.0f} %"]
         if run.remaining is not None:
-            parts.append(self.tr("{time} left").format(time=duration_text(run.remaining)))
+            parts.append(say("common.time_left", time=duration_text(run.remaining)))
         self._text.setText("  ·  ".join(parts))
         self._bar.setVisible(run.going)
         self._bar.setValue(round(STEPS * run.fraction))

@@ -5,15 +5,11 @@ from calstation.gui.text.binding import bind, on_language_change
 from calstation.gui.text.checks import CheckText, check_name, check_text, of_parameter, of_product, parameter_text
 from calstation.gui.text.messages import (
     KINDS,
+    Words,
     duration_text,
-    error_text,
-    event_sentence,
     fault_text,
-    free_text,
     rendered,
     say,
-    short_step,
-    show,
     step_sentence,
     term,
     with_minus,

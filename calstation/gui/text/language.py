@@ -1,19 +1,25 @@
 """The language of the window, English or Simplified Chinese, which can be switched while the window is open."""
 
-from pathlib import Path
-
-from PySide6.QtCore import QCoreApplication, QLibraryInfo, QLocale, QTranslator
+from PySide6.QtCore import QCoreApplication, QLibraryInfo, QLocale, QObject, QTranslator, Signal
 from PySide6.QtWidgets import QComboBox
 
-from calstation.gui.text.binding import languages
 from calstation.messages import Language
 
 #: Code and native name of each language, English first.
 LANGUAGES: tuple[tuple[Language, str], ...] = (("en", "English"), ("zh_CN", "中文"))
 
-_FOLDER = Path(__file__).parents[1] / "translations"
-_installed: list[QTranslator] = []
 _current: Language = "en"
+
+#: Translator of Qt's own texts, such as those of file dialogs, for a language other than English.
+_qt_texts = QTranslator()
+
+
+class _Languages(QObject):
+    changed = Signal()
+
+
+#: Emits `changed` after another language has been chosen (`use`).
+languages = _Languages()
 
 
 def current() -> Language:
@@ -35,16 +41,11 @@ def use(code: str) -> None:
     if chosen == _current:
         return
     _current = chosen
-    for translator in _installed:
-        app.removeTranslator(translator)
-    _installed.clear()
     QLocale.setDefault(QLocale(QLocale.Language.C))
-    qt_file = Path(QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)) / f"qtbase_{chosen}.qm"
-    for file in (qt_file, *sorted(_FOLDER.glob(f"*_{chosen}.qm"))) if chosen != "en" else ():
-        translator = QTranslator(app)
-        if file.exists() and translator.load(str(file)):
-            app.installTranslator(translator)
-            _installed.append(translator)
+    app.removeTranslator(_qt_texts)
+    folder = QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)
+    if chosen != "en" and _qt_texts.load(f"qtbase_{chosen}", folder):
+        app.installTranslator(_qt_texts)
     languages.changed.emit()
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import CheckText, check_text, on_language_change
+from calstation.gui.text import CheckText, check_text, on_language_change, say
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import column
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
@@ -23,13 +23,13 @@ class ChecksTable(QWidget):
         self._texts: dict[str, CheckText] = {}
         self.model = ParameterModel(
             (
-                Column(lambda: self.tr("Check"), self._cell("sentence"), number=False),
-                Column(lambda: self.tr("Where"), self._cell("where"), number=False),
-                Column(lambda: self.tr("Unit"), self._cell("unit"), number=False),
-                Column(lambda: self.tr("Value"), self._cell("value")),
-                Column(lambda: self.tr("Limit"), self._cell("limit")),
-                Column(lambda: self.tr("Margin"), self._cell("margin")),
-                Column(lambda: self.tr("Verdict"), self._cell("verdict"), number=False, state=self._state),
+                Column("common.check", self._cell("sentence"), number=False),
+                Column("common.where", self._cell("where"), number=False),
+                Column("common.unit", self._cell("unit"), number=False),
+                Column("common.value", self._cell("value")),
+                Column("common.limit", self._cell("limit")),
+                Column("common.margin", self._cell("margin")),
+                Column("common.verdict", self._cell("verdict"), number=False, state=self._state),
             ),
             grouped=False,
         )
@@ -51,7 +51,7 @@ class ChecksTable(QWidget):
         return self.table.horizontalHeader().sizeHint().height() + _ROW * len(self._checks) + theme.GRID
 
     def _refresh(self) -> None:
-        self.table.setAccessibleName(self.tr("Checks of the result"))
+        self.table.setAccessibleName(say("common.checks_of_result"))
         self._update_texts()
         self.model.refresh()
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from calstation.gui.widgets.layout import Words
+from calstation.gui.text import Words
 from calstation.gui.widgets.parameter_table import (
     NOTABLE_SIGMAS,
     Column,
@@ -65,7 +65,7 @@ class ComparisonTable(ParameterTable):
                 self._cells[name] |= self._texts(name, row, first.get(name) if k else None, k)
         keys = dict.fromkeys(key for cells in self._cells.values() for key in cells if not key.startswith("in_sigma"))
         align_columns(self._cells, [key for key in keys if key != "unit"])
-        columns = [Column(lambda: self.tr("unit"), self._text("unit"), number=False)]
+        columns = [Column("common.unit_column", self._text("unit"), number=False)]
         for k, each in enumerate(sets):
             columns += self._columns(k, each)
         self.parameters.show(columns, self.names)
@@ -73,17 +73,13 @@ class ComparisonTable(ParameterTable):
     def _columns(self, k: int, shown: Compared) -> list[Column]:
         columns = [
             Column(shown.heading, self._text(f"value{k}"), state=shown.value_state),
-            Column(lambda: "±σ", self._text(f"sigma{k}"), state=shown.sigma_state),
+            Column("common.plus_minus", self._text(f"sigma{k}"), state=shown.sigma_state),
         ]
         if k and self._differences:
-            columns.append(Column(lambda: self.tr("diff."), self._text(f"difference{k}")))
+            columns.append(Column("common.difference_column", self._text(f"difference{k}")))
         if k:
             columns.append(
-                Column(
-                    lambda: self.tr("in σ"),
-                    self._text(f"in_sigma{k}"),
-                    state=self._notable(k) if shown.marked else None,
-                )
+                Column("common.in_sigma", self._text(f"in_sigma{k}"), state=self._notable(k) if shown.marked else None)
             )
         return columns
 

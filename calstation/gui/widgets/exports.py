@@ -23,7 +23,7 @@ class FileExport(QObject):
         self._job_queue, self._page = job_queue, page
         self._target = Path()
         self.watch, self._cleanup = JobWatch(self, self._written, cancelled=self._drop_partial), JobWatch(self)
-        notice.report_failures(self.watch, lambda: self.tr("The export failed"), focus)
+        notice.report_failures(self.watch, "common.export_failed", focus)
 
     def ask(self, title: str, proposed: Path, kinds: list[str], work: Callable[[Path], tuple[Any, ...]]) -> None:
         """Ask for a file, then submit the job that `work` returns for it, a function and its arguments."""
@@ -35,7 +35,7 @@ class FileExport(QObject):
         ask_file(self._page, title, proposed, kinds, begin)
 
     def _written(self, target: Path) -> None:
-        self._notice.inform("good", lambda: self.tr("Written"), lambda: str(target), self._focus)
+        self._notice.inform("good", "common.written", lambda: str(target), self._focus)
 
     def _drop_partial(self) -> None:  # a cancelled job worker leaves a partial file
         self._cleanup.watch(self._job_queue.submit(drop_partial, self._target))

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtWidgets import QStackedWidget, QWidget
 
-from calstation.gui.text import duration_text, on_language_change
+from calstation.gui.text import Words, duration_text, on_language_change, say
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import STEPS, Words, button, label, progress_bar, row
+from calstation.gui.widgets.layout import STEPS, button, label, progress_bar, row
 from calstation.jobs import Job
 
 #: Interval between two polls, ms: short compared with a fifth of a second, the duration of jobs after a selection.
@@ -85,7 +85,7 @@ class JobWatch(QObject):
 class JobRow(QWidget):
     """Shows the text and progress of a `JobWatch`, and a Cancel button with the object name `cancel_name`."""
 
-    def __init__(self, watch: JobWatch, cancel_name: str = "", words: Words | None = None) -> None:
+    def __init__(self, watch: JobWatch, cancel_name: str = "", words: Words = "") -> None:
         super().__init__()
         self.watch = watch
         self._words = words
@@ -95,8 +95,8 @@ class JobRow(QWidget):
         self.bar = progress_bar(2 * theme.GRID)
         self.left_label.setMinimumWidth(15 * theme.GRID)
         self.left_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        self.cancel_button = button(cancel_name, lambda: self.tr("Cancel"), watch.cancel)
-        if words is None:
+        self.cancel_button = button(cancel_name, "common.cancel", watch.cancel)
+        if not words:
             self._work_label.hide()
         self._work_label.setMinimumWidth(22 * theme.GRID)
         row(self._work_label, (self.bar, 1), self.left_label, self.cancel_button, on=self)
@@ -109,17 +109,16 @@ class JobRow(QWidget):
 
     def _refresh(self) -> None:
         job = self.watch.job
-        if self._words is not None:
-            self._work_label.setText(self._words())
+        self._work_label.setText(say(self._words))
         self.cancel_button.setVisible(job is None or job.cancellable)
         self.bar.setValue(round(STEPS * self._fraction))
         percent = f"{100 * self._fraction:.0f} %"
         if job is not None and job.state == "waiting":
-            self.left_label.setText(self.tr("waiting for other work"))
+            self.left_label.setText(say("common.waiting"))
         elif self._remaining is None or self._fraction < _MIN_FRACTION:
             self.left_label.setText(percent)
         else:
-            left = self.tr("{0} left").format(duration_text(self._remaining))
+            left = say("common.time_left", time=duration_text(self._remaining))
             self.left_label.setText(f"{percent}, {left}")
         self.bar.setAccessibleName(self.left_label.text())
 

@@ -1,12 +1,14 @@
 """Functions that build layouts, labels, buttons and bars; their texts change with the language."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, TypeVar
 
 from PySide6.QtCore import QEvent, QObject, QSize, Qt, SignalInstance
 from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QBoxLayout,
+    QComboBox,
     QFrame,
     QGridLayout,
     QHBoxLayout,
@@ -23,11 +25,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui.text import bind
+from calstation.gui.text import Words, bind, on_language_change, say
 from calstation.gui.widgets import theme
-
-#: Function that returns a text in the current language.
-Words = Callable[[], str]
 
 #: A widget or layout, alone or with its stretch and alignment; a distance in px; None for a stretch.
 Item = QWidget | QLayout | tuple[Any, ...] | int | None
@@ -118,20 +117,28 @@ def split(
 class ViewTabs(QTabBar):
     """A bar of tabs above the views of a page."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, *titles: Words) -> None:
         super().__init__()
         self.setObjectName(name)
         self.setProperty("kind", "views")
         self.setDrawBase(False)
         self.setExpanding(False)
+        for title in titles:
+            self.add(title)
+
+    def add(self, title: Words) -> int:
+        """Add a tab, and return its index."""
+        index = self.addTab("")
+        bind(partial(self.setTabText, index), title)
+        return index
 
 
 def label(
-    words: Words | None = None, kind: str = "", *, name: str = "", wrap: bool = False, buddy: QWidget | None = None
+    words: Words = "", kind: str = "", *, name: str = "", wrap: bool = False, buddy: QWidget | None = None
 ) -> QLabel:
     """Create a label.
 
-    `words` returns its text (None if the caller sets it), `kind` selects its style, and `buddy` is the labelled input.
+    `words` is its text ("" if the caller sets it), `kind` selects its style, and `buddy` is the labelled input.
     """
     made = QLabel()
     made.setObjectName(name)
@@ -140,30 +147,40 @@ def label(
         made.setProperty("kind", kind)
     if buddy is not None:
         made.setBuddy(buddy)
-    if words is not None:
+    if words:
         bind(made, words)
     return made
 
 
 def button(
     name: str,
-    words: Words | None = None,
+    words: Words = "",
     pressed: Callable[..., Any] | SignalInstance | None = None,
     *,
     kind: str = "",
-    tip: Words | None = None,
+    tip: Words = "",
 ) -> QPushButton:
-    """Create a button; `words` returns its text (None if the caller sets it), and a click calls or emits `pressed`."""
+    """Create a button; `words` is its text ("" if the caller sets it), and a click calls or emits `pressed`."""
     made = QPushButton()
     made.setObjectName(name)
     if kind:
         made.setProperty("kind", kind)
-    if words is not None:
+    if words:
         bind(made, words)
-    if tip is not None:
+    if tip:
         bind(made.setToolTip, tip)
     if pressed is not None:
         made.clicked.connect(pressed)
+    return made
+
+
+def combo_box(name: str, items: Mapping[Any, Words] = {}) -> QComboBox:
+    """Create a combo box; `items` maps the data of its items to their texts."""
+    made = QComboBox()
+    made.setObjectName(name)
+    for index, (data, words) in enumerate(items.items()):
+        made.addItem("", data)
+        bind(partial(made.setItemText, index), words)
     return made
 
 
@@ -258,7 +275,7 @@ class PageArea(QScrollArea):
 class EmptyState(QWidget):
     """A placeholder for an empty page: a centred title, a short explanation, and widgets below them."""
 
-    def __init__(self, *widgets: QWidget) -> None:
+    def __init__(self, *widgets: QWidget, title: Words = "", text: Words = "") -> None:
         super().__init__()
         self._title, self._text = label(kind="section", wrap=True), label(kind="muted", wrap=True)
         for each in (self._title, self._text):
@@ -270,16 +287,23 @@ class EmptyState(QWidget):
         box.insertStretch(0, 2)
         box.addStretch(3)
         row(None, middle, None, on=self)
+        self._words = title, text
+        on_language_change(self, self._refresh)
 
     @property
     def title(self) -> str:
         """The title."""
         return self._title.text()
 
-    def say(self, title: str, text: str) -> None:
-        """Show a title and a text, which may be empty."""
-        self._title.setText(title)
-        show_text(self._text, text)
+    def say(self, title: Words, text: Words = "") -> None:
+        """Show a title and a text in the current language and after each change of it; an empty text is hidden."""
+        self._words = title, text
+        self._refresh()
+
+    def _refresh(self) -> None:
+        title, text = self._words
+        self._title.setText(say(title))
+        show_text(self._text, say(text))
 
 
 def _filled(box: Box, items: tuple[Item, ...], on: QWidget | None, spacing: int, margins: Margins) -> Box:

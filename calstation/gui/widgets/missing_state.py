@@ -3,7 +3,7 @@
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import on_language_change, show
+from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets.jobs import JobRow, JobStack, JobWatch
 from calstation.gui.widgets.layout import button, label, row
 from calstation.records import Check
@@ -22,12 +22,7 @@ class MissingState(QWidget):
         super().__init__()
         self._check: Check | None = None
         self._about = label(wrap=True)
-        add = button(
-            name,
-            lambda: self.tr("Add this state and solve again"),
-            self._add,
-            tip=lambda: self.tr("Solves the stored log; nothing is stored or written to the unit"),
-        )
+        add = button(name, "common.add_state", self._add, tip="common.add_state_tip")
         jobs = JobStack(add, JobRow(watch, f"{name}_cancel"))
         row((self._about, 2), (jobs, 1), on=self)
         self.hide()
@@ -46,4 +41,4 @@ class MissingState(QWidget):
 
     def _refresh(self) -> None:
         cause = None if self._check is None else cause_text(self._check)
-        self._about.setText("" if cause is None else show(cause))
+        self._about.setText("" if cause is None else say(cause))

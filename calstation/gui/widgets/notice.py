@@ -8,11 +8,11 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QFrame, QPushButton
 
 from calstation.errors import CalstationError
-from calstation.gui.text import error_text, on_language_change
+from calstation.gui.text import Words, on_language_change, say
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, state_colour
 from calstation.gui.widgets.jobs import JobWatch
-from calstation.gui.widgets.layout import Words, button, clear, column, label, row, show_text
+from calstation.gui.widgets.layout import button, clear, column, label, row, show_text
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class NoticeBar(QFrame):
         self.setObjectName(name)
         self.setProperty("kind", "panel")
         self._kind = "none"
-        self._title: Words = str
-        self._text: Words = str
+        self._title: Words = ""
+        self._text: Words = ""
         self._choices: Sequence[Choice] = ()
         self._icon = StateIcon(28)
         self.title_label, self.text_label = label(kind="section", wrap=True), label(wrap=True)
@@ -72,11 +72,11 @@ class NoticeBar(QFrame):
 
     def inform(self, kind: str, title: Words, text: Words, then: Callable[[], None]) -> None:
         """Show a notice with a Close button; `then` is called after the notice is closed."""
-        self.ask(kind, title, text, (Choice(f"{self.objectName()}_close", lambda: self.tr("Close"), then),))
+        self.ask(kind, title, text, (Choice(f"{self.objectName()}_close", "common.close", then),))
 
     def report(self, title: Words, error: CalstationError, then: Callable[[], None]) -> None:
         """Show an error with a Close button; `then` is called after the notice is closed."""
-        self.inform("bad", title, lambda: error_text(error).sentences, then)
+        self.inform("bad", title, error.as_text, then)
 
     def report_failures(self, watch: JobWatch, title: Words, then: Callable[[], None]) -> None:
         """Show every error of the jobs of a watch."""
@@ -96,10 +96,10 @@ class NoticeBar(QFrame):
 
     def refresh(self) -> None:
         """Update the title, text and buttons after their texts have changed."""
-        show_text(self.title_label, self._title())
-        show_text(self.text_label, self._text())
+        show_text(self.title_label, say(self._title))
+        show_text(self.text_label, say(self._text))
         for choice in self._choices:
-            self.button(choice.name).setText(choice.words())
+            self.button(choice.name).setText(say(choice.words))
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw a band in the colour of the state along the left side."""

@@ -10,11 +10,10 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelInd
 from PySide6.QtGui import QColor, QContextMenuEvent, QGuiApplication, QKeyEvent, QKeySequence, QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QTableView, QWidget
 
-from calstation.gui.text import parameter_text, with_minus, without_minus
+from calstation.gui.text import Words, parameter_text, say, with_minus, without_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import state_colour, state_icon
 from calstation.gui.widgets.files import ask_file
-from calstation.gui.widgets.layout import Words
 from calstation.physics import INDEX, NAMES, aligned
 
 Index = QModelIndex | QPersistentModelIndex
@@ -33,7 +32,7 @@ NOTABLE_SIGMAS = 3.0
 class Column:
     """A column of a parameter table; its functions are called with the name of a parameter."""
 
-    heading: Callable[[], str]
+    heading: Words
     text: Callable[[str], str]
     number: bool = True  #: Whether cells are right-aligned.
     state: Callable[[str], str | None] | None = None  #: Symbol before the text, one of `badge.KINDS` or None.
@@ -93,7 +92,7 @@ class ParameterModel(QAbstractTableModel):
 
     def lines(self, rows: Iterable[int]) -> list[list[str]]:
         """Return headings and rows in the format of a spreadsheet, with the parameter names in the first column."""
-        lines = [["parameter", *(column.heading() for column in self._columns)]]
+        lines = [["parameter", *(say(column.heading) for column in self._columns)]]
         for name in (self._names[row] for row in rows):
             lines.append([name, *(without_minus(column.text(name)).strip() for column in self._columns)])
         return lines
@@ -144,7 +143,7 @@ class ParameterModel(QAbstractTableModel):
                 return name
             return parameter_text(name) if role == Qt.ItemDataRole.DisplayRole else None
         if role == Qt.ItemDataRole.DisplayRole:
-            return self._columns[section].heading()
+            return say(self._columns[section].heading)
         return self._columns[section].alignment if role == Qt.ItemDataRole.TextAlignmentRole else None
 
 
@@ -168,6 +167,7 @@ class ParameterTable(QTableView):
         self.horizontalHeader().setHighlightSections(False)
         model.modelReset.connect(self.spread)
         model.headerDataChanged.connect(self.spread)
+        theme.on_appearance_change(self, model.refresh)
 
     def spread(self) -> None:
         """Fit the columns to their contents, and distribute the remaining width; if there is none, elide texts."""
@@ -196,12 +196,12 @@ class ParameterTable(QTableView):
     def contextMenuEvent(self, event: QContextMenuEvent) -> None:
         """Offer to copy or save the table."""
         self._menu.clear()
-        self._menu.addAction(self.tr("Copy"), self.copy)
-        self._menu.addAction(self.tr("Save as CSV…"), self._ask_file)
+        self._menu.addAction(say("common.copy"), self.copy)
+        self._menu.addAction(say("common.save_csv"), self._ask_file)
         self._menu.popup(event.globalPos())
 
     def _ask_file(self) -> None:
-        ask_file(self, self.tr("Save the table"), Path("table.csv"), ["CSV (*.csv)"], self._save)
+        ask_file(self, say("common.save_table"), Path("table.csv"), ["CSV (*.csv)"], self._save)
 
     def _save(self, target: Path) -> None:
         with target.open("w", encoding="utf-8-sig", newline="") as file:

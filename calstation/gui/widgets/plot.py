@@ -12,7 +12,7 @@ from PySide6.QtGui import QColor, QContextMenuEvent, QGuiApplication, QPainter, 
 from PySide6.QtSvg import QSvgGenerator
 from PySide6.QtWidgets import QMenu, QSizePolicy, QWidget
 
-from calstation.gui.text import with_minus
+from calstation.gui.text import say, with_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state
 from calstation.gui.widgets.files import ask_file
@@ -67,8 +67,8 @@ class PlotMenu(QMenu):
     def open(self, event: QContextMenuEvent) -> None:
         """Open the menu at the position of the click."""
         self.clear()
-        self.addAction(self.tr("Copy as picture"), self._copy)
-        self.addAction(self.tr("Save…"), self._ask_file)
+        self.addAction(say("common.copy_picture"), self._copy)
+        self.addAction(say("common.save_as"), self._ask_file)
         self.popup(event.globalPos())
         event.accept()
 
@@ -77,7 +77,7 @@ class PlotMenu(QMenu):
 
     def _ask_file(self) -> None:
         kinds = ["PNG (*.png)", "SVG (*.svg)", "CSV (*.csv)"]
-        ask_file(self._plot, self.tr("Save the plot"), Path("plot.png"), kinds, self._save)
+        ask_file(self._plot, say("common.save_plot"), Path("plot.png"), kinds, self._save)
 
     def _save(self, target: Path) -> None:
         match target.suffix.lower():

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 from calstation.config import ScheduleOptions
 from calstation.design import Design, Variation
 from calstation.gui.engineer.designer.plots import FrontPlot, Path3D, PathPlot, SphereBox
-from calstation.gui.text import duration_text, on_language_change, parameter_text, product_text, say, term
+from calstation.gui.text import bind, duration_text, on_language_change, parameter_text, product_text, say, term
 from calstation.gui.widgets import (
     ROW,
     CellTable,
@@ -69,21 +69,26 @@ class DesignAnswer(QWidget):
         self._parameters = self._make_parameters()
         self._variations, self._hidden = self._make_variations(), self._make_hidden()
         self._notes = label(name="design_sees", wrap=True)
-        self._tabs = ViewTabs("design_views")
+        self._tabs = ViewTabs(
+            "design_views",
+            *("engineer.duration", "engineer.path", "common.parameters", "engineer.robustness"),
+            "engineer.hidden_effects",
+        )
         robustness = QWidget()
         column(self._variations, self._notes, None, on=robustness)
-        self._driving = EmptyState(JobRow(driving))
+        self._driving = EmptyState(JobRow(driving), title="engineer.computing_path")
         path = self._drawn = stack(self._driving, split((self._path, 3), (self._sphere, 2)))
         self._views = stack(
             panel((self._front, 1)), path, self._parameters, scroll_area(robustness, wide=False), self._hidden
         )
-        for _ in range(self._views.count()):
-            self._tabs.addTab("")
         self._tabs.currentChanged.connect(self._views.setCurrentIndex)
-        self._save_button = button("save_as_button", lambda: self.tr("Save as product…"), save)
-        copy_button = button("copy_schedule_button", lambda: self.tr("Copy schedule"), copy)
-        export_button = button("export_design_button", lambda: self.tr("Export"), export)
+        self._save_button = button("save_as_button", "engineer.save_as_product", save)
+        copy_button = button("copy_schedule_button", "engineer.copy_schedule", copy)
+        export_button = button("export_design_button", "engineer.export", export)
         tables = self._parameters, self._variations, self._hidden
+        titles = "common.parameters", "engineer.robustness", "engineer.hidden_effects"
+        for table, title in zip(tables, titles, strict=True):
+            bind(table.setAccessibleName, title)
         #: The widgets in Tab order.
         self.tab_order = (self._tabs, copy_button, export_button, self._save_button, self._sphere.slider, *tables)
         column(
@@ -114,17 +119,17 @@ class DesignAnswer(QWidget):
 
     def lock(self, why: str) -> None:
         """Disable saving for the given reason; "" enables it."""
-        enable(self._save_button, why, self.tr("Saves a product with this schedule in place of its stages"))
+        enable(self._save_button, why, say("engineer.save_as_product_tip"))
 
     def _make_parameters(self) -> CellTable:
         table = CellTable("design_parameters")
         table.parameters.set_columns(
             (
-                table.column(lambda: self.tr("Unit"), "unit", number=False),
-                table.column(lambda: self.tr("σ planned"), "sigma"),
-                table.column(lambda: self.tr("σ limit"), "limit"),
+                table.column("common.unit", "unit", number=False),
+                table.column("engineer.sigma_planned", "sigma"),
+                table.column("engineer.sigma_limit", "limit"),
                 Column(
-                    lambda: self.tr("σ / limit"),
+                    "engineer.sigma_over_limit",
                     lambda name: table.cells[name]["ratio"],
                     state=lambda name: table.cells[name].get("state"),
                 ),
@@ -140,13 +145,13 @@ class DesignAnswer(QWidget):
         table.parameters.set_columns(
             (
                 Column(
-                    lambda: self.tr("Condition"),
+                    "engineer.condition",
                     lambda name: table.cells[name]["condition"],
                     number=False,
                     state=lambda name: table.cells[name]["state"],
                 ),
-                table.column(lambda: self.tr("Reached after"), "reached"),
-                table.column(lambda: self.tr("Largest σ / target then"), "worst"),
+                table.column("engineer.reached_after", "reached"),
+                table.column("engineer.largest_sigma_then", "worst"),
             )
         )
         return table
@@ -156,23 +161,16 @@ class DesignAnswer(QWidget):
         table.verticalHeader().hide()
         table.parameters.set_columns(
             (
-                table.column(lambda: self.tr("Effect"), "effect", number=False),
-                table.column(lambda: self.tr("Hidden up to"), "size"),
-                table.column(lambda: self.tr("Unit"), "unit", number=False),
-                table.column(lambda: self.tr("It moves most"), "moved", number=False),
-                table.column(lambda: self.tr("by, σ"), "move"),
+                table.column("engineer.effect", "effect", number=False),
+                table.column("engineer.hidden_up_to", "size"),
+                table.column("common.unit", "unit", number=False),
+                table.column("engineer.effect_moves_most", "moved", number=False),
+                table.column("engineer.effect_by", "move"),
             )
         )
         return table
 
     def _show_texts(self) -> None:
-        titles = [self.tr("Duration"), self.tr("Path"), self.tr("Parameters"), self.tr("Robustness")]
-        titles.append(self.tr("Hidden effects"))
-        for index, title in enumerate(titles):
-            self._tabs.setTabText(index, title)
-        for table, title in zip((self._parameters, self._variations, self._hidden), titles[2:], strict=True):
-            table.setAccessibleName(title)
-        self._driving.say(self.tr("Computing the path"), "")
         design, options = self._design, self._options
         if design is None or options is None:
             return
@@ -250,7 +248,7 @@ def _variation_cells(design: Design) -> dict[str, dict[str, str]]:
         reached = variation.duration
         cells[condition] = {
             "condition": condition,
-            "reached": term("engineer", "missed") if reached is None else duration_text(reached),
+            "reached": say("engineer.expected_missed") if reached is None else duration_text(reached),
             "worst": f"{variation.worst:.2f}",
             "state": "caution" if reached is None else "good",
         }

@@ -5,18 +5,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QLocale, Qt
-from PySide6.QtWidgets import QAbstractSpinBox, QComboBox, QDoubleSpinBox, QFrame, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QAbstractSpinBox, QDoubleSpinBox, QFrame, QVBoxLayout, QWidget
 
 from calstation import design
 from calstation.config import ScheduleOptions
-from calstation.gui.text import bind, on_language_change
-from calstation.gui.widgets import Words, button, column, enable, label, row, show_text, theme
+from calstation.gui.text import Words, bind, say
+from calstation.gui.widgets import button, column, combo_box, enable, label, row, show_text, theme
 
 if TYPE_CHECKING:
     from calstation.design import DesignRequest
 
 #: Goals of a search.
 SHORTEST, GIVEN_TIME, AS_PRESENT = "shortest", "given_time", "as_present"
+
+_GOALS = {
+    SHORTEST: "engineer.goal_shortest",
+    GIVEN_TIME: "engineer.goal_smallest_sigma",
+    AS_PRESENT: "engineer.goal_as_good",
+}
 
 
 class DesignForm(QFrame):
@@ -25,40 +31,27 @@ class DesignForm(QFrame):
     def __init__(self, begin: Callable[[], None]) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
-        self._goal = QComboBox()
-        self._goal.setObjectName("design_goal_combo")
-        for goal in (SHORTEST, GIVEN_TIME, AS_PRESENT):
-            self._goal.addItem("", goal)
+        self._goal = combo_box("design_goal_combo", _GOALS)
         self._goal.currentIndexChanged.connect(lambda _: self._show_goal())
         self._margin = _spin("design_margin_spin", 0.05, 1.0, 0.05, 2)
         self._minutes = _spin("design_minutes_spin", 0.5, 60.0, 0.5, 1)
-        self._search = _spin("design_search_spin", 0.0, 3600.0, 10.0, 0)
-        self._rate = _spin("design_rate_spin", 0.0, 1000.0, 1.0, 1)
-        self._acceleration = _spin("design_acceleration_spin", 0.0, 1000.0, 1.0, 1)
+        self._search = _spin("design_search_spin", 0.0, 3600.0, 10.0, 0, zero="engineer.usual")
+        self._rate = _spin("design_rate_spin", 0.0, 1000.0, 1.0, 1, zero="engineer.automatic")
+        self._acceleration = _spin("design_acceleration_spin", 0.0, 1000.0, 1.0, 1, zero="engineer.automatic")
         self._seed = _spin("design_seed_spin", 0.0, 9999.0, 1.0, 0)
         self._margin.setValue(0.8)
         self._minutes.setValue(5.0)
-        self.button = button("design_button", lambda: self.tr("Design"), begin, kind="primary")
-        self._more = button("design_more_button", lambda: self.tr("Advanced"))
+        self.button = button("design_button", "engineer.design", begin, kind="primary")
+        self._more = button("design_more_button", "engineer.advanced")
         self._more.setCheckable(True)
         self._advanced = self._make_advanced()
         self._advanced.hide()
         self._more.toggled.connect(self._advanced.setVisible)
         self._reason = label(kind="muted", name="design_reason_label", wrap=True)
-        self._margin_box = _captioned(
-            lambda: self.tr("Margin"),
-            self._margin,
-            lambda: self.tr("Every σ must fall below this fraction of its limit"),
-        )
-        self._minutes_box = _captioned(
-            lambda: self.tr("Duration, min"), self._minutes, lambda: self.tr("Duration of the stage")
-        )
-        search = _captioned(
-            lambda: self.tr("Search for, s"),
-            self._search,
-            lambda: self.tr("A longer search finds shorter schedules; usual: one to three minutes"),
-        )
-        goal_box = column(label(lambda: self.tr("Goal"), buddy=self._goal), self._goal, spacing=0)
+        self._margin_box = _captioned("engineer.margin", self._margin, "engineer.margin_tip")
+        self._minutes_box = _captioned("engineer.duration_minutes", self._minutes, "engineer.duration_tip")
+        search = _captioned("engineer.search_seconds", self._search, "engineer.search_tip")
+        goal_box = column(label("engineer.goal", buddy=self._goal), self._goal, spacing=0)
         buttons = column(None, row(self._more, self.button))
         column(
             row((goal_box, 1), self._margin_box, self._minutes_box, search, buttons, spacing=2 * theme.GRID),
@@ -67,23 +60,13 @@ class DesignForm(QFrame):
             on=self,
             margins=(2 * theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID),
         )
-        on_language_change(self, self._show_texts)
+        self._show_goal()
 
     def _make_advanced(self) -> QWidget:
         made = QWidget()
-        rate = _captioned(
-            lambda: self.tr("Rate, °/s"),
-            self._rate,
-            lambda: self.tr("Automatic: 85 % of the table's largest rate, at most 80 % of the gyros' range"),
-        )
-        acceleration = _captioned(
-            lambda: self.tr("Acceleration, °/s²"),
-            self._acceleration,
-            lambda: self.tr("Automatic: 75 % of the table's largest acceleration"),
-        )
-        seed = _captioned(
-            lambda: self.tr("Seed"), self._seed, lambda: self.tr("Another number makes another random search")
-        )
+        rate = _captioned("engineer.rate_field", self._rate, "engineer.rate_tip")
+        acceleration = _captioned("engineer.acceleration_field", self._acceleration, "engineer.acceleration_tip")
+        seed = _captioned("engineer.seed", self._seed, "engineer.seed_tip")
         row(rate, acceleration, seed, None, on=made, spacing=2 * theme.GRID)
         return made
 
@@ -99,7 +82,7 @@ class DesignForm(QFrame):
 
     def lock(self, why: str, *, shown: bool) -> None:
         """Disable the button for the given reason, which is also `shown` below the form; "" enables it."""
-        enable(self.button, why, self.tr("Computed without moving the table; takes one to three minutes"))
+        enable(self.button, why, say("engineer.design_tip"))
         show_text(self._reason, why if shown else "")
 
     def request(self, station: Path | None, product: Path, stop: Path) -> "DesignRequest":
@@ -122,21 +105,8 @@ class DesignForm(QFrame):
         for box, goal in ((self._margin_box, SHORTEST), (self._minutes_box, GIVEN_TIME)):
             box.setVisible(self.goal == goal)
 
-    def _show_texts(self) -> None:
-        goals = (
-            self.tr("Shortest that reaches the limits"),
-            self.tr("Smallest σ in a given time"),
-            self.tr("Shortest as good as the present stages"),
-        )
-        for index, text in enumerate(goals):
-            self._goal.setItemText(index, text)
-        self._search.setSpecialValueText(self.tr("usual"))
-        for spin in (self._rate, self._acceleration):
-            spin.setSpecialValueText(self.tr("automatic"))
-        self._show_goal()
 
-
-def _spin(name: str, low: float, high: float, step: float, decimals: int) -> QDoubleSpinBox:
+def _spin(name: str, low: float, high: float, step: float, decimals: int, *, zero: Words = "") -> QDoubleSpinBox:
     made = QDoubleSpinBox()
     made.setObjectName(name)
     made.setLocale(QLocale.c())
@@ -146,6 +116,8 @@ def _spin(name: str, low: float, high: float, step: float, decimals: int) -> QDo
     made.setButtonSymbols(QAbstractSpinBox.ButtonSymbols.NoButtons)
     made.setAlignment(Qt.AlignmentFlag.AlignRight)
     made.setMinimumWidth(11 * theme.GRID)
+    if zero:
+        bind(made.setSpecialValueText, zero)
     return made
 
 

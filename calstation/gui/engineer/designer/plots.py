@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QSlider, QWidget
 
 from calstation.design import Design
 from calstation.gui.engineer.preview import MotionPlot
-from calstation.gui.text import bind
+from calstation.gui.text import bind, say
 from calstation.gui.widgets import (
     VIEWER,
     Band,
@@ -64,7 +64,7 @@ class FrontPlot(ThemedPlot):
         self._draw()
 
     def _draw(self) -> None:
-        self.setLabel("left", self.tr("largest σ / limit"))
+        self.setLabel("left", say("engineer.axis_sigma_over_limit"))
         design = self._design
         if design is None:
             return
@@ -74,7 +74,7 @@ class FrontPlot(ThemedPlot):
         better = [p for p in design.front if p[0] < design.duration or p[1] < design.worst]
         front = np.array(sorted([*better, (design.duration, design.worst)]))
         size = time_unit(float(front[-1, 0]))
-        self.setLabel("bottom", self.tr("duration, s") if size == 1.0 else self.tr("duration, min"))
+        self.setLabel("bottom", say("engineer.axis_duration_s" if size == 1.0 else "engineer.axis_duration_min"))
         found = pg.PlotDataItem(front[:, 0] / size, front[:, 1], pen=pg.mkPen(c.accent, width=1), name="found")
         found.setSymbol("o")
         found.setSymbolSize(5)
@@ -92,9 +92,9 @@ class FrontPlot(ThemedPlot):
         self.addItem(mark)
         self._note.say(
             [
-                (self.tr("● found during the search"), c.accent),
-                (self.tr("◆ chosen"), c.good),
-                (self.tr("– – margin {0:.2f}").format(design.margin), c.bad),
+                (say("engineer.found_in_search"), c.accent),
+                (say("engineer.chosen_design"), c.good),
+                (say("engineer.margin_line", margin=design.margin), c.bad),
             ]
         )
 
@@ -145,8 +145,8 @@ class PathPlot(MotionPlot):
         """Return the planned part and the reserve, if there is one."""
         size = time_unit(preview.duration)
         planned, end = self._planned / size, preview.duration / size
-        bands = [(self.tr("planned"), 0.0, planned)]
-        return [*bands, (self.tr("reserve"), planned, end)] if end > planned * 1.001 else bands
+        bands = [(say("engineer.planned"), 0.0, planned)]
+        return [*bands, (say("engineer.reserve"), planned, end)] if end > planned * 1.001 else bands
 
 
 class Sphere(ThemedPlot):
@@ -204,9 +204,9 @@ class Sphere(ThemedPlot):
         self._line(reserve, c.muted, width=2, style=Qt.PenStyle.DashLine)
         self._line(planned, c.accent, width=2)
         self._draw_rests(path)
-        note = [(self.tr("— planned"), c.accent)]
+        note = [(say("engineer.planned_line"), c.accent)]
         if len(self._points[1][0]):
-            note.append((self.tr("- - reserve"), c.muted))
+            note.append((say("engineer.reserve_line"), c.muted))
         self._note.say(note)
         self.setRange(xRange=(-1.2, 1.2), yRange=(-1.2, 1.2), padding=0.0)
 
@@ -274,7 +274,7 @@ class SphereBox(QWidget):
         self.slider.setSingleStep(_TURN)
         self.slider.setPageStep(3 * _TURN)
         self.slider.valueChanged.connect(self.sphere.turn)
-        bind(self.slider.setAccessibleName, lambda: self.tr("Turn the sphere"))
-        title = label(lambda: self.tr("Direction of gravity in the axes of the unit"), "muted", wrap=True)
-        turn = label(lambda: self.tr("Turn"), buddy=self.slider)
+        bind(self.slider.setAccessibleName, "engineer.turn_sphere")
+        title = label("engineer.gravity_direction", "muted", wrap=True)
+        turn = label("engineer.turn", buddy=self.slider)
         column(title, (self.sphere, 1), row(turn, (self.slider, 1)), on=self, spacing=theme.GRID // 2)

@@ -24,16 +24,10 @@ class SaveBar(QFrame):
         self._name.textEdited.connect(lambda _: self._check())
         self._name.returnPressed.connect(self._save)
         self._problem, self._remark = label(kind="error", wrap=True), label(kind="caution", wrap=True)
-        self._button = button("save_design_button", lambda: self.tr("Save"), self._save, kind="primary")
+        self._button = button("save_design_button", "common.save", self._save, kind="primary")
         #: The last widget in Tab order.
-        self.last = button("cancel_save_design_button", lambda: self.tr("Cancel"), self.hide)
-        inputs = row(
-            label(lambda: self.tr("Name of the product"), buddy=self._name),
-            self._name,
-            None,
-            self._button,
-            self.last,
-        )
+        self.last = button("cancel_save_design_button", "common.cancel", self.hide)
+        inputs = row(label("engineer.product_name", buddy=self._name), self._name, None, self._button, self.last)
         margins = (2 * theme.GRID, theme.GRID, theme.GRID, theme.GRID)
         column(inputs, self._problem, self._remark, on=self, spacing=theme.GRID // 2, margins=margins)
         on_language_change(self, self._check)
@@ -58,13 +52,13 @@ class SaveBar(QFrame):
         name = self._name.text()
         problem = ""
         if name and not editing.is_name(name):
-            problem = self.tr("Only letters a to z, digits, - and _; a letter or digit first.")
+            problem = say("engineer.name_rule")
         elif name == self._source:
-            problem = self.tr("The product keeps its own stages; choose another name.")
+            problem = say("engineer.other_name")
         exists = not problem and name in library.names("products")
         show_text(self._problem, problem)
         show_text(self._remark, say("engineer.design_name_taken", name=name) if exists else "")
-        enable(self._button, self._locked or problem or ("" if name else self.tr("Type a name first.")))
+        enable(self._button, self._locked or problem or ("" if name else say("common.type_name")))
 
     def _save(self) -> None:
         if self._button.isEnabled():

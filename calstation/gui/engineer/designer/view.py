@@ -17,7 +17,7 @@ from calstation.errors import CalstationError
 from calstation.gui.engineer.designer.form import GIVEN_TIME, DesignForm
 from calstation.gui.engineer.designer.save_bar import SaveBar
 from calstation.gui.state import AppContext
-from calstation.gui.text import duration_text, error_text, on_language_change, say
+from calstation.gui.text import duration_text, on_language_change, say
 from calstation.gui.widgets import (
     Choice,
     EmptyState,
@@ -34,6 +34,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
+from calstation.messages import Text
 from calstation.results import Preview, compute_preview
 
 if TYPE_CHECKING:
@@ -62,12 +63,12 @@ class DesignView(QWidget):
         self.driving, self._saving = JobWatch(self, self._driven), JobWatch(self, self._saved)
         self.form = DesignForm(self._begin)
         self._job = JobRow(self.watch, "cancel_design_button", self._progress_text)
-        self._stop_button = button("stop_design_button", lambda: self.tr("Stop with the best so far"), self._stop)
+        self._stop_button = button("stop_design_button", "engineer.stop_with_best", self._stop)
         self._progress = QWidget()
         row((self._job, 1), self._stop_button, on=self._progress)
         self._problem = label(kind="error", name="design_problem", wrap=True)
         self.save_bar = SaveBar(self._save)
-        self._empty = EmptyState()
+        self._empty = EmptyState(title="engineer.design_empty", text="engineer.design_about")
         self._stack = stack(self._empty)
         column(
             self.form,
@@ -81,9 +82,9 @@ class DesignView(QWidget):
         self.watch.busy_changed.connect(self._end)
         for watch in (self.watch, self._saving):
             watch.busy_changed.connect(self._refresh)
-        notice.report_failures(self._saving, lambda: self.tr("The product was not saved"), self.setFocus)
-        notice.report_failures(self.driving, lambda: self.tr("The path cannot be drawn"), self.setFocus)
-        on_language_change(self, self._show_texts)
+        notice.report_failures(self._saving, "engineer.product_not_saved", self.setFocus)
+        notice.report_failures(self.driving, "engineer.path_not_drawn", self.setFocus)
+        on_language_change(self, self._refresh)
 
     @property
     def answer(self) -> "DesignAnswer":
@@ -193,13 +194,13 @@ class DesignView(QWidget):
         path, version = saved
         self._notice.ask(
             "good",
-            lambda: say("engineer.saved", product=version.name, number=version.number),
-            lambda: say("engineer.design_saved"),
+            Text.of("engineer.saved", product=version.name, number=version.number),
+            "engineer.design_saved",
             (
-                Choice("keep_product_button", lambda: self.tr("Keep the present product"), self.setFocus),
+                Choice("keep_product_button", "engineer.keep_product", self.setFocus),
                 Choice(
                     "select_product_button",
-                    lambda: self.tr("Select {0}").format(version.name),
+                    Text.of("engineer.select", product=version.name),
                     partial(self._app.set_product, path),
                     primary=True,
                 ),
@@ -213,7 +214,7 @@ class DesignView(QWidget):
     def _ask_file(self) -> None:
         assert self._designed is not None
         name = Path(f"{self._designed.product.stem}_design.json")
-        ask_file(self, self.tr("Save the design"), name, ["JSON (*.json)"], self._export)
+        ask_file(self, say("engineer.save_design"), name, ["JSON (*.json)"], self._export)
 
     def _export(self, target: Path) -> None:
         assert self._design is not None
@@ -222,16 +223,12 @@ class DesignView(QWidget):
 
     # ---- state
 
-    def _show_texts(self) -> None:
-        self._empty.say(say("engineer.design_empty"), say("engineer.design_about"))
-        self._refresh()
-
     def _refresh(self) -> None:
         busy = self.watch.busy
         self._progress.setVisible(busy)
         enable(self._stop_button, say("engineer.design_stopping") if self._stopping else "")
         self.form.lock(say("engineer.design_running") if busy else self._why_not, shown=not busy)
-        show_text(self._problem, "" if busy or self._error is None else error_text(self._error).sentences)
+        show_text(self._problem, "" if busy or self._error is None else say(self._error.as_text))
         why_not_save = say("engineer.saving") if self._saving.busy else self._why_not_save
         self.save_bar.lock(why_not_save)
         if self._answer is not None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from calstation.gui.text import bind, with_minus
+from calstation.gui.text import bind, say, with_minus
 from calstation.gui.widgets import NOTABLE_SIGMAS, Column, ParameterModel, ParameterTable, align_columns, ordered
 from calstation.physics import display, number
 from calstation.results import Parameter
@@ -27,7 +27,7 @@ class AnswerTable(ParameterTable):
         self._in_sigma: dict[str, dict[str, float]] = {}
         self._unobservable: frozenset[str] = frozenset()
         self._outside: frozenset[str] = frozenset()
-        bind(self.setAccessibleName, lambda: self.tr("Parameters found"))
+        bind(self.setAccessibleName, "logs.parameters_found")
 
     def show_answer(self, answer: MethodAnswer) -> None:
         """Show the parameters of a solution."""
@@ -47,27 +47,25 @@ class AnswerTable(ParameterTable):
 
     def _columns(self, other: bool, truth: bool) -> list[Column]:
         columns = [
-            Column(lambda: self.tr("unit"), self._text("unit"), number=False),
-            Column(lambda: self.tr("found"), self._text("value"), state=self._value_state),
-            Column(lambda: "± σ", self._text("sigma"), state=self._sigma_state, hint=self._sigma_hint),
+            Column("common.unit_column", self._text("unit"), number=False),
+            Column("logs.found", self._text("value"), state=self._value_state),
+            Column("common.plus_minus_sigma", self._text("sigma"), state=self._sigma_state, hint=self._sigma_hint),
         ]
         if other:
             columns += [
-                Column(lambda: self.tr("least squares"), self._text("other")),
-                Column(lambda: "± σ", self._text("other_sigma")),
-                Column(lambda: self.tr("difference"), self._text("apart")),
-                Column(lambda: self.tr("in σ"), self._text("other_in_sigma"), state=self._state("other_in_sigma")),
+                Column("logs.least_squares", self._text("other")),
+                Column("common.plus_minus_sigma", self._text("other_sigma")),
+                Column("logs.difference", self._text("apart")),
+                Column("logs.in_sigma", self._text("other_in_sigma"), state=self._state("other_in_sigma")),
             ]
         else:
-            columns.append(Column(lambda: self.tr("before"), self._text("before")))
+            columns.append(Column("logs.before", self._text("before")))
             if any("before_sigma" in cells for cells in self._cells.values()):
-                columns.append(Column(lambda: "± σ", self._text("before_sigma")))
+                columns.append(Column("common.plus_minus_sigma", self._text("before_sigma")))
         if truth:
             columns += [
-                Column(lambda: self.tr("bench's truth"), self._text("truth")),
-                Column(
-                    lambda: self.tr("error in σ"), self._text("truth_in_sigma"), state=self._state("truth_in_sigma")
-                ),
+                Column("logs.bench_truth", self._text("truth")),
+                Column("logs.error_in_sigma", self._text("truth_in_sigma"), state=self._state("truth_in_sigma")),
             ]
         return columns
 
@@ -84,7 +82,7 @@ class AnswerTable(ParameterTable):
         return "caution" if name in self._unobservable else None
 
     def _sigma_hint(self, name: str) -> str:
-        return self.tr("Not determined by this recording") if name in self._unobservable else ""
+        return say("logs.parameter_lost") if name in self._unobservable else ""
 
 
 def _cells(

@@ -11,12 +11,11 @@ from calstation.gui.logs.methods.pair_live import PairLiveView
 from calstation.gui.logs.methods.pair_view import PairCheckView, PairResidualsView
 from calstation.gui.logs.methods.positions_view import PositionsView
 from calstation.gui.state import AppContext
-from calstation.gui.text import duration_text, event_sentence, on_language_change
+from calstation.gui.text import Words, duration_text, on_language_change, say
 from calstation.gui.widgets import (
     ChecksTable,
     StateBadge,
     ViewTabs,
-    Words,
     column,
     label,
     row,
@@ -25,6 +24,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
+from calstation.messages import event_text
 from calstation.results.plots import GimbalPlotData, MethodAnswer, PairPlotData, PositionPlotData
 
 
@@ -43,16 +43,15 @@ class AnswerViews(QWidget):
         self.table, self.checks = AnswerTable(), ChecksTable()
         self.tabs, self._head = ViewTabs(f"{stage}_tabs"), _AnswerHead()
         self._stack: QStackedWidget = stack()
-        self._titles: list[Words] = []
-        self._add(lambda: self.tr("How it is done"), guidance(stage))
-        self._add(lambda: self.tr("Rests and motions"), self.positions)
-        self._add(lambda: self.tr("Before and after"), self.applied)
-        self._add(lambda: self.tr("Convergence"), self.gimbal)
-        self._add(lambda: self.tr("Check and monitoring"), self.check and scroll_area(self.check))
-        self._add(lambda: self.tr("Residuals"), self.residuals)
-        self._add(lambda: self.tr("Parameters"), self.table)
-        self._add(lambda: self.tr("Checks"), self.checks)
-        self._add(lambda: self.tr("Live"), self.live and scroll_area(self.live))
+        self._add("logs.how_done", guidance(stage))
+        self._add("logs.rests_and_motions", self.positions)
+        self._add("logs.before_and_after", self.applied)
+        self._add("logs.convergence", self.gimbal)
+        self._add("logs.check_and_monitoring", self.check and scroll_area(self.check))
+        self._add("common.residuals", self.residuals)
+        self._add("common.parameters", self.table)
+        self._add("logs.checks", self.checks)
+        self._add("logs.live", self.live and scroll_area(self.live))
         self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
         top = row(self.tabs, None, export_button, spacing=2 * theme.GRID)
         column(top, self._head, (self._stack, 1), on=self)
@@ -86,18 +85,14 @@ class AnswerViews(QWidget):
 
     def _add(self, title: Words, view: QWidget | None) -> None:
         if view is not None:
-            self._titles.append(title)
-            self.tabs.addTab("")
+            self.tabs.add(title)
             self._stack.addWidget(view)
 
     def _refresh(self) -> None:
-        unsolved = "" if self._answered else self.tr("Solve a recording first")
-        for index, title in enumerate(self._titles):
-            self.tabs.setTabText(index, title())
-            needs_answer = index > 0 and not (self.live is not None and index == len(self._titles) - 1)
-            if needs_answer:
-                self.tabs.setTabEnabled(index, self._answered)
-                self.tabs.setTabToolTip(index, unsolved)
+        unsolved = "" if self._answered else say("logs.solve_first_recording")
+        for index in range(1, self.tabs.count() - (self.live is not None)):  # guidance and live need no answer
+            self.tabs.setTabEnabled(index, self._answered)
+            self.tabs.setTabToolTip(index, unsolved)
 
 
 class _AnswerHead(QWidget):
@@ -121,13 +116,14 @@ class _AnswerHead(QWidget):
         answer = self._answer
         if answer is None:
             return
-        show_text(self._remarks, "\n".join(event_sentence(key, values) for key, values in answer.resolved.messages))
+        show_text(self._remarks, "\n".join(say(event_text(key, values)) for key, values in answer.resolved.messages))
         self._badge.show_state(*self._verdict(answer))
         result, recording = answer.resolved.result, answer.recording
-        parts = [recording.serial, self.tr("{0} at {1:g} Hz").format(duration_text(recording.duration), recording.rate)]
+        duration = duration_text(recording.duration)
+        parts = [recording.serial, say("logs.recording_length", duration=duration, rate=recording.rate)]
         lost = len(result.undetermined)
         if lost:
-            parts.append(self.tr("not determined: {0} of {1}").format(lost, len(result.parameters)))
+            parts.append(say("logs.lost_count", lost=lost, count=len(result.parameters)))
         self._about.setText("  ·  ".join(parts))
 
     def _verdict(self, answer: MethodAnswer) -> tuple[str, str]:
@@ -135,10 +131,10 @@ class _AnswerHead(QWidget):
         failed = len(result.failed_checks)
         near = sum(check.near_miss for check in result.checks)
         if failed:
-            text = self.tr("{0} of {1} checks failed").format(failed, len(result.checks))
+            text = say("logs.checks_failed", failed=failed, count=len(result.checks))
             return "bad" if result.passed is False else "caution", text
         if result.passed is None:
-            return "good", self.tr("Solved; the recording names no limits")
+            return "good", say("logs.recording_no_limits")
         if near:
-            return "caution", self.tr("Passed, {0} near-misses").format(near)
-        return "good", self.tr("Inside every limit")
+            return "caution", say("logs.passed_near", count=near)
+        return "good", say("logs.recording_inside")

@@ -47,8 +47,8 @@ class AppliedView(QWidget):
         self._received = ""
         self.watch = JobWatch(self, self._done)
         self.force_figure, self.rate_figure = Figure(), Figure()
-        self.choose_button = button("apply_button", lambda: self.tr("Apply to a recording…"), self._choose)
-        self.unit_button = button("apply_unit_button", lambda: self.tr("From the unit now"), self._apply_to_unit)
+        self.choose_button = button("apply_button", "logs.apply_to_recording_button", self._choose)
+        self.unit_button = button("apply_unit_button", "logs.apply_to_unit", self._apply_to_unit)
         self.name_label = ElidedLabel("muted")
         self.unit_label = label(kind="caution", name="applied_unit_label", wrap=True)
         self.force_plot, self.rate_plot = MethodPlot(), MethodPlot(log=True)
@@ -57,7 +57,8 @@ class AppliedView(QWidget):
         column((self.force_plot, 1), (self.rate_plot, 1), on=shown)
         progress = JobRow(self.watch, "apply_cancel_button")
         progress.setFixedWidth(60 * theme.GRID)
-        self._nothing, self._working = EmptyState(), EmptyState(progress)
+        self._nothing = EmptyState(title="logs.before_after_time", text="logs.about_applied")
+        self._working = EmptyState(progress)
         self._stack = stack(self._nothing, self._working, shown)
         top = Qt.AlignmentFlag.AlignTop
         buttons = row((self.unit_button, 0, top), (self.choose_button, 0, top), spacing=4 * theme.GRID)
@@ -107,7 +108,7 @@ class AppliedView(QWidget):
 
     def _choose(self) -> None:
         if self._answer is not None:
-            ask_log(self, self.tr("Apply to a recording"), self._answer.recording.path.parent, self.apply)
+            ask_log(self, say("logs.apply_to_recording"), self._answer.recording.path.parent, self.apply)
 
     def _done(self, result: Applied | OtherUnit) -> None:
         if self._answer is not None and self._applying is not self._answer:
@@ -118,10 +119,6 @@ class AppliedView(QWidget):
         self._refresh()
 
     def _refresh(self) -> None:
-        self._nothing.say(
-            self.tr("Before and after, over time"),
-            self.tr("Take data from the unit, or choose any recording of it: rests are shown before and after."),
-        )
         show_text(self.unit_label, self._caution())
         for widget in (self.force_figure, self.rate_figure, self.name_label):
             widget.setVisible(self.applied is not None)
@@ -131,12 +128,10 @@ class AppliedView(QWidget):
 
     def _update(self) -> None:
         self._stack.setCurrentIndex(1 if self.watch.busy else 0 if self.applied is None else 2)
-        work = self.tr("Receiving data from the unit") if self._at_device else self.tr("Applying the answer")
-        self._working.say(work, "")
-        busy = self.tr("Data are being received from the unit.") if self._at_device else ""
-        tip = self.tr("Receives {0} s of data and shows them before and after; nothing moves, nothing is written")
+        self._working.say("logs.receiving" if self._at_device else "logs.applying")
+        busy = say("logs.receiving_busy") if self._at_device else ""
         why_not = say("window.busy_run") if self._app.engine_link.running else busy
-        enable(self.unit_button, why_not, tip.format(f"{SECONDS:g}"))
+        enable(self.unit_button, why_not, say("logs.receive_tip", seconds=SECONDS))
         enable(self.choose_button, busy)
 
     def _caution(self) -> str:
@@ -153,10 +148,9 @@ class AppliedView(QWidget):
         return f"{corrected} {unnamed}".strip()
 
     def _draw(self, a: Applied) -> None:
-        received = self.tr("Unit {0}, {1:.0f} s of data, received at {2}")
-        received = received.format(a.serial, float(a.time[-1]), self._received)
+        received = say("logs.received", serial=a.serial, seconds=float(a.time[-1]), time=self._received)
         self.name_label.setText(received if a.path is None else str(a.path))
-        force, rate = self.tr("| f | − g at rest, rms"), self.tr("rate at rest, rms")
+        force, rate = say("logs.force_at_rest"), say("logs.rate_at_rest")
         for figure, caption, rms, size, unit in (
             (self.force_figure, force, a.length_rms, MICRO_G, "µg"),
             (self.rate_figure, rate, a.rate_rms, DEGREE_PER_HOUR, "°/h"),
@@ -168,13 +162,13 @@ class AppliedView(QWidget):
         c = theme.colours()
         curves = np.column_stack([a.length_before, a.length_after]) / MICRO_G
         note = self._fill(self.force_plot, a, curves, a.rest_length / MICRO_G)
-        self.force_plot.finish([(self.tr("| f | − g, µg"), c.text), *note])
+        self.force_plot.finish([(say("logs.force_error"), c.text), *note])
         curves = np.column_stack([a.rate_before, a.rate_after]) / DEGREE_PER_HOUR
         note = self._fill(self.rate_plot, a, curves, a.rest_rate / DEGREE_PER_HOUR)
         earth = a.earth / DEGREE_PER_HOUR
         self.rate_plot.limit(earth, c.muted)
-        earth_note = (self.tr("- - earth rate {0:.1f}").format(earth), c.muted)
-        self.rate_plot.finish([(self.tr("Rate, °/h"), c.text), *note, earth_note])
+        earth_note = (say("logs.earth_rate", rate=earth), c.muted)
+        self.rate_plot.finish([(say("logs.rate_dph"), c.text), *note, earth_note])
 
     def _fill(self, plot: MethodPlot, a: Applied, curves: FloatArray, means: FloatArray) -> list[tuple[str, str]]:
         """Draw the curves and the means at rest, each with columns before and after, and return their legend."""
@@ -184,13 +178,13 @@ class AppliedView(QWidget):
         for begin, end in a.rests:
             plot.shade(float(begin), float(end))
             at_rest |= (a.time >= begin) & (a.time <= end)
-        before, after = (0, c.caution, self.tr("before")), (1, c.accent, self.tr("after"))
-        lines = [(1, c.accent, self.tr("as received"))] if a.corrected else [before, after]
+        before, after = (0, c.caution, say("logs.before")), (1, c.accent, say("logs.after"))
+        lines = [(1, c.accent, say("logs.as_received"))] if a.corrected else [before, after]
         for k, colour, _ in lines:
             plot.line(a.time, np.where(at_rest, curves[:, k], np.nan), colour, faint=True)
         time = np.column_stack([a.rests, a.rests[:, 1]]).ravel()
         for k, colour, _ in lines:
             steps = np.column_stack([means[:, k], means[:, k], np.full(len(means), np.nan)]).ravel()
             plot.line(time, steps, colour, bold=True)
-        shaded = self.tr("shaded: rests, bold: their means; s from the start"), c.muted
+        shaded = say("logs.shaded_rests"), c.muted
         return [*((name, colour) for _, colour, name in lines), shaded]

@@ -6,6 +6,7 @@ from PySide6.QtGui import QColor, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QFrame, QWidget
 
 from calstation.gui.logs.methods.plots import MethodPlot, three_digits
+from calstation.gui.text import say
 from calstation.gui.widgets import ElidedLabel, StateBadge, clear, column, label, panel, row, scroll_area, theme
 from calstation.physics import ARCSECOND
 from calstation.results.plots import GimbalAxis, GimbalPlotData
@@ -39,7 +40,7 @@ class GimbalView(QWidget):
         clear(self._panels)
         self.badges = []
         self.plot.empty()
-        note = [(self.tr("Drift | D | in each turn, ″"), c.text)]
+        note = [(say("logs.drift_of_turn"), c.text)]
         for axis in data.axes:
             self._panels.addWidget(self._axis_panel(axis))
             colour = theme.AXIS_COLOURS[axis.axis]
@@ -52,21 +53,21 @@ class GimbalView(QWidget):
         self._panels.addStretch(1)
         if data.threshold > 0.0:
             self.plot.limit(data.threshold / ARCSECOND, c.bad)
-            note.append(("- - " + self.tr("threshold"), c.bad))
-        self.plot.setLabel("bottom", self.tr("turn"))
-        self.plot.finish([*note, (self.tr("— predicted"), c.muted)])
+            note.append(("- - " + say("logs.threshold"), c.bad))
+        self.plot.setLabel("bottom", say("logs.turn"))
+        self.plot.finish([*note, (say("logs.predicted"), c.muted)])
 
     def _axis_panel(self, axis: GimbalAxis) -> QFrame:
         badge, text, gains = StateBadge(), ElidedLabel("muted"), label()
-        verdict = self.tr("Axis {0}: below the threshold") if axis.done else self.tr("Axis {0}: above the threshold")
-        badge.show_state("good" if axis.done else "caution", verdict.format(axis.axis))
+        verdict = say("logs.axis_below" if axis.done else "logs.axis_above", axis=axis.axis)
+        badge.show_state("good" if axis.done else "caution", verdict)
         self.badges.append(badge)
         first, last = (three_digits(float(axis.drift[k]) / ARCSECOND) for k in (0, -1))
         angle, left = three_digits(float(np.rad2deg(axis.angle))), three_digits(100.0 * axis.contraction)
-        turns = self.tr("{0} turns by {1}°: {2} → {3}″, each leaves {4} %")
-        text.setText(turns.format(len(axis.drift), angle, first, last, left))
-        words = self.tr("▼ gain α = {0}, fastest at {1}, stable below {2}")
-        gains.setText(words.format(*(three_digits(v) for v in (axis.gain, axis.best, axis.largest))))
+        turns = {"count": len(axis.drift), "angle": angle, "first": first, "last": last, "percent": left}
+        text.setText(say("logs.turns", **turns))
+        gain, fastest, stable = (three_digits(value) for value in (axis.gain, axis.best, axis.largest))
+        gains.setText(say("logs.gain_lines", gain=gain, fastest=fastest, stable=stable))
         return panel(badge, text, _GainBar(axis), gains)
 
 

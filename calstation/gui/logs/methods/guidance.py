@@ -32,13 +32,13 @@ def guidance(stage: str) -> QScrollArea:
     wide = 2 * theme.GRID
     steps, foot = (grid(across=wide, down=wide, stretch=1) for _ in range(2))
     for number in (1, 2, 3, 4):
-        step = label(partial(term, "method", f"{stage}_step_{number}"), wrap=True)
+        step = label(f"method.{stage}_step_{number}", wrap=True)
         step.setFont(theme.font(theme.BODY + 1))
         steps.addWidget(label(partial(str, number), "number"), number, 0, Qt.AlignmentFlag.AlignTop)
         steps.addWidget(step, number, 1)
     for line, key in enumerate(("needs", "finds")):
-        foot.addWidget(label(partial(term, "method", key), "muted"), line, 0, Qt.AlignmentFlag.AlignTop)
-        foot.addWidget(label(partial(term, "method", f"{stage}_{key}"), wrap=True), line, 1)
+        foot.addWidget(label(f"method.{key}", "muted"), line, 0, Qt.AlignmentFlag.AlignTop)
+        foot.addWidget(label(f"method.{stage}_{key}", wrap=True), line, 1)
     body = QWidget()
     left = column(steps, foot, None, spacing=3 * theme.GRID)
     margins = (theme.GRID, wide, theme.GRID, theme.GRID)

@@ -1,8 +1,10 @@
 """The methods that need no rate table, and the tab bar that selects one of them."""
 
+from functools import partial
+
 from PySide6.QtCore import Signal
 
-from calstation.gui.text import on_language_change, term
+from calstation.gui.text import bind
 from calstation.gui.widgets import ViewTabs
 
 MULTI_POSITION, GIMBAL, CROSS_CALIBRATION = "multi_position", "gimbal", "cross_calibration"
@@ -19,11 +21,11 @@ class MethodBar(ViewTabs):
     chosen = Signal(str)
 
     def __init__(self) -> None:
-        super().__init__("method_tabs")
-        for _ in ("", *STAGES):
-            self.addTab("")
+        super().__init__("method_tabs", "logs.stages_of_log", *(f"stage.{stage}" for stage in STAGES))
+        tips = "logs.solve_stages_tip", *(f"method.{stage}_summary" for stage in STAGES)
+        for index, tip in enumerate(tips):
+            bind(partial(self.setTabToolTip, index), tip)
         self.currentChanged.connect(lambda _: self.chosen.emit(self.chosen_method))
-        on_language_change(self, self._show_texts)
 
     @property
     def chosen_method(self) -> str:
@@ -33,10 +35,3 @@ class MethodBar(ViewTabs):
     def choose(self, method: str) -> None:
         """Select a method as if its tab were clicked."""
         self.setCurrentIndex(("", *STAGES).index(method))
-
-    def _show_texts(self) -> None:
-        self.setTabText(0, self.tr("Stages of the log"))
-        self.setTabToolTip(0, self.tr("Solve the stages again as they were recorded"))
-        for index, stage in enumerate(STAGES, start=1):
-            self.setTabText(index, term("stage", stage))
-            self.setTabToolTip(index, term("method", f"{stage}_summary"))

@@ -10,7 +10,7 @@ from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
 from calstation.gui.logs.methods.pair_view import PairBars, schedule_text
 from calstation.gui.logs.methods.plots import MethodPlot
 from calstation.gui.state import AppContext
-from calstation.gui.text import on_language_change, say, show, term
+from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import StateBadge, button, column, enable, label, panel, row, show_text, theme
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G
 from calstation.results.plots import CorrectedTrace
@@ -27,15 +27,8 @@ class PairLiveView(PairBars):
         self._error: CalstationError | None = None
         self._timer = QTimer(self, interval=100)
         self._timer.timeout.connect(self._poll)
-        self.start_button = button("watch_button", lambda: self.tr("Watch live"), self._start_or_stop, kind="primary")
-        self.check_button = button(
-            "watch_check_button",
-            lambda: self.tr("Check now"),
-            self._check,
-            tip=lambda: self.tr(
-                "Checks at the next rest; IMUs out of tolerance are calibrated from the motion after it"
-            ),
-        )
+        self.start_button = button("watch_button", "logs.watch_live", self._start_or_stop, kind="primary")
+        self.check_button = button("watch_check_button", "logs.check_now", self._check, tip="logs.check_tip")
         self.badge, self.bars, self.timeline = StateBadge(), CheckBars(), Timeline()
         self.force_plot, self.rate_plot = MethodPlot(), MethodPlot(log=True)
         for plot in (self.force_plot, self.rate_plot):
@@ -44,23 +37,16 @@ class PairLiveView(PairBars):
         self.schedule_label = label(wrap=True)
         self._clocks, self._stored = label(name="watch_clocks_label", wrap=True), label(wrap=True)
         self._failure = label(name="watch_failure_label", kind="caution", wrap=True)
-        self._explanation = label(
-            lambda: self.tr(
-                "Follows the station's IMUs as they move: it checks at rest, calibrates what is out of tolerance from "
-                "the motion after it, and stores the results. The program moves nothing."
-            ),
-            "muted",
-            wrap=True,
-        )
-        clocks = row(label(lambda: self.tr("Clocks"), "section"), (self._clocks, 1), spacing=2 * theme.GRID)
-        stored = row(label(lambda: self.tr("Stored"), "section"), (self._stored, 1), spacing=2 * theme.GRID)
+        self._explanation = label("logs.watch_tip", "muted", wrap=True)
+        clocks = row(label("logs.clocks", "section"), (self._clocks, 1), spacing=2 * theme.GRID)
+        stored = row(label("logs.stored", "section"), (self._stored, 1), spacing=2 * theme.GRID)
         self._shown = QWidget()
         column(
             self.schedule_label,
-            panel(label(lambda: self.tr("Check at rest"), "section"), self.bars),
+            panel(label("logs.check_at_rest", "section"), self.bars),
             panel(self.timeline),
             panel(
-                row(label(lambda: self.tr("Corrected data"), "section"), None, self.source_label),
+                row(label("logs.corrected_data", "section"), None, self.source_label),
                 row((self.force_plot, 1), (self.rate_plot, 1)),
             ),
             clocks,
@@ -114,11 +100,11 @@ class PairLiveView(PairBars):
         self._refresh()
 
     def _refresh(self) -> None:
-        self.start_button.setText(self.tr("Stop") if self.watching else self.tr("Watch live"))
+        self.start_button.setText(say("logs.stop" if self.watching else "logs.watch_live"))
         enable(self.start_button, "" if self.watching else self._why_not())
-        enable(self.check_button, "" if self.status is not None and self.watching else self.tr("Start a watch first"))
+        enable(self.check_button, "" if self.status is not None and self.watching else say("logs.start_watch"))
         self.badge.show_state(*self._state())
-        show_text(self._failure, "" if self._error is None else show(self._error.as_text))
+        show_text(self._failure, "" if self._error is None else say(self._error.as_text))
         status = self.status
         self._explanation.setVisible(status is None)
         self._shown.setVisible(status is not None)
@@ -134,22 +120,22 @@ class PairLiveView(PairBars):
     def _show_corrected(self, trace: CorrectedTrace) -> None:
         """Draw the corrected output of all IMUs; the valid one is bold."""
         names = {
-            name: self.tr("primary") if name == "primary" else self.tr("IMU {0}").format(name.removeprefix("imu"))
+            name: say("logs.primary" if name == "primary" else "logs.imu", number=name.removeprefix("imu"))
             for name in trace.force
         }
-        valid = names.get(trace.source or "", self.tr("none"))
-        self.source_label.setText(self.tr("valid: {0}; switch-overs: {1}").format(valid, trace.switch_overs))
+        valid = names.get(trace.source or "", say("logs.none"))
+        self.source_label.setText(say("logs.outputs_valid", names=valid, switches=trace.switch_overs))
         c = theme.colours()
         colours = dict(zip(names, (c.accent, c.caution, c.muted), strict=False))
         for plot, caption, values, size in (
-            (self.force_plot, self.tr("| f | − g, µg"), trace.force, MICRO_G),
-            (self.rate_plot, self.tr("Rate, °/h"), trace.rate, DEGREE_PER_HOUR),
+            (self.force_plot, say("logs.force_error"), trace.force, MICRO_G),
+            (self.rate_plot, say("logs.rate_dph"), trace.rate, DEGREE_PER_HOUR),
         ):
             plot.empty()
             for name, colour in colours.items():
                 plot.line(trace.time, values[name] / size, colour, bold=name == trace.source)
             legend = [(names[name], colour) for name, colour in colours.items()]
-            plot.finish([(caption, c.text), *legend, (self.tr("s before now"), c.muted)])
+            plot.finish([(caption, c.text), *legend, (say("logs.axis_before_now"), c.muted)])
 
     def _why_not(self) -> str:
         if self._app.engine_link.running:
@@ -157,26 +143,25 @@ class PairLiveView(PairBars):
         try:
             _, station = load_station(self._app.station_path)
         except CalstationError as error:
-            return show(error.as_text)
+            return say(error.as_text)
         if not station.secondaries:
-            return self.tr("This station has one IMU. Choose a station with [imu2], such as virtual_pair")
+            return say("logs.one_imu")
         return ""
 
     def _state(self) -> tuple[str, str]:
         """Return the badge of the monitoring."""
         if not self.watching:
-            return "none", self.tr("not watching")
+            return "none", say("logs.not_watching")
         status = self.status
         if status is None:
-            return "waiting", self.tr("opening the ports")
+            return "waiting", say("logs.opening_ports")
         if 0 in status.silent:
-            return "bad", self.tr("the primary sends no samples")
+            return "bad", say("logs.no_primary_samples")
         if status.primary_off:
-            sensors = ", ".join(term("sensor", sensor) for sensor in status.primary_off)
-            return "caution", self.tr("primary out of tolerance: {0}").format(sensors)
+            return "caution", say("logs.primary_out", sensors=status.primary_off)
         state = status.progress.state
         if state == "waiting":
-            return "good", self.tr("watching; no check is due")
+            return "good", say("logs.watching")
         return "active", say(f"pair.state_{state}", percent=100.0 * status.progress.motion)
 
     def _bars(self, status: PairStatus) -> list[CheckBar]:
@@ -190,9 +175,6 @@ class PairLiveView(PairBars):
     def _clock_text(self, status: PairStatus, number: int) -> str:
         clock = status.alignments[number]
         if not clock.measured:
-            return self.tr("IMU {0}: {1:.3f} s from arrival times; measured with the first motion").format(
-                number, clock.offset
-            )
-        return self.tr("IMU {0}: offset {1:.6f} s ± {2:.1f} µs, drift {3:.2f} ppm").format(
-            number, clock.offset, 1e6 * clock.sigma, 1e6 * clock.drift
-        )
+            return say("logs.clock_coarse", number=number, offset=clock.offset)
+        micro = {"sigma": 1e6 * clock.sigma, "drift": 1e6 * clock.drift}
+        return say("logs.clock_fine", number=number, offset=clock.offset, **micro)

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QComboBox, QWidget
 
 from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
 from calstation.gui.logs.methods.plots import Figure, MethodPlot, three_digits
-from calstation.gui.text import on_language_change, say, show, term, with_minus
+from calstation.gui.text import on_language_change, say, term, with_minus
 from calstation.gui.widgets import button, column, label, panel, row, show_text, theme
 from calstation.messages import Text, local_time
 from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G, display, number, pair_name
@@ -27,7 +27,7 @@ class PairBars(QWidget):
         self, number: int, check: Mapping[str, Any] | None, after: Mapping[str, float | None]
     ) -> list[CheckBar]:
         """Return the rows of a unit, 0 for the primary; `after` contains the deviations of its calibrated sensors."""
-        name = self.tr("IMU {0}").format(number) if number else self.tr("primary")
+        name = say("logs.imu" if number else "logs.primary", number=number)
         shown = check and check["secondary" if number else "primary"]
         return [self._bar(name, s, shown and shown[s], after.get(s)) for s in _SENSORS]
 
@@ -35,20 +35,26 @@ class PairBars(QWidget):
         """Return the row of a sensor; `after` is its deviation after a calibration, None without one."""
         name = f"{unit}  {term('sensor', sensor)}"
         if check is None:
-            return CheckBar(name, 0.0, "–", "", self.tr("no rest to check at"), "none")
-        verdict, state = (self.tr("within"), "good") if check["within"] else (self.tr("out of tolerance"), "bad")
+            return CheckBar(name, 0.0, "–", "", say("logs.no_rest_to_check"), "none")
+        verdict = say("logs.within" if check["within"] else "logs.out_of_tolerance")
+        state = "good" if check["within"] else "bad"
         if not check["within"] and after is not None:
             good = after <= check["limit"]
-            text = self.tr("calibrated: now {0}") if good else self.tr("calibrated, still {0}")
-            verdict, state = text.format(_shown(sensor, after)), "good" if good else "caution"
-        limit = self.tr("at most {0}").format(_shown(sensor, check["limit"]))
+            verdict = say("logs.calibrated_now" if good else "logs.calibrated_still", value=_shown(sensor, after))
+            state = "good" if good else "caution"
+        limit = say("logs.at_most", limit=_shown(sensor, check["limit"]))
         return CheckBar(name, check["value"] / check["limit"], _shown(sensor, check["value"]), limit, verdict, state)
 
     def _stored_text(self, stored: StoredPairFile) -> str:
         if not stored.utc:
-            return self.tr("IMU {0}, {1}: nothing is stored yet.").format(stored.number, stored.serial)
-        return self.tr("IMU {0}, {1}: last calibrated on {2}, {3} values in {4}").format(
-            stored.number, stored.serial, local_time(stored.utc), stored.values, stored.file
+            return say("logs.nothing_stored", number=stored.number, serial=stored.serial)
+        return say(
+            "logs.last_calibrated",
+            number=stored.number,
+            serial=stored.serial,
+            time=local_time(stored.utc),
+            values=stored.values,
+            file=stored.file,
         )
 
 
@@ -65,25 +71,13 @@ class PairCheckView(PairBars):
         self.schedule_label, self._why = label(wrap=True), label(kind="caution", wrap=True)
         self._stored = label(name="pair_stored_label", wrap=True)
         self.bars, self.timeline = CheckBars(), Timeline()
-        self.check_button = button(
-            "check_button",
-            lambda: self.tr("Check now"),
-            self.check_wanted,
-            tip=lambda: self.tr("Replays the recording: IMUs out of tolerance are calibrated, the results are stored"),
-        )
-        self._explanation = label(
-            lambda: self.tr(
-                "Check now replays this recording as if it were live: it checks at the first rest, and calibrates what "
-                "is out of tolerance from the motion after it."
-            ),
-            "muted",
-            wrap=True,
-        )
-        head = row(label(lambda: self.tr("Monitoring"), "section"), None, self.check_button)
-        stored = row(label(lambda: self.tr("Stored"), "section"), (self._stored, 1), spacing=2 * theme.GRID)
+        self.check_button = button("check_button", "logs.check_now", self.check_wanted, tip="logs.replay_tip")
+        self._explanation = label("logs.about_check_now", "muted", wrap=True)
+        head = row(label("logs.monitoring", "section"), None, self.check_button)
+        stored = row(label("logs.stored", "section"), (self._stored, 1), spacing=2 * theme.GRID)
         column(
             self.schedule_label,
-            panel(label(lambda: self.tr("Check at rest"), "section"), self.bars),
+            panel(label("logs.check_at_rest", "section"), self.bars),
             panel(head, self._explanation, self.timeline, self._why),
             stored,
             None,
@@ -105,7 +99,7 @@ class PairCheckView(PairBars):
         self._explanation.setVisible(progress is None)
         self.timeline.setVisible(progress is not None)
         reasons = [] if progress is None else [h.values["why"] for h in progress.events if h.kind == "given_up"]
-        show_text(self._why, self.tr("Abandoned: {0}").format(show(reasons[-1])) if reasons else "")
+        show_text(self._why, say("logs.abandoned", reason=say(reasons[-1])) if reasons else "")
 
     def show_checked(self, checked: PairCheckResult) -> None:
         """Show the result of the replay."""
@@ -202,32 +196,31 @@ class PairResidualsView(QWidget):
         self._refresh()
 
     def _refresh(self) -> None:
-        self.secondary_combo.setAccessibleName(self.tr("Secondary shown"))
+        self.secondary_combo.setAccessibleName(say("logs.secondary_shown"))
         for plot in self._plots.values():
             plot.empty()
         if not self._calibrated:
             for figure in self.figures:
                 figure.show_text("", "")
-            note = self.tr("Nothing was calibrated in this recording"), theme.colours().muted
+            note = say("logs.nothing_calibrated"), theme.colours().muted
             self._plots["gyro"].finish([note])
             return
         secondary = self._calibrated[max(self.secondary_combo.currentIndex(), 0)]
         rates, forces = secondary.residuals["gyro"], secondary.residuals["accel"]
-        self._draw("gyro", rates, self.tr("IMU {0} gyro against the primary, °/s").format(secondary.number), DEGREE)
-        title = self.tr("IMU {0} accelerometer against the primary, m/s²")
-        self._draw("accel", forces, title.format(secondary.number), 1.0)
+        self._draw("gyro", rates, say("logs.gyro_residual", number=secondary.number), DEGREE)
+        self._draw("accel", forces, say("logs.accel_residual", number=secondary.number), 1.0)
         gyro, accel, clock, lever = self.figures
-        gyro.show_change(self.tr("gyro residual, rms"), rates.rms[0] / DEGREE, rates.rms[1] / DEGREE, "°/s")
-        accel.show_change(self.tr("accelerometer residual, rms"), forces.rms[0], forces.rms[1], "m/s²")
-        clock.show_text(self.tr("clock offset"), self._values(["clock_offset"], secondary.number))
+        gyro.show_change(say("logs.gyro_residual_rms"), rates.rms[0] / DEGREE, rates.rms[1] / DEGREE, "°/s")
+        accel.show_change(say("logs.accel_residual_rms"), forces.rms[0], forces.rms[1], "m/s²")
+        clock.show_text(say("logs.clock_offset"), self._values(["clock_offset"], secondary.number))
         levers = [f"secondary_lever_{axis}" for axis in "xyz"]
-        lever.show_text(self.tr("lever arm x, y, z"), self._values(levers, secondary.number))
+        lever.show_text(say("logs.lever_arm"), self._values(levers, secondary.number))
 
     def _draw(self, sensor: str, residuals: PairResiduals, title: str, size: float) -> None:
         plot, c = self._plots[sensor], theme.colours()
         plot.line(residuals.time, residuals.before / size, c.caution)
         plot.line(residuals.time, residuals.after / size, c.accent)
-        legend = (self.tr("before"), c.caution), (self.tr("after"), c.accent), (self.tr("s from the start"), c.muted)
+        legend = (say("logs.before"), c.caution), (say("logs.after"), c.accent), (say("logs.axis_from_start"), c.muted)
         plot.finish([(title, c.text), *legend])
 
     def _values(self, names: list[str], imu: int) -> str:

@@ -12,7 +12,7 @@ from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
 from calstation.gui.logs.source_bar import SourceBar
 from calstation.gui.state import AppContext
 from calstation.gui.text import bind, on_language_change, say
-from calstation.gui.widgets import JobRow, JobStack, JobWatch, NoticeBar, button, column, enable, label, row
+from calstation.gui.widgets import JobRow, JobStack, JobWatch, NoticeBar, button, column, combo_box, enable, label, row
 from calstation.results import check_pair, progress_from_note
 from calstation.results.plots import MethodAnswer, solve_method
 from calstation.simulation import record_on_bench, recordings_folder
@@ -34,19 +34,19 @@ class MethodPanel(QWidget):
         self.notice, self.bench = NoticeBar(f"{stage}_notice"), BenchBox(stage)
         self.exports = Exports(app.job_queue, self, self.notice, self.setFocus)
         self._watches = self.maker, self.solver, self.checker, self.exports.watch
-        self.solve_button = button(f"{stage}_solve_button", lambda: self.tr("Solve"), self.solve, kind="primary")
-        self.live_button = button("guide_live_button", lambda: self.tr("Guide me live"), self._guide_live)
+        self.solve_button = button(f"{stage}_solve_button", "logs.solve", self.solve, kind="primary")
+        self.live_button = button("guide_live_button", "logs.guide_live", self._guide_live)
         self.live_button.setVisible(stage == MULTI_POSITION)
-        self.export_button = button(f"{stage}_export_button", lambda: self.tr("Export result…"), self._export)
+        self.export_button = button(f"{stage}_export_button", "logs.export_result", self._export)
         self.answers = AnswerViews(app, stage, self.export_button)
         idle = QWidget()
         row(self.bench, None, self.live_button, self.solve_button, on=idle)
         jobs = JobStack(
             idle,
-            JobRow(self.maker, f"{stage}_make_cancel_button", lambda: self.tr("Making a recording")),
+            JobRow(self.maker, f"{stage}_make_cancel_button", "logs.making_recording"),
             JobRow(self.solver, f"{stage}_cancel_button", self._solving_text),
-            JobRow(self.checker, "", lambda: self.tr("Replaying the recording")),
-            JobRow(self.exports.watch, "", lambda: self.tr("Writing the result")),
+            JobRow(self.checker, "", "logs.replaying"),
+            JobRow(self.exports.watch, "", "logs.writing_result"),
         )
         column(jobs, self.notice, (self.answers, 1), on=self)
         self._connect()
@@ -109,14 +109,12 @@ class MethodPanel(QWidget):
         for watch in self._watches:
             watch.busy_changed.connect(self._update)
             watch.busy_changed.connect(self.busy_changed)
-        self.notice.report_failures(self.maker, lambda: self.tr("No recording was made"), self.setFocus)
-        self.notice.report_failures(self.solver, lambda: self.tr("This recording gives no answer"), self.setFocus)
-        self.notice.report_failures(self.checker, lambda: self.tr("The pair cannot be checked"), self.setFocus)
+        self.notice.report_failures(self.maker, "logs.no_recording", self.setFocus)
+        self.notice.report_failures(self.solver, "logs.no_answer", self.setFocus)
+        self.notice.report_failures(self.checker, "logs.pair_not_checked", self.setFocus)
         if self.answers.applied is not None:
             self.answers.applied.began.connect(self.notice.dismiss)
-            self.notice.report_failures(
-                self.answers.applied.watch, lambda: self.tr("The answer cannot be applied"), self.setFocus
-            )
+            self.notice.report_failures(self.answers.applied.watch, "logs.answer_not_applied", self.setFocus)
         if self.answers.check is not None:
             self.answers.check.check_wanted.connect(self._check)
             self.checker.progress.connect(self._show_progress)
@@ -143,11 +141,11 @@ class MethodPanel(QWidget):
     def _update(self) -> None:
         """Enable the controls that are currently usable; tooltips explain why the others are disabled."""
         wait = say("window.busy_job") if self.busy else ""
-        enable(self.solve_button, "" if self.path is not None else self.tr("Open a recording first, or make one"))
-        enable(self.export_button, wait or ("" if self.answer is not None else self.tr("Solve a recording first")))
+        enable(self.solve_button, "" if self.path is not None else say("logs.open_recording_first"))
+        enable(self.export_button, wait or ("" if self.answer is not None else say("logs.solve_first_recording")))
         if self.answers.check is not None:
             self.answers.check.check_button.setEnabled(not self.busy)
-        tip = self.tr("Goes to the operator page, which guides from position to position")
+        tip = say("logs.guide_tip")
         enable(self.live_button, self._why_not_live(), tip)
 
     def _why_not_live(self) -> str:
@@ -159,9 +157,8 @@ class MethodPanel(QWidget):
 
     def _solving_text(self) -> str:
         note = self.solver.job.note if self.solver.job is not None else ""
-        return {"solving": self.tr("Solving"), "drawing": self.tr("Drawing")}.get(
-            note, self.tr("Reading the recording")
-        )
+        codes = {"solving": "logs.solving", "drawing": "logs.drawing"}
+        return say(codes.get(note, "logs.reading_recording"))
 
 
 class BenchBox(QWidget):
@@ -171,26 +168,18 @@ class BenchBox(QWidget):
 
     def __init__(self, stage: str) -> None:
         super().__init__()
-        self.grade_combo, self.seed_spin = QComboBox(), QSpinBox()
-        self.grade_combo.setObjectName(f"bench_grade_{stage}")
+        grades = {grade: f"logs.grade_{grade}" for grade in ("mems", "tactical", "nav")}
+        self.grade_combo, self.seed_spin = combo_box(f"bench_grade_{stage}", grades), QSpinBox()
         self.grade_combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
-        for grade in ("mems", "tactical", "nav"):
-            self.grade_combo.addItem("", grade)
         self.seed_spin.setObjectName(f"bench_seed_{stage}")
         self.seed_spin.setRange(1, 9999)
-        bind(self.seed_spin.setToolTip, lambda: self.tr("Another number draws another unit and other motions"))
+        bind(self.seed_spin.setToolTip, "logs.seed_tip")
         self.make_button = button(
             f"bench_make_{stage}",
-            lambda: self.tr("Make one"),
+            "logs.make_one",
             lambda: self.wanted.emit(self.grade_combo.currentData(), self.seed_spin.value()),
-            tip=lambda: self.tr("Makes a recording without hardware, together with its truth"),
+            tip="logs.make_tip",
         )
-        caption = label(lambda: self.tr("Virtual bench"), buddy=self.grade_combo)
-        seed_caption = label(lambda: self.tr("unit"), buddy=self.seed_spin)
+        caption = label("common.virtual_bench", buddy=self.grade_combo)
+        seed_caption = label("logs.bench_unit", buddy=self.seed_spin)
         row(caption, self.grade_combo, seed_caption, self.seed_spin, self.make_button, on=self)
-        on_language_change(self, self._show_grades)
-
-    def _show_grades(self) -> None:
-        names = self.tr("MEMS grade"), self.tr("tactical grade"), self.tr("navigation grade")
-        for index, name in enumerate(names):
-            self.grade_combo.setItemText(index, name)

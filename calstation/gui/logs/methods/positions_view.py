@@ -6,6 +6,7 @@ from PySide6.QtGui import QColor, QMouseEvent, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.logs.methods.plots import Figure, MethodPlot
+from calstation.gui.text import say
 from calstation.gui.widgets import column, label, panel, row, theme
 from calstation.physics import ARCSECOND, MICRO_G, FloatArray
 from calstation.results.plots import PositionPlotData
@@ -32,19 +33,17 @@ class PositionsView(QWidget):
         self._refresh()
 
     def _refresh(self) -> None:
-        self.sphere.setAccessibleName(self.tr("Directions of gravity in the unit's axes"))
+        self.sphere.setAccessibleName(say("logs.gravity_directions"))
         data = self._data
         if data is None:
             return
         self.sphere.show_positions(data.up)
-        self._caption.setText(
-            self.tr("Direction of gravity in the unit at {0} rests. Drag to rotate.").format(len(data.up))
-        )
+        self._caption.setText(say("logs.gravity_at_rests", count=len(data.up)))
         force, angle = (data.force_before, data.force_after), (data.angle_before, data.angle_after)
-        self._show_change(self.force_figure, self.tr("| f | − g at rest, rms"), force, MICRO_G, "µg")
-        self._show_change(self.angle_figure, self.tr("angle of motions, rms"), angle, ARCSECOND, "″")
-        self._fill(self.force_plot, self.tr("| f | − g at each rest, µg"), force, data.force_limit, MICRO_G)
-        title = self.tr("Error of each motion's angle, ″")
+        self._show_change(self.force_figure, say("logs.force_at_rest"), force, MICRO_G, "µg")
+        self._show_change(self.angle_figure, say("logs.motion_angle"), angle, ARCSECOND, "″")
+        self._fill(self.force_plot, say("logs.force_at_each_rest"), force, data.force_limit, MICRO_G)
+        title = say("logs.motion_angle_error")
         self._fill(self.angle_plot, title, angle, data.angle_limit, ARCSECOND)
         for widget in (self.angle_figure, self.angle_plot):
             widget.setVisible(len(data.angle_after) > 0)
@@ -65,10 +64,10 @@ class PositionsView(QWidget):
         plot.empty()
         plot.dots(number, np.abs(before) / size, c.caution, hollow=True)
         plot.dots(number, np.abs(after) / size, c.accent)
-        note = [(title, c.text), ("○ " + self.tr("before"), c.caution), ("● " + self.tr("after"), c.accent)]
+        note = [(title, c.text), ("○ " + say("logs.before"), c.caution), ("● " + say("logs.after"), c.accent)]
         if limit is not None:
             plot.limit(limit / size, c.bad)
-            note.append(("- - " + self.tr("limit"), c.bad))
+            note.append(("- - " + say("common.limit_column"), c.bad))
         plot.finish(note)
 
 

@@ -10,7 +10,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QFrame, QWidget
 
-from calstation.gui.text import term
+from calstation.gui.text import say, term
 from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, column, label, row, theme
 from calstation.physics import DISPLAY
 
@@ -66,7 +66,7 @@ class Convergence(QFrame):
         self._plot.addItem(self._target)
         self._labels = LineLabels(38 * theme.GRID)
         column(
-            label(lambda: self.tr("Sigma as a multiple of its target"), "muted"),
+            label("operator.sigma_over_target", "muted"),
             (row((self._plot, 1), self._labels, spacing=0), 1),
             on=self,
             spacing=0,
@@ -119,7 +119,7 @@ class Convergence(QFrame):
 
     def _refresh(self) -> None:
         c = theme.colours()
-        self._plot.setLabel("bottom", self.tr("device time, min"))
+        self._plot.setLabel("bottom", say("operator.axis_time"))
         self._target.setPen(pg.mkPen(c.text, width=1, style=Qt.PenStyle.DashLine))
         for line in self.lines.values():
             line.curve.setPen(pg.mkPen(c.muted, width=1))
@@ -127,7 +127,7 @@ class Convergence(QFrame):
 
     def _label_lines(self) -> None:
         c = theme.colours()
-        labels = [LineLabel(self._height(1.0), self.tr("target"), QColor(c.text), bold=True)]
+        labels = [LineLabel(self._height(1.0), say("operator.target"), QColor(c.text), bold=True)]
         for group, line in self.lines.items():
             if not line.ratios:
                 continue
@@ -136,7 +136,7 @@ class Convergence(QFrame):
             number = f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"  # avoids exponents
             text, colour, state = f"{term('group', group)} {number} {unit}", c.text, ""
             if line.reached:
-                text, colour, state = self.tr("{value} reached").format(value=text), c.good, "good"
+                text, colour, state = say("operator.reached", value=text), c.good, "good"
             labels.append(LineLabel(self._height(line.ratios[-1]), text, QColor(colour), state))
         self._labels.show_labels(labels)
 

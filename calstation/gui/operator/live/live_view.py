@@ -51,9 +51,7 @@ class Preparation(QFrame):
         for number, widgets in enumerate(self._rows):
             for at, widget in enumerate(widgets):
                 steps.addWidget(widget, number, at, Qt.AlignmentFlag.AlignVCenter)
-        column(
-            label(lambda: self.tr("Preparing"), "section"), steps, None, on=self, spacing=2 * theme.GRID, margins=PANEL
-        )
+        column(label("operator.preparing", "section"), steps, None, on=self, spacing=2 * theme.GRID, margins=PANEL)
         run.changed.connect(self._refresh)
         on_language_change(self, self._refresh)
 

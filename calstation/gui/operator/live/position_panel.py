@@ -31,9 +31,7 @@ class PositionPanel(QFrame):
         self.badge = StateBadge(_STATE_SIZE)
         self.task_label, self.count_label = label(wrap=True), label()
         self._note = label(kind="muted", wrap=True)
-        self.finish_button = button(
-            "finish_positions_button", lambda: self.tr("Enough positions: finish"), self._finish
-        )
+        self.finish_button = button("finish_positions_button", "operator.enough_positions", self._finish)
         texts = QWidget()
         texts.setMinimumWidth(60 * theme.GRID)
         texts.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)

@@ -7,7 +7,7 @@ from PySide6.QtCore import QPointF
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import RunSummary
-from calstation.gui.text import on_language_change
+from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import Drawing, basis, circle, depth, screen, theme
 from calstation.physics import FloatArray, axis_rotation, rotation_matrix
 from calstation.sequencer import PositionGuided
@@ -123,7 +123,7 @@ class PositionPicture(Drawing):
         self.area([top, top + QPointF(-0.09, -0.16), top + QPointF(0.09, -0.16)], c.accent)
         self.line(foot, tip + QPointF(0.0, -0.06), c.text, 0.035)
         self.area([tip, tip + QPointF(-0.06, -0.12), tip + QPointF(0.06, -0.12)], c.text)
-        self.letter(self.tr("down"), foot + QPointF(0.34, 0.1), c.text)
+        self.letter(say("operator.down"), foot + QPointF(0.34, 0.1), c.text)
 
 
 def _upright(attitude: FloatArray, up: FloatArray) -> FloatArray:

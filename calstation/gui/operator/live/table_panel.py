@@ -4,7 +4,7 @@ import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QGraphicsOpacityEffect, QLabel, QWidget
 
-from calstation.gui.text import on_language_change, with_minus
+from calstation.gui.text import on_language_change, say, with_minus
 from calstation.gui.widgets import (
     PANEL,
     VIEWER,
@@ -179,15 +179,15 @@ class TablePanel(QFrame):
         self._show_state()
 
     def _show_state(self) -> None:
-        names = ("x", "y", "z") if self._order else (self.tr("outer"), self.tr("inner"), "")
+        names = ("x", "y", "z") if self._order else (say("joint.outer"), say("joint.inner"), "")
         for name, text in zip(self._names, names, strict=True):
             name.setText(text)
         for third in (self._names[2], self.angle_labels[2], self._rates[2]):
             third.setVisible(bool(self._order))
+        rig = "gimbal" if self._order else "table"
         if self._moved is None:
-            text = self.tr("gimbal not connected") if self._order else self.tr("table not connected")
-            self.badge.show_state("none", text)
+            self.badge.show_state("none", say(f"operator.{rig}_not_connected"))
         elif self._moved.moving:
-            self.badge.show_state("active", self.tr("gimbal turning") if self._order else self.tr("table moving"))
+            self.badge.show_state("active", say(f"operator.{rig}_moving"))
         else:
-            self.badge.show_state("stopped", self.tr("gimbal at rest") if self._order else self.tr("table at rest"))
+            self.badge.show_state("stopped", say(f"operator.{rig}_at_rest"))

@@ -1,12 +1,14 @@
 """Live plots of gyro and accelerometer output, three lines each, which can be held and zoomed during a run."""
 
+from functools import partial
+
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QTimer
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QButtonGroup, QFrame, QWidget
 
-from calstation.gui.text import bind, on_language_change
+from calstation.gui.text import bind
 from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, button, column, label, row, theme
 from calstation.physics import DEGREE, FloatArray
 from calstation.sequencer import Trace
@@ -68,8 +70,7 @@ class Traces(QFrame):
         self._gyro, self._accel = _Plot(0, 1.0 / DEGREE), _Plot(3, 1.0)
         self._accel.plot.setXLink(self._gyro.plot)
         self._gyro.plot.getAxis("bottom").setStyle(showValues=False)
-        self.hold_button = button("", lambda: self.tr("Hold"))
-        bind(self.hold_button.setToolTip, lambda: self.tr("Holds the plot; the run and its recording go on."))
+        self.hold_button = button("", "operator.hold", tip="operator.hold_tip")
         self.hold_button.setCheckable(True)
         self.hold_button.toggled.connect(lambda held: None if held else self._draw_again())
         for plot in (self._gyro, self._accel):
@@ -77,17 +78,16 @@ class Traces(QFrame):
             box.sigRangeChangedManually.connect(lambda *_: self.hold_button.setChecked(True))
             box.sig_whole.connect(lambda: self.hold_button.setChecked(False))
         self._spans = QButtonGroup(self)
-        names = (lambda: self.tr("10 s"), lambda: self.tr("1 min"), lambda: self.tr("10 min"))
-        for number, name in enumerate(names):
-            span_button = button("", name)
+        for number, words in enumerate(("operator.seconds_10", "operator.minute_1", "operator.minutes_10")):
+            span_button = button("", words)
             span_button.setCheckable(True)
             span_button.setChecked(number == 1)
             self._spans.addButton(span_button, number)
         self._spans.idClicked.connect(lambda _: self._choose_span())
         plots = column(
-            label(lambda: self.tr("Gyro, °/s"), "muted"),
+            label("common.gyro_dps", "muted"),
             (self._gyro, 1),
-            label(lambda: self.tr("Accelerometer, m/s²"), "muted"),
+            label("common.accel_mps2", "muted"),
             (self._accel, 1),
             spacing=0,
         )
@@ -95,7 +95,7 @@ class Traces(QFrame):
         row((plots, 1), buttons, on=self, margins=(theme.GRID,) * 4)
         self._timer = QTimer(self, interval=33)
         self._timer.timeout.connect(self._draw)
-        on_language_change(self, lambda: self._accel.plot.setLabel("bottom", self.tr("device time before now, s")))
+        bind(partial(self._accel.plot.setLabel, "bottom"), "operator.axis_before_now")
         self._show_rows()
 
     def take(self, trace: Trace) -> None:

@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QApplication, QLineEdit, QWidget
 
 from calstation.config import SignInSection, computer_user
 from calstation.errors import ConfigurationError
-from calstation.gui.text import bind
+from calstation.gui.text import bind, say
 from calstation.gui.widgets import button, column, enable, label, row, theme
 
 #: Events that count as activity of the operator.
@@ -38,9 +38,9 @@ class BadgeField(QWidget):
         self._held = False
         self._idle = QTimer(self, singleShot=True)
         self._idle.timeout.connect(self._sign_out_idle)
-        self.sign_out_button = button("sign_out_button", lambda: self.tr("Sign out"), self.sign_out)
+        self.sign_out_button = button("sign_out_button", "operator.sign_out", self.sign_out)
         self.sign_out_button.hide()
-        caption = label(lambda: self.tr("Operator"), buddy=self.edit)
+        caption = label("common.operator", buddy=self.edit)
         caption.setFixedHeight(theme.BIG_BUTTON - theme.BUTTON)  # Chinese characters are taller
         column(caption, row((self.edit, 1), self.sign_out_button), on=self, spacing=0)
         self.edit.returnPressed.connect(self._entered)
@@ -129,7 +129,7 @@ class BadgeField(QWidget):
             self.sign_in(self.edit.text().strip())
 
     def _placeholder(self) -> str:
-        return self.tr("name or badge") if self._section is None else self.tr("scan your badge")
+        return say("operator.name_or_badge" if self._section is None else "operator.scan_badge")
 
     def _show(self) -> None:
         self.edit.setReadOnly(bool(self._badge))

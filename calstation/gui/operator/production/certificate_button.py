@@ -10,8 +10,9 @@ from PySide6.QtWidgets import QPushButton
 
 from calstation.config import Person, computer_user
 from calstation.gui.state import AppContext, PeoplePanel
-from calstation.gui.text import bind, language
+from calstation.gui.text import Words, bind, language, say
 from calstation.gui.widgets import Choice, JobWatch, NoticeBar
+from calstation.messages import Text
 from calstation.reports import IssueState, issue_certificate, issue_state
 from calstation.results import Result
 
@@ -32,7 +33,7 @@ class CertificateButton(QPushButton):
         self.panel = PeoplePanel(name)
         self._asking, self.watch = JobWatch(self, self._begin), JobWatch(self, self._issued)
         for watch in (self._asking, self.watch):
-            notice.report_failures(watch, lambda: self.tr("No certificate was issued"), then)
+            notice.report_failures(watch, "operator.no_certificate", then)
             watch.busy_changed.connect(self._show_busy)
         self.watch.progress.connect(lambda *_: self._show_busy())
         self.clicked.connect(self._ask)
@@ -49,8 +50,8 @@ class CertificateButton(QPushButton):
     def _text(self) -> str:
         job = self.watch.job
         if job is None:
-            return self.tr("Certificate")
-        return self.tr("Certificate, {0:.0f} %").format(100 * job.fraction)
+            return say("operator.certificate")
+        return say("operator.certificate_progress", percent=100 * job.fraction)
 
     def _show_busy(self) -> None:
         self.setEnabled(not (self._asking.busy or self.watch.busy))
@@ -63,7 +64,7 @@ class CertificateButton(QPushButton):
 
     def _begin(self, state: IssueState) -> None:
         if state.last is None and state.required.second:
-            self._ask_people(lambda: self.tr("Issue a certificate?"), state)
+            self._ask_people("operator.ask_certificate", state)
         elif state.last is None or (state.pdf is None and not state.changed):
             self._issue(state, Person(self._by(state) or computer_user() or "-"))
         else:
@@ -77,21 +78,20 @@ class CertificateButton(QPushButton):
             self._open(state.pdf)
         self._notice.ask(
             "none" if state.pdf is not None and not changed else "caution",
-            lambda: self.tr("Certificate {0} was issued on {1}").format(last.identification, last.issued),
-            lambda: self.tr("Its result, its templates or the program have changed since.") if changed else "",
+            Text.of("operator.certificate_issued_on", number=last.identification, date=last.issued),
+            "operator.certificate_outdated" if changed else "",
             (
-                Choice("certificate_close_button", lambda: self.tr("Close"), self._then),
-                Choice("certificate_revise_button", lambda: self.tr("Issue a revision…"), lambda: self._revise(state)),
+                Choice("certificate_close_button", "common.close", self._then),
+                Choice("certificate_revise_button", "operator.issue_revision", lambda: self._revise(state)),
             ),
         )
 
     def _revise(self, state: IssueState) -> None:
         last = state.last
         assert last is not None
-        title = lambda: self.tr("Why is certificate {0} revised?").format(last.identification)  # noqa: E731
-        self._ask_people(title, state, reason=True)
+        self._ask_people(Text.of("operator.why_revised", number=last.identification), state, reason=True)
 
-    def _ask_people(self, title: Callable[[], str], state: IssueState, *, reason: bool = False) -> None:
+    def _ask_people(self, title: Words, state: IssueState, *, reason: bool = False) -> None:
         def confirmed(why: str, first: Person, second: Person | None) -> None:
             self.panel.hide()
             self._issue(state, first, second, why if reason else None)
@@ -108,11 +108,11 @@ class CertificateButton(QPushButton):
     def _issued(self, pdf: Path) -> None:
         self._notice.ask(
             "good",
-            lambda: self.tr("The certificate was issued"),
+            "operator.certificate_issued",
             lambda: str(pdf),
             (
-                Choice("certificate_close_button", lambda: self.tr("Close"), self._then),
-                Choice("certificate_open_button", lambda: self.tr("Open"), lambda: self._open(pdf), primary=True),
+                Choice("certificate_close_button", "common.close", self._then),
+                Choice("certificate_open_button", "common.open", lambda: self._open(pdf), primary=True),
             ),
         )
 

@@ -27,10 +27,10 @@ class LabelButton(QPushButton):
         self._app, self._notice, self._then = app, notice, then
         self._result_file: Path | None = None
         self._watch = JobWatch(self, self._printed)
-        notice.report_failures(self._watch, lambda: self.tr("The label was not printed"), then)
+        notice.report_failures(self._watch, "operator.label_not_printed", then)
         self._watch.busy_changed.connect(lambda: self.setEnabled(not self._watch.busy))
         self.clicked.connect(self._print)
-        bind(self, lambda: self.tr("Print label"))
+        bind(self, "operator.print_label")
         self.hide()
 
     def offer(self, result: Result | None, result_file: Path | None) -> None:
@@ -48,10 +48,8 @@ class LabelButton(QPushButton):
 
     def _printed(self, pdf: Path | None) -> None:
         if pdf is None:
-            self._notice.ask("good", lambda: self.tr("The label was sent to the printer"), str)
+            self._notice.ask("good", "operator.label_printed", "")
         else:
             QDesktopServices.openUrl(QUrl.fromLocalFile(str(pdf)))
-            self._notice.inform(
-                "good", lambda: self.tr("The label was saved as a PDF file"), lambda: str(pdf), self._then
-            )
+            self._notice.inform("good", "operator.label_saved", lambda: str(pdf), self._then)
         self._then()

@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QLabel
 
 from calstation.config import RunSummary
 from calstation.gui.state import AppContext
-from calstation.gui.text import duration_text, on_language_change
+from calstation.gui.text import duration_text, on_language_change, say
 from calstation.gui.widgets import JobWatch, show_text
 from calstation.results import ShiftCount, count_shift, shift_start
 
@@ -63,14 +63,14 @@ class ShiftCounter(QLabel):
         if self._since is None:
             show_text(self, "")
             return
-        parts = [self.tr("Since {time}").format(time=f"{self._since:%H:%M}")]
+        parts = [say("operator.since", time=f"{self._since:%H:%M}")]
         if count is not None:
-            parts.append(self.tr("{count} done").format(count=count.done))
+            parts.append(say("operator.done", count=count.done))
         if count is not None and count.mean_duration is not None and count.passed_share is not None:
             parts += [
-                self.tr("{count} passed").format(count=count.passed),
-                self.tr("{count} failed").format(count=count.failed),
-                self.tr("yield {percent} %").format(percent=f"{100 * count.passed_share:.1f}"),
-                self.tr("{time} per unit").format(time=duration_text(count.mean_duration)),
+                say("operator.passed", count=count.passed),
+                say("operator.failed", count=count.failed),
+                say("operator.yield", percent=100 * count.passed_share),
+                say("operator.per_unit", time=duration_text(count.mean_duration)),
             ]
         show_text(self, "  ·  ".join(parts))

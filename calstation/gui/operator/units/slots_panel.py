@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QFrame, QLabel, QWidget
 from calstation.config import RunSummary
 from calstation.gui.operator.units.slots import Slot, Slots
 from calstation.gui.operator.units.tile import Tile, arrange, pass_clicks
-from calstation.gui.text import on_language_change, rendered
+from calstation.gui.text import on_language_change, rendered, say
 from calstation.gui.widgets import PANEL, ElidedLabel, StateIcon, button, column, grid, label, row, show_text, theme
 from calstation.messages import Text
 
@@ -41,17 +41,17 @@ class _SlotTile(Tile):
         self.show_chosen(following)
         self._icon.set_kind("good" if slot.serial else "active" if following else "none")
         if slot.serial:
-            note = self.tr("attempt {count}").format(count=slot.attempts + 1) if slot.attempts else self.tr("accepted")
-            note = self.tr("suggested") if slot.suggested else note
+            code = "operator.attempt" if slot.attempts else "operator.accepted"
+            note = say("operator.suggested" if slot.suggested else code, count=slot.attempts + 1)
         elif slot.left_empty:
-            note = self.tr("stays empty")
+            note = say("operator.stays_empty")
         else:
-            note = self.tr("next scan") if following else self.tr("empty")
+            note = say("operator.next_scan" if following else "operator.empty")
         show_text(self._serial, slot.serial)
         self._note.setText(note)
         self.action.setVisible(bool(slot.serial) or following or slot.left_empty)
-        clearable = self.tr("Skip") if not slot.left_empty else self.tr("Use")
-        self.action.setText(self.tr("Clear") if slot.serial else clearable)
+        action = "operator.use" if slot.left_empty else "operator.skip"
+        self.action.setText(say("operator.clear" if slot.serial else action))
         self.setAccessibleName(", ".join((slot.name, slot.serial, note) if slot.serial else (slot.name, note)))
         self.setToolTip(self.accessibleName())
 
@@ -102,6 +102,6 @@ class SlotsPanel(QFrame):
         self._title.setText(words.text)
         self._text.setText(words.remedy)
         count, free = len(self._slots.units), len(self._slots.serials)
-        self._count.setText(self.tr("{count} of {slots} slots have a unit").format(count=count, slots=free))
+        self._count.setText(say("operator.slots_used", count=count, slots=free))
         for tile in self._tiles:
             tile.refresh()

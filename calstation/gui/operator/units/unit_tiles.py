@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.gui.operator.units.tile import Tile, arrange, pass_clicks
 from calstation.gui.state import TRANSFER, RunStatus, UnitStatus
-from calstation.gui.text import KINDS, fault_text, on_language_change, term
+from calstation.gui.text import KINDS, fault_text, on_language_change, say, term
 from calstation.gui.widgets import ElidedLabel, StateIcon, column, grid, label, row, theme
 
 
@@ -64,14 +64,14 @@ class UnitTiles(QWidget):
         """Return the kind of a unit's state, and a few words that describe it."""
         run = self._run
         if unit.fault is not None:
-            return "caution", f"{term('badge', 'fault')}: {fault_text(unit.fault).reason}"
+            return "caution", f"{term('badge', 'fault')}: {fault_text(unit.fault).text}"
         if unit.outcome:
             shown = run.shown_of(unit)
             return KINDS.get(shown, "none"), term("badge", shown)
         if run.state == "stopping":
             return KINDS[run.state], term("badge", run.state)
         if unit.kept:
-            return "bad", self.tr("outside limits, registers kept")
+            return "bad", say("operator.outside_limits")
         bad = next((stage for stage in unit.stages if stage.state == "bad"), None)
         stage, share = unit.stage, run.share(unit)
         text = ""
@@ -82,11 +82,11 @@ class UnitTiles(QWidget):
         elif stage is not None and stage.name == TRANSFER:
             text = term("stage", stage.name)
         elif share is not None:
-            text = self.tr("σ {share} × its target").format(share=f"{share:.2g}" if share < 10.0 else f"{share:.0f}")
+            text = say("operator.sigma_share", share=f"{share:.2g}" if share < 10.0 else f"{share:.0f}")
             if share <= 1.0:
-                text = self.tr("{sigma}, reached").format(sigma=text)
+                text = say("operator.sigma_reached", sigma=text)
         elif stage is not None:
             text = term("stage", stage.name)
         elif solved := [each for each in unit.stages if each.state == "good"]:
             text = f"{term('stage', solved[-1].name)}: {term('stage_state', 'good')}"
-        return "bad" if bad is not None else "active", text or self.tr("preparing")
+        return "bad" if bad is not None else "active", text or say("operator.unit_preparing")

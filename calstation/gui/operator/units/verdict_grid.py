@@ -54,7 +54,7 @@ class _VerdictTile(Tile):
             brief, whole = (brief[0], say("advice.released")), (whole[0], say("advice.released"))
         if unit.fault is not None:
             fault = fault_text(unit.fault)
-            brief = whole = (fault.reason, fault.remedy)
+            brief = whole = (fault.text, fault.remedy)
         self._banner.show_state("released" if released else shown, unit.slot)
         for sentence, text in zip((self.reason, self._action), whole if self.roomy else brief, strict=True):
             sentence.setText(text)
