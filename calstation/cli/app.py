@@ -26,6 +26,7 @@ from calstation.cli.options import (
 )
 from calstation.cli.quality_commands import quality
 from calstation.cli.simulation_commands import simulation
+from calstation.cli.text import say, sentence
 from calstation.errors import CalstationError, ConfigurationError
 
 _NAME = "calstation"
@@ -413,10 +414,12 @@ def run_app(arguments: list[str]) -> int:
 
         if not isinstance(error, CalstationError):
             error = usage_error(error, arguments)
-        complain(str(error))
+        complain(sentence(error.as_text))
         return error.exit_code
     except (typer.Abort, KeyboardInterrupt):
-        sys.stderr.write("calstation: stopped\n")
+        from calstation.cli.errors import complain
+
+        complain(say("cli.aborted"))
         return 4
     except BrokenPipeError:
         return 2
@@ -424,7 +427,9 @@ def run_app(arguments: list[str]) -> int:
         logger.exception("the command ended by a mistake of the program")
         if debug:
             traceback.print_exc()
-        sys.stderr.write(f"calstation: internal error: {type(error).__name__}: {error} (--debug shows where)\n")
+        from calstation.cli.errors import complain
+
+        complain(say("cli.internal", words=f"{type(error).__name__}: {error}"))
         return 2 if isinstance(error, OSError) else 3
 
 

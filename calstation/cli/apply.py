@@ -4,11 +4,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
-from calstation.cli.show import check_json, emit_json, ignore_progress, say, show_line
+from calstation.cli.show import check_json, emit_json, ignore_progress, show_line, table
+from calstation.cli.text import say
 from calstation.connection import OtherUnit, read_unit
 from calstation.errors import ConfigurationError
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, NAMES, FloatArray
@@ -16,8 +15,8 @@ from calstation.records import export_corrected, open_log, prior_from_meta
 from calstation.results import find_log, load_result
 from calstation.results.plots import Applied, before_and_found, read_recording
 
-#: Quantities of the table at rest, before and after: JSON name, heading, display unit and its size.
-_QUANTITIES = (("force", "| f | − g", "µg", MICRO_G), ("rate", "rate − earth", "°/h", DEGREE_PER_HOUR))
+#: Quantities of the table at rest, before and after: JSON name and size of the display unit.
+_QUANTITIES = (("force", MICRO_G), ("rate", DEGREE_PER_HOUR))
 
 
 def apply_command(
@@ -92,23 +91,22 @@ def _json(shown: Applied, errors: FloatArray) -> dict[str, object]:
 
 
 def _show(out: Console, shown: Applied, errors: FloatArray) -> None:
-    table = Table(title=f"unit {shown.serial}, at rest", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
-    for heading in ("rest", "from s", "to s"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for _, heading, unit, _ in _QUANTITIES:
-        for when in ("before", "after"):
-            table.add_column(f"{heading}\n{when} {unit}", justify="right", no_wrap=True)
+    made = table(
+        say("cli.unit_at_rest", serial=shown.serial),
+        *("cli.column_rest_number", "cli.column_from", "cli.column_to"),
+        *(f"cli.column_{quantity}_{when}" for quantity, _ in _QUANTITIES for when in ("before", "after")),
+    )
 
     def cells(values: FloatArray) -> list[str]:
-        sizes = np.array([[size] for *_, size in _QUANTITIES])
+        sizes = np.array([[size] for _, size in _QUANTITIES])
         return [_plain(value) for value in (values / sizes).ravel()]
 
     for k, (start, end) in enumerate(shown.rests.tolist()):
-        table.add_row(str(k), f"{start:.1f}", f"{end:.1f}", *cells(errors[:, k]))
-    table.add_section()
+        made.add_row(str(k), f"{start:.1f}", f"{end:.1f}", *cells(errors[:, k]))
+    made.add_section()
     for name, values in _summary(errors).items():
-        table.add_row(name, "", "", *cells(values))
-    out.print(table)
+        made.add_row(say(f"cli.{name}_at_rest"), "", "", *cells(values))
+    out.print(made)
 
 
 def _plain(value: float) -> str:

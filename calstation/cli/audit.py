@@ -4,7 +4,8 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from calstation.cli.show import check_json, report, say
+from calstation.cli.show import check_json, report
+from calstation.cli.text import say
 from calstation.config import site_folder
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
@@ -71,7 +72,9 @@ def _state(path: Path, trail: AuditTrail) -> list[str]:
 
 
 def _line(each: AuditEvent) -> str:
-    people = f"{each.by or '-'}{f', confirmed by {each.confirmed_by}' if each.confirmed_by else ''}"
+    people = each.by or "-"
+    if each.confirmed_by:
+        people = say("cli.confirmed_by", by=people, second=each.confirmed_by)
     values = " ".join(f"{name}={value}" for name, value in each.values.items() if name != "sha256")
     why = f'"{each.why}"' if each.why else ""
     return " ".join(part for part in (local_time(each.utc, zone=True), each.event, f"({people})", why, values) if part)

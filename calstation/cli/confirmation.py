@@ -5,7 +5,8 @@ from pathlib import Path
 
 import typer
 
-from calstation.cli.show import check_json, ignore_progress, report, say
+from calstation.cli.show import check_json, ignore_progress, report
+from calstation.cli.text import say
 from calstation.config import (
     Person,
     RegisterOperation,
@@ -43,7 +44,7 @@ def override_command(result: Path, reason: str, by: str | None, confirmed_by: st
     override_required(ignore_progress, result)
     first, second = ask_people(by, confirmed_by, computer_user() or "", pin=True)
     released = override_result(ignore_progress, result, reason, first, second)
-    people = f"{released.by}{f', {released.confirmed_by}' if released.confirmed_by else ''}"
+    people = [name for name in (released.by, released.confirmed_by) if name]
     report(released.model_dump(), json, [say("cli.released", result=result, people=people)])
     return 0
 

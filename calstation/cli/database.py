@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 
 from calstation.cli.options import JsonOption, StationOption, existing_folder
+from calstation.cli.text import say, sentence
 
 if TYPE_CHECKING:
     from calstation.database import ExchangeState
@@ -31,7 +32,7 @@ def exchange(
     from calstation.cli.show import show_line
     from calstation.database import Exchange, LogArchiver, exchange_once, read_state
     from calstation.errors import CalstationError
-    from calstation.messages import event_text, sentence
+    from calstation.messages import event_text
 
     url, name, archive = _database_of(station)
     if watch:
@@ -80,8 +81,6 @@ def _watch(out: Path, url: str, name: str, archive: str | None) -> None:
 
 def _lines(state: "ExchangeState") -> list[str]:
     """Return the obstacles to the exchange of runs and the copying of logs, or that all runs are exchanged."""
-    from calstation.cli.show import say
-    from calstation.messages import sentence
 
     errors = (state.error_text, state.refusal_text, state.archive_error_text)
     lines = [sentence(error) for error in errors if error is not None]
@@ -98,7 +97,7 @@ def upgrade(
     station: StationOption = None,
 ) -> None:
     """Create the tables of the shared database, or upgrade them to this version; requires the database owner."""
-    from calstation.cli.show import say, show_line
+    from calstation.cli.show import show_line
     from calstation.database import upgrade as upgrade_tables
 
     url = url or _database_of(station)[0]
@@ -112,7 +111,7 @@ def adopt(
     copy: Annotated[bool, typer.Option("--copy", help="The folder is a copy, and the original stays in use.")] = False,
 ) -> None:
     """Exchange a folder of runs that was moved, at its current location."""
-    from calstation.cli.show import say, show_line
+    from calstation.cli.show import show_line
     from calstation.database import adopt_folder
 
     adopt_folder(out, copied=copy)
@@ -122,9 +121,9 @@ def adopt(
 @database.command()
 def status(out: OutOption = Path("runs"), json: JsonOption = None) -> None:
     """Show what is pending for the shared database and the last contact. Does not use the network."""
-    from calstation.cli.show import check_json, emit_json, say, show_line
+    from calstation.cli.show import check_json, emit_json, show_line
     from calstation.database import read_state
-    from calstation.messages import local_time, sentence
+    from calstation.messages import local_time
 
     check_json(json)
     state = read_state(out)

@@ -9,7 +9,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from calstation.cli.show import check_json, on_interrupt, report, say
+from calstation.cli.show import check_json, on_interrupt, report
+from calstation.cli.text import say
 from calstation.config import DEFAULT_PRODUCT, library, read_text
 from calstation.design import (
     Design,
@@ -24,7 +25,8 @@ from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.physics import display_by_unit
 
-_NOTES = {"checking": "other mountings, headings and noise", "present": "sigmas of the present stages"}
+#: Code of the text for a step of the search; any other step is the best result so far.
+_STEPS = {"checking": "cli.design_checking", "present": "cli.design_present", "": ""}
 
 
 def design_command(request: DesignRequest, product: Path | None, out: Path, json: str | None) -> int:
@@ -68,11 +70,11 @@ def _show_progress() -> Iterator[ProgressCallback]:
     """Show the progress of the search on standard error."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[note]}"))
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("designing", total=1.0, note="")
+        task = bar.add_task(say("cli.designing"), total=1.0, note="")
 
         def progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-            shown = _NOTES.get(note) or (f"best so far {note}" if note else "")
-            bar.update(task, completed=fraction, note=shown)
+            code = _STEPS.get(note, "cli.design_best")
+            bar.update(task, completed=fraction, note=say(code, best=note) if code else "")
 
         yield progress
 
@@ -93,7 +95,8 @@ def _lines(found: Design, out: Path) -> Iterator[str]:
     for limit in found.hidden:
         size, unit = display_by_unit(limit.unit, limit.size)
         name = " ".join(filter(None, (limit.cause, limit.component, limit.parameter)))
-        yield f"  {name:<40} {size:>10.3g} {unit:<16} {limit.move:5.1f} sigma of {limit.moved}"
+        moved = say("cli.design_moves", sigmas=limit.move, parameter=limit.moved)
+        yield f"  {name:<40} {size:>10.3g} {unit:<16} {moved}"
     yield say("design.written", path=out)
 
 

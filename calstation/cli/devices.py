@@ -10,7 +10,8 @@ from typing import Any
 from rich.console import Console
 
 from calstation.cli.errors import command_options
-from calstation.cli.show import check_json, ignore_progress, report, say
+from calstation.cli.show import check_json, ignore_progress, report
+from calstation.cli.text import LANGUAGE, say, sentence
 from calstation.config import check, detect_kind, library, line_of, load_station, missing_report_places, read_text
 from calstation.connection import (
     LinkTestRequest,
@@ -24,14 +25,13 @@ from calstation.connection import (
     station_conflicts,
 )
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.messages import Report, render, sentence
+from calstation.messages import Report, render
 from calstation.quality import due_certificates
 from calstation.records import SUFFIX, is_text
 from calstation.results import inspect_recording
 from calstation.schema import Problem
 
 _TESTS = {"table": check_table_link, "imu": check_imu_link}
-_MARKS = {"ok": "ok", "info": "info", "warning": "WARNING", "error": "ERROR"}
 
 
 def link_command(device: str, station: Path | None, product: Path | None, json: str | None) -> int:
@@ -74,9 +74,10 @@ def _findings(tested: Report, options: Mapping[str, str]) -> tuple[list[dict[str
     """Return the findings of a link test for JSON, and as lines of text."""
     findings, lines = [], []
     for finding in tested.findings:
-        text = render(finding.message.code, {**finding.message.values, **options})
+        text = render(finding.message.code, {**finding.message.values, **options}, LANGUAGE)
         findings.append({**finding.to_json(), "text": text.text, "mend": text.remedy})
-        lines += [f"{_MARKS[finding.state]:<7} {text.text}", *([f"        {text.remedy}"] if text.remedy else [])]
+        lines.append(f"{say(f'cli.finding_{finding.state}'):<7} {text.text}")
+        lines += [f"        {text.remedy}"] if text.remedy else []
     return findings, [*lines, say(f"cli.link_{tested.state}")]
 
 
@@ -131,16 +132,17 @@ def _check_recording(path: Path, json: str | None) -> int:
         "methods": {name: {"solvable": reason is None, "reason": reason} for name, reason in reasons.items()},
     }
     seconds = (facts.last_seq - facts.first_seq + 1) / found.configured_rate
-    times = "sample clock" if not found.jitter else f"times of arrival, jitter {1e3 * found.jitter:.3g} ms rms"
+    times = say("cli.arrival_times" if found.jitter else "cli.sample_clock", jitter=1e3 * (found.jitter or 0.0))
+    stages = ", ".join(f"{stage} ({count})" for stage, count in found.stages.items()) or say("cli.none")
     lines = [
-        f"unit       {found.serial}",
-        f"samples    {facts.samples}, from {facts.first_seq} to {facts.last_seq}, {seconds:.1f} s",
-        f"rate       {found.rate:.6g} Hz ({found.configured_rate:g} Hz configured), {times}",
-        f"gaps       {facts.gaps}, {found.missing} samples missing",
-        f"invalid    {found.invalid}" + (f", {facts.damaged} damaged rows left out" if facts.damaged else ""),
-        f"channels   {', '.join(found.channels)}",
-        f"stages     {', '.join(f'{stage} ({count})' for stage, count in found.stages.items()) or 'none'}",
-        *(f"{name:<18} {reason or 'can be solved'}" for name, reason in reasons.items()),
+        say("cli.recording_unit", **row),
+        say("cli.recording_samples", **row, seconds=seconds),
+        say("cli.recording_rate", rate=found.rate, configured=found.configured_rate, times=times),
+        say("cli.recording_gaps", **row),
+        say("cli.recording_damaged" if facts.damaged else "cli.recording_invalid", **row),
+        say("cli.recording_channels", **row),
+        say("cli.recording_stages", stages=stages),
+        *(f"{name:<18} {reason or say('cli.solvable')}" for name, reason in reasons.items()),
     ]
     report(row, json, lines)
     return 0 if solvable else ConfigurationError.exit_code
@@ -151,7 +153,7 @@ def status_command(station: Path | None, product: Path | None, json: str | None)
     check_json(json)
     request = LinkTestRequest(load_station(station)[1], product)
     state, name = read_table(ignore_progress, request), request.station.name
-    report({"station": name, **asdict(state)}, json, [f"station    {name}", *_state_lines(state)])
+    report({"station": name, **asdict(state)}, json, [say("cli.table_station", name=name), *_state_lines(state)])
     return 0 if state.fault is None else DeviceFaultError.exit_code
 
 
@@ -161,20 +163,24 @@ def reset_command(station: Path | None, product: Path | None, json: str | None) 
     request = LinkTestRequest(load_station(station)[1], product)
     reset, name = reset_table(ignore_progress, request), request.station.name
     words = say(f"reset.{reset.outcome}", **asdict(reset))
-    report({"station": name, **asdict(reset)}, json, [f"Table of '{name}': {words}"])
+    report({"station": name, **asdict(reset)}, json, [say("cli.table_reset", station=name, words=words)])
     return 0 if reset.clear else DeviceFaultError.exit_code
 
 
 def _state_lines(state: TableState) -> list[str]:
-    watchdog = {None: "none", 0.0: "OFF"}.get(state.watchdog_s, f"{state.watchdog_s} s")
-    axes = ("on" if state.enabled else "off", "homed" if state.homed else "not homed")
+    watchdog = {None: say("cli.none"), 0.0: say("cli.switched_off")}.get(state.watchdog_s, f"{state.watchdog_s} s")
+    axes = (
+        say("cli.axes_on" if state.enabled else "cli.axes_off"),
+        say("cli.axes_homed" if state.homed else "cli.axes_not_homed"),
+        say("cli.axes_moving" if state.moving else "cli.axes_at_rest"),
+    )
     lines = [
-        f"{state.model}, serial number {state.serial}",
-        f"fault      {state.fault or 'none'}",
-        f"interlock  {'closed' if state.interlock_closed else 'OPEN'}",
-        f"axes       {', '.join(axes)}, {'moving' if state.moving else 'at rest'}",
-        f"watchdog   {watchdog}",
+        say("cli.table_model", model=state.model, serial=state.serial),
+        say("cli.table_fault", fault=state.fault or say("cli.none")),
+        say("cli.interlock_closed" if state.interlock_closed else "cli.interlock_open"),
+        say("cli.table_axes", axes=axes),
+        say("cli.table_watchdog", watchdog=watchdog),
     ]
     if state.outer_deg is not None and state.inner_deg is not None:
-        lines.append(f"angles     outer {state.outer_deg:.3f}°, inner {state.inner_deg:.3f}°")
+        lines.append(say("cli.table_angles", outer=state.outer_deg, inner=state.inner_deg))
     return lines

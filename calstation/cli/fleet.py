@@ -13,9 +13,11 @@ from typing import IO, TYPE_CHECKING, Annotated, Any
 import typer
 
 from calstation.cli.options import JsonOption, ParametersOnlyOption, StagesOption, parsed_stages
+from calstation.cli.text import say
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
     from calstation.fleet import Comparison, FleetRequest, FleetSummary
 
@@ -73,7 +75,7 @@ def resolve(
     """Solve many logs again, except those already in the database. Ctrl-C stops and keeps finished solutions."""
     from rich.console import Console
 
-    from calstation.cli.show import check_json, job_progress, say, show_line
+    from calstation.cli.show import check_json, job_progress, show_line
     from calstation.fleet import UNCHANGED, FleetRequest, Selection
     from calstation.fleet import compare as compare_versions
 
@@ -93,7 +95,7 @@ def resolve(
             break
     comparison = None
     if before is not None and summary.solutions and not summary.stopped:
-        with job_progress("reading the solutions") as progress:
+        with job_progress(say("cli.reading_solutions")) as progress:
             comparison = compare_versions(progress, database, before, summary.version, summary.solutions)
     if json is not None:
         with _target(json) as stream:
@@ -116,7 +118,7 @@ def _solve(console: "Console", request: "FleetRequest") -> "FleetSummary":
         TimeRemainingColumn,
     )
 
-    from calstation.cli.show import on_interrupt, say, show_line
+    from calstation.cli.show import on_interrupt, show_line
     from calstation.fleet import resolve_fleet
 
     stop = threading.Event()
@@ -127,7 +129,7 @@ def _solve(console: "Console", request: "FleetRequest") -> "FleetSummary":
         stop.set()
 
     columns = (
-        TextColumn("solving logs"),
+        TextColumn(say("cli.solving_logs")),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[rate]}"),
@@ -144,7 +146,7 @@ def _solve(console: "Console", request: "FleetRequest") -> "FleetSummary":
             now = time.monotonic()
             begin = begin or (now, summary.done)
             speed = (summary.done - begin[1]) / max(now - begin[0], 1e-3)
-            rate = f"{speed:.1f} per s, {summary.failed} failed"
+            rate = say("cli.fleet_rate", rate=speed, failed=summary.failed)
             bar.update(task, completed=summary.done, total=summary.total, rate=rate)
             if not console.is_terminal and now - shown >= _LINE_EVERY:
                 shown = now
@@ -199,7 +201,7 @@ def compare(database: DatabaseOption, before: VersionOption, after: VersionOptio
     from calstation.fleet import compare as compare_versions
 
     check_json(json)
-    with job_progress("reading the solutions") as progress:
+    with job_progress(say("cli.reading_solutions")) as progress:
         found = compare_versions(progress, database, before, after)
     emit_json(found.to_json(), json)
     if json != "-":
@@ -218,49 +220,45 @@ def export(
     from calstation.cli.show import job_progress, show_line
     from calstation.fleet import export_version
 
-    with job_progress("reading the solutions") as progress:
+    with job_progress(say("cli.reading_solutions")) as progress:
         count = export_version(progress, database, version, out)
-    show_line(Console(stderr=True), f"{out}: {count} solutions")
+    show_line(Console(stderr=True), say("cli.solutions_written", file=out, count=count))
 
 
 def _show(found: "Comparison") -> None:
     """Show the changed verdicts, the changes of the parameters, and the groups."""
-    from rich.box import SIMPLE_HEAD
     from rich.console import Console
-    from rich.table import Table
 
-    from calstation.cli.show import say, show_line
+    from calstation.cli.show import show_line, table
 
     console = Console(file=sys.stdout, width=_WIDTH)
 
-    def table(title: str, texts: int, *headings: str) -> Table:
-        made = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-        for k, heading in enumerate(headings):
-            made.add_column(heading, justify="left" if k < texts else "right", no_wrap=True)
-        return made
+    def made(title: str, *columns: str) -> "Table":
+        return table(title, *(f"cli.column_{name}" for name in columns), padding=(0, 1, 0, 0))
 
     numbers = {"logs": found.logs, "only_before": found.only_before, "only_after": found.only_after}
     show_line(console, say("cli.fleet_compared", before=found.before, after=found.after, **numbers))
-    verdicts = table("verdicts", 2, "before", "after", "logs")
+    verdicts = made(say("cli.verdicts"), "before", "after", "logs")
     for was, row in found.verdicts.items():
         for now, count in row.items():
             verdicts.add_row(was, now, str(count))
     console.print(verdicts)
     if found.changes:
         shown = found.changes[:_MOST_CHANGES]
-        title = f"changed verdicts, {len(shown)} of {len(found.changes)}"
-        changes = table(title, 7, "unit", "product", "station", "start", "before", "after", "failed checks")
+        title = say("cli.changed_verdicts", shown=len(shown), count=len(found.changes))
+        changes = made(title, "serial", "product", "station", "start", "before", "after", "failed_checks")
         for each in shown:
             failed = each.failed_after or each.failed_before
             start = (each.started_utc or "")[:16]
             changes.add_row(each.serial, each.product or "", each.station or "", start, each.before, each.after, failed)
         console.print(changes)
-    moves = table("moves, sigmas", 1, "parameter", "median", "95 %", "largest", "unit")
+    moves = made(say("cli.moves_of_parameters"), "parameter", "median", "percentile", "largest", "largest_unit")
     for name, move in found.moves.items():
         moves.add_row(name, *(f"{x:.3g}" for x in (move.median, move.percentile_95, move.largest)), move.serial)
     console.print(moves)
     for kind, members in found.groups.items():
-        groups = table(f"by {kind}", 1, kind, "logs", "pass to fail", "fail to pass", "largest 95 %", "sigmas")
+        columns = kind, "logs", "pass_to_fail", "fail_to_pass", "largest_move", "sigmas"
+        groups = made(say(f"cli.by_{kind}"), *columns)
         for group in members:
             worst = max(group.moves, key=lambda name: group.moves[name].percentile_95, default="")
             far = group.moves[worst].percentile_95 if worst else 0.0

@@ -8,11 +8,12 @@ from typing import cast, get_args
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from calstation.cli.show import check_json, emit_json, residual_table, result_table, say, show_line
+from calstation.cli.show import check_json, emit_json, residual_table, result_table, show_line
+from calstation.cli.text import say, sentence
 from calstation.config import load_station
 from calstation.connection import import_capture
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.messages import event_text, sentence
+from calstation.messages import event_text
 from calstation.physics import EffectName
 from calstation.records import SUFFIX, export_csv, open_log, truth_path, write_log
 from calstation.results import resolve, write_json
@@ -46,11 +47,11 @@ def resolve_command(
     console = Console(stderr=True)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(f"reading {log.name}")
+        task = bar.add_task(say("cli.reading_log", file=log.name))
 
         def show(stage: str, seq: int, done: float) -> None:
             share = f", {done:.0%}" if done else ""
-            bar.update(task, description=f"solving {stage}, sample {seq}{share}")
+            bar.update(task, description=say("cli.solving_stage", stage=stage, seq=seq) + share)
 
         resolved = resolve(log, stages, first, last, show, residuals=residuals, states=added, diagnostics=diagnostics)
     for event_id, values in resolved.messages:
@@ -84,22 +85,23 @@ def import_command(source: Path, target: Path, meta: Path | None, imu: Path | No
     if imu is None:
         log = open_log(source, meta)
         facts = write_log(target, log.meta, log.blocks())
-        notes = f", arrival jitter {1e3 * log.jitter:.3g} ms rms" if log.jitter else ""
+        notes = [say("cli.import_jitter", jitter=1e3 * log.jitter)] if log.jitter else []
     else:
         there = load_station(station)[1]
         found = import_capture(source, target, imu, meta, there.site.place)
         facts = found.facts
-        notes = f", {found.failed} packets failed their check, {found.skipped} bytes skipped"
-        notes += "" if found.has_site else f"; no [site] given, so that of station '{there.name}' is used"
-    show_line(console, f"{target}: {facts.samples} samples, {facts.gaps} gaps{notes}")
+        notes = [say("cli.import_damaged", packets=found.failed, bytes=found.skipped)]
+        notes += [] if found.has_site else [say("cli.import_site", station=there.name)]
+    text = say("cli.imported", file=target, samples=facts.samples, gaps=facts.gaps)
+    show_line(console, ", ".join([text, *notes]))
     return 0
 
 
 def export_command(log: Path, target: Path) -> int:
     """Write `target` and its TOML from a raw log."""
     facts = export_csv(log, target)
-    left_out = f", {facts.damaged} damaged rows left out" if facts.damaged else ""
-    show_line(Console(stderr=True), f"{target}: {facts.samples} samples{left_out}")
+    code = "cli.exported_damaged" if facts.damaged else "cli.exported"
+    show_line(Console(stderr=True), say(code, file=target, samples=facts.samples, damaged=facts.damaged))
     return 0
 
 
@@ -115,7 +117,7 @@ def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
     facts, truth = make_recording(cast(Kind, kind), target, cast(GradeName, grade), seed)
     beside = truth_path(target)
     write_json(beside, truth)
-    show_line(Console(stderr=True), f"{target}: {facts.samples} samples; truth in {beside}")
+    show_line(Console(stderr=True), say("cli.recorded", file=target, samples=facts.samples, truth=beside))
     return 0
 
 

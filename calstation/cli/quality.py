@@ -6,15 +6,15 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
 from calstation.cli.options import existing_folder
-from calstation.cli.show import check_json, emit_json, ignore_progress, job_progress, say, show_line
+from calstation.cli.show import check_json, emit_json, ignore_progress, interval, job_progress, show_line, table
+from calstation.cli.text import say, term
 from calstation.config import load_product
 from calstation.errors import ConfigurationError, InputError
-from calstation.messages import term
+from calstation.messages import Text
 from calstation.physics import NAMES, display, further_parameter, number
 from calstation.quality import (
     LEAST_CATEGORIES,
@@ -55,7 +55,7 @@ def quality_command(
     _check_parameter(parameter)
     check_json(json)
     begin = None if since is None else since.astimezone()
-    with job_progress("reading the runs") as progress:
+    with job_progress(say("cli.reading_runs")) as progress:
         refresh_history(ignore_progress, out)
         summary = summarise_quality(progress, out, product, serial, parameter, begin, relative=relative)
     emit_json(summary.to_json(), json)
@@ -94,10 +94,11 @@ def plan_command(
     plan.save(path)
     emit_json(plan.model_dump(by_alias=True, mode="json"), json)
     if json != "-":
-        table = _table(f"{path}: {len(plan.order)} runs of {name}", "run", "trial", *plan.factors)
+        title = say("cli.plan_title", file=path, runs=len(plan.order), product=name)
+        shown = _table(title, "run", "trial", *("serial" if factor == "unit" else factor for factor in plan.factors))
         for number, each in enumerate(plan.order, 1):
-            table.add_row(str(number), str(each.trial), *(getattr(each, factor) for factor in plan.factors))
-        Console(file=sys.stdout, width=_WIDTH).print(table)
+            shown.add_row(str(number), str(each.trial), *(getattr(each, factor) for factor in plan.factors))
+        Console(file=sys.stdout, width=_WIDTH).print(shown)
     return 0
 
 
@@ -152,14 +153,14 @@ def _show_summary(console: Console, summary: QualitySummary, *, relative: bool) 
         show_line(console, say("quality.yield_runs", share=_share(yields.overall)))
     if yields.first_pass is not None:
         show_line(console, say("quality.yield_first", share=_share(yields.first_pass)))
-    groups = _table("yield", "", "", "passed", "runs", "%", "95 % interval")
+    groups = _table(say("cli.yield"), "", "", "passed", "runs", "percent", "interval")
     for kind in ("products", "stations", "operators"):
         for name, share in getattr(yields, kind).items():
             cells = (str(share.passed), str(share.count), f"{100 * share.value:.1f}", _bounds(share))
-            groups.add_row(kind.removesuffix("s"), name, *cells)
+            groups.add_row(say(f"cli.of_{kind}"), name, *cells)
     if groups.row_count:
         console.print(groups)
-    checks = _table("failed checks", "check", "runs", "cumulative %")
+    checks = _table(say("cli.failed_checks"), "check", "runs", "cumulative")
     for check in yields.failed_checks[:_MOST_CHECKS]:
         checks.add_row(check.name, str(check.runs), f"{100 * check.cumulative:.0f}")
     if checks.row_count:
@@ -169,15 +170,17 @@ def _show_summary(console: Console, summary: QualitySummary, *, relative: bool) 
         _show_charts(console, product, rows, relative=relative)
     for product in dict.fromkeys(each.product for each in summary.golden):
         rows = [each for each in summary.golden if each.product == product]
-        _show_charts(console, f"golden unit {summary.serial}, {product}", rows, relative=relative)
+        title = say("cli.golden_title", serial=summary.serial, product=product)
+        _show_charts(console, title, rows, relative=relative)
 
 
 def _show_charts(console: Console, title: str, rows: Sequence[ParameterQuality], *, relative: bool) -> None:
     """Show center and signals (Nelson's rules N1 to N8) of each parameter, and its capability if it has limits."""
     capable = any(each.capability is not None for each in rows)
-    signals = (*(f"N{rule}" for rule in RULES), "MR", "EWMA", "CUSUM")
-    indices = ("Cpk", "95 % interval", "Ppk", "95 % interval", "outside", "normal") if capable else ()
-    table = _table(title, "parameter", "n", "limits from", "center", "sigma", "unit", *signals, *indices)
+    signals = ("moving_range", "ewma", "cusum")
+    rules = [Text.of("cli.column_rule", rule=rule) for rule in RULES]
+    indices = ("cpk", "interval", "ppk", "interval", "outside", "normal") if capable else ()
+    shown = _table(title, "parameter", "count", "limits_from", "center", "sigma", "unit", *rules, *signals, *indices)
     for each in rows:
         center, sigma, unit = each.process.center, each.process.sigma, "σ"
         if not relative:
@@ -186,39 +189,39 @@ def _show_charts(console: Console, title: str, rows: Sequence[ParameterQuality],
         cells = [str(len(each.names)), known, number(center, sigma) + "*" * each.declared, f"{sigma:.3g}", unit]
         cells += [str(count) if count else "·" for count in each.alarms.values()]
         if (found := each.capability) is not None:
-            cells += [*_index(found.cpk), *_index(found.ppk), str(found.outside), "yes" if found.normal else "no"]
-        table.add_row(each.parameter, *cells)
-    console.print(table)
+            normal = say("cli.yes" if found.normal else "cli.no")
+            cells += [*_index(found.cpk), *_index(found.ppk), str(found.outside), normal]
+        shown.add_row(each.parameter, *cells)
+    console.print(shown)
     if any(each.declared for each in rows):
         show_line(console, say("quality.center_declared"))
 
 
 def _show_study(console: Console, plan: GaugePlan, studies: dict[str, GaugeStudy]) -> None:
-    sizes = [f"{len(getattr(plan, f'{factor}s'))} {factor}s" for factor in plan.factors]
-    title = ", ".join([plan.product, *sizes, f"{plan.trials} trials"])
+    sizes = [say(f"cli.study_{factor}s", count=len(getattr(plan, f"{factor}s"))) for factor in plan.factors]
+    title = ", ".join([plan.product, *sizes, say("cli.study_trials", count=plan.trials)])
     parts = [factor for factor in plan.factors[1:] if len(plan.factors) > 2]
-    headings = ("unit", "EV", *parts, "AV", "INT", "GRR", "95 % interval", "PV", "TV", "% study", "% tol.", "ndc")
-    table = _table(title, "parameter", *headings, "verdict")
+    columns = "interval", "pv", "tv", "of_study", "of_tolerance", "categories", "verdict"
+    shown = _table(title, "parameter", "unit", "ev", *parts, "av", "interaction", "grr", *columns)
     for name, study in studies.items():
         unit, size = display(name, 1.0)[1], 1.0 / display(name, 1.0)[0]
         of_parts = [study.components[factor] for factor in parts]
         sigmas = [study.repeatability, *of_parts, study.reproducibility, study.interaction, study.gauge]
-        cells = ["pooled" if each is None else f"{each.sigma / size:.3g}" for each in sigmas]
-        bounds = f"{study.gauge.low / size:.3g} to {study.gauge.high / size:.3g}"
+        cells = [say("cli.pooled") if each is None else f"{each.sigma / size:.3g}" for each in sigmas]
+        bounds = interval(f"{study.gauge.low / size:.3g}", f"{study.gauge.high / size:.3g}")
         more = [f"{each.sigma / size:.3g}" for each in (study.part, study.total)]
         tolerance = study.gauge.percent_tolerance
         shares = [f"{study.gauge.percent_study:.1f}", "" if tolerance is None else f"{tolerance:.1f}"]
-        categories = str(study.categories) + ("" if study.categories >= LEAST_CATEGORIES else " (few)")
-        table.add_row(name, unit, *cells, bounds, *more, *shares, categories, study.verdict)
-    console.print(table)
+        few = study.categories < LEAST_CATEGORIES
+        categories = say("cli.few_categories", count=study.categories) if few else str(study.categories)
+        shown.add_row(name, unit, *cells, bounds, *more, *shares, categories, say(f"cli.gauge_{study.verdict}"))
+    console.print(shown)
 
 
-def _table(title: str, *headings: str) -> Table:
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    words = ("", "check", "parameter", "unit", "operator", "station", "verdict", "normal")
-    for heading in headings:
-        table.add_column(heading, justify="left" if heading in words else "right", no_wrap=True)
-    return table
+def _table(title: str, *columns: str | Text) -> Table:
+    """Create a table; `columns` are messages, or names of headings without ``cli.column_``."""
+    codes = (f"cli.column_{name}" if isinstance(name, str) and name else name for name in columns)
+    return table(title, *codes, padding=(0, 1, 0, 0))
 
 
 def _share(share: Share) -> str:
@@ -226,8 +229,8 @@ def _share(share: Share) -> str:
 
 
 def _bounds(share: Share) -> str:
-    return f"{100 * share.low:.1f} to {100 * share.high:.1f} %"
+    return interval(f"{100 * share.low:.1f}", f"{100 * share.high:.1f} %")
 
 
 def _index(index: Interval) -> tuple[str, str]:
-    return f"{index.value:.2f}", f"{index.low:.2f} to {index.high:.2f}"
+    return f"{index.value:.2f}", interval(f"{index.low:.2f}", f"{index.high:.2f}")

@@ -2,34 +2,26 @@
 
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import typer
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
 from calstation.cli.confirmation import confirm_registers
 from calstation.cli.run import complain_fault, engine_events
-from calstation.cli.show import check_json, ignore_progress, report, say, show_line
+from calstation.cli.show import check_json, ignore_progress, report, show_line, table
+from calstation.cli.text import say, term
 from calstation.config import RegisterOperation, RunRequest, library, load_station, site_folder
 from calstation.devices.imu import Step
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import ConfigurationError, DeviceFaultError, StoppedError
-from calstation.messages import local_time, term
 from calstation.physics import PARAMETERS, display
 from calstation.registers import Kind, Transfer, UnitRegisters, journal, moves_table, read_unit
 from calstation.sequencer import Fault, Settled
 
-_STATIONS: dict[Kind, str] = {
-    "hardware": "on hardware",
-    "virtual": "on the virtual bench",
-    "unknown": "(written before the station was recorded: counts for hardware and the virtual bench)",
-}
-_CLOSED = {"done": "new registers", "kept": "nothing was written: old registers", "restored": "old registers"}
 _VERIFICATIONS = {Step.TURNED: "turn", Step.AT_REST: "rest", Step.READ_BACK: "read_back"}
 
 
@@ -74,18 +66,17 @@ def read_command(request: RunRequest, json: str | None) -> int:
     unit = read_unit(ignore_progress, request, request.out)
     if unit.serial != request.serial:
         raise DeviceFaultError("cli.other_serial", found=unit.serial, expected=request.serial)
-    station = "virtual bench" if unit.virtual else "hardware"
-    head = f"unit {unit.serial}, {unit.model}, firmware {unit.firmware} ({station});"
-    lines = [f"{head} flash cycles known here: {unit.commits}"]
+    code = "cli.virtual_unit" if unit.virtual else "cli.hardware_unit"
+    values = {"serial": unit.serial, "model": unit.model, "firmware": unit.firmware, "cycles": unit.commits}
+    lines = [say(code, **values)]
     report(unit.to_json(), json, lines if unit.registers else [*lines, say("cli.no_registers")])
     if json != "-" and unit.registers:
-        table = Table(box=SIMPLE_HEAD, padding=(0, 1))
-        for heading in ("register", "parameter", "value", "unit", "stored as"):
-            table.add_column(heading, justify="right" if heading in ("register", "value") else "left", no_wrap=True)
+        columns = "cli.column_register", "cli.column_parameter", "cli.column_value", "cli.column_unit"
+        shown = table("", *columns, "cli.column_stored_as")
         for row in unit.registers:
             value, name = display(row.parameter, row.value)
-            table.add_row(str(row.address), row.parameter, f"{value:.4f}", name, row.raw)
-        Console(file=sys.stdout).print(table)
+            shown.add_row(str(row.address), row.parameter, f"{value:.4f}", name, row.raw)
+        Console(file=sys.stdout).print(shown)
     return 0
 
 
@@ -114,7 +105,7 @@ def operate_command(
     registers = UnitRegisters.of(settled.unit).values
     row = {"serial": settled.serial, "closing": settled.closing, "proof": proof, "registers": registers}
     verified = f", {term('proof', proof)}" if proof else ""
-    report(row, json, [f"{settled.serial}: {_CLOSED[settled.closing]}{verified}"])
+    report(row, json, [f"{settled.serial}: {say(f'cli.closed_{settled.closing}')}{verified}"])
     return 0
 
 
@@ -123,7 +114,7 @@ def _confirm(operation: RegisterOperation, yes: bool) -> None:
     moves = moves_table(operation)
     _, station = load_station(operation.request.station)
     values = {"station": station.name, "serial": operation.request.serial}
-    what = say(f"cli.{operation.what}")
+    what = say(f"cli.operate_{operation.what}")
     how = say("cli.moves" if moves else "cli.at_rest", **values)
     show_line(Console(stderr=True), f"{what} {how}")
     question = say("cli.confirm_moves" if moves else "cli.confirm_at_rest", **values)
@@ -133,14 +124,14 @@ def _confirm(operation: RegisterOperation, yes: bool) -> None:
 
 def _lines(unit: _UnitTransfers) -> Iterator[str]:
     """Yield the lines that describe a unit's transfers, each id on a separate short line."""
-    yield f"unit {unit.serial} {_STATIONS[unit.kind]}, {unit.cycles} flash cycles by this station"
+    yield say(f"cli.transfers_{unit.kind}", serial=unit.serial, cycles=unit.cycles)
     for t in unit.transfers:
         yield f"  {t.id}  {_closing(t)}"
-        yield f"    {local_time(t.utc, zone=True)}{f', by {t.by}' if t.by else ''}, for {t.why} {t.source}".rstrip()
+        reason = f"{t.why} {t.source}".rstrip()
+        yield "    " + say("cli.transfer_by" if t.by else "cli.transfer_at", utc=t.utc, by=t.by, reason=reason)
         if t.unit_type.profile:
-            kind = t.unit_type
-            yield f"    a {kind.model}, with IMU profile '{kind.profile}' of product '{kind.product}'"
-        yield f"    largest change: {_change(t)}"
+            yield "    " + say("cli.transfer_unit", **asdict(t.unit_type))
+        yield "    " + say("cli.largest_change", change=_change(t))
 
 
 def _closing(transfer: Transfer) -> str:
@@ -155,7 +146,7 @@ def _closing(transfer: Transfer) -> str:
 def _change(transfer: Transfer) -> str:
     name = largest_change(transfer)
     if name is None:
-        return "none"
+        return say("cli.none")
     (before, unit), (after, _) = display(name, transfer.old.get(name, 0.0)), display(name, transfer.new[name])
     return f"{name} {before:.4g} → {after:.4g} {unit}".rstrip()
 

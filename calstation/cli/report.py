@@ -7,10 +7,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from calstation.cli.confirmation import ask_people
-from calstation.cli.show import say, show_line
+from calstation.cli.show import show_line
+from calstation.cli.text import say, term
 from calstation.config import computer_user
 from calstation.errors import ConfigurationError
-from calstation.messages import Language, term
+from calstation.messages import Language
 from calstation.reports import ReportRequest, issue_report
 
 #: Languages of a report by the value of `--language`.

@@ -15,7 +15,8 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 from rich.table import Table
 
 from calstation.cli.errors import command_options, complain, complete_commands, station_options
-from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, result_table, say, show_line
+from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, result_table, show_line
+from calstation.cli.text import say, sentence, term
 from calstation.config import (
     RegisterOperation,
     RunRequest,
@@ -26,7 +27,7 @@ from calstation.config import (
 )
 from calstation.database import Claim, start_exchange
 from calstation.errors import ConfigurationError, StoppedError
-from calstation.messages import Text, event_text, render, sentence, step_text, term
+from calstation.messages import Text, event_text, step_text
 from calstation.records import RunSection, open_log
 from calstation.results import Result
 from calstation.runs import INTERNAL, Engine, filled, serial_of
@@ -54,8 +55,8 @@ _END_STAGE = "e"
 #: Exit code by outcome; a fault exits with 3.
 _EXIT_CODES = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
 
-#: Text for the result of a stage's innovation test, None if it had nothing to test.
-_CONSISTENCY = {True: "consistent", False: "NOT consistent", None: "consistency not tested"}
+#: Code of the result of a stage's innovation test, None if it had nothing to test.
+_CONSISTENCY = {True: "cli.consistent", False: "cli.not_consistent", None: "cli.consistency_untested"}
 
 
 def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
@@ -169,9 +170,9 @@ def complain_fault(fault: Fault, request: RunRequest, *, debug: bool) -> int:
     """Show the fault that ended the engine's job, with its remedy, and return the exit code."""
     if fault.code:
         options = command_options(request.station, request.product, request.out, request.slot)
-        complain(render(fault.code, {**fault.values, **options}).line)
+        complain(sentence(Text(fault.code, {**fault.values, **options})))
     elif fault.kind == INTERNAL and not debug:
-        complain(f"internal error: {fault.text.strip().splitlines()[-1]} (--debug shows where)")
+        complain(say("cli.internal", words=fault.text.strip().splitlines()[-1]))
     else:
         complain(fault.text)
     return fault.exit_code
@@ -186,15 +187,16 @@ def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> No
     show_line(console, f"{result.serial}: {sentence(outcome_text(verdict.outcome, result))}")
     if result.cycle:
         show_line(console, _cycle_line(result.cycle_seconds))
-    show_line(console, f"log: {verdict.log}")
-    show_line(console, f"result: {verdict.result_file}")
+    show_line(console, say("cli.log_file", file=verdict.log))
+    show_line(console, say("cli.result_file", file=verdict.result_file))
     if result.advice == "resume":
         show_line(console, _to_resume(verdict, request))
 
 
 def _to_resume(verdict: Verdict, request: RunRequest) -> str:
     command = shlex.join(["calstation", "run", "--resume", verdict.log])
-    return f"to resume: {command} {station_options(request.station, request.product)}".rstrip()
+    options = station_options(request.station, request.product)
+    return say("cli.to_resume", command=f"{command} {options}".rstrip())
 
 
 def _show_batch(verdicts: Sequence[Verdict], json: str | None, request: RunRequest) -> None:
@@ -203,10 +205,10 @@ def _show_batch(verdicts: Sequence[Verdict], json: str | None, request: RunReque
     emit_json([verdict.result for verdict in verdicts], json)
     console = Console(stderr=json == "-")
     table = Table(title=results[0].batch, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
-    for heading in ("slot", "unit", "verdict", "why", "result"):
-        table.add_column(heading, overflow="fold")
+    for code in ("cli.column_slot", "cli.column_serial", "cli.column_verdict", "cli.column_why", "cli.column_result"):
+        table.add_column(say(code), overflow="fold")
     for verdict, result in zip(verdicts, results, strict=True):
-        row = (verdict.slot, result.serial, verdict.outcome.upper(), _why(verdict.outcome, result))
+        row = (verdict.slot, result.serial, say(f"cli.outcome_{verdict.outcome}"), _why(verdict.outcome, result))
         table.add_row(*row, Path(verdict.result_file).name)
     console.print(table)
     longest = max((result.cycle_seconds for result in results), key=lambda cycle: sum(cycle.values()))
@@ -216,7 +218,7 @@ def _show_batch(verdicts: Sequence[Verdict], json: str | None, request: RunReque
         if result.advice == "resume":
             show_line(console, _to_resume(verdict, request))
     for folder in {str(Path(verdict.result_file).parent) for verdict in verdicts}:
-        show_line(console, f"logs and results: {folder}")
+        show_line(console, say("cli.run_folder", folder=folder))
 
 
 def _why(outcome: str, result: Result) -> str:
@@ -293,7 +295,7 @@ class _Display:
             self._bars[event.stage] = self.progress.add_task(
                 event.stage, total=1.0, number=number, left=_left(event.duration), now=""
             )
-            self._line(f"{number} {event.stage}: {_minutes(event.duration)} of device time")
+            self._line(say("cli.stage_begins", number=number, stage=event.stage, time=_minutes(event.duration)))
             if event.repeated and sys.stdin.isatty():
                 show_line(self._console, say("cli.end_stage", stage=event.stage, key=_END_STAGE))
         elif isinstance(event, StageProgress):
@@ -303,15 +305,16 @@ class _Display:
         elif isinstance(event, PositionGuided):
             self._update(event.stage, now=_guided(event))
         elif isinstance(event, StageSolved):
-            found = f"{len(event.parameters)} parameters, {_CONSISTENCY[event.consistency['passed']]}"
-            self._update(event.stage, completed=1.0, left="done", now=found)
+            consistency = say(_CONSISTENCY[event.consistency["passed"]])
+            found = say("cli.stage_solved", count=len(event.parameters), consistency=consistency)
+            self._update(event.stage, completed=1.0, left=say("cli.done"), now=found)
             self._line(_of_slot(event, f"{event.stage}: {found}"))
         elif isinstance(event, Message):
             text = sentence(event_text(event.id, event.values))
             self._console.print(_of_slot(event, text), highlight=False, markup=False)
         elif isinstance(event, Fault) and event.slot and event.code:
             values = {**event.values, **self._options, "slot_option": f" --slot {event.slot}"}
-            show_line(self._console, _of_slot(event, render(event.code, values).line))
+            show_line(self._console, _of_slot(event, sentence(Text(event.code, values))))
         elif isinstance(event, StateChanged) and event.state in ("pausing", "paused", "stopping"):
             self._console.print(f"{say(f'state.{event.state}')}.", highlight=False)
 
@@ -326,7 +329,7 @@ class _Display:
 
 def _of_slot(event: Event, text: str) -> str:
     """Return a text with the slot of the unit concerned, if any."""
-    return f"slot {event.slot}: {text}" if event.slot else text
+    return say("cli.of_slot", slot=event.slot, text=text) if event.slot else text
 
 
 def _guided(event: PositionGuided) -> str:
@@ -337,7 +340,7 @@ def _guided(event: PositionGuided) -> str:
 
 
 def _left(seconds: float) -> str:
-    return f"{_minutes(seconds)} left"
+    return say("cli.time_left", time=_minutes(seconds))
 
 
 def _minutes(seconds: float) -> str:

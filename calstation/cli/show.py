@@ -16,22 +16,25 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from calstation.cli.text import say, sentence, term
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
-from calstation.messages import Value, known, render, sentence, term
+from calstation.messages import Text, known
 from calstation.physics import DEGREE, display, display_by_unit, number
 from calstation.records import Check
 from calstation.results import PositionResidual, Result, cause_text, write_json
 
 #: Marks of a rest or move with notable residuals, or with residuals that contradict the model.
 _MARKS = {"good": "", "caution": "!", "bad": "!!"}
+#: Columns of texts.
+_TEXTS = (
+    *("", "cli.column_parameter", "cli.column_unit", "cli.column_verdict", "cli.column_rest", "cli.column_group"),
+    *("cli.column_stored_as", "cli.column_serial", "cli.column_product", "cli.column_station", "cli.column_operator"),
+    *("cli.column_month", "cli.column_start", "cli.column_before", "cli.column_after", "cli.column_failed_checks"),
+    *("cli.column_check", "cli.column_normal", "cli.column_fault"),
+)
 #: Largest width of the table of residuals, characters.
 _TABLE_WIDTH = 200
-
-
-def say(code: str, **values: Value) -> str:
-    """Return the English sentences of a catalogue entry."""
-    return render(code, values).sentences
 
 
 def show_line(console: Console, text: str) -> None:
@@ -110,24 +113,39 @@ def on_line(line: str, action: Callable[[], object]) -> None:
         threading.Thread(target=listen, name="keyboard", daemon=True).start()
 
 
+def table(title: str, *columns: str | Text, **style: Any) -> Table:
+    """Create a table; `columns` are headings, codes or messages, "" for none. Columns of texts are left-aligned."""
+    made = Table(title=title, title_justify="left", box=SIMPLE_HEAD, **{"padding": (0, 1), **style})
+    for column in columns:
+        heading = sentence(column) if isinstance(column, Text) else column and say(column)
+        made.add_column(heading, justify="left" if column in _TEXTS else "right", no_wrap=True)
+    return made
+
+
+def interval(low: str, high: str) -> str:
+    """Return the text of an interval."""
+    return say("cli.interval", low=low, high=high)
+
+
 def result_table(console: Console, result: Result) -> None:
     """Show every parameter with its sigma, unit, limit and verdict, then the other checks and the decision rule."""
-    table = Table(title=f"unit {result.serial}", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
-    table.add_column("parameter", no_wrap=True, min_width=19)
     narrowed = any(check.acceptance for check in result.checks)  # by the decision rule; the JSON contains both
-    for heading in ("value", "sigma", "unit", "accepted" if narrowed else "limit", "≤ sigma"):
-        table.add_column(heading, justify="left" if heading == "unit" else "right", no_wrap=True)
-    table.add_column("verdict")
+    shown = table(
+        say("cli.unit_title", serial=result.serial),
+        *("cli.column_parameter", "cli.column_value", "cli.column_sigma", "cli.column_unit"),
+        *("cli.column_accepted" if narrowed else "cli.column_limit", "cli.column_sigma_limit", "cli.column_verdict"),
+    )
+    shown.columns[0].min_width = 19
     limits = {(c.kind, c.subject): c for c in result.checks if c.kind in ("within", "sigma_below")}
     for name, row in result.parameters.items():
         (value, unit), sigma = display(name, row.value), display(name, row.sigma)[0]
         within, below = limits.pop(("within", name), None), limits.pop(("sigma_below", name), None)
-        interval = "" if within is None else _interval(name, within.compared_with)
+        limits_text = "" if within is None else _interval(name, within.compared_with)
         largest = "" if below is None else f"{display(name, _bounds(below)[-1])[0]:.3g}"
         verdict = _verdict(name in result.undetermined, [c for c in (within, below) if c is not None])
-        table.add_row(name, number(value, sigma), f"{sigma:.2g}", unit, interval, largest, verdict)
+        shown.add_row(name, number(value, sigma), f"{sigma:.2g}", unit, limits_text, largest, verdict)
     if result.parameters:
-        console.print(table)
+        console.print(shown)
     for check in result.checks:
         if check.kind not in ("within", "sigma_below") or (check.kind, check.subject) in limits:
             console.print(_check_line(check), highlight=False)
@@ -135,33 +153,23 @@ def result_table(console: Console, result: Result) -> None:
             console.print(f"  {sentence(cause)}", highlight=False)
     if result.conformity is not None:
         worst, found = max(result.conformity.parameters.items(), key=lambda each: each[1].probability)
-        kind = "accept" if found.accepted else "reject"
-        line = say(f"cli.conformity_{kind}", rule=result.conformity.rule, name=worst, percent=100.0 * found.probability)
-        console.print(line, highlight=False, soft_wrap=True)
+        code = "cli.conformity_accept" if found.accepted else "cli.conformity_reject"
+        text = say(code, rule=result.conformity.rule, name=worst, percent=100.0 * found.probability)
+        console.print(text, highlight=False, soft_wrap=True)
 
 
 def residual_table(stage: str, rows: Sequence[PositionResidual]) -> None:
     """Show the residuals of a stage per rest and move, in sigmas."""
     if not rows:
         return
-    table = Table(title=term("stage", stage), title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
-    for heading in (
-        "",
-        "rest or move",
-        "s",
-        "excess σ",
-        "mean σ",
-        "error there",
-        "σ",
-        "force σ",
-        "vert. σ",
-        "horiz. σ",
-    ):
-        left = heading in ("", "rest or move")
-        table.add_column(heading, justify="left" if left else "right", no_wrap=True)
+    shown = table(
+        term("stage", stage),
+        *("", "cli.column_rest", "cli.column_seconds", "cli.column_excess", "cli.column_mean", "cli.column_error"),
+        *("cli.column_error_sigma", "cli.column_force", "cli.column_vertical", "cli.column_horizontal"),
+    )
     for row in rows:
         component = term("residual", row.component_name)
-        table.add_row(
+        shown.add_row(
             _MARKS[row.state],
             sentence(row.text),
             f"{row.duration:.1f}",
@@ -171,7 +179,7 @@ def residual_table(stage: str, rows: Sequence[PositionResidual]) -> None:
             "" if row.channel is None else _sigmas(row.error / row.error_sigma),
             *(_sigmas(value) for value in (row.force, row.vertical_rate, row.horizontal_rate)),
         )
-    Console(file=sys.stdout, width=_TABLE_WIDTH).print(table)
+    Console(file=sys.stdout, width=_TABLE_WIDTH).print(shown)
 
 
 def _channel_error(row: PositionResidual) -> str:
@@ -187,14 +195,16 @@ def _sigmas(value: float) -> str:
 
 
 def _check_line(check: Check) -> str:
-    verdict = "OUTSIDE" if not check.passed else "ok, near its limit" if check.near_miss else "ok"
+    verdict = "cli.verdict_outside" if not check.passed else "cli.verdict_near" if check.near_miss else "cli.verdict_ok"
     unit, size = ("°", DEGREE) if check.kind == "latitude" else (check.unit, 1.0)
     unit = "" if unit == "1" else f" {unit}"
-    where = f" at {check.where}" if str(check.where) else ""
+    where = say("cli.at_where", where=check.where) if str(check.where) else ""
     code = f"cli.check_{check.kind}"
     name = say(code) if known(code) else check.name
-    shown = " to ".join(f"{bound / size:.4g}" for bound in _bounds(check))
-    return f"{name}: {check.value / size:.4g}{unit}{where} (limit {shown}{unit})  {verdict}"
+    bounds = [f"{bound / size:.4g}" for bound in _bounds(check)]
+    values = {"name": name, "value": f"{check.value / size:.4g}{unit}", "where": where, "verdict": say(verdict)}
+    limit = interval(*bounds) if len(bounds) == 2 else bounds[0]
+    return say("cli.checked", **values, limit=f"{limit}{unit}")
 
 
 def _bounds(check: Check) -> tuple[float, ...]:
@@ -202,14 +212,14 @@ def _bounds(check: Check) -> tuple[float, ...]:
 
 
 def _interval(name: str, limit: float | tuple[float, float]) -> str:
-    interval = limit if isinstance(limit, tuple) else (-math.inf, limit)
-    low, high = (display(name, bound)[0] for bound in interval)
-    return f"±{high:.4g}" if low == -high else f"{low:.4g} to {high:.4g}"
+    bounds = limit if isinstance(limit, tuple) else (-math.inf, limit)
+    low, high = (display(name, bound)[0] for bound in bounds)
+    return f"±{high:.4g}" if low == -high else interval(f"{low:.4g}", f"{high:.4g}")
 
 
 def _verdict(unobservable: bool, checks: list[Check]) -> str:
     if unobservable:
-        return "not determined"
+        return say("cli.verdict_lost")
     if not checks:
         return ""
-    return "ok" if all(check.passed for check in checks) else "OUTSIDE"
+    return say("cli.verdict_ok" if all(check.passed for check in checks) else "cli.verdict_outside")

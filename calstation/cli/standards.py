@@ -6,7 +6,8 @@ from math import degrees
 from pathlib import Path
 from typing import Any
 
-from calstation.cli.show import check_json, ignore_progress, report, say
+from calstation.cli.show import check_json, ignore_progress, report
+from calstation.cli.text import say
 from calstation.config import load_product, load_station
 from calstation.physics import display
 from calstation.quality import BASELINE, POWER, Due, StandardHistory, StandardState, TableChart, station_quality

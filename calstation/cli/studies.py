@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, cast, get_args
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from calstation.cli.errors import complain
-from calstation.cli.show import check_json, emit_json, on_interrupt, show_line
+from calstation.cli.show import check_json, emit_json, interval, on_interrupt, show_line, table
+from calstation.cli.text import say
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.physics import DISPLAY
 from calstation.simulation import SEEDS, GradeName, Soak, run_method_study, run_study, soak
@@ -20,17 +20,10 @@ from calstation.simulation import SEEDS, GradeName, Soak, run_method_study, run_
 #: Default number of units per grade in the study of a method.
 _METHOD_SEEDS = 30
 
+#: Totals of a soak test: keys of the JSON.
 _TOTALS = (
-    ("runs", "runs"),
-    ("faults injected", "faults_injected"),
-    ("runs recovered", "recovered"),
-    ("runs stopped safely", "stopped_safely"),
-    ("wrong verdicts", "wrong_verdicts"),
-    ("table not left safe", "unsafe"),
-    ("hung", "hung"),
-    ("lost records", "lost_records"),
-    ("samples", "samples"),
-    ("samples lost", "samples_lost"),
+    *("runs", "faults_injected", "recovered", "stopped_safely", "wrong_verdicts"),
+    *("unsafe", "hung", "lost_records", "samples", "samples_lost"),
 )
 
 
@@ -39,20 +32,15 @@ def study_command(grade: str | None, seeds: int | None, json: str | None) -> int
     _check_options(grade, seeds, tuple(SEEDS))
     check_json(json)
     with _units_bar() as bar:
-        study = run_study(cast(GradeName | None, grade), seeds, _follow(bar, "units"))
+        study = run_study(cast(GradeName | None, grade), seeds, _follow(bar, say("cli.simulated_units")))
     emit_json(study, json)
     if json != "-":
         console = Console(file=sys.stdout)
         for row in study["rows"]:
-            title = f"{row['grade']}: {row['case']}, {row['units']} units"
-            _show_groups(console, title, row)
-            nees = row["nees"]
-            console.print(
-                f"NEES {nees['mean']:.3f} ({nees['low']:.3f} to {nees['high']:.3f}), "
-                f"error over bound {row['bound_ratio']:.3f} (limit {row['bound_limit']:.3f}): "
-                f"{'passed' if row['passed'] else 'FAILED'}",
-                highlight=False,
-            )
+            _show_groups(console, say("cli.study_title", grade=row["grade"], case=row["case"], units=row["units"]), row)
+            bound = {"ratio": row["bound_ratio"], "limit": row["bound_limit"]}
+            text = say("cli.study_passed" if row["passed"] else "cli.study_failed", **row["nees"], **bound)
+            console.print(text, highlight=False)
     return 0 if study["passed"] else 1
 
 
@@ -70,8 +58,8 @@ def method_study_command(method: str, grade: str | None, seeds: int | None, json
     emit_json({"rows": rows, "passed": passed}, json)
     if json != "-":
         for row in rows:
-            title = f"{row['method']}: {row['grade']}, {row['units']} units, consistency {row['consistency']:.2f}"
-            _show_groups(Console(file=sys.stdout), title, row)
+            values = {name: row[name] for name in ("method", "grade", "units", "consistency")}
+            _show_groups(Console(file=sys.stdout), say("cli.method_study_title", **values), row)
     return 0 if passed else 1
 
 
@@ -85,7 +73,7 @@ def soak_command(runs: int, seed: int, json: str | None, *, full: bool, keep: Pa
 
     def stop() -> None:
         interrupted.append(True)
-        complain("ending after this run")
+        complain(say("cli.soak_ending"))
 
     with tempfile.TemporaryDirectory(prefix="calstation-soak-") as temporary, on_interrupt(stop):
         done = _soak(runs, seed, Path(temporary) if keep is None else keep, full, interrupted)
@@ -115,23 +103,20 @@ def _follow(bar: Progress, name: str) -> Callable[[int, int], None]:
 
 
 def _show_groups(console: Console, title: str, row: Mapping[str, Any]) -> None:
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
-    table.add_column("group", no_wrap=True)
     more = [key for key in ("largest", "cost") if all(key in group for group in row["groups"].values())]
-    for heading in ("sigma", "error/sigma", "band", *more):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
+    columns = "cli.column_group", "cli.column_sigma", "cli.column_error_ratio", "cli.column_band"
+    shown = table(title, *columns, *(f"cli.column_{key}" for key in more), "cli.column_verdict")
     for name, group in row["groups"].items():
         unit, size = DISPLAY[name]
-        table.add_row(
+        shown.add_row(
             name,
             f"{group['sigma'] / size:.3g} {unit}",
             f"{group['rms']:.3f}",
-            f"{group['low']:.3f} to {group['high']:.3f}",
+            interval(f"{group['low']:.3f}", f"{group['high']:.3f}"),
             *(f"{group[key]:.2f}" for key in more),
-            "ok" if group["passed"] else "OUTSIDE",
+            say("cli.verdict_ok" if group["passed"] else "cli.verdict_outside"),
         )
-    console.print(table)
+    console.print(shown)
 
 
 def _soak(runs: int, seed: int, folder: Path, full: bool, interrupted: list[bool]) -> Soak:
@@ -139,35 +124,34 @@ def _soak(runs: int, seed: int, folder: Path, full: bool, interrupted: list[bool
     text, now = TextColumn("{task.description}"), TextColumn("{task.fields[now]}")
     columns = (text, BarColumn(30), MofNCompleteColumn(), TimeElapsedColumn(), now)
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task("soak", total=runs, now="")
+        task = bar.add_task(say("cli.soak"), total=runs, now="")
 
         def on_run(done: Soak) -> None:
             last = done.runs[-1]
-            what = ", ".join(last.injected) or "no fault"
+            what = ", ".join(last.injected) or say("cli.soak_no_fault")
             bar.update(task, advance=1, now=f"{last.outcome} ({what})")
-            how = f"{last.outcome} in {last.seconds:.0f} s ({last.planned.devices})"
+            values = {"number": last.planned.number + 1, "seed": last.planned.seed, "devices": last.planned.devices}
             if not console.is_terminal:
-                show_line(console, f"{last.planned.number + 1}/{runs} {how}: {what}")
-            for text in (*last.wrong, *last.lost, *(["the table was not left safe"] if last.unsafe else [])):
-                console.print(f"run {last.planned.number + 1}, seed {last.planned.seed}: {text}", markup=False)
+                outcome = {"outcome": last.outcome, "seconds": last.seconds, "runs": runs, "faults": what}
+                show_line(console, say("cli.soak_run", **values, **outcome))
+            for text in (*last.wrong, *last.lost, *([say("cli.soak_unsafe_run")] if last.unsafe else [])):
+                console.print(say("cli.soak_problem", **values, problem=text), markup=False)
 
         return soak(runs, seed, folder, full=full, on_run=on_run, stopping=lambda: bool(interrupted))
 
 
 def _show_soak(console: Console, counts: dict[str, Any]) -> None:
-    table = Table(title=f"soak, seed {counts['seed']}", title_justify="left", box=SIMPLE_HEAD)
-    table.add_column("fault")
-    for heading in ("injected", "runs recovered", "stopped safely"):
-        table.add_column(heading, justify="right")
+    columns = "cli.column_fault", "cli.column_injected", "cli.column_recovered", "cli.column_stopped_safely"
+    shown = table(say("cli.soak_title", seed=counts["seed"]), *columns)
     for kind, row in counts["faults"].items():
-        table.add_row(kind, *(str(row[name]) for name in ("injected", "recovered", "stopped_safely")))
-    console.print(table)
+        shown.add_row(kind, *(str(row[name]) for name in ("injected", "recovered", "stopped_safely")))
+    console.print(shown)
     totals = Table(box=None, show_header=False)
     totals.add_column()
     totals.add_column(justify="right")
-    for label, name in _TOTALS:
-        totals.add_row(label, f"{counts[name]}")
-    for label, name in (("engine memory", "engine_memory_mb"), ("parent memory", "parent_memory_mb")):
-        totals.add_row(f"{label}, first tenth → last", "{first:.0f} → {last:.0f} MB".format(**counts[name]))
-    totals.add_row("a run", f"{counts['seconds_per_run']:.1f} s")
+    for name in _TOTALS:
+        totals.add_row(say(f"cli.soak_{name}"), f"{counts[name]}")
+    for name in ("engine_memory_mb", "parent_memory_mb"):
+        totals.add_row(say(f"cli.soak_{name}"), "{first:.0f} → {last:.0f} MB".format(**counts[name]))
+    totals.add_row(say("cli.soak_seconds"), f"{counts['seconds_per_run']:.1f} s")
     console.print(totals)

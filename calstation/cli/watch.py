@@ -10,7 +10,8 @@ from typing import Any
 
 from rich.console import Console
 
-from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, say, show_line
+from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, show_line
+from calstation.cli.text import say, sentence
 from calstation.config import RunRequest, load_station, pair_folder, resolve_pair
 from calstation.connection import LineServer, open_pair
 from calstation.errors import ConfigurationError, InputError, StoppedError
@@ -60,7 +61,7 @@ class _LinesFile:
             self._file.write(line)
         except OSError as exc:
             self.failed = True
-            show_line(self._out, str(self._error(exc)))
+            show_line(self._out, sentence(self._error(exc).as_text))
 
     def close(self) -> None:
         """Close the file."""
@@ -189,20 +190,19 @@ def _show_checks(out: Console, watched: PairWatchResult) -> None:
     """Print the last check of every sensor and its verdict."""
     for number, check in watched.checks.items():
         for sensor in SENSORS:
-            verdict = {"out_of_tolerance": "OFF"}.get(
-                watched.verdicts[number][sensor], watched.verdicts[number][sensor]
-            )
-            _show_check(out, f"imu{number} {sensor}", sensor, check.secondary[sensor], verdict)
+            verdict = watched.verdicts[number][sensor]
+            _show_check(out, f"imu{number}", sensor, check.secondary[sensor], verdict)
         for sensor in check.primary_out_of_tolerance:
-            _show_check(out, f"primary {sensor}", sensor, check.primary[sensor], "OFF")
+            _show_check(out, say("cli.primary"), sensor, check.primary[sensor], "out_of_tolerance")
     if not watched.checks:
         show_line(out, say("cli.no_rest"))
 
 
-def _show_check(out: Console, name: str, sensor: str, shown: RestDeviation, verdict: str) -> None:
+def _show_check(out: Console, imu: str, sensor: str, shown: RestDeviation, verdict: str) -> None:
     size, unit = _unit(sensor, shown.limit)
     value, limit = (f"{_plain(x / size)} {unit}" for x in (shown.value, shown.limit))
-    show_line(out, f"{name}: {value} at rest (threshold {limit})  {verdict}")
+    values = {"name": f"{imu} {sensor}", "value": value, "limit": limit, "verdict": say(f"cli.pair_{verdict}")}
+    show_line(out, say("cli.pair_check", **values))
 
 
 def _unit(sensor: str, limit: float) -> tuple[float, str]:

@@ -10,7 +10,7 @@ def window_command(run: Callable[[], int]) -> int:
     """Open the window; if there is no screen, call `run`. Returns the exit code."""
     if not has_screen():
         from calstation.cli.errors import complain
-        from calstation.cli.show import say
+        from calstation.cli.text import say
 
         complain(say("cli.no_screen"))
         return run()

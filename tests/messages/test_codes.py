@@ -26,6 +26,7 @@ COMPUTED = {
     "calstation/connection/link_test.py",
     "calstation/database/connect.py",
     "calstation/gui/engineer/schedule_form.py",
+    "calstation/gui/operator/page.py",
     "calstation/gui/settings/fields.py",
 }
 
@@ -54,6 +55,13 @@ _INTERNAL = {
 #: Base classes of errors, and the family that completes the short id of other messages.
 _ERRORS = {"CalstationError", "EntryError"}
 _SHORT = {"Message": "event", "Finding": "finding"}
+
+
+#: Folders of the window and the command line.
+INTERFACES = ("calstation/gui/", "calstation/cli/")
+
+#: Functions and classes of the window that take a code without values, and the index of this argument.
+TAKES_CODE = {"label": 0, "bind": 1, "button": 1, "Choice": 1, "Column": 0, "JobRow": 2}
 
 
 @dataclass(frozen=True)
@@ -167,12 +175,12 @@ def sites() -> tuple[Site, ...]:
         elif isinstance(function, ast.FunctionDef):
             passed[path if function.name.startswith("_") else "", function.name] = position
     for path, call, function in made:
-        everywhere = passed.get(("", _name(call))) if isinstance(call.func, ast.Name) else None
-        position = passed.get((path, _name(call)), everywhere)
+        everywhere = passed.get(("", call_name(call))) if isinstance(call.func, ast.Name) else None
+        position = passed.get((path, call_name(call)), everywhere)
         if position is not None and position < len(call.args):
             codes = literals(call.args[position], function)
             if codes or _parameter(call.args[position], function) is None:
-                found.append(Site(f"{path}:{call.lineno}", _name(call), codes, None))
+                found.append(Site(f"{path}:{call.lineno}", call_name(call), codes, None))
     return tuple(found)
 
 
@@ -184,16 +192,21 @@ def _parameter(node: ast.expr, function: ast.AST | None) -> int | None:
     return names.index(node.id) if node.id in names else None
 
 
-def _name(call: ast.Call) -> str:
+def call_name(call: ast.Call) -> str:
+    """Return the name of the function that is called."""
     function = call.func
     return function.id if isinstance(function, ast.Name) else getattr(function, "attr", "")
 
 
 def _site(where: str, call: ast.Call, errors: set[str], function: ast.AST | None) -> Site | None:
-    name = _name(call)
+    name = call_name(call)
+    if where.startswith(INTERFACES) and (name in TAKES_CODE or name == "say"):
+        code = call.args[index] if (index := TAKES_CODE.get(name, 0)) < len(call.args) else None
+        codes = literals(code, function) if code is not None else ()
+        return Site(where, name, codes, keywords(call) if name == "say" else frozenset()) if any(codes) else None
     if name not in {*errors, *_SHORT, "of", "Text"} or not call.args or isinstance(call.args[0], ast.Starred):
         return None
-    if isinstance(call.args[0], ast.Attribute | ast.Subscript) and name in errors:
+    if isinstance(call.args[0], ast.Attribute | ast.Subscript) and name in {*errors, "Text"}:
         return None  # the code of another error
     codes = literals(call.args[0], function)
     second = call.args[1] if len(call.args) > 1 else None
@@ -237,7 +250,7 @@ def test_every_message_has_the_values_of_its_placeholders() -> None:
         for site in sites()
         for code in site.codes
         if site.names is not None
-        and len(site.codes) == 1
+        and len(site.codes) <= 2
         and known(code)
         and not all_placeholders(entry(code)) <= site.names
     ]
@@ -249,7 +262,7 @@ def test_every_entry_is_in_both_languages() -> None:
 
 
 def test_chinese_texts_contain_no_english_sentences_or_library_messages() -> None:
-    names = re.compile(r"Modbus (TCP|RTU)|calstation [a-z]+( [a-z]+)?|--stages [a-z,]+")
+    names = re.compile(r"Modbus (TCP|RTU)|calstation [a-z]+( [a-z]+)*( --\w+ [\w.]+)*|--stages [a-z,]+")
     for found in all_entries():
         for text in (found.zh, found.zh_remedy):
             plain = names.sub("", re.sub(r"\{[^{}]*\}", "", text))
