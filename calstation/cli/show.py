@@ -26,7 +26,7 @@ from calstation.results import PositionResidual, Result, cause_text, write_json
 
 #: Marks of a rest or move with notable residuals, or with residuals that contradict the model.
 _MARKS = {"good": "", "caution": "!", "bad": "!!"}
-#: Columns of texts.
+#: Headings of columns of texts, which are left-aligned.
 _TEXTS = (
     *("", "cli.column_parameter", "cli.column_unit", "cli.column_verdict", "cli.column_rest", "cli.column_group"),
     *("cli.column_stored_as", "cli.column_serial", "cli.column_product", "cli.column_station", "cli.column_operator"),
