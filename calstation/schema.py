@@ -1,6 +1,7 @@
 """Read TOML files into validated pydantic models, and report errors with file, entry and remedy."""
 
 import difflib
+import math
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
@@ -10,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from calstation.errors import CalstationError, ConfigurationError
@@ -27,6 +28,16 @@ class StrictModel(BaseModel):
     """Base class of all configuration models: frozen, no unknown keys, no NaN, no silent conversions."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+#: A number in a result JSON; a non-finite one is ``null`` there.
+Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
+
+
+class ResultSection(BaseModel):
+    """A section of a result JSON. Keys from other versions of the program are kept."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", populate_by_name=True, arbitrary_types_allowed=True)
 
 
 class EntryError(ValueError):

@@ -162,7 +162,7 @@ def _show_summary(console: Console, summary: QualitySummary, *, relative: bool) 
         console.print(groups)
     checks = _table(say("cli.failed_checks"), "check", "runs", "cumulative")
     for check in yields.failed_checks[:_MOST_CHECKS]:
-        checks.add_row(check.name, str(check.runs), f"{100 * check.cumulative:.0f}")
+        checks.add_row(check.id.name, str(check.runs), f"{100 * check.cumulative:.0f}")
     if checks.row_count:
         console.print(checks)
     for product in dict.fromkeys(each.product for each in summary.parameters):

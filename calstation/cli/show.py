@@ -19,10 +19,10 @@ from rich.table import Table
 from calstation.cli.text import say, sentence, term
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
+from calstation.judgement import Check
 from calstation.messages import Text, known
 from calstation.physics import DEGREE, display, display_by_unit, number
-from calstation.records import Check
-from calstation.results import PositionResidual, Result, cause_text, write_json
+from calstation.results import PositionResidual, Result, write_json
 
 #: Marks of a rest or move with notable residuals, or with residuals that contradict the model.
 _MARKS = {"good": "", "caution": "!", "bad": "!!"}
@@ -149,7 +149,7 @@ def result_table(console: Console, result: Result) -> None:
     for check in result.checks:
         if check.kind not in ("within", "sigma_below") or (check.kind, check.subject) in limits:
             console.print(_check_line(check), highlight=False)
-        if cause := cause_text(check):
+        if cause := check.cause_text:
             console.print(f"  {sentence(cause)}", highlight=False)
     if result.conformity is not None:
         worst, found = max(result.conformity.parameters.items(), key=lambda each: each[1].probability)

@@ -9,8 +9,9 @@ from typing import Any
 from calstation.cli.show import check_json, ignore_progress, report
 from calstation.cli.text import say
 from calstation.config import load_product, load_station
+from calstation.judgement import POWER
 from calstation.physics import display
-from calstation.quality import BASELINE, POWER, Due, StandardHistory, StandardState, TableChart, station_quality
+from calstation.quality import BASELINE, Due, StandardHistory, StandardState, TableChart, station_quality
 from calstation.results import refresh_history
 
 

@@ -47,19 +47,14 @@ from calstation.config.schedules import (
 )
 from calstation.config.sign_in import SignInSection
 from calstation.config.site_check import (
-    check_latitude,
-    check_seen_latitude,
     confirmation_key,
     gravity_beyond,
     gravity_contradiction,
     is_confirmed,
-    latitude_agrees,
     needs_surveyed_gravity,
     normal_gravity_at,
     site_advice,
     this_computer,
-    unconfirmed_latitude,
-    unconfirmed_site,
 )
 from calstation.config.slot_form import SLOTS, with_one_unit, with_slots
 from calstation.config.slots import MAX_UNITS, SlotSection, takes_one_unit

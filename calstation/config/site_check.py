@@ -1,24 +1,21 @@
-"""Checks of a station's site: latitude and gravity determine the accelerometer scale factors.
+"""Checks of a station's site before a run: latitude and gravity determine the accelerometer scale factors.
 
-Rests reveal the latitude if the gyros resolve earth rate; a run that contradicts the file ends before anything is
-written. Otherwise gravity must be surveyed and agree with the latitude. A station file copied from elsewhere is
-self-consistent; therefore it lists the computers on which it was confirmed.
+If the gyros resolve earth rate, the rests of the run reveal a wrong latitude, see `calstation.judgement.site`.
+Otherwise gravity must be surveyed and agree with the latitude. A station file copied from elsewhere is self-consistent;
+therefore it lists the computers on which it was confirmed.
 """
 
 import platform
 import uuid
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
 
 import numpy as np
 
 from calstation.config.station import StationSite
-from calstation.errors import ConfigurationError
-from calstation.estimation import Diagnosis, Solution
-from calstation.estimation.common import LatitudeEstimate, resolves_earth_rate
+from calstation.estimation.common import resolves_earth_rate
 from calstation.messages import Finding, Value
-from calstation.physics import DEGREE_PER_HOUR, RATE, normal_gravity
-from calstation.records import Check, LogMeta, SiteSection, context_from_meta
+from calstation.physics import normal_gravity
+from calstation.records import LogMeta, SiteSection, context_from_meta
 from calstation.schema import EntryError
 from procedures import method
 
@@ -73,8 +70,8 @@ def check_gravity_sigma(meta: LogMeta, limits: Mapping[str, float]) -> None:
     for name, limit in limits.items():
         found = gravity_beyond(meta, name, limit)
         if found is not None:
-            place = "gravity_mps2" if meta.site.gravity_mps2 is None else "gravity_sigma_mps2"
-            raise EntryError("site.gravity_uncertain", "site", place, parameter=name, **found)
+            entry = "gravity_mps2" if meta.site.gravity_mps2 is None else "gravity_sigma_mps2"
+            raise EntryError("site.gravity_uncertain", "site", entry, parameter=name, **found)
 
 
 def gravity_beyond(meta: LogMeta, parameter: str, limit: float) -> dict[str, float] | None:
@@ -92,23 +89,8 @@ def needs_surveyed_gravity(meta: LogMeta) -> bool:
     """Return whether the run estimates accelerometer scale factors and the gyros cannot resolve earth rate."""
     context = context_from_meta(meta)
     stages = meta.run.stages if meta.run is not None else []
-    return _blind_scale(meta, [name for stage in stages for name in method(stage).estimates(context)])
-
-
-def unconfirmed_site(meta: LogMeta, solutions: Iterable[Solution]) -> dict[str, float] | None:
-    """Return the site of a recording from another program if a run at it would need a confirmation, else None.
-
-    A run requests this confirmation before it records.
-    """
-    if meta.run is not None or not _blind_scale(meta, [name for s in solutions for name in s.estimated]):
-        return None
-    site = context_from_meta(meta).site
-    place = {"latitude": meta.site.latitude_deg, "longitude": meta.site.longitude_deg, "height": meta.site.height_m}
-    return {**place, "gravity": site.local_gravity, "sigma_ppm": site.relative_gravity_sigma * 1e6}
-
-
-def _blind_scale(meta: LogMeta, estimated: Iterable[str]) -> bool:
-    return "accel_scale_x" in estimated and not resolves_earth_rate(context_from_meta(meta).imu)
+    scale = any("accel_scale_x" in method(stage).estimates(context) for stage in stages)
+    return scale and not resolves_earth_rate(context.imu)
 
 
 def gravity_contradiction(site: SiteSection) -> EntryError | None:
@@ -149,51 +131,3 @@ def site_advice(
     if azimuth_deg is None and isinstance(latitude_deg, float | int) and 90.0 >= abs(latitude_deg) > _NEAR_POLE:
         found.append(Finding("azimuth_hopeless", "warning", {"latitude": float(latitude_deg)}))
     return tuple(found)
-
-
-def check_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> list[Check]:
-    """Compare the latitude measured in the latest rests with the file's latitude; return [] if it was not measured."""
-    seen = _seen(solutions)
-    if seen is None:
-        return []
-    latitude = context_from_meta(meta).site.latitude
-    limit = (latitude - seen.tolerance, latitude + seen.tolerance)
-    check = Check.compare("latitude", seen.value, limit, "rad")
-    values = {
-        "measured": float(np.rad2deg(seen.value)),
-        "latitude": meta.site.latitude_deg,
-        "rate": RATE * float(np.sin(seen.value) - np.sin(latitude)) / DEGREE_PER_HOUR,
-        "rate_sigma": RATE * float(np.cos(seen.value)) * seen.sigma / DEGREE_PER_HOUR,
-    }
-    diagnosis = Diagnosis("latitude_unlike", seen.value - latitude, seen.sigma, "rad", values=values)
-    return [check if check.passed else replace(check, diagnosis=diagnosis)]
-
-
-def check_seen_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> None:
-    """Raise ConfigurationError if the latitude measured by the gyros contradicts the file's latitude."""
-    for check in check_latitude(meta, solutions):
-        if check.diagnosis is not None:
-            found = check.diagnosis
-            values = {name: found.values[name] for name in ("latitude", "measured", "rate")}
-            raise ConfigurationError("site.latitude_contradicts", sigma=float(np.rad2deg(found.sigma)), **values)
-
-
-def unconfirmed_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict[str, str | float] | None:
-    """Return the first inconsistent stage and the latitude it assumed if no rest has confirmed it.
-
-    The unit may still be good: rests in one attitude, as in `rate`, cannot separate earth rate from a bias. Return None
-    if the latitude was confirmed, if the gyros cannot resolve earth rate, or if every stage is consistent.
-    """
-    inconsistent = [s.stage for s in solutions if not (s.consistency.passed or method(s.stage).needs_no_table)]
-    if not inconsistent or _seen(solutions) is not None or not resolves_earth_rate(context_from_meta(meta).imu):
-        return None
-    return {"stage": inconsistent[0], "latitude": meta.site.latitude_deg}
-
-
-def latitude_agrees(checks: Iterable[Check]) -> bool:
-    """Return whether no latitude check failed; runs from another location cannot be resumed."""
-    return all(check.passed for check in checks if check.kind == "latitude")
-
-
-def _seen(solutions: tuple[Solution, ...]) -> LatitudeEstimate | None:
-    return solutions[-1].latitude if solutions else None

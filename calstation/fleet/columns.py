@@ -25,7 +25,7 @@ from calstation.fleet.store import ONLINE, versions
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.physics import NAMES
-from calstation.records import locked, verdict_of
+from calstation.records import locked, read_check_ids, verdict_of
 
 try:
     import pyarrow as pa
@@ -208,7 +208,7 @@ def _table(rows: list[Row[Any]]) -> Any:
         "log_key": np.array([int(row.log_sha256[:16], 16) for row in rows], np.uint64),
         **{name: [getattr(row, name) for row in rows] for name in ("log_sha256", "serial", "started_utc", "location")},
         "month": [(row.started_utc or "")[:7] for row in rows],
-        "failed_checks": [", ".join(json.loads(row.failed_checks)) for row in rows],
+        "failed_checks": [", ".join(check.name for check in read_check_ids(row.failed_checks)) for row in rows],
     }
     if "content" in rows[0]._fields:
         contents = [json.loads(row.content) for row in rows]

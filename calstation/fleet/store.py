@@ -179,7 +179,7 @@ def add_solution(
         "started_utc": result.started_utc,
         "batch": result.batch,
         "slot": result.slot,
-        "failed_checks": json.dumps([check.name for check in result.failed_checks]),
+        "failed_checks": json.dumps([check.id for check in result.failed_checks]),
         "parameters": json.dumps([*rows]),
         "numbers": np.array(numbers, dtype=float).tobytes(),
         "solved": datetime.now(UTC),

@@ -19,13 +19,10 @@ from calstation.quality.gauge_plan import GaugePlan, Measurement
 from calstation.quality.random_effects import RandomEffects, random_effects
 from calstation.quality.runs import judged_runs, last_of_each_unit
 from calstation.quality.standards import (
-    FALSE_ALARM,
-    POWER,
     Due,
     StandardState,
     due_certificates,
     judge_result,
-    judge_standard,
     require_standards,
     standard_states,
 )

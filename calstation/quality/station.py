@@ -9,6 +9,7 @@ from calstation.config import InstrumentSection, ProductConfig, StationConfig, l
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
+from calstation.judgement import StandardComparison
 from calstation.quality.runs import product_runs
 from calstation.quality.standards import (
     Due,
@@ -20,7 +21,7 @@ from calstation.quality.standards import (
 )
 from calstation.quality.summary import limit_interval
 from calstation.quality.table_chart import TableChart, table_charts
-from calstation.results import History, StandardVerdict
+from calstation.results import History
 
 #: Largest number of runs of a check standard, the latest ones, that are evaluated again.
 _MOST_RUNS = 200
@@ -33,7 +34,7 @@ class StandardHistory:
     state: StandardState
     names: tuple[str, ...]  #: File names of the logs of the runs, without suffix.
     started_utc: tuple[str, ...]
-    verdicts: tuple[StandardVerdict, ...]
+    verdicts: tuple[StandardComparison, ...]
     half_limits: Mapping[str, float]  #: Half the width of the product's limits by parameter, SI.
 
 

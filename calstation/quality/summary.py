@@ -15,6 +15,7 @@ from calstation.config import CheckStandardSection, ProductConfig, library, load
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
+from calstation.judgement import reference_variances
 from calstation.physics import INDEX, FloatArray, IntArray, entry_of, further_parameter
 from calstation.quality.capability import Capability, capability
 from calstation.quality.charts import (
@@ -30,7 +31,6 @@ from calstation.quality.charts import (
 )
 from calstation.quality.random_effects import RandomEffects, random_effects
 from calstation.quality.runs import judged_runs, last_of_each_unit, product_runs, production_runs
-from calstation.quality.standards import reference_variances
 from calstation.quality.yields import Share, Yields, count_yields
 from calstation.records import RunColumns
 
@@ -147,7 +147,7 @@ class QualitySummary:
                     kind: {name: _share_json(share) for name, share in getattr(found, kind).items()}
                     for kind in ("days", "products", "stations", "operators")
                 },
-                "failed_checks": [asdict(check) for check in found.failed_checks],
+                "failed_checks": [check.to_json() for check in found.failed_checks],
             },
             "parameters": [each.to_json() for each in self.parameters],
             "golden": None

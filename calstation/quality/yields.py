@@ -13,7 +13,7 @@ import numpy as np
 
 from calstation.physics import BoolArray, FloatArray
 from calstation.quality.runs import production_runs
-from calstation.records import Categories, RunColumns
+from calstation.records import Categories, CheckId, RunColumns
 
 #: Probability of the intervals.
 _CONFIDENCE = 0.95
@@ -52,10 +52,14 @@ class Share:
 class FailedCheck:
     """A check that failed in some runs."""
 
-    name: str
+    id: CheckId
     runs: int
     #: Fraction of the failed runs that failed this check or a more frequent one.
     cumulative: float
+
+    def to_json(self) -> dict[str, str | int | float]:
+        """Return JSON data."""
+        return {"name": self.id.name, "runs": self.runs, "cumulative": self.cumulative}
 
 
 @dataclass(frozen=True)
@@ -123,13 +127,13 @@ def _by(groups: Categories[K | None], passed: BoolArray) -> dict[K, Share]:
     return {name: Share.of(*found[name]) for name in sorted(name for name in found if name is not None)}
 
 
-def _pareto(failed: Sequence[tuple[str, ...]]) -> tuple[FailedCheck, ...]:
-    counts = Counter(name for names in failed for name in set(names))
-    order = sorted(counts, key=lambda name: (-counts[name], name))
-    rank = {name: k for k, name in enumerate(order)}
-    leading = Counter(min(rank[name] for name in names) for names in failed if names)
+def _pareto(failed: Sequence[tuple[CheckId, ...]]) -> tuple[FailedCheck, ...]:
+    counts = Counter(check for checks in failed for check in set(checks))
+    order = sorted(counts, key=lambda check: (-counts[check], check.name))
+    rank = {check: k for k, check in enumerate(order)}
+    leading = Counter(min(rank[check] for check in checks) for checks in failed if checks)
     covered, found = 0, []
-    for k, name in enumerate(order):
+    for k, check in enumerate(order):
         covered += leading[k]
-        found.append(FailedCheck(name, counts[name], covered / len(failed)))
+        found.append(FailedCheck(check, counts[check], covered / len(failed)))
     return tuple(found)

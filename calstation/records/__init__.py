@@ -1,4 +1,4 @@
-"""Records of runs: raw logs, CSV, acceptance checks and the index of runs.
+"""Records of runs: raw logs, CSV, their configuration, and the index of runs.
 
 This package contains no solvers and no devices.
 """
@@ -14,15 +14,8 @@ from calstation.records.audit import (
     audit_writer,
     read_audit,
 )
+from calstation.records.check_id import MODEL_KINDS, CheckId, CheckKind, read_check_ids
 from calstation.records.checked_lines import DamagedLineError, Line, Lines, append_line, read_lines
-from calstation.records.checks import (
-    ChecksSection,
-    ConformitySection,
-    SampleClockLimit,
-    TemperatureLimit,
-    acceptance,
-    offline_online,
-)
 from calstation.records.columns import RecordingMeta
 from calstation.records.convert import export_corrected, export_csv, import_csv, partial_path, write_log
 from calstation.records.csv_log import is_text, meta_path
@@ -38,22 +31,6 @@ from calstation.records.indexed_run import (
     verdict_of,
 )
 from calstation.records.laboratory import Day, InstrumentSection, LaboratorySection
-from calstation.records.limits import (
-    COVERAGE_FACTOR,
-    NEAR,
-    Check,
-    CheckKind,
-    Limit,
-    Rule,
-    Where,
-    acceptance_interval,
-    check_limit_names,
-    check_limits,
-    estimated_stage,
-    not_compared,
-    undetermined,
-    unobservable,
-)
 from calstation.records.log import Log, estimated_rows, open_log, read_truth, truth_path
 from calstation.records.meta import (
     CalibrationSection,
@@ -73,6 +50,23 @@ from calstation.records.meta import (
     pair_path,
     prior_from_meta,
     store_pair,
+)
+from calstation.records.product import (
+    NEAR,
+    ChecksSection,
+    ConformitySection,
+    Excitation,
+    GravityAtRest,
+    ImprovementAtRest,
+    Level,
+    Limit,
+    MotionAngle,
+    Positions,
+    Previous,
+    Rule,
+    SampleClockLimit,
+    TemperatureLimit,
+    check_limit_names,
 )
 from calstation.records.raw_log import RESERVE, SUFFIX, RawLogWriter, free_space
 from calstation.records.raw_read import (

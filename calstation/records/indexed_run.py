@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from calstation.physics import BoolArray, FloatArray, IntArray
+from calstation.records.check_id import CheckId
 
 T = TypeVar("T")
 
@@ -64,7 +65,7 @@ class IndexedRun:
     record: RunRecord
     values: Mapping[str, float]  #: Solved values by parameter, SI.
     sigmas: Mapping[str, float]  #: Their standard deviations, SI.
-    failed_checks: tuple[str, ...] = ()  #: Names of the checks that failed; empty for a run without a verdict.
+    failed_checks: tuple[CheckId, ...] = ()  #: The checks that failed; empty for a run without a verdict.
     #: Quantities of the table's geometry by name with their standard deviations, rad.
     table: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
@@ -113,7 +114,7 @@ class RunColumns:
     operators: Categories[str | None]
     partial: BoolArray  #: Whether the run omitted stages of its product.
     check_standard: BoolArray  #: Whether the unit was a check standard.
-    failed_checks: Categories[tuple[str, ...]]  #: As in `IndexedRun`.
+    failed_checks: Categories[tuple[CheckId, ...]]  #: As in `IndexedRun`.
     values: Mapping[str, FloatArray]  #: Solved values by parameter, SI; NaN if a run has none.
     sigmas: Mapping[str, FloatArray]  #: Their standard deviations, SI.
     table: Mapping[str, FloatArray]  #: Quantities of the table's geometry by name, rad; NaN if a run has none.

@@ -31,10 +31,9 @@ from calstation.physics import (
     group_indices,
     orientation_matrix,
 )
-from calstation.records.checks import ChecksSection, ConformitySection
 from calstation.records.files import write_atomic
 from calstation.records.laboratory import InstrumentSection, LaboratorySection
-from calstation.records.limits import Limit, check_limit_names
+from calstation.records.product import ChecksSection, ConformitySection, Limit, check_limit_names
 from calstation.schema import EntryError, StrictModel, load, near_miss, validate
 
 _UNIT_TOLERANCE = 1e-3

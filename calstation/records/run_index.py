@@ -42,10 +42,11 @@ from sqlalchemy.pool import NullPool, StaticPool
 
 from calstation.errors import ConfigurationError
 from calstation.physics import FloatArray
+from calstation.records.check_id import read_check_ids
 from calstation.records.indexed_run import Categories, IndexedRun, RunChoices, RunColumns, RunFilter, RunRecord
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 14
+_VERSION = 15
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -75,8 +76,9 @@ _RECORD = TypeAdapter(RunRecord)
 #: Content of `failed_checks` without any.
 _NO_CHECKS = "[]"
 #: Fields of a run that are columns; `text` is the searched text, `content` the whole `RunRecord` as JSON. `parameters`
-#: and `failed_checks` are lists of names as JSON; `numbers` contains the values of all parameters, then their sigmas,
-#: as float64, so that 100,000 runs are read at once without parsing. The table's quantities are included.
+#: is a list of names and `failed_checks` a list of kinds and subjects as JSON; `numbers` contains the values of all
+#: parameters, then their sigmas, as float64, so that 100,000 runs are read at once without parsing. The table's
+#: quantities are included.
 _SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from", "batch", "slot")
 #: Columns of the conditions, in a separate index, so that a query does not read the contents of other runs.
 _FILTERED = ("started_utc", "name", "verdict", "product", "station", "operator", "batch", "text")
@@ -268,7 +270,7 @@ class RunIndex:
             operators,
             np.array(partial, dtype=bool),
             np.array(standard, dtype=bool),
-            Categories(tuple(tuple(json.loads(text or _NO_CHECKS)) for text in checks.values), checks.codes),
+            Categories(tuple(read_check_ids(text or _NO_CHECKS) for text in checks.values), checks.codes),
             *(
                 {name.removeprefix(_OF_TABLE): found[name] for name in found if name.startswith(_OF_TABLE) == of_table}
                 for of_table in (False, True)
@@ -414,7 +416,7 @@ def from_columns(
     of_table = [name for name in names if name.startswith(_OF_TABLE)]
     table = {n.removeprefix(_OF_TABLE): (values.pop(n, math.nan), sigmas.pop(n, math.nan)) for n in of_table}
     record = _RECORD.validate_python(json.loads(content))
-    return IndexedRun(name, stamp, record, values, sigmas, tuple(json.loads(failed_checks)), table)
+    return IndexedRun(name, stamp, record, values, sigmas, read_check_ids(failed_checks), table)
 
 
 def _renew_mark(connection: Connection) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.estimation.common import RestResiduals, SampleBlock
 from calstation.jobs import ProgressCallback
+from calstation.judgement import judge
 from calstation.messages import Text, entry, event_text, known, values_from_json
 from calstation.physics import FloatArray
 from calstation.records import Log, LogMeta
@@ -17,7 +18,6 @@ from calstation.results import (
     Parameter,
     Result,
     StageChain,
-    judge,
     one_blas_thread,
     solved_parameters,
     stage_diagnostics,

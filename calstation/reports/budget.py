@@ -14,8 +14,9 @@ from functools import partial
 import numpy as np
 
 from calstation.estimation.common import SampleBlock
+from calstation.judgement import estimated_stage
 from calstation.physics import INDEX, PARAMETERS, FloatArray
-from calstation.records import ImuSection, Log, LogMeta, PriorSection, estimated_stage, prior_from_meta
+from calstation.records import ImuSection, Log, LogMeta, PriorSection, prior_from_meta
 from calstation.results import Result, StageChain, solve, solved_parameters
 
 #: Callback that gets the finished fraction and the stage.

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from calstation.errors import InputError
+from calstation.judgement import ParameterConformity
 from calstation.messages import Text
 from calstation.physics import (
     AXES,
@@ -23,7 +24,7 @@ from calstation.physics import (
 )
 from calstation.records import InstrumentSection, LaboratorySection, Limit, LogMeta
 from calstation.reports.budget import Budget
-from calstation.results import ParameterConformity, Result
+from calstation.results import Result
 
 Decision = Literal["passed", "failed", "not_judged"]
 #: Statement of conformity; ``partial`` is the statement for a run of some stages of the product, within their limits.

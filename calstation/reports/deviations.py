@@ -10,7 +10,7 @@ from calstation.records import CheckKind, InstrumentSection
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import LATITUDE_ERROR_DEG
 from calstation.reports.content import Certificate, power_up_sigmas
-from calstation.results import Result, cause_text
+from calstation.results import Result
 from procedures import DEFAULT_STAGES, method
 
 #: Checks that fail if effects outside the error model change the values.
@@ -99,7 +99,7 @@ def _of_values(certificate: Certificate) -> Iterator[Text]:
     if result.states_added:
         yield Text.of("certificate.d_states", names=[Text(f"group.{name}") for name in result.states_added])
     for check in result.failed_checks:
-        cause = cause_text(check)
+        cause = check.cause_text
         if cause is not None:
             yield Text.of("certificate.d_cause", check=check.name, cause=cause)
     near = [check.subject for check in result.checks if check.near_miss and check.subject in result.parameters]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from calstation import __version__
+from calstation.judgement import COVERAGE_FACTOR, Check
 from calstation.messages import Language, Text, known, parameter_name, render, term
 from calstation.physics import (
     DEGREE,
@@ -20,7 +21,7 @@ from calstation.physics import (
     group_of,
     unit_of_parameter,
 )
-from calstation.records import COVERAGE_FACTOR, Check, context_from_meta
+from calstation.records import context_from_meta
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import SOURCES, Budget
 from calstation.reports.content import (

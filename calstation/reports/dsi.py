@@ -13,8 +13,8 @@ from lxml import etree
 from lxml.builder import ElementMaker
 from scipy.special import chdtri
 
+from calstation.judgement import COVERAGE_FACTOR
 from calstation.physics import FloatArray
-from calstation.records import COVERAGE_FACTOR
 
 _NAMESPACE = "https://ptb.de/si"
 _SI = ElementMaker(namespace=_NAMESPACE, nsmap={"si": _NAMESPACE})

@@ -1,5 +1,6 @@
 """The solver chain, re-solving of logs, the result model, history and hand-over; no devices, no estimators."""
 
+from calstation.results.building import Ending, build_result, solved_parameters
 from calstation.results.calibration import current_calibration, estimate_of
 from calstation.results.corrected import CorrectedOutput, CorrectedStream
 from calstation.results.diagnostics import (
@@ -14,16 +15,6 @@ from calstation.results.diagnostics import (
 from calstation.results.handover import Delivery, HandOver, deliver_pending, register_pending
 from calstation.results.history import History, ShiftCount, count_shift, load_results, refresh_history, shift_start
 from calstation.results.inspection import Inspection, inspect_recording
-from calstation.results.judgement import (
-    Ending,
-    build_result,
-    cause_text,
-    is_partial,
-    judge,
-    missing_state,
-    solved_parameters,
-)
-from calstation.results.model_tests import ModelTests
 from calstation.results.offline import drop_partial, export_log, export_result, export_runs, offline_solve
 from calstation.results.override import override_required, override_result, recorded_release, run_files
 from calstation.results.pairs import (
@@ -55,10 +46,8 @@ from calstation.results.result import (
     CyclePhase,
     Override,
     Parameter,
-    ParameterConformity,
     Registers,
     Result,
-    StandardVerdict,
     Verification,
     in_sigma,
     load_result,

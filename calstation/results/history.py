@@ -285,7 +285,7 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
     known = {name: row for name, row in result.parameters.items() if math.isfinite(row.value)}
     values = {name: row.value for name, row in known.items()}
     sigmas = {name: row.sigma for name, row in known.items() if math.isfinite(row.sigma)}
-    failed = tuple(check.name for check in result.failed_checks) if result.judged else ()
+    failed = tuple(check.id for check in result.failed_checks) if result.judged else ()
     rows = {name: (row.value, row.sigma) for name, row in result.table.items()}
     table = {name: row for name, row in rows.items() if all(map(math.isfinite, row))}
     return IndexedRun(name, stamp, record, values, sigmas, failed, table)

@@ -150,7 +150,7 @@ def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[str]:
         record = run.record
         cells = [record.serial, record.started_utc, repr(record.duration), record.product, record.station]
         cells += [record.operator, str(record.attempt), record.verdict, " ".join(record.stages)]
-        cells += ["; ".join(run.failed_checks), record.batch, record.slot]
+        cells += ["; ".join(check.name for check in run.failed_checks), record.batch, record.slot]
         for name in names:
             cells += [repr(run.values[name]), repr(run.sigmas.get(name, math.nan))] if name in run.values else ["", ""]
         yield _csv_row(cells)

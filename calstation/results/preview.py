@@ -14,12 +14,12 @@ from calstation.config import ResolvedConfiguration, RunRequest, check_manual_ri
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common import PlannedSamples, profile
 from calstation.jobs import ProgressCallback
+from calstation.judgement import is_partial
 from calstation.messages import Text
 from calstation.physics import JOINTS, NAMES, Finish, FloatArray, GimbalTurn, ManualMove, Move, RoundEnd, Step, named
 from calstation.records import LogMeta, context_from_meta
 from calstation.results.calibration import current_calibration
 from calstation.results.history import History
-from calstation.results.judgement import is_partial
 from calstation.results.solver_chain import StageChain, one_blas_thread
 from calstation.sequencer import StagePlan, check_limits, move_time, planned, step_time
 from procedures import method

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from calstation import __version__
-from calstation.config import computer_user, gravity_contradiction, unconfirmed_latitude, unconfirmed_site
+from calstation.config import computer_user, gravity_contradiction
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common import PositionResidual
 from calstation.estimation.navigation import warm_up as compile_kernels
 from calstation.jobs import ProgressCallback
+from calstation.judgement import compare_only, judge, offline_online, unconfirmed_latitude, unconfirmed_site
 from calstation.messages import Text, os_reason, sentence
 from calstation.physics import EffectName
 from calstation.records import (
@@ -22,15 +23,14 @@ from calstation.records import (
     ResolveRecord,
     append_resolve,
     damage_summary,
-    offline_online,
     open_log,
     resolves_path,
     solved_stages,
     step_labels,
 )
+from calstation.results.building import Ending, build_result, solved_parameters
 from calstation.results.diagnostics import stage_diagnostics
 from calstation.results.history import History
-from calstation.results.judgement import Ending, build_result, compare_only, judge, solved_parameters
 from calstation.results.result import SCHEMA, DamagedRange, Result, load_result, online_difference
 from calstation.results.solver_chain import SolveProgress, StageChain, one_blas_thread, solve
 

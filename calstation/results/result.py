@@ -7,18 +7,17 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field, JsonValue, PlainSerializer
+from pydantic import AliasChoices, BeforeValidator, Field, JsonValue, PlainSerializer
 
 from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.estimation.common import Consistency
+from calstation.judgement import Check, Conformity, StandardComparison
 from calstation.messages import known, os_reason, values_from_json
-from calstation.physics import EffectName
-from calstation.records import COVERAGE_FACTOR, Check, FileSection, OnlineDifference, Rule, verdict_of, write_atomic
+from calstation.physics import EFFECT_STATES, EffectName
+from calstation.records import FileSection, OnlineDifference, verdict_of, write_atomic
+from calstation.schema import Number, ResultSection
 
 SCHEMA = "calstation.result/1"
-
-#: A number; a non-finite one is ``null`` in JSON.
-Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
 
 #: A check, serialised as in the result JSON.
 CheckField = Annotated[
@@ -28,13 +27,7 @@ CheckField = Annotated[
 ]
 
 
-class _Section(BaseModel):
-    """A section of a result. Keys from other versions of the program are kept."""
-
-    model_config = ConfigDict(frozen=True, extra="allow", populate_by_name=True, arbitrary_types_allowed=True)
-
-
-class Parameter(_Section):
+class Parameter(ResultSection):
     """A solved parameter, SI, and the last stage that estimated it."""
 
     value: Number
@@ -43,7 +36,7 @@ class Parameter(_Section):
     stage: str = ""
 
 
-class TableValue(_Section):
+class TableValue(ResultSection):
     """A quantity of the table's geometry, see `calstation.estimation.positions.table_axes`."""
 
     value: Number
@@ -51,21 +44,7 @@ class TableValue(_Section):
     unit: str = "rad"
 
 
-class StandardVerdict(_Section):
-    """Comparison of a check standard's values with its reference, see `calstation.quality.judge_standard`."""
-
-    passed: bool
-    e_n: dict[str, Number]  #: Normalised error of each parameter, by name.
-    e_n_limit: Number  #: Largest magnitude of a normalised error that passes.
-    t_squared: Number  #: Hotelling's T² of all parameters together.
-    t_squared_limit: Number
-    degrees: int  #: Number of parameters compared.
-    false_alarm: Number  #: Probability that an unchanged station and unit fail.
-    #: Smallest true error of each parameter that its normalised error detects with 90 % probability, SI.
-    detectable: dict[str, Number] = Field(default_factory=dict)
-
-
-class StageConsistency(_Section):
+class StageConsistency(ResultSection):
     """Innovation test of a stage: the mean normalised innovation squared and its acceptance band."""
 
     nis_mean: Number
@@ -81,7 +60,7 @@ class StageConsistency(_Section):
         return cls(**nis, passed=found.verdict, warning=bool(found.warning))
 
 
-class Temperature(_Section):
+class Temperature(ResultSection):
     """Temperature of the unit during the run, °C."""
 
     mean: float
@@ -89,31 +68,7 @@ class Temperature(_Section):
     max: float
 
 
-class ParameterConformity(_Section):
-    """Decision about a parameter with limits of its value, and the probabilities that it is wrong.
-
-    `false_accept` and `false_reject` need the spread of the product and apply to all its units, not to this one.
-    """
-
-    accepted: bool
-    limits: tuple[Number, Number]
-    acceptance: tuple[Number, Number]  #: Lowest and highest accepted value.
-    outside: Number  #: Probability that the true value of this unit is outside the limits.
-    probability: Number  #: Probability that the decision is wrong: false accept if accepted, else false reject.
-    spread: float | None = None  #: Standard deviation of the true values of the product's units.
-    false_accept: float | None = None  #: Probability that a unit is outside the limits and accepted.
-    false_reject: float | None = None  #: Probability that a unit is within the limits and not accepted.
-
-
-class Conformity(_Section):
-    """Decision rule of a result, and its decisions by parameter."""
-
-    rule: Rule
-    coverage_factor: float = COVERAGE_FACTOR  #: Ratio of expanded to standard uncertainty.
-    parameters: dict[str, ParameterConformity] = Field(default_factory=dict)
-
-
-class Override(_Section):
+class Override(ResultSection):
     """Release of a unit that failed."""
 
     by: str  #: Badge or name of the person who released it.
@@ -122,7 +77,7 @@ class Override(_Section):
     utc: str  #: ISO 8601.
 
 
-class JointEstimate(_Section):
+class JointEstimate(ResultSection):
     """Joint estimate of a unit's parameters by name, SI: means, standard deviations and correlation coefficients."""
 
     mean: dict[str, float]
@@ -130,7 +85,7 @@ class JointEstimate(_Section):
     correlation: dict[str, dict[str, float]] = Field(default_factory=dict)  #: 0 for pairs that are not listed.
 
 
-class CalibrationUsed(_Section):
+class CalibrationUsed(ResultSection):
     """The current calibration used as prior of a partial run."""
 
     log: str  #: File name of the log of that run.
@@ -139,7 +94,7 @@ class CalibrationUsed(_Section):
     not_improved: list[str] = Field(default_factory=list)
 
 
-class Verification(_Section):
+class Verification(ResultSection):
     """One comparison of the unit's output after the transfer with the output expected from its registers."""
 
     name: str
@@ -150,7 +105,7 @@ class Verification(_Section):
     passed: bool
 
 
-class Registers(_Section):
+class Registers(ResultSection):
     """The unit's registers before and after the run, by parameter, SI."""
 
     old: dict[str, Number] = Field(default_factory=dict)
@@ -164,14 +119,14 @@ class Registers(_Section):
     written_utc: str | None = None
 
 
-class DamagedRange(_Section):
+class DamagedRange(ResultSection):
     """Rows of the log that could not be read: their number, and the first and last missing sequence number."""
 
     rows: int
     seq: str
 
 
-class LogSection(_Section):
+class LogSection(ResultSection):
     """The log that was solved, and the range of its sequence numbers."""
 
     file: str
@@ -182,7 +137,7 @@ class LogSection(_Section):
     damaged: list[DamagedRange] = Field(default_factory=list)
 
 
-class CyclePhase(_Section):
+class CyclePhase(ResultSection):
     """A phase of the run's cycle and its duration, s: device time, or host time while the station computes."""
 
     phase: str  #: Name in the catalogue family ``cycle``.
@@ -190,26 +145,26 @@ class CyclePhase(_Section):
     seconds: Number
 
 
-class LatitudeUnknown(_Section):
+class LatitudeUnknown(ResultSection):
     """An inconsistent stage and its configured latitude, degrees, which no rest confirmed."""
 
     stage: str
     latitude: float
 
 
-class Unit(_Section):
+class Unit(ResultSection):
     """The calibrated unit."""
 
     serial: str
 
 
-class Software(_Section):
+class Software(ResultSection):
     """The program that computed the result."""
 
     version: str
 
 
-class Result(_Section):
+class Result(ResultSection):
     """A result as defined in the contract; missing sections have their defaults."""
 
     schema_name: Literal["calstation.result/1"] = Field(alias="schema")
@@ -257,7 +212,7 @@ class Result(_Section):
     finished_stages: list[str] | None = None  #: Stages that an incomplete run solved before it ended.
     latitude_untold: LatitudeUnknown | None = None
     #: Comparison of a check standard with its reference values; None for a production unit.
-    check_standard: StandardVerdict | None = None
+    check_standard: StandardComparison | None = None
     #: Reason for a run despite an overdue or failed check standard or certificate.
     standard_override: str | None = None
     resumed_from: str | None = None
@@ -333,6 +288,12 @@ class Result(_Section):
     def failed_checks(self) -> list[Check]:
         """The checks that did not pass."""
         return [check for check in self.checks if not check.passed]
+
+    @property
+    def missing_state(self) -> Check | None:
+        """The most significant failed check whose cause another state of the model would describe, or None."""
+        failed = [c for c in self.failed_checks if c.diagnosis is not None and c.diagnosis.cause in EFFECT_STATES]
+        return max(failed, key=lambda check: check.value, default=None)
 
     @property
     def failed_stages(self) -> set[str]:

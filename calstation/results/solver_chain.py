@@ -21,11 +21,10 @@ from calstation.estimation.common import (
 )
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import TableQuantity, TableRests, gather, table_axes, table_rests
+from calstation.judgement import DataTests, ModelTests
 from calstation.messages import Text
 from calstation.physics import COUNT, FloatArray, composition
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
-from calstation.results.data_checks import DataChecks
-from calstation.results.model_tests import ModelTests
 from calstation.schema import validate
 from procedures import method
 
@@ -68,7 +67,7 @@ class StageChain:
         self._stage = ""
         checks = meta.product.checks if meta.product is not None else None
         self._gather = diagnostics and checks is not None and checks.need_samples
-        self._data_checks = DataChecks(meta, self._context)
+        self._data_tests = DataTests(meta, self._context)
         offset, matrix = composition(meta.registers)
         #: Parameters that compensate the effect of the registers, which yields the uncalibrated output.
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
@@ -142,7 +141,7 @@ class StageChain:
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.posterior))
         solution = self._model.tested(solution, self.solutions, self.posterior)
-        solution = self._data_checks.checked(solution, buffer.block(), data)
+        solution = self._data_tests.tested(solution, buffer.block(), data)
         if not data.joints.size:  # a gimbal has three joints, and no stationary base
             self._table_rests.append(table_rests(data, self._context, solution.posterior))
         return solution

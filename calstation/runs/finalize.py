@@ -5,14 +5,20 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from functools import partial
 
-from calstation.config import check_seen_latitude, unconfirmed_latitude
 from calstation.devices import Imu
 from calstation.devices.imu import Entry, RegisterMap, Transferred, flash_registers, transfer
 from calstation.estimation import Solution
 from calstation.estimation.common import Posterior
+from calstation.judgement import (
+    check_seen_latitude,
+    estimated_stage,
+    judge,
+    judge_standard,
+    unconfirmed_latitude,
+    unobservable,
+)
 from calstation.physics import EFFECT_PARAMETERS, NAMES, compose
-from calstation.quality import judge_standard
-from calstation.records import context_from_meta, estimated_stage, unobservable
+from calstation.records import context_from_meta
 from calstation.registers import (
     AppliedRegisters,
     Purpose,
@@ -23,7 +29,7 @@ from calstation.registers import (
     without_register,
 )
 from calstation.registers import journal as register_journal
-from calstation.results import estimate_of, judge
+from calstation.results import estimate_of
 from calstation.runs.preparation import OpenRun
 from calstation.runs.verdict import close_run
 from calstation.sequencer import Ended, Judged, Message, RunInBackground, StopRequested, VerificationData

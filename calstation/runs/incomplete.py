@@ -9,6 +9,7 @@ from typing import Any
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
+from calstation.judgement import judge
 from calstation.records import SUFFIX, Log, being_written, open_log, prior_from_meta, solved_stages
 from calstation.results import (
     Delivery,
@@ -16,7 +17,6 @@ from calstation.results import (
     History,
     build_result,
     deliver_pending,
-    judge,
     load_result,
     register_pending,
     write_json,

@@ -21,19 +21,13 @@ from calstation.config import (
     site_folder,
 )
 from calstation.errors import ConfigurationError
+from calstation.judgement import StandardComparison, is_partial
 from calstation.messages import Text, os_reason
 from calstation.physics import INDEX, group_indices
 from calstation.quality import require_standards
 from calstation.records import RESERVE, LogMeta, RawLogWriter, append_audit, free_space
 from calstation.registers import UnverifiedTransfer, check_flash, check_interrupted
-from calstation.results import (
-    History,
-    StageChain,
-    StandardVerdict,
-    current_calibration,
-    is_partial,
-    register_pending,
-)
+from calstation.results import History, StageChain, current_calibration, register_pending
 from calstation.runs.cycle import Cycle
 from calstation.runs.hooks import RunHooks
 from calstation.runs.incomplete import finish_incomplete
@@ -132,7 +126,7 @@ class OpenRun:
     chain: StageChain
     unverified: UnverifiedTransfer | None = None
     registers: dict[str, Any] = field(default_factory=dict)
-    standard: StandardVerdict | None = None  #: Set at the end of a complete run of a check standard.
+    standard: StandardComparison | None = None  #: Set at the end of a complete run of a check standard.
     closed: bool = False  #: Whether its result has been written.
     #: Command that makes the report of its result; empty if there is none.
     report: list[str] = field(default_factory=list)

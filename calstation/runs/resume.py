@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from calstation.config import RunRequest, StationConfig, latitude_agrees, load_station
+from calstation.config import RunRequest, StationConfig, load_station
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.estimation import Solution
 from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
+from calstation.judgement import latitude_agrees
 from calstation.records import (
     SUFFIX,
     Log,

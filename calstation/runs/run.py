@@ -6,12 +6,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 from calstation import applog
-from calstation.config import ResolvedConfiguration, RunRequest, check_seen_latitude
+from calstation.config import ResolvedConfiguration, RunRequest
 from calstation.connection import Devices, connected
 from calstation.devices import Imu
 from calstation.devices.imu import flash_registers
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.estimation import Solution
+from calstation.judgement import check_seen_latitude
 from calstation.registers import recover_interrupted
 from calstation.results import HandOver, one_blas_thread
 from calstation.runs.automatic_report import start_reports

@@ -4,11 +4,12 @@ import logging
 from contextlib import suppress
 from dataclasses import replace
 
-from calstation.config import ProductConfig, latitude_agrees
+from calstation.config import ProductConfig
 from calstation.errors import ConfigurationError
+from calstation.judgement import judge, latitude_agrees
 from calstation.quality import table_charts
 from calstation.records import RunFilter
-from calstation.results import Ending, build_result, judge, write_json
+from calstation.results import Ending, build_result, write_json
 from calstation.runs.automatic_report import report_command, start_reports
 from calstation.runs.preparation import OpenRun
 from calstation.sequencer import Ended, Message, State, Verdict

@@ -13,8 +13,9 @@ from calstation.bench import BenchConfig, BenchReport
 from calstation.config import ResolvedConfiguration, RunRequest, resolve_configuration
 from calstation.devices.profiles import TableProfile
 from calstation.errors import CalstationError
+from calstation.judgement import Check
 from calstation.physics import INDEX, FloatArray
-from calstation.records import Check, open_log
+from calstation.records import open_log
 from calstation.results import Result, load_result
 from calstation.runs import finish_incomplete
 from calstation.simulation.fault_plan import HOST, SET_UP, with_faults

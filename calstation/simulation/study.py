@@ -26,8 +26,9 @@ from calstation.estimation.common import (
     stage_data,
 )
 from calstation.estimation.navigation import solve_navigation
+from calstation.judgement import ModelTests
 from calstation.physics import NAMES, PARAMETERS, EffectName, FloatArray, TableGeometry, group_indices, reached
-from calstation.results import ModelTests, one_blas_thread
+from calstation.results import one_blas_thread
 from calstation.simulation.instability import instability_ratio
 from calstation.simulation.study_table import UnitResult, summary
 from procedures import DEFAULT_STAGES, method

@@ -5,23 +5,20 @@ from typing import Any
 
 import pytest
 
-from calstation.config.site_check import (
-    check_confirmation,
-    check_gravity_sigma,
-    check_latitude,
-    check_seen_latitude,
-    check_site,
-    confirmation_key,
-    latitude_agrees,
-    unconfirmed_latitude,
-    unconfirmed_site,
-)
+from calstation.config.site_check import check_confirmation, check_gravity_sigma, check_site, confirmation_key
 from calstation.config.station import StationSite
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.context import Posterior
 from calstation.estimation.common.latitude import LatitudeEstimate
 from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.method import Solution
+from calstation.judgement.site import (
+    check_latitude,
+    check_seen_latitude,
+    latitude_agrees,
+    unconfirmed_latitude,
+    unconfirmed_site,
+)
 from calstation.physics.parameters import COUNT
 from calstation.records.meta import LogMeta
 from calstation.schema import EntryError

@@ -20,9 +20,8 @@ from calstation.estimation.common import (
 from calstation.estimation.common.by_position import normal_deviate
 from calstation.estimation.common.residuals import upward_axis
 from calstation.estimation.method import Solution
+from calstation.judgement import Check
 from calstation.messages import sentence
-from calstation.records import Check
-from calstation.results import cause_text
 
 
 class Stage:
@@ -65,7 +64,7 @@ def cause(stage: Stage, solution: Solution) -> str:
     """Return the explanation of the failed innovation test."""
     c = solution.consistency
     check = Check("consistency", "excitation", c.nis_mean, c.nis_high, "1", c.passed, diagnosis=solution.diagnosis)
-    text = cause_text(Check.from_json(check.to_json()))
+    text = Check.from_json(check.to_json()).cause_text
     assert text is not None
     assert sentence(text, "zh_CN")
     return sentence(text)

@@ -17,9 +17,9 @@ from calstation.estimation.navigation.observability import (
     pieces,
 )
 from calstation.estimation.navigation.stage import LiveFilter
+from calstation.judgement.limits import unobservable
 from calstation.physics.motion import Move
 from calstation.physics.parameters import NAMES
-from calstation.records.limits import unobservable
 from procedures import method
 
 

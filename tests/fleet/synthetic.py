@@ -70,6 +70,7 @@ def _rows(
         begin = 7 * k % (len(_TEXT) - result_size)
         yield (
             hashlib.sha256(str(k).encode()).hexdigest(), version, "", 0, -1, "", "", f"/logs/{k}.h5", "resolved",
-            passed, f"SN-{k:07d}", f"product {k % 5}", f"station {k % 7}", started, "[]" if passed else '["a within"]',
-            parameters, row.tobytes(), "2026-01-01 00:00:00.000000", _TEXT[begin : begin + result_size],
+            passed, f"SN-{k:07d}", f"product {k % 5}", f"station {k % 7}", started,
+            "[]" if passed else '[["within", "a"]]', parameters, row.tobytes(), "2026-01-01 00:00:00.000000",
+            _TEXT[begin : begin + result_size],
         )  # fmt: skip

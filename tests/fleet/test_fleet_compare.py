@@ -72,7 +72,7 @@ def row(unit: tuple[Any, ...], version: str, which: int, **more: Any) -> dict[st
         "product": product,
         "station": station,
         "started_utc": f"{month}-05T00:00:00+00:00",
-        "failed_checks": json.dumps(["gyro_bias_x within"] if passed is False else []),
+        "failed_checks": json.dumps([["within", "gyro_bias_x"]] if passed is False else []),
         "parameters": '["gyro_bias_x"]',
         "numbers": np.array([value, sigma]).tobytes(),
         "solved": datetime(2026, 11, 1),

@@ -37,6 +37,7 @@ from calstation.records.log import open_log
 from calstation.registers import journal as register_journal
 from calstation.results.resolving import FinishedRun
 from calstation.results.result import SCHEMA, Result
+from tests.check_rows import check_row
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
 from tests.site_folder import PRODUCT
 
@@ -685,12 +686,11 @@ def test_partial_run_shows_its_stages_and_when_registers_were_written(engineer: 
 def test_guard_band_shows_acceptance_limits_and_risk_of_wrong_decisions(engineer: Engineer) -> None:
     row = {"value": 9.5e-4, "sigma": 5e-5, "unit": "1", "stage": "rate"}
     limits, accepted = [-1e-3, 1e-3], [-9e-4, 9e-4]
-    named = {"name": "gyro_scale_x within", "value": 9.5e-4, "unit": "1", "passed": False}
     decision = {"accepted": False, "limits": limits, "acceptance": accepted, "outside": 0.159, "probability": 0.841}
     result = finished_run(
         {"gyro_scale_x": row},
         outcome="failed",
-        checks=[{**named, "limit": limits, "acceptance": accepted}],
+        checks=[check_row("within", "gyro_scale_x", 9.5e-4, limits, passed=False, unit="1", acceptance=accepted)],
         conformity={
             "rule": "guard_band",
             "parameters": {"gyro_scale_x": {**decision, "false_accept": 0.002, "false_reject": 0.05}},

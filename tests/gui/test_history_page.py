@@ -25,6 +25,7 @@ from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
 from calstation.results.result import SCHEMA
 from calstation.sequencer.events import Verdict
+from tests.check_rows import check_row
 from tests.gui.conftest import RESULT
 
 pytestmark = pytest.mark.timeout(120)
@@ -63,15 +64,7 @@ def write_run(folder: Path, serial: str, outcome: str, age: timedelta, bias: flo
             "gyro_bias_y": {"value": value / 2, "sigma": 1e-8, "unit": "rad/s", "stage": "rate"},
         },
         "unobservable": [],
-        "checks": [
-            {
-                "name": "gyro_bias_x within",
-                "value": value,
-                "limit": [-limit, limit],
-                "unit": "rad/s",
-                "passed": passed,
-            }
-        ],
+        "checks": [check_row("within", "gyro_bias_x", value, [-limit, limit], passed=passed, unit="rad/s")],
         "outcome": outcome,
         "attempt": 1,
         "operator": "Zhang Min",

@@ -28,13 +28,15 @@ from calstation.gui.text import language
 from calstation.gui.text.checks import check_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.checks_table import ChecksTable
+from calstation.judgement.check import Check
+from calstation.records import CheckKind
 from calstation.records.convert import export_csv
-from calstation.records.limits import Check
 from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta, load_pair, prior_from_meta
 from calstation.results import PairProgress
 from calstation.simulation.recordings import record_on_bench
 from procedures import method
+from tests.check_rows import check_row
 from tests.gui.conftest import Operator, SiteFolder, result_with
 
 pytestmark = pytest.mark.timeout(120)
@@ -358,21 +360,20 @@ def test_faults_of_a_recording_are_explained_in_both_languages(
     assert not re.search(r"[a-z]{3,} [a-z]{3,}", translated), translated
 
 
-def check(name: str, value: float, limit: float, unit: str, **more: object) -> dict[str, object]:
+def check(kind: CheckKind, subject: str, value: float, limit: float, unit: str, **at: object) -> dict[str, object]:
     passed = value <= limit
-    near = passed and value > 0.8 * limit
-    values = {"name": name, "value": value, "limit": limit, "unit": unit, "passed": passed}
-    return {**values, "margin": limit - value, "near_miss": near, **more}
+    more = {"margin": limit - value, "near_miss": passed and value > 0.8 * limit, "at": at}
+    return check_row(kind, subject, value, limit, passed=passed, unit=unit, **more)
 
 
 def test_checks_are_shown_as_sentences_and_values_near_limits_are_marked(qtbot: QtBot) -> None:
     table = ChecksTable()
     qtbot.addWidget(table)
     rows = [
-        check("gravity_at_rest", 0.0095, 0.01, "m/s²", where="multi_position rest 3"),
-        check("motion_angle", 0.009, 0.006, "rad"),
-        check("excitation", 0.1, 0.3, "1", where="gyro_bias_x"),
-        check("previous accel_scale", 1e-4, 3e-4, "1"),
+        check("gravity_at_rest", "", 0.0095, 0.01, "m/s²", stage="multi_position", rest=3),
+        check("motion_angle", "", 0.009, 0.006, "rad"),
+        check("excitation", "", 0.1, 0.3, "1", parameter="gyro_bias_x"),
+        check("previous", "accel_scale", 1e-4, 3e-4, "1"),
     ]
     table.show_checks([Check.from_json(row) for row in rows])
     view = table.findChild(QTableView, "checks_table")
@@ -384,21 +385,21 @@ def test_checks_are_shown_as_sentences_and_values_near_limits_are_marked(qtbot: 
     states = [model.index(r, verdict).data(Qt.ItemDataRole.UserRole) for r in range(4)]
     assert states == ["bad", "caution", "good", "good"]
     assert shown[1][:2] == ["At every rest the specific force has the magnitude of gravity", "rest 4"]
-    assert check_text(Check.from_json(check("previous accel_scale", 1e-4, 3e-4, "1"))).value == "100"
+    assert check_text(Check.from_json(check("previous", "accel_scale", 1e-4, 3e-4, "1"))).value == "100"
 
 
 def test_operator_page_verdict_shows_the_product_checks() -> None:
     checks = [
-        check("gravity_at_rest", 0.0095, 0.01, "m/s²"),
-        check("motion_angle", 0.009, 0.006, "rad"),
-        check("multi_position consistency", 1.0, 1.3, "1"),
+        check("gravity_at_rest", "", 0.0095, 0.01, "m/s²"),
+        check("motion_angle", "", 0.009, 0.006, "rad"),
+        check("consistency", "multi_position", 1.0, 1.3, "1"),
     ]
     rows = advice.figures(result_with(checks=checks))
     assert [(row.name, row.passed, row.near) for row in rows] == [
         ("angle between rests", False, False),
         ("force at rest", True, True),
     ]
-    many = [check("previous gyro_bias", 0.1 * k, 9.0, "1") for k in range(20)]
+    many = [check("previous", "gyro_bias", 0.1 * k, 9.0, "1") for k in range(20)]
     rows = advice.figures(result_with(checks=[*many, *checks]))
     assert [row.near for row in rows].count(True) == 1
     assert len(rows) == 7
@@ -407,7 +408,7 @@ def test_operator_page_verdict_shows_the_product_checks() -> None:
     )
     assert advice.reason("passed", result_with(checks=checks[:1])).endswith("Near the limit: force at rest.")
     assert advice.brief_reason("passed", result_with(checks=checks[:1])) == "Near the limit: force at rest."
-    named = [check("gyro_bias_x sigma below", 0.99, 1.0, "rad/s"), *checks[:1]]
+    named = [check("sigma_below", "gyro_bias_x", 0.99, 1.0, "rad/s"), *checks[:1]]
     assert advice.brief_reason("passed", result_with(checks=named)) == "Near the limit: gyro bias x, +1."
 
 

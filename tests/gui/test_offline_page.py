@@ -43,6 +43,7 @@ from calstation.results.resolving import Resolved, resolve
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Verdict
+from tests.check_rows import check_row
 from tests.cli.conftest import META as CSV_META
 from tests.cli.conftest import six_position_rows, write_log
 from tests.estimation.simulated_stages import block_of, simulate
@@ -349,12 +350,9 @@ def test_range_boxes_and_plot_region_stay_synchronised_within_the_log(
 def test_sigma_above_its_limit_marks_only_the_sigma(qtbot: QtBot) -> None:
     row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
     checks = [
-        {"name": name, "value": 1.0, "limit": 1.0, "unit": "1", "passed": passed}
-        for name, passed in (
-            ("gyro_scale_x within", True),
-            ("gyro_scale_x sigma below", False),
-            ("gyro_scale_y within", False),
-        )
+        check_row("within", "gyro_scale_x", 1.0, 1.0, passed=True, unit="1"),
+        check_row("sigma_below", "gyro_scale_x", 1.0, 1.0, passed=False, unit="1"),
+        check_row("within", "gyro_scale_y", 1.0, 1.0, passed=False, unit="1"),
     ]
     parameters = {"gyro_scale_x": row, "gyro_scale_y": row}
     log = {"file": "log.h5", "first_seq": 0, "last_seq": 9}

@@ -21,6 +21,7 @@ from calstation.results.handover import Delivery
 from calstation.results.history import History
 from calstation.runs.incomplete import StartupRecovery, finish_incomplete
 from calstation.sequencer.events import StageSolved, StageStarted, StateChanged, Verdict
+from tests.check_rows import check_row
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.gui.test_history_page import write_dead_log
 from tests.site_folder import STATION
@@ -156,14 +157,8 @@ def test_verdict_is_cleared_by_another_product_or_station(simulated_run: Operato
 def test_decisive_value_is_bold_and_shown_with_its_limit(simulated_run: Operator) -> None:
     row = {"unit": "rad/s", "stage": "rate", "value": -4e-6, "sigma": 9e-6}
     checks = [
-        {
-            "name": "gyro_bias_x within",
-            "value": -4e-6,
-            "limit": [-1.5e-5, 1.5e-5],
-            "unit": "",
-            "passed": True,
-        },
-        {"name": "gyro_bias_x sigma below", "value": 9e-6, "limit": 1e-5, "unit": "", "passed": True},
+        check_row("within", "gyro_bias_x", -4e-6, [-1.5e-5, 1.5e-5], passed=True),
+        check_row("sigma_below", "gyro_bias_x", 9e-6, 1e-5, passed=True),
     ]
     end_run(simulated_run, "passed", parameters={"gyro_bias_x": row}, checks=checks)
     simulated_run.until(lambda: "σ ≤ 2.06" in simulated_run.says())
@@ -304,8 +299,8 @@ def test_stage_of_a_failing_value_is_marked_and_the_value_listed_first(simulated
         "accel_scale_y": {**row, "value": 5e-3, "stage": "six_position"},
     }
     checks = [
-        {"name": f"{name} within", "value": parameters[name]["value"], "limit": [-1e-3, 1e-3], "unit": "1", **passed}
-        for name, passed in (("gyro_scale_x", {"passed": True}), ("accel_scale_y", {"passed": False}))
+        check_row("within", name, parameters[name]["value"], [-1e-3, 1e-3], passed=passed, unit="1")
+        for name, passed in (("gyro_scale_x", True), ("accel_scale_y", False))
     ]
     end_run(simulated_run, "failed", parameters=parameters, checks=checks, stages=["rate", "six_position"])
     items = simulated_run.widget("stage_list", QListWidget)

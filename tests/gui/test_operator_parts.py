@@ -1,7 +1,6 @@
 """Translations, advice, plots and labels of the operator page, without a window."""
 
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-import calstation
 from calstation.config.summary import RunSummary
 from calstation.gui.operator import advice
 from calstation.gui.operator.live.convergence import Convergence
@@ -19,22 +17,17 @@ from calstation.gui.state.unit_status import UnitStatus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.plot import NumberAxis, spread
 from calstation.sequencer.events import Message, Trace
+from tests.check_rows import check_row
 from tests.gui.conftest import result_with
 from tests.gui.plot_mouse import double_click, pixel, turn_wheel
-
-PACKAGE = Path(calstation.__file__).parent
-
-
-def check(name: str, value: float, limit: Any, *, passed: bool) -> dict[str, Any]:
-    return {"name": name, "value": value, "limit": limit, "unit": "", "passed": passed}
 
 
 def test_advice_states_the_worst_failure_and_counts_the_others() -> None:
     checks = [
-        check("gyro_bias_x within", 2e-5, [-1.5e-5, 1.5e-5], passed=False),
-        check("gyro_scale_x within", 2e-3, [-1e-3, 1e-3], passed=False),
-        check("gyro_scale_x sigma below", 1e-6, 4e-6, passed=True),
-        check("rate consistency", 1.3, 1.2, passed=False),
+        check_row("within", "gyro_bias_x", 2e-5, [-1.5e-5, 1.5e-5], passed=False),
+        check_row("within", "gyro_scale_x", 2e-3, [-1e-3, 1e-3], passed=False),
+        check_row("sigma_below", "gyro_scale_x", 1e-6, 4e-6, passed=True),
+        check_row("consistency", "rate", 1.3, 1.2, passed=False),
     ]
     result = result_with(checks=checks, advice="reseat")
     reason = advice.reason("failed", result)
@@ -45,7 +38,7 @@ def test_advice_states_the_worst_failure_and_counts_the_others() -> None:
 
 def test_value_in_the_guard_band_is_compared_with_acceptance_limits() -> None:
     row = {"unit": "1", "stage": "rate", "sigma": 5e-5}
-    refused = {**check("gyro_scale_x within", 9.5e-4, [-1e-3, 1e-3], passed=False), "acceptance": [-9e-4, 9e-4]}
+    refused = {**check_row("within", "gyro_scale_x", 9.5e-4, [-1e-3, 1e-3], passed=False), "acceptance": [-9e-4, 9e-4]}
     result = result_with(parameters={"gyro_scale_x": {"value": 9.5e-4, **row}}, checks=[refused])
     assert advice.reason("failed", result) == "Gyro scale factor x is 950 ppm; allowed: ±900 ppm."
     (figure,) = advice.figures(result)
@@ -57,8 +50,8 @@ def test_value_nearest_to_its_limit_is_shown_per_group() -> None:
     result = result_with(
         parameters={"gyro_scale_x": {"value": 1e-4, **row}, "gyro_scale_y": {"value": -9e-4, **row}},
         checks=[
-            check("gyro_scale_x within", 1e-4, [-1e-3, 1e-3], passed=True),
-            check("gyro_scale_y within", -9e-4, [-1e-3, 1e-3], passed=True),
+            check_row("within", "gyro_scale_x", 1e-4, [-1e-3, 1e-3], passed=True),
+            check_row("within", "gyro_scale_y", -9e-4, [-1e-3, 1e-3], passed=True),
         ],
     )
     (figure,) = advice.figures(result)
@@ -76,7 +69,7 @@ def test_failing_values_are_listed_first_and_individually() -> None:
     result = result_with(
         parameters={name: {"value": value, **row} for name, value in values.items()},
         checks=[
-            check(f"{name} within", value, [-1e-3, 1e-3], passed=abs(value) <= 1e-3) for name, value in values.items()
+            check_row("within", name, value, [-1e-3, 1e-3], passed=abs(value) <= 1e-3) for name, value in values.items()
         ],
     )
     shown = [(figure.name, figure.passed) for figure in advice.figures(result)]
@@ -96,14 +89,16 @@ def test_stage_of_a_failing_value_is_found_for_every_type_of_check() -> None:
     def failed(*checks: dict[str, Any], **more: Any) -> set[str]:
         return result_with(stages=stages, parameters=parameters, checks=list(checks), **more).failed_stages
 
-    assert failed(check("gyro_scale_x within", 1.0, 0.1, passed=True), unobservable=["gyro_scale_x"]) == set()
-    assert failed(check("gyro_scale_x sigma below", 1.0, 0.1, passed=False)) == {"rate"}
-    assert failed(check("six_position consistency", 9.0, 1.2, passed=False)) == {"six_position"}
-    assert failed(check("gravity_at_rest", 1.0, 0.1, passed=False) | {"where": "azimuth_flip rest 2"}) == {
-        "azimuth_flip"
-    }
-    assert failed(check("previous accel_scale", 1.0, 0.1, passed=False) | {"where": "accel_scale_x"}) == {"excitation"}
-    lost = check("unobservable parameters", 1.0, 0.0, passed=False)
+    assert failed(check_row("within", "gyro_scale_x", 1.0, 0.1, passed=True), unobservable=["gyro_scale_x"]) == set()
+    assert failed(check_row("sigma_below", "gyro_scale_x", 1.0, 0.1, passed=False)) == {"rate"}
+    assert failed(check_row("consistency", "six_position", 9.0, 1.2, passed=False)) == {"six_position"}
+    assert failed(
+        check_row("gravity_at_rest", "", 1.0, 0.1, passed=False) | {"at": {"stage": "azimuth_flip", "rest": 2}}
+    ) == {"azimuth_flip"}
+    assert failed(
+        check_row("previous", "accel_scale", 1.0, 0.1, passed=False) | {"at": {"parameter": "accel_scale_x"}}
+    ) == {"excitation"}
+    lost = check_row("unobservable", "", 1.0, 0.0, passed=False)
     assert failed(lost, unobservable=["accel_scale_x"]) == {"excitation"}
 
 

@@ -11,6 +11,7 @@ from calstation.config import access
 from calstation.gui.text import language
 from calstation.records import audit_path, read_audit
 from calstation.sequencer import StateChanged, Verdict
+from tests.check_rows import check_row
 from tests.gui.conftest import RESULT, SERIAL, Operator
 
 pytestmark = pytest.mark.long
@@ -29,7 +30,7 @@ def failed(operator: Operator) -> Path:
         access.set_pin("000000", pin, badge)
     site.runs.mkdir(exist_ok=True)
     row = {"value": 3e-5, "sigma": 1e-8, "unit": "rad/s", "stage": "rate"}
-    check = {"name": "gyro_bias_x within", "value": 3e-5, "limit": [-1.5e-5, 1.5e-5], "unit": "rad/s", "passed": False}
+    check = check_row("within", "gyro_bias_x", 3e-5, [-1.5e-5, 1.5e-5], passed=False, unit="rad/s")
     files = {kind: {"name": name, "sha256": ""} for kind, name in (("station", "test"), ("product", "short"))}
     result: dict[str, Any] = {
         **RESULT,

@@ -29,6 +29,7 @@ from calstation.sequencer.events import (
     Trace,
     Verdict,
 )
+from tests.check_rows import check_row
 from tests.database.result_files import write_result
 from tests.gui.conftest import RESULT, Operator
 from tests.site_folder import STATION
@@ -112,7 +113,7 @@ FAILED: dict[str, Any] = {
     "advice": "reseat",
     "stages": ["rate"],
     "parameters": {"accel_scale_y": {"unit": "1", "sigma": 1e-6, "value": 5e-3, "stage": "rate"}},
-    "checks": [{"name": "accel_scale_y within", "value": 5e-3, "limit": [-1e-3, 1e-3], "unit": "1", "passed": False}],
+    "checks": [check_row("within", "accel_scale_y", 5e-3, [-1e-3, 1e-3], passed=False, unit="1")],
 }
 
 

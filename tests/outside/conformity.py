@@ -18,9 +18,10 @@ from calstation.bench import BenchConfig
 from calstation.bench.truth import Simulator
 from calstation.config import RunRequest, resolve_configuration
 from calstation.estimation.common import SampleBlock
+from calstation.judgement import judge
 from calstation.physics import INDEX, NAMES, parameter_vector
 from calstation.records import ConformitySection, Limit, LogFacts, Rule
-from calstation.results import Ending, StageChain, build_result, judge, one_blas_thread
+from calstation.results import Ending, StageChain, build_result, one_blas_thread
 from procedures import method
 
 PRODUCT = Path("data/products/mems_c_fast.toml")

@@ -21,9 +21,10 @@ from scipy.ndimage import uniform_filter1d
 from calstation.errors import CalstationError
 from calstation.estimation import Diagnosis
 from calstation.estimation.common import SampleBlock
+from calstation.judgement import estimated_stage, judge
 from calstation.physics import NAMES, FloatArray
-from calstation.records import LogMeta, context_from_meta, estimated_stage, open_log
-from calstation.results import StageChain, judge, one_blas_thread
+from calstation.records import LogMeta, context_from_meta, open_log
+from calstation.results import StageChain, one_blas_thread
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
 from tests.outside.sweep import PRODUCTS, SOUND, Case, Outcome, described, summary
 

@@ -23,9 +23,9 @@ from calstation.config import RunRequest, resolve_configuration
 from calstation.errors import CalstationError
 from calstation.estimation import Diagnosis
 from calstation.estimation.common import SampleBlock
+from calstation.judgement import Check, estimated_stage, judge
 from calstation.physics import INDEX, NAMES, FloatArray, group_indices, parameter_vector
-from calstation.records import Check, estimated_stage
-from calstation.results import StageChain, judge, one_blas_thread
+from calstation.results import StageChain, one_blas_thread
 from procedures import method
 from tests.outside.plain_bench import PlainBench, Site, Unit
 

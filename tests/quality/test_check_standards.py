@@ -18,8 +18,9 @@ from calstation.config import CheckStandardSection, library, resolve_configurati
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import Posterior
+from calstation.judgement import FALSE_ALARM, POWER, judge_standard
 from calstation.physics import COUNT, NAMES, PARAMETERS, FloatArray
-from calstation.quality import FALSE_ALARM, POWER, judge_result, judge_standard, standard_states
+from calstation.quality import judge_result, standard_states
 from calstation.quality.standards import due_certificates
 from calstation.records import audit_path, open_log, read_audit
 from calstation.results import History, load_result

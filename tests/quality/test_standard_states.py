@@ -11,8 +11,9 @@ from calstation.config import CheckStandardSection, library, load_product, load_
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import InputError
 from calstation.estimation.common import Posterior
+from calstation.judgement import judge_standard
 from calstation.physics import COUNT
-from calstation.quality import StandardState, judge_result, judge_standard, standard_states, station_quality
+from calstation.quality import StandardState, judge_result, standard_states, station_quality
 from calstation.results import Result
 from tests.results.test_history import refreshed, write
 from tests.site_folder import SiteFolder

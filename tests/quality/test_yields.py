@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calstation.quality.yields import FailedCheck, Share, count_yields
-from calstation.records import Categories, RunColumns
+from calstation.records import Categories, CheckId, RunColumns
 
 BEGIN = datetime(2026, 11, 2, 12, tzinfo=UTC)  # noon, so that the date is the same in nearly all time zones
 
@@ -37,7 +37,7 @@ def columns(rows: list[tuple[int, str, str, bool, str | None, str | None, tuple[
         *(Categories.of(column) for column in (verdicts, products, stations, operators)),  # type: ignore[arg-type]
         partial=np.array(partial),
         check_standard=np.array([serial == "GOLD" for serial in serials]),
-        failed_checks=Categories.of(failed),
+        failed_checks=Categories.of([tuple(CheckId("effects", subject) for subject in each) for each in failed]),
         **{name: {} for name in ("values", "sigmas", "table", "table_sigmas")},
     )
 
@@ -54,7 +54,10 @@ def test_yield_includes_only_judged_full_runs() -> None:
     assert counts(found.products) == {"nav": (3, 6)}
     assert counts(found.stations) == {"s1": (2, 4), "s2": (1, 2)}
     assert counts(found.operators) == {"li": (1, 3), "wu": (2, 2)}
-    assert found.failed_checks == (FailedCheck("x", 2, 2 / 3), FailedCheck("y", 2, 1.0))
+    assert found.failed_checks == (
+        FailedCheck(CheckId("effects", "x"), 2, 2 / 3),
+        FailedCheck(CheckId("effects", "y"), 2, 1.0),
+    )
 
 
 def test_runs_of_check_standards_are_excluded() -> None:

@@ -13,6 +13,7 @@ import pytest
 from sqlalchemy import event
 
 from calstation.errors import ConfigurationError
+from calstation.records.check_id import CheckId
 from calstation.records.indexed_run import IndexedRun, RunChoices, RunFilter, RunRecord, verdict_of
 from calstation.records.run_index import FILE, RunIndex
 from tests.helpers import raises_code
@@ -109,7 +110,7 @@ def test_values_sigmas_and_failed_checks_are_read_back_exactly(index: RunIndex, 
         run("e", 5, outcome="failed"),
         values={"gyro_bias_x": 0.1 + 0.2, "accel_bias_x": -1e-300},
         sigmas={"accel_bias_x": 1 / 3},
-        failed_checks=("gyro_bias_x within", "two\nlines", ""),
+        failed_checks=(CheckId("within", "gyro_bias_x"), CheckId("other", "two\nlines"), CheckId("other")),
     )
     index.put([kept])
     (found,) = RunIndex(tmp_path).find(RunFilter(names=("e",)))
@@ -122,7 +123,12 @@ def test_columns_contain_runs_with_a_start_time_oldest_first(index: RunIndex) ->
     index.put(
         [
             replace(run("f", 6, partial=True), values=both, sigmas={"gyro_bias_x": 1e-8}),
-            replace(run("e", 5, outcome="failed"), values=one, sigmas=one, failed_checks=("a b", "c")),
+            replace(
+                run("e", 5, outcome="failed"),
+                values=one,
+                sigmas=one,
+                failed_checks=(CheckId("effects", "rate"), CheckId("change")),
+            ),
             run("g", 1, started_utc=""),
             run("h", 1, started_utc="yesterday"),
         ]
@@ -133,7 +139,7 @@ def test_columns_contain_runs_with_a_start_time_oldest_first(index: RunIndex) ->
     assert found.started.tolist() == [(BEGIN + timedelta(days=day)).timestamp() for day in (3, 4, 5)]
     assert tuple(found.verdicts) == ("passed", "failed", "partial")
     assert found.partial.tolist() == [False, False, True]
-    assert tuple(found.failed_checks) == ((), ("a b", "c"), ())
+    assert tuple(found.failed_checks) == ((), (("effects", "rate"), ("change", "")), ())
     assert found.values.keys() == found.sigmas.keys() == {"gyro_bias_x", "accel_bias_x"}
     nan = math.nan
     np.testing.assert_array_equal(found.values["gyro_bias_x"], [nan, 3e-6, 1e-6])

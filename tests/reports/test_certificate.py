@@ -21,9 +21,10 @@ import tomli_w
 from calstation.config.library import shipped_folder
 from calstation.config.request import RunRequest
 from calstation.errors import InputError
+from calstation.judgement import Check
 from calstation.messages import Language, parameter_name
 from calstation.physics import INDEX, RATE, display
-from calstation.records import Check, context_from_meta, open_log
+from calstation.records import context_from_meta, open_log
 from calstation.records.meta import FurtherImuSection, PriorSection
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import LATITUDE_ERROR_DEG

@@ -15,8 +15,8 @@ from pydantic.fields import FieldInfo
 from calstation.cli.app import run_app
 from calstation.config import Person, access
 from calstation.errors import InputError
+from calstation.judgement.check import Check
 from calstation.records import audit_path, open_log
-from calstation.records.limits import Check
 from calstation.reports import source
 from calstation.results import Result, load_result, override_result, resolve
 from calstation.results.resolving import Resolved

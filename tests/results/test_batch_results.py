@@ -5,9 +5,10 @@ import numpy as np
 from calstation.config import RunRequest, resolve_configuration
 from calstation.estimation import Solution
 from calstation.estimation.common import Consistency, Posterior
+from calstation.judgement import judge
 from calstation.physics import COUNT, NAMES
 from calstation.records import LogFacts, LogMeta, prior_from_meta
-from calstation.results import Ending, Result, build_result, judge
+from calstation.results import Ending, Result, build_result
 
 
 def built(meta: LogMeta) -> Result:

@@ -15,8 +15,8 @@ from calstation.devices.profiles import load_imu_profile
 from calstation.errors import InputError
 from calstation.estimation import Solution
 from calstation.estimation.common import Consistency, Posterior
+from calstation.judgement.limits import check_limits, not_compared, unobservable
 from calstation.physics import COUNT, INDEX, NAMES, compose, composition, group_indices, parameter_vector
-from calstation.records.limits import Limit, check_limits, not_compared, unobservable
 from calstation.records.meta import (
     CalibrationSection,
     LogMeta,
@@ -25,6 +25,7 @@ from calstation.records.meta import (
     load_meta,
     prior_from_meta,
 )
+from calstation.records.product import Limit
 from calstation.results.calibration import Calibration, current_calibration, estimate_of, from_estimate
 from tests.helpers import complaint
 from tests.records.records_samples import META

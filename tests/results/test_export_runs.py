@@ -15,6 +15,7 @@ from calstation.records.raw_log import RawLogWriter
 from calstation.results.history import History
 from calstation.results.offline import export_runs
 from calstation.results.result import load_result
+from tests.check_rows import check_row
 from tests.helpers import Progress
 from tests.records.records_samples import META, make_block
 from tests.results.test_history import write
@@ -25,7 +26,7 @@ def folder(tmp_path: Path) -> Path:
     """A folder of two runs with three parameters, and a third run without a result."""
     made = tmp_path / "runs"
     made.mkdir()
-    check = {"name": "gyro_bias_x within", "value": 0.3, "limit": [-0.2, 0.2], "unit": "rad/s", "passed": False}
+    check = check_row("within", "gyro_bias_x", 0.3, [-0.2, 0.2], passed=False, unit="rad/s")
     write(made, "a", "SN-1", "failed", 1, values={"gyro_bias_y": 5.0, "gyro_bias_x": 0.1 + 0.2}, checks=[check])
     write(made, "b", "SN=2, x", "passed", 2, values={"accel_bias_z": 1e-9}, partial=True, batch="B-7", slot="A1")
     run = {"stages": ["rate"], "software": "0.1", "started_utc": "2026-11-03T08:00:00+00:00"}

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from calstation.errors import InputError
+from calstation.records import CheckId
 from calstation.records.files import take
 from calstation.records.indexed_run import IndexedRun, RunFilter
 from calstation.records.meta import LogMeta
@@ -21,6 +22,7 @@ from calstation.results import history as history_module
 from calstation.results.history import History, refresh_history
 from calstation.runs.incomplete import recover_startup
 from calstation.runs.resume import resumable
+from tests.check_rows import check_row
 from tests.helpers import raises_code
 from tests.records.records_samples import META, make_block
 
@@ -312,12 +314,14 @@ def test_startup_closes_incomplete_runs_and_delivers_results(tmp_path: Path) -> 
 
 
 def test_failed_checks_are_listed_only_for_judged_runs(tmp_path: Path) -> None:
-    row = {"value": 2.0, "limit": 1.0, "unit": "1", "passed": False}
-    checks = [{"name": "rate consistency", **row}, {"name": "agreement", **row, "passed": True}]
+    checks = [
+        check_row("consistency", "rate", 2.0, 1.0, passed=False, unit="1"),
+        check_row("agreement", "rate", 2.0, 1.0, passed=True, unit="1"),
+    ]
     write(tmp_path, "a", "SN-1", "failed", 1, values={"gyro_bias_x": 1.5}, checks=checks)
     write(tmp_path, "b", "SN-1", "stopped", 2, checks=checks)
     found = refreshed(tmp_path).columns()
-    assert [found.failed_checks[k] for k in (0, 1)] == [("rate consistency",), ()]
+    assert [found.failed_checks[k] for k in (0, 1)] == [(CheckId("consistency", "rate"),), ()]
     assert found.values["gyro_bias_x"].tolist()[0] == 1.5
     assert found.sigmas["gyro_bias_x"].tolist()[0] == 1.0
 

@@ -13,11 +13,11 @@ from calstation.bench.truth.grades import GRADES, draw_imu
 from calstation.bench.truth.manual_rig import ManualRig, around, record
 from calstation.config import library
 from calstation.estimation.common.samples import SampleBlock
+from calstation.judgement import judge
 from calstation.physics.parameters import PARAMETERS
 from calstation.records.log import open_log
 from calstation.records.meta import LogMeta, context_from_meta
 from calstation.records.raw_log import RawLogWriter
-from calstation.results.judgement import judge
 from calstation.results.resolving import resolve
 from calstation.results.solver_chain import solve
 from tests.helpers import sampled

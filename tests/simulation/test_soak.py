@@ -18,6 +18,7 @@ from calstation.simulation.fault_plan import KINDS
 from calstation.simulation.soak_judge import Judged, _bench_report, _keeps_axes_on, _set_up, _wrong
 from calstation.simulation.soak_plan import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, plans, write_request
 from calstation.simulation.soak_series import Soak
+from tests.check_rows import check_row
 
 pytestmark = pytest.mark.long
 
@@ -76,9 +77,9 @@ def test_verdicts_are_assessed_by_the_truth(tmp_path: Path) -> None:
         happened: tuple[str, ...] = (), *, error: float = 0.0, limit: float = 0.0074, failed: bool = False, faulty=False
     ) -> list[str]:
         row = {"value": truth + error, "sigma": 1e-4}
-        check = {"name": "accel_bias_x within", "value": row["value"], "limit": [-limit, limit], "unit": "m/s²"}
+        check = check_row("within", "accel_bias_x", row["value"], [-limit, limit], passed=not failed, unit="m/s²")
         outcome = "failed" if failed else "passed"
-        result = result_of(outcome, parameters={"accel_bias_x": row}, checks=[{**check, "passed": not failed}])
+        result = result_of(outcome, parameters={"accel_bias_x": row}, checks=[check])
         return _wrong(replace(GOOD, faulty_unit=faulty), request, result, outcome, happened)
 
     assert wrong() == []

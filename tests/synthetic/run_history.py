@@ -17,7 +17,9 @@ from calstation.config import library, load_product
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, PARAMETERS, FloatArray
 from calstation.quality import GaugePlan, limit_interval
+from calstation.records import CheckId
 from calstation.results import History
+from tests.check_rows import check_row
 
 #: Time of the first run and length of the history.
 BEGIN = datetime(2025, 11, 3, tzinfo=UTC)
@@ -42,7 +44,11 @@ _GOLDEN_EVERY = 50
 #: Fractions of runs that are stopped, and of runs in which only the data are bad.
 _STOPPED, _BAD_DATA = 0.01, 0.015
 #: Checks that fail for bad data.
-_DATA_CHECKS = ("excitation consistency", "six_position table noise", "rate imu noise")
+_DATA_CHECKS: tuple[CheckId, ...] = (
+    CheckId("consistency", "excitation"),
+    CheckId("table_noise", "six_position"),
+    CheckId("imu_noise", "rate"),
+)
 
 #: Units, operators and trials of the study, and the smallest number of runs of a history that contains it.
 _STUDY = (10, 3, 3)
@@ -124,7 +130,8 @@ def _results(count: int, random: np.random.Generator, plan: GaugePlan) -> Iterat
             value = value + _on("outer_lever_x", 2.0 * product.sigma)
         failed = _failed_checks(product, value)
         if random.random() < _BAD_DATA and not serial.startswith(("GOLDEN", "STUDY")):
-            failed.append(_failed_check(str(random.choice(_DATA_CHECKS)), 3.0, 1.0, "1"))
+            check = _DATA_CHECKS[random.choice(len(_DATA_CHECKS))]
+            failed.append(check_row(*check, 3.0, 1.0, passed=False, unit="1"))
         outcome = "stopped" if random.random() < _STOPPED and drifts else "failed" if failed else "passed"
         if outcome == "failed" and attempt < 3 and not serial.startswith("GOLDEN"):
             again.append((which, serial, true, attempt + 1))
@@ -167,14 +174,10 @@ def _on(parameter: str, values: FloatArray) -> FloatArray:
 def _failed_checks(product: _Product, value: FloatArray) -> list[dict[str, object]]:
     """Return the checks of limits that the values fail, as in a result JSON."""
     return [
-        _failed_check(f"{p.name} within", float(value[i]), [product.low[i], product.high[i]], p.unit)
+        check_row("within", p.name, float(value[i]), [product.low[i], product.high[i]], passed=False, unit=p.unit)
         for i, p in enumerate(PARAMETERS)
         if not product.low[i] <= value[i] <= product.high[i]
     ]
-
-
-def _failed_check(name: str, value: float, limit: float | list[float], unit: str) -> dict[str, object]:
-    return {"name": name, "value": value, "limit": limit, "unit": unit, "passed": False}
 
 
 def _result(

@@ -33,9 +33,9 @@ from calstation.gui.widgets import (
     show_text,
     theme,
 )
+from calstation.judgement import Check
 from calstation.messages import local_time
 from calstation.physics import NAMES, EffectName, display, further_parameter, number
-from calstation.records import Check
 from calstation.results import (
     Diagnostics,
     FinishedRun,

@@ -15,10 +15,10 @@ from calstation.gui.text import (
     term,
     with_minus,
 )
+from calstation.judgement import Check
 from calstation.messages import local_time
 from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
-from calstation.records import Check
-from calstation.results import Parameter, Result, cause_text, missing_state
+from calstation.results import Parameter, Result
 
 #: Maximum number of figures that fit below the verdict on a small screen, without and with a long reason above them.
 _MAX_FIGURES, _MAX_BELOW_REASON = 9, 7
@@ -96,7 +96,7 @@ def brief_action(outcome: str, result: Result | None) -> str:
 
 def _action(outcome: str, result: Result | None) -> str:
     """Return the catalogue entry of the next action for the unit."""
-    if outcome == "failed" and result is not None and missing_state(result) is not None:
+    if outcome == "failed" and result is not None and result.missing_state is not None:
         return "ask_engineer"
     advised = None if result is None else result.advice
     if outcome == "passed":
@@ -155,7 +155,7 @@ def failed_check_text(check: Check, result: Result) -> str:
     if check.kind == "unobservable":
         names = ", ".join(parameter_text(name) for name in result.undetermined)
         return say("advice.undetermined", names=names)
-    cause = cause_text(check)
+    cause = check.cause_text
     if cause is not None:
         return rendered(cause).text
     row, name = check_text(check), parameter_text(check.subject)

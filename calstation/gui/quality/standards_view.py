@@ -22,9 +22,10 @@ from calstation.gui.widgets import (
     split,
     theme,
 )
+from calstation.judgement import POWER
 from calstation.messages import Text, local_time
 from calstation.physics import ARCSECOND, display
-from calstation.quality import BASELINE, POWER, StandardHistory, StationQuality, TableChart
+from calstation.quality import BASELINE, StandardHistory, StationQuality, TableChart
 
 #: Quantities of the table's geometry in the order of the plots.
 _QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")

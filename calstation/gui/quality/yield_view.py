@@ -12,7 +12,6 @@ from PySide6.QtWidgets import QWidget
 from calstation.gui.text import bind, check_name, language, on_language_change, product_text, say
 from calstation.gui.widgets import CellTable, ThemedPlot, column, label, row, split, theme
 from calstation.quality import FailedCheck, Share, Yields
-from calstation.records import Check
 
 #: Largest number of failed checks drawn.
 _MOST_CHECKS = 7
@@ -162,7 +161,7 @@ class Pareto(ThemedPlot):
         rows = np.arange(len(self._checks))
         runs = [check.runs for check in self._checks]
         self.addItem(pg.BarGraphItem(x0=0, y=rows, height=0.7, width=runs, brush=theme.faint(c.bad, 110), pen=c.line))
-        self.getAxis("left").setTicks([[(k, _check_text(check.name)) for k, check in enumerate(self._checks)]])
+        self.getAxis("left").setTicks([[(k, check_name(check.id)) for k, check in enumerate(self._checks)]])
         for k, check in enumerate(self._checks):
             text = pg.TextItem(f"{check.runs}   {100 * check.cumulative:.0f} %", color=c.text, anchor=(0, 0.5))
             text.setFont(theme.font())
@@ -186,7 +185,3 @@ def _by_week(days: Mapping[str, Share]) -> dict[str, Share]:
 
 def _text(share: Share) -> str:
     return f"{100 * share.value:.1f} % ({share.passed}/{share.count})"
-
-
-def _check_text(name: str) -> str:
-    return check_name(Check.from_json({"name": name, "value": None, "limit": None, "unit": "", "passed": False}))

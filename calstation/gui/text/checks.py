@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 from calstation.gui.text import language
 from calstation.gui.text.messages import say, term, with_minus
+from calstation.judgement import Check, Where
 from calstation.messages import parameter_name
 from calstation.physics import ARCSECOND, DEGREE, INDEX, MICRO_G, PARAMETERS, display, further_parameter
-from calstation.records import Check, Where
+from calstation.records import CheckId
 
 #: Kinds of the checks that a product's ``[checks]`` section can request.
 _PRODUCT_KINDS = (
@@ -61,7 +62,7 @@ def check_text(check: Check) -> CheckText:
     )
 
 
-def check_name(check: Check) -> str:
+def check_name(check: Check | CheckId) -> str:
     """Return a short text that states the quantity compared by a check of a product's ``[checks]``."""
     return say(f"check_short.{check.kind}", parameter=parameter_text(check.subject), stage=check.subject)
 

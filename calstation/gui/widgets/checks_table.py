@@ -8,7 +8,7 @@ from calstation.gui.text import CheckText, check_text, on_language_change, say
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import column
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
-from calstation.records import Check
+from calstation.judgement import Check
 
 _ROW = 28
 _ORDER = {"bad": 0, "caution": 1, "good": 2}

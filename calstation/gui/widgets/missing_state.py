@@ -6,8 +6,8 @@ from PySide6.QtWidgets import QWidget
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets.jobs import JobRow, JobStack, JobWatch
 from calstation.gui.widgets.layout import button, label, row
-from calstation.records import Check
-from calstation.results import Result, cause_text, missing_state
+from calstation.judgement import Check
+from calstation.results import Result
 
 
 class MissingState(QWidget):
@@ -30,7 +30,7 @@ class MissingState(QWidget):
 
     def show_result(self, result: Result | None) -> None:
         """Show the effect that is missing in a result's model, if any."""
-        self._check = None if result is None else missing_state(result)
+        self._check = None if result is None else result.missing_state
         self.setVisible(self._check is not None)
         self._refresh()
 
@@ -40,5 +40,5 @@ class MissingState(QWidget):
         self.wanted.emit(self._check.diagnosis.cause)
 
     def _refresh(self) -> None:
-        cause = None if self._check is None else cause_text(self._check)
+        cause = None if self._check is None else self._check.cause_text
         self._about.setText("" if cause is None else say(cause))

@@ -8,7 +8,7 @@ from calstation.estimation.common import Posterior, stage_agreement
 from calstation.estimation.effects import EffectTests, effect_tests
 
 #: A change of the posterior less probable than this contradicts the earlier stages.
-LEAST_PROBABILITY = 1e-6
+MIN_PROBABILITY = 1e-6
 
 
 class ModelTests:
@@ -69,4 +69,4 @@ def _agreement(solution: Solution, before: Sequence[Solution], posterior: Poster
         return []
     values = {"other": last[next(iter(found.parameter_shift))], "group": found.group, "probability": found.probability}
     diagnosis = Diagnosis("stages_disagree", parameter_shift=found.parameter_shift, values=values)
-    return [ModelTest("agreement", found.probability, (LEAST_PROBABILITY, 1.0), "1", diagnosis)]
+    return [ModelTest("agreement", found.probability, (MIN_PROBABILITY, 1.0), "1", diagnosis)]

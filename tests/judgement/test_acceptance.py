@@ -11,12 +11,14 @@ from calstation.estimation.common.context import ImuModel, Posterior, Site, Solv
 from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.method import Solution
 from calstation.estimation.positions.evidence import Evidence, MotionEvidence, RestEvidence, turn_between
+from calstation.judgement.acceptance import acceptance, offline_online
+from calstation.judgement.check import Check, Where
 from calstation.physics.parameters import COUNT, INDEX, NAMES
 from calstation.physics.rotation import axis_rotation
 from calstation.physics.table import orientation_matrix
-from calstation.records.checks import ChecksSection, acceptance, offline_online
-from calstation.records.limits import Check, Where
+from calstation.records.product import ChecksSection
 from calstation.schema import validate
+from tests.check_rows import check_row
 
 G = 9.8
 X = (1.0, 0.0, 0.0)
@@ -331,12 +333,17 @@ def test_check_has_its_margin_and_a_near_limit_flag():
     ],
 )
 def test_check_is_read_back_from_the_result_json(name, kind, subject):
-    row = {"name": name, "value": 1.0, "limit": [0.0, 2.0], "unit": "1", "passed": True, "margin": 1.0}
-    row |= {"near_miss": False, "where": "rate rest 3 to 17"}
+    row = check_row(kind, subject, 1.0, [0.0, 2.0], passed=True, unit="1", margin=1.0, near_miss=False)
+    row |= {"where": "rate rest 3 to 17", "at": {"stage": "rate", "rest": 3, "to": 17}}
     check = Check.from_json(row)
     assert (check.kind, check.subject, check.name) == (kind, subject, name)
     assert check.where == Where(stage="rate", rest=3, to=17)
     assert check.to_json() == row
+
+
+def test_check_of_a_later_version_keeps_its_name():
+    row = {"name": "drift of rate", "kind": "drift", "value": 1.0, "limit": 2.0, "unit": "1", "passed": True}
+    assert Check.from_json(row).id == ("other", "drift of rate")
 
 
 def test_check_without_numbers_is_read_from_a_result():

@@ -14,13 +14,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from pydantic import Field
 from scipy.special import ndtr, owens_t
 
 from calstation.estimation import Solution
 from calstation.estimation.common import Posterior
+from calstation.judgement.check import Check
+from calstation.judgement.limits import COVERAGE_FACTOR, acceptance_interval
 from calstation.physics import INDEX, entry_of
-from calstation.records import Check, ConformitySection, LogMeta, Rule, acceptance_interval
-from calstation.results.result import Conformity, ParameterConformity
+from calstation.records import ConformitySection, LogMeta, Rule
+from calstation.schema import Number, ResultSection
 
 #: Lowest and highest value.
 Interval = tuple[float, float]
@@ -30,6 +33,30 @@ _TINY = 1e-300
 
 #: √(1 − ρ²) below which ρ counts as 1, because rounding errors in Owen's formula are divided by it.
 _SMALLEST_ROOT = 1e-8
+
+
+class ParameterConformity(ResultSection):
+    """Decision about a parameter with limits of its value, and the probabilities that it is wrong.
+
+    `false_accept` and `false_reject` need the spread of the product and apply to all its units, not to this one.
+    """
+
+    accepted: bool
+    limits: tuple[Number, Number]
+    acceptance: tuple[Number, Number]  #: Lowest and highest accepted value.
+    outside: Number  #: Probability that the true value of this unit is outside the limits.
+    probability: Number  #: Probability that the decision is wrong: false accept if accepted, else false reject.
+    spread: float | None = None  #: Standard deviation of the true values of the product's units.
+    false_accept: float | None = None  #: Probability that a unit is outside the limits and accepted.
+    false_reject: float | None = None  #: Probability that a unit is within the limits and not accepted.
+
+
+class Conformity(ResultSection):
+    """Decision rule of a result, and its decisions by parameter."""
+
+    rule: Rule
+    coverage_factor: float = COVERAGE_FACTOR  #: Ratio of expanded to standard uncertainty.
+    parameters: dict[str, ParameterConformity] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)

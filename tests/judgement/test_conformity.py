@@ -12,11 +12,12 @@ from scipy.stats import multivariate_normal, norm
 from calstation.config import RunRequest, library, resolve_configuration
 from calstation.estimation import Solution
 from calstation.estimation.common import Consistency, Posterior
+from calstation.judgement import Check, acceptance_interval, judge
+from calstation.judgement.conformity import Measurement, bivariate_normal, probability_outside, product_risks
 from calstation.messages import sentence
 from calstation.physics import COUNT, INDEX, NAMES
-from calstation.records import Check, ConformitySection, LogFacts, LogMeta, acceptance_interval, prior_from_meta
-from calstation.results import Ending, Result, build_result, cause_text, judge
-from calstation.results.conformity import Measurement, bivariate_normal, probability_outside, product_risks
+from calstation.records import ConformitySection, LogFacts, LogMeta, prior_from_meta
+from calstation.results import Ending, Result, build_result
 
 LIMITS = (-1.0, 1.0)
 
@@ -200,7 +201,7 @@ def test_guard_band_wider_than_the_limits_fails_with_its_cause() -> None:
     result = judged(configuration(rule="guard_band"), solution(gyro_bias_x=(0.0, 0.003)))
     check = within(result, "gyro_bias_x")
     assert (check.passed, check.diagnosis.cause) == (False, "guard_band")
-    assert "Nothing is accepted for gyro_bias_x" in sentence(cause_text(check))
+    assert "Nothing is accepted for gyro_bias_x" in sentence(check.cause_text)
     assert result.conformity.parameters["gyro_bias_x"].accepted is False
 
 

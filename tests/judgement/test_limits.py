@@ -9,8 +9,9 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.common.context import Posterior
 from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.method import Solution
+from calstation.judgement.limits import check_limits, estimated_stage, not_compared, unobservable
 from calstation.physics.parameters import COUNT, INDEX
-from calstation.records.limits import Limit, check_limits, estimated_stage, not_compared, unobservable
+from calstation.records.product import Limit
 from calstation.results.result import StageConsistency
 from calstation.schema import validate
 from calstation.sequencer.events import StageSolved, solution_events

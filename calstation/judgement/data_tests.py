@@ -1,4 +1,4 @@
-"""Checks of the recorded samples themselves: clipped channels, the sample clock, and the temperature."""
+"""Tests of the recorded samples themselves: clipped channels, the sample clock, and the temperature."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -23,13 +23,13 @@ _SIGMAS = 5.0
 #: Times closer to the counter than this, s, are derived from it and do not represent a clock.
 _DERIVED = 1e-6
 #: Smallest number of windows from which the clock rate is determined.
-_FEWEST_WINDOWS = 20
+_MIN_WINDOWS = 20
 #: Smallest range of the temperature, °C, for a regression.
-_LEAST_CHANGE = 0.5
+_MIN_CHANGE = 0.5
 
 
-class DataChecks:
-    """Checks of the samples of a log's stages, in order."""
+class DataTests:
+    """Tests of the samples of a log's stages, in order."""
 
     def __init__(self, meta: LogMeta, context: SolveContext) -> None:
         checks = (meta.product.checks if meta.product is not None else None) or ChecksSection()
@@ -40,7 +40,7 @@ class DataChecks:
         self._context = context
         self._temperatures: list[float] = []
 
-    def checked(self, solution: Solution, samples: SampleBlock, data: StageData) -> Solution:
+    def tested(self, solution: Solution, samples: SampleBlock, data: StageData) -> Solution:
         """Return the solution of a stage with the tests of its samples, and their findings in its details."""
         clocks = sample_clocks(samples, self._context.imu.sample_rate)
         tests = [self._clipping(samples), *self._clock(clocks)]
@@ -53,7 +53,7 @@ class DataChecks:
             self._temperatures += [float(windows.min()), float(windows.max())]
             tests.append(self._temperature())
             found = {"low": float(temperature.min()), "high": float(temperature.max())}
-            if found["high"] - found["low"] > _LEAST_CHANGE:
+            if found["high"] - found["low"] > _MIN_CHANGE:
                 residuals = rest_residuals(data, self._context, solution.posterior)
                 found |= temperature_coefficients(residuals, samples, self._context.site.local_gravity)
             details["temperature"] = found
@@ -259,7 +259,7 @@ def _clock(nominal: FloatArray, time: FloatArray, rate: float) -> SampleClock | 
     parts = np.bincount(part)
     x, y = (v - (np.bincount(part, v) / parts)[part] for v in (x, y))
     free = len(x) - len(parts) - 1
-    if free < _FEWEST_WINDOWS:
+    if free < _MIN_WINDOWS:
         return None
     slope = float(x @ y / (x @ x))
     scatter = float(np.sqrt(((y - slope * x) ** 2).sum() / free))
@@ -285,7 +285,7 @@ def temperature_coefficients(rests: RestResiduals, samples: SampleBlock, gravity
     """
     known = ~np.isnan(samples.temperature)
     warmth = np.interp(0.5 * (rests.first_seq + rests.last_seq), samples.seq[known], samples.temperature[known])
-    if not len(rests) or not np.ptp(warmth) > _LEAST_CHANGE:
+    if not len(rests) or not np.ptp(warmth) > _MIN_CHANGE:
         return {}
     up = rests.up
     square = gravity * up**2

@@ -9,11 +9,10 @@ import pytest
 from calstation.config import RunRequest, resolve_configuration
 from calstation.estimation import Diagnosis, ModelTest, Solution
 from calstation.estimation.common import Consistency, Posterior
+from calstation.judgement import check_limits, judge
+from calstation.judgement.model_tests import ModelTests
 from calstation.physics import COUNT, NAMES
-from calstation.records import check_limits
-from calstation.records.limits import MODEL_KINDS
-from calstation.results import judge
-from calstation.results.model_tests import ModelTests
+from calstation.records import MODEL_KINDS
 
 PRIOR = Posterior(np.zeros(COUNT), np.eye(COUNT))
 SOLVED = Solution("rate", Posterior(np.zeros(COUNT), 0.01 * np.eye(COUNT)), NAMES, Consistency(1.0, 0.9, 1.1, 100))

@@ -1,154 +1,32 @@
-"""Acceptance checks of a product and their evaluation with the evidence from a calibration."""
+"""Evaluation of a product's acceptance checks with the evidence from a calibration."""
 
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
 
 from calstation.estimation import Solution
 from calstation.estimation.common import Posterior, SolveContext
 from calstation.estimation.positions import RestEvidence, angle_errors, turn_between
-from calstation.physics import GROUPS, INDEX, NAMES, PARAMETERS, FloatArray
-from calstation.records.limits import NEAR, Check, CheckKind, Rule, Where, check_limit_names, estimated_stage
-from calstation.schema import EntryError, StrictModel, near_miss
+from calstation.judgement.check import Check, Where
+from calstation.judgement.limits import estimated_stage
+from calstation.physics import INDEX, PARAMETERS, FloatArray
+from calstation.records import (
+    CheckKind,
+    ChecksSection,
+    Excitation,
+    GravityAtRest,
+    ImprovementAtRest,
+    Level,
+    MotionAngle,
+    Positions,
+    Previous,
+)
 
 #: Motions with a smaller rotation than this, rad, do not reveal a scale factor error.
-LEAST_TURN = np.deg2rad(10.0)
-
-
-class ConformitySection(StrictModel):
-    """`[conformity]` of a product: its decision rule, and the spread of the true values of its units."""
-
-    rule: Rule = "simple"
-    #: Standard deviation of the true values about the middle of the limits, SI, by parameter or group.
-    spread: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
-
-    @field_validator("spread")
-    @classmethod
-    def _known(cls, spread: dict[str, float]) -> dict[str, float]:
-        check_limit_names(spread)
-        return spread
-
-
-class GravityAtRest(StrictModel):
-    """Largest difference in magnitude between force and gravity, m/s², at rests of at least `shortest_rest_s`."""
-
-    within: float = Field(gt=0)
-    shortest_rest_s: float = Field(default=2.0, ge=1.0)
-
-
-#: Numbers of rests of a stage, from 0.
-Positions = list[Annotated[int, Field(ge=0)]]
-
-
-class ImprovementAtRest(StrictModel):
-    """Largest remaining fraction of the uncalibrated difference in magnitude between force and gravity."""
-
-    below: float = Field(gt=0)  #: Largest remaining fraction.
-    #: If that fraction is less than this, m/s², the remaining error is compared with this instead.
-    or_within: float = Field(default=0.0, ge=0)
-    positions: Positions | None = None  #: The rests; default: all.
-    stage: str | None = None  #: Stage of the rests; default: the last stage with rests.
-
-
-class Level(StrictModel):
-    """Largest force errors, m/s², at the level position: the first rest, or rest `position` of `stage`."""
-
-    horizontal_within: float | None = Field(default=None, gt=0)
-    vertical_within: float | None = Field(default=None, gt=0)
-    position: int = Field(default=0, ge=0)
-    stage: str | None = None
-
-
-class MotionAngle(StrictModel):
-    """Rotation angles between rests from the calibrated gyros, compared with a reference."""
-
-    #: ``gravity`` measured by the calibrated accelerometers; default: the encoders, or gravity without encoders.
-    reference: Literal["gravity"] | None = None
-    within: float | None = Field(default=None, gt=0)  #: Largest error, rad.
-    below: float | None = Field(default=None, gt=0)  #: Largest remaining fraction of the uncalibrated error.
-    #: If that fraction is less than this, rad, the remaining error is compared with this instead.
-    or_within: float = Field(default=0.0, ge=0)
-    #: Every two of these rests are compared, with all motions between them; default: consecutive rests.
-    positions: Positions | None = Field(default=None, min_length=2)
-    stage: str | None = None  #: Stage of the motions; default: all stages.
-
-
-class OfflineOnline(StrictModel):
-    """Largest difference of a parameter from the run's result, in sigmas."""
-
-    within_sigmas: float = Field(ge=0)
-
-
-class Previous(StrictModel):
-    """Largest change since the last calibration of the same unit, per parameter or group, SI."""
-
-    change_within: dict[str, float] = Field(min_length=1)
-
-    @field_validator("change_within")
-    @classmethod
-    def _known(cls, limits: dict[str, float]) -> dict[str, float]:
-        for name, limit in limits.items():
-            if name not in NAMES and name not in GROUPS:
-                raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, NAMES + GROUPS))
-            if not limit > 0:
-                raise EntryError("limits.not_positive", name, value=limit)
-        return limits
-
-
-class Excitation(StrictModel):
-    """Largest permitted ratio of posterior to prior sigma."""
-
-    sigma_ratio_below: float = Field(gt=0, le=1)
-
-
-class SampleClockLimit(StrictModel):
-    """Largest relative error of the sample rate, in addition to the error of the reference, ppm."""
-
-    within_ppm: float = Field(default=20.0, gt=0)
-
-
-class TemperatureLimit(StrictModel):
-    """Largest change of the temperature over a run, °C."""
-
-    change_within: float = Field(default=10.0, gt=0)
-
-
-class ChecksSection(StrictModel):
-    """`[checks]` of a product; a value above the fraction `near_miss_beyond` of its limit is a near miss."""
-
-    near_miss_beyond: float = Field(default=NEAR, gt=0, lt=1)
-    gravity_at_rest: GravityAtRest | None = None
-    improvement_at_rest: ImprovementAtRest | None = None
-    level: Level | None = None
-    motion_angle: MotionAngle | None = None
-    offline_online: OfflineOnline | None = None
-    previous: Previous | None = None
-    excitation: Excitation | None = None
-    sample_clock: SampleClockLimit | None = None  #: None for the default limit.
-    temperature: TemperatureLimit | None = None  #: None for the default limit.
-
-    @model_validator(mode="after")
-    def _floors(self) -> "ChecksSection":
-        for name, improvement, absolute in (
-            ("improvement_at_rest", self.improvement_at_rest, self.gravity_at_rest),
-            ("motion_angle", self.motion_angle, self.motion_angle),
-        ):
-            limit = absolute.within if absolute is not None else None
-            if improvement is not None and limit is not None and improvement.or_within > limit:
-                raise EntryError(
-                    "limits.floor_above_limit", name, "or_within", floor=improvement.or_within, limit=limit
-                )
-        return self
-
-    @property
-    def need_samples(self) -> bool:
-        """Whether a check needs the rests and motions of the stages."""
-        needed = (self.gravity_at_rest, self.improvement_at_rest, self.level, self.motion_angle)
-        return any(check is not None for check in needed)
+MIN_TURN = np.deg2rad(10.0)
 
 
 def acceptance(
@@ -294,7 +172,7 @@ class _Acceptance:
             for first, second in _pairs(len(evidence.rests), rule.positions):
                 where = Where(stage=evidence.stage, rest=first, to=second)
                 turn = turn_between(evidence, first, second, found) if second < len(evidence.rests) else None
-                if turn is not None and turn.path >= LEAST_TURN:
+                if turn is not None and turn.path >= MIN_TURN:
                     rows.append((*angle_errors(evidence, turn, found, axes), where))
                 elif turn is None and rule.positions is not None:
                     rows.append((math.nan, math.nan, where))

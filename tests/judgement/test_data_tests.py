@@ -8,12 +8,7 @@ import pytest
 from calstation.estimation.common.context import ImuModel
 from calstation.estimation.common.residuals import RestResiduals
 from calstation.estimation.common.samples import SampleBlock
-from calstation.results.data_checks import (
-    MISSING_SAMPLES,
-    clipping_test,
-    sample_clocks,
-    temperature_coefficients,
-)
+from calstation.judgement.data_tests import MISSING_SAMPLES, clipping_test, sample_clocks, temperature_coefficients
 
 RATE = 200.0
 PEAK = np.deg2rad(20.0)

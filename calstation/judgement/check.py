@@ -1,0 +1,163 @@
+"""A check: a quantity of a result, its unit, its limit, and whether it is within the limit."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from calstation.estimation import Diagnosis, ModelTest
+from calstation.messages import Text, values_from_json
+from calstation.physics import display, display_by_unit
+from calstation.records import MODEL_KINDS, NEAR, CheckId, CheckKind
+
+#: Largest number of parameters listed in the message about a failed test.
+_MAX_SHIFTS = 3
+
+
+@dataclass(frozen=True)
+class Where:
+    """Origin of the worst value of a check: a parameter, a rest of a stage, or the motions between two rests."""
+
+    parameter: str = ""  #: Name of the parameter, or "".
+    stage: str = ""  #: Stage of the rests, or "".
+    rest: int | None = None  #: Number of the rest, from 0.
+    to: int | None = None  #: Number of the rest after the motions.
+
+    def __str__(self) -> str:
+        """Return the text used in the result JSON."""
+        if self.rest is None:
+            return self.parameter
+        return f"{self.stage} rest {self.rest}" + ("" if self.to is None else f" to {self.to}")
+
+    def to_json(self) -> dict[str, str | int]:
+        """Return the fields that are set."""
+        return {name: value for name, value in vars(self).items() if value not in ("", None)}
+
+
+@dataclass(frozen=True)
+class Check:
+    """A comparison of a value with a limit."""
+
+    kind: CheckKind
+    subject: str  #: Parameter, group or stage that is checked; "" for a check of the whole result.
+    value: float  #: Compared value, in `unit`; NaN if unknown.
+    limit: float | tuple[float, float]  #: Largest value, or (lowest, highest); infinite if unknown.
+    unit: str
+    passed: bool
+    near_miss: bool = False  #: Whether the value is within the limit, but with little margin.
+    where: Where = Where()  #: Origin of the value.
+    diagnosis: Diagnosis | None = None  #: Meaning of the failure of a model test.
+    #: Lowest and highest accepted value if the decision rule narrows the limit.
+    acceptance: tuple[float, float] | None = None
+
+    @classmethod
+    def of_model(cls, stage: str, test: ModelTest) -> "Check":
+        """Return the check for a test of the model against the data of a stage."""
+        kind = next(kind for kind in MODEL_KINDS if kind == test.kind)
+        check = cls.compare(kind, test.value, test.limit, test.unit, subject=stage, near=1.0)
+        return check if check.passed else replace(check, diagnosis=test.diagnosis)
+
+    @classmethod
+    def compare(
+        cls,
+        kind: CheckKind,
+        value: float,
+        limit: float | tuple[float, float],
+        unit: str,
+        *,
+        subject: str = "",
+        near: float = NEAR,
+        where: Where | None = None,
+        acceptance: tuple[float, float] | None = None,
+    ) -> "Check":
+        """Compare a value with its limit, or with `acceptance` if the decision rule narrows the limit.
+
+        A value within it but above its fraction `near` is a near miss.
+        """
+        accepted = acceptance or limit
+        low, high = accepted if isinstance(accepted, tuple) else (-math.inf, accepted)
+        passed = bool(low <= value <= high)
+        width = 0.5 * (high - low) if isinstance(accepted, tuple) else abs(accepted)
+        near_miss = bool(passed and 0.0 < width < math.inf and _margin(value, accepted) < (1.0 - near) * width)
+        return cls(kind, subject, value, limit, unit, passed, near_miss, where or Where(), acceptance=acceptance)
+
+    @property
+    def id(self) -> CheckId:
+        """Kind and subject."""
+        return CheckId(self.kind, self.subject)
+
+    @property
+    def name(self) -> str:
+        """Name in the result JSON."""
+        return self.id.name
+
+    @property
+    def compared_with(self) -> float | tuple[float, float]:
+        """The limit, or the acceptance limits if the decision rule narrows it."""
+        return self.acceptance or self.limit
+
+    @property
+    def margin(self) -> float:
+        """Distance of the value from `compared_with`, in `unit`; negative if exceeded."""
+        return _margin(self.value, self.compared_with)
+
+    @property
+    def cause_text(self) -> Text | None:
+        """Message about the cause of a failed test of the model; None for any other check."""
+        found = self.diagnosis
+        if found is None:
+            return None
+        parameter = found.values.get("parameter", "")
+        (size, unit), (sigma, _) = (
+            display(parameter, value) if parameter else display_by_unit(found.unit, value)
+            for value in (found.size, found.sigma)
+        )
+        largest = sorted(found.parameter_shift, key=lambda name: -abs(found.parameter_shift[name]))[:_MAX_SHIFTS]
+        moves = [Text.of("cause.move", parameter=name, sigmas=found.parameter_shift[name]) for name in largest]
+        shown = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": self.subject}
+        return Text(f"cause.{found.cause}", {**shown, **values_from_json(found.values)})
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the check as a row of the result JSON."""
+        row = {
+            "name": self.name,
+            "kind": self.kind,
+            "subject": self.subject,
+            "value": self.value,
+            "limit": list(self.limit) if isinstance(self.limit, tuple) else self.limit,
+            "unit": self.unit,
+            "passed": self.passed,
+            "margin": self.margin,
+            "near_miss": self.near_miss,
+        }
+        if where := self.where.to_json():
+            row |= {"where": str(self.where), "at": where}
+        if self.acceptance is not None:
+            row["acceptance"] = list(self.acceptance)
+        if self.diagnosis is not None:
+            row |= self.diagnosis.to_json()
+        return row
+
+    @classmethod
+    def from_json(cls, row: Mapping[str, Any]) -> "Check":
+        """Read a check from a result JSON of any version of the program."""
+        kind, subject = CheckId.of(row.get("kind"), row.get("subject", ""), row["name"])
+        limit, acceptance = row["limit"], row.get("acceptance")
+        return cls(
+            kind,
+            subject,
+            math.nan if row["value"] is None else row["value"],
+            (limit[0], limit[1]) if isinstance(limit, list) else math.inf if limit is None else limit,
+            row["unit"],
+            bool(row["passed"]),
+            bool(row.get("near_miss")),
+            Where(**row.get("at", {})),
+            Diagnosis.from_json(row) if "cause" in row else None,
+            None if acceptance is None else (acceptance[0], acceptance[1]),
+        )
+
+
+def _margin(value: float, limit: float | tuple[float, float]) -> float:
+    if isinstance(limit, tuple):
+        return min(value - limit[0], limit[1] - value)
+    return limit - value

@@ -1,0 +1,104 @@
+"""Comparison of a run's solutions with the limits, checks and decision rule in its log's configuration."""
+
+import tomllib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from calstation.config import gravity_beyond
+from calstation.estimation import Diagnosis, Solution
+from calstation.estimation.common import Posterior
+from calstation.judgement.acceptance import acceptance
+from calstation.judgement.check import Check
+from calstation.judgement.conformity import decision_rule
+from calstation.judgement.limits import check_limits, not_compared
+from calstation.judgement.site import check_latitude
+from calstation.records import NEAR, CheckKind, Limit, LogMeta, context_from_meta
+from procedures import DEFAULT_STAGES
+
+#: Kinds of checks that may fail because the model does not describe the data.
+_OF_THE_MODEL: frozenset[CheckKind] = frozenset({
+    "within", "consistency", "agreement", "halves", "gravity_at_rest", "improvement_at_rest",
+    "improvement_at_rest_floor", "motion_angle", "motion_improvement", "motion_improvement_floor",
+})  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Checks of the solutions against the product's limits."""
+
+    checks: tuple[Check, ...]
+    passed: bool | None  #: None if there are no limits.
+    not_compared: tuple[str, ...] = ()  #: Parameters with a limit that no stage estimated or determined.
+    tested: bool = True  #: Whether data and model were tested; if not, there is no verdict.
+
+    def with_more(self, checks: list[Check]) -> "Judgement":
+        """Return the judgement with more checks; it fails if one of them does not pass."""
+        if not checks:
+            return self
+        passed = (self.passed is not False) and all(check.passed for check in checks)
+        return replace(self, checks=(*self.checks, *checks), passed=passed)
+
+
+def judge(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...]) -> Judgement:
+    """Compare the solutions with the limits in the log's configuration; without a solution the unit fails."""
+    limits, near = _limits(meta)
+    section = meta.product.checks if meta.product is not None else None
+    compared = check_limits(limits, prior, solutions, near, meta.calibrated, decision_rule(meta))
+    found = [_explained(meta, check) for check in compared]
+    if section is not None:
+        if meta.calibrated:  # the current calibration, not the run, determines most of the sigmas
+            section = section.model_copy(update={"excitation": None})
+        found += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
+    checks = (*_with_explanation(found, solutions), *check_latitude(meta, solutions))
+    if not limits and section is None:
+        return Judgement(checks, None)
+    passed = bool(found) and all(check.passed for check in checks)
+    return Judgement(checks, passed, tuple(not_compared(limits, prior, solutions)))
+
+
+def compare_only(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...]) -> Judgement:
+    """Compare values and sigmas of untested solutions with the limits; the unit neither passes nor fails."""
+    limits, near = _limits(meta)
+    checks = check_limits(limits, prior, solutions, near, meta.calibrated, decision_rule(meta))
+    found = tuple(_explained(meta, check) for check in checks if check.kind in ("within", "sigma_below"))
+    return Judgement(found, None, tuple(not_compared(limits, prior, solutions)), tested=False)
+
+
+def _limits(meta: LogMeta) -> tuple[Mapping[str, Limit], float]:
+    """Return the limits of the product, and the fraction of a limit beyond which a value is a near miss."""
+    if meta.product is None:
+        return {}, NEAR
+    checks = meta.product.checks
+    return meta.product.limits, NEAR if checks is None else checks.near_miss_beyond
+
+
+def _with_explanation(checks: list[Check], solutions: Sequence[Solution]) -> list[Check]:
+    """Return the checks, with the last stage's failed test inserted before the first check that it explains."""
+    failed = [k for k, check in enumerate(checks) if not check.passed and check.kind in _OF_THE_MODEL]
+    last = solutions[-1] if solutions else None
+    if not failed or last is None or last.explanation is None:
+        return checks
+    return [*checks[: failed[0]], Check.of_model(last.stage, last.explanation), *checks[failed[0] :]]
+
+
+def _explained(meta: LogMeta, check: Check) -> Check:
+    """Return a check of a sigma with the cause if gravity alone exceeds its limit."""
+    if check.kind != "sigma_below" or isinstance(check.limit, tuple):
+        return check
+    found = gravity_beyond(meta, check.subject, check.limit)
+    if found is None:
+        return check
+    size = found["sigma_ppm"] * 1e-6
+    return replace(check, diagnosis=Diagnosis("gravity_uncertain", size, values={"parameter": check.subject, **found}))
+
+
+def is_partial(meta: LogMeta, solved: Collection[str] | None = None) -> bool:
+    """Return whether the stages of the run, or the stages `solved` again, omit stages of its product.
+
+    A log without a run section is never partial.
+    """
+    text = meta.profiles.get("product")
+    if meta.run is None or text is None:
+        return False
+    stages = tomllib.loads(text).get("stages", DEFAULT_STAGES)
+    return not set(stages) <= set(meta.run.stages if solved is None else solved)

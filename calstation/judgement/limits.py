@@ -1,0 +1,174 @@
+"""Comparison of a chain of solutions with the limits of its product."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calstation.estimation import Diagnosis, Estimate, Solution
+from calstation.estimation.common import Posterior
+from calstation.judgement.check import Check, Where
+from calstation.physics import INDEX, NAMES, OBSERVABLE, PARAMETERS, entry_of
+from calstation.records import MODEL_KINDS, NEAR, Limit, Rule
+
+#: Coverage factor of the expanded uncertainty.
+COVERAGE_FACTOR = 2.0
+#: Change of a parameter, in its standard deviations, beyond which the unit no longer matches its calibration.
+_CHANGED = 6.0
+#: Smallest relative decrease of a variance that is not due to rounding.
+_RESOLVED = 1e-6
+
+
+def acceptance_interval(limits: tuple[float, float], sigma: float, rule: Rule) -> tuple[float, float]:
+    """Return the lowest and highest accepted value; nothing is accepted if the lowest is above the highest.
+
+    Simple acceptance, JCGM 106:2012, 8.2, or guarded acceptance with a guard band of the expanded uncertainty on each
+    side, 8.3.2 and ILAC-G8:09/2019, 4.2.
+
+    Parameters
+    ----------
+    limits : lowest and highest permitted true value
+    sigma : standard uncertainty of the value
+    rule : decision rule
+    """
+    guard = COVERAGE_FACTOR * sigma if rule == "guard_band" else 0.0
+    return limits[0] + guard, limits[1] - guard
+
+
+def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
+    """Return the last stage that estimated each parameter, in the order of the parameter table."""
+    last = {name: solution.stage for solution in solutions for name in solution.estimated}
+    return {name: last[name] for name in NAMES if name in last}
+
+
+def unobservable(prior: Posterior, solutions: Sequence[Solution]) -> list[str]:
+    """Return estimated parameters that the data do not determine.
+
+    Their sigma is above 0.9 of the prior sigma, or they lie in the unobservable subspace of every stage that estimated
+    them, so that only a prior correlation has reduced their sigma.
+    """
+    if not solutions:
+        return []
+    before, after = prior.sigma, solutions[-1].posterior.sigma
+    lost = [
+        name
+        for name in estimated_stage(solutions)
+        if before[INDEX[name]] > 0
+        and (after[INDEX[name]] > OBSERVABLE * before[INDEX[name]] or _not_observed(name, solutions))
+    ]
+    return lost + [name for s in solutions for name, e in s.found.items() if not e.determined]
+
+
+def undetermined(prior: Posterior, solutions: Sequence[Solution], calibrated: Collection[str]) -> list[str]:
+    """Return unobservable parameters that are not known from the current calibration either.
+
+    The parameters in `calibrated` are known from it if the data determine at least half of the parameters; a run with
+    less information, such as a stage ended at its first rest, is not a calibration.
+    """
+    lost, estimated = unobservable(prior, solutions), estimated_stage(solutions)
+    known = calibrated if 2 * sum(name in lost for name in estimated) <= len(estimated) else ()
+    return [name for name in lost if name not in known]
+
+
+def _not_observed(name: str, solutions: Sequence[Solution]) -> bool:
+    """Return whether all stages that estimated a parameter have observability analyses without it."""
+    states = [s.observability.get("states", {}).get(name) for s in solutions if name in s.estimated]
+    return all(state is not None and state["step"] is None for state in states)
+
+
+def not_compared(limits: Mapping[str, Limit], prior: Posterior, solutions: Sequence[Solution]) -> list[str]:
+    """Return parameters with a limit that no stage estimated, or that the data do not determine.
+
+    A partial run is judged only by its own stages, and makes no statement about parameters that its data do not
+    determine.
+    """
+    estimated, lost = estimated_stage(solutions), unobservable(prior, solutions)
+    limited = [p.name for p in PARAMETERS if p.name in limits or p.group in limits]
+    return [name for name in limited if name not in estimated or name in lost]
+
+
+def check_limits(
+    limits: Mapping[str, Limit],
+    prior: Posterior,
+    solutions: Sequence[Solution],
+    near: float = NEAR,
+    calibrated: Collection[str] = (),
+    rule: Rule = "simple",
+) -> list[Check]:
+    """Compare the result of a chain of stages with the limits of its product by a decision rule.
+
+    A value above the fraction `near` of its limit is a near miss. A parameter's limit overrides the limit of its group;
+    only parameters that were estimated and determined by the data are compared. Innovations, if a stage had any to
+    test, and undetermined parameters are checked without near misses. The change of the parameters in `calibrated`,
+    whose prior is the current calibration, is compared with its sigma.
+    """
+    if not solutions:
+        return []
+    posterior = solutions[-1].posterior
+    sigma, lost = posterior.sigma, unobservable(prior, solutions)
+    checks = []
+    for name, stage in estimated_stage(solutions).items():
+        if name in lost:
+            continue
+        i = INDEX[name]
+        limit = entry_of(limits, name)
+        if limit is not None:
+            estimate = Estimate(float(posterior.mean[i]), float(sigma[i]), PARAMETERS[i].unit)
+            checks += _check_estimate(name, estimate, limit, limit.sigma_limit(stage), near, rule)
+    for s in solutions:
+        for name, estimate in s.found.items():
+            limit = entry_of(limits, name)
+            if limit is not None:
+                checks += _check_estimate(name, estimate, limit, limit.sigma_below, near, rule)
+    last = solutions[-1]  # the last solution's test for effects uses all stages
+    model = [
+        Check.of_model(s.stage, test) for s in solutions for test in s.tests if test.kind != "effects" or s is last
+    ]
+    checks += sorted(model, key=lambda check: [*MODEL_KINDS].index(check.kind))
+    for s in solutions:
+        c = s.consistency
+        if c.count:
+            diagnosis = None if c.passed else s.diagnosis
+            checks.append(
+                Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed), diagnosis=diagnosis)
+            )
+    unknown = undetermined(prior, solutions, calibrated)
+    checks.append(Check("unobservable", "", float(len(unknown)), 0.0, "1", not unknown))
+    changes = _changes(prior, posterior, [n for n in estimated_stage(solutions) if n in calibrated])
+    if changes:
+        worst = max(changes, key=lambda name: changes[name])
+        checks.append(Check.compare("change", changes[worst], _CHANGED, "sigma", near=1.0, where=Where(worst)))
+    return checks
+
+
+def _changes(prior: Posterior, found: Posterior, names: Sequence[str]) -> dict[str, float]:
+    """Return the change of each parameter by the data, in standard deviations of the change expected from the prior.
+
+    The variance of the change is the decrease of the parameter's variance.
+    """
+    before, after = np.diag(prior.covariance), np.diag(found.covariance)
+    found_changes = {}
+    for name in names:
+        i = INDEX[name]
+        variance = before[i] - after[i]
+        if variance > _RESOLVED * before[i]:
+            found_changes[name] = float(abs(found.mean[i] - prior.mean[i]) / np.sqrt(variance))
+    return found_changes
+
+
+def _check_estimate(
+    name: str, estimate: Estimate, limit: Limit, sigma_limit: float | None, near: float, rule: Rule
+) -> list[Check]:
+    checks, unit = [], estimate.unit
+    if limit.interval is not None:
+        accepted = None if rule == "simple" else acceptance_interval(limit.interval, estimate.sigma, rule)
+        check = Check.compare(
+            "within", estimate.value, limit.interval, unit, subject=name, near=near, acceptance=accepted
+        )
+        if accepted is not None and accepted[0] > accepted[1]:
+            guard = COVERAGE_FACTOR * estimate.sigma
+            check = replace(check, diagnosis=Diagnosis("guard_band", guard, unit=unit, values={"parameter": name}))
+        checks.append(check)
+    if sigma_limit is not None:
+        checks.append(Check.compare("sigma_below", estimate.sigma, sigma_limit, unit, subject=name, near=near))
+    return checks

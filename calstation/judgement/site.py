@@ -1,0 +1,76 @@
+"""Checks of a station's site after its rests: the gyros reveal a latitude that differs from the station file's."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calstation.errors import ConfigurationError
+from calstation.estimation import Diagnosis, Solution
+from calstation.estimation.common import LatitudeEstimate, resolves_earth_rate
+from calstation.judgement.check import Check
+from calstation.physics import DEGREE_PER_HOUR, RATE
+from calstation.records import LogMeta, context_from_meta
+from procedures import method
+
+
+def unconfirmed_site(meta: LogMeta, solutions: Iterable[Solution]) -> dict[str, float] | None:
+    """Return the site of a recording from another program if a run at it would need a confirmation, else None.
+
+    A run requests this confirmation before it records.
+    """
+    context = context_from_meta(meta)
+    scale = any("accel_scale_x" in solution.estimated for solution in solutions)
+    if meta.run is not None or not scale or resolves_earth_rate(context.imu):
+        return None
+    site = context.site
+    location = {"latitude": meta.site.latitude_deg, "longitude": meta.site.longitude_deg, "height": meta.site.height_m}
+    return {**location, "gravity": site.local_gravity, "sigma_ppm": site.relative_gravity_sigma * 1e6}
+
+
+def check_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> list[Check]:
+    """Compare the latitude measured in the latest rests with the file's latitude; return [] if it was not measured."""
+    seen = _seen(solutions)
+    if seen is None:
+        return []
+    latitude = context_from_meta(meta).site.latitude
+    limit = (latitude - seen.tolerance, latitude + seen.tolerance)
+    check = Check.compare("latitude", seen.value, limit, "rad")
+    values = {
+        "measured": float(np.rad2deg(seen.value)),
+        "latitude": meta.site.latitude_deg,
+        "rate": RATE * float(np.sin(seen.value) - np.sin(latitude)) / DEGREE_PER_HOUR,
+        "rate_sigma": RATE * float(np.cos(seen.value)) * seen.sigma / DEGREE_PER_HOUR,
+    }
+    diagnosis = Diagnosis("latitude_unlike", seen.value - latitude, seen.sigma, "rad", values=values)
+    return [check if check.passed else replace(check, diagnosis=diagnosis)]
+
+
+def check_seen_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> None:
+    """Raise ConfigurationError if the latitude measured by the gyros contradicts the file's latitude."""
+    for check in check_latitude(meta, solutions):
+        if check.diagnosis is not None:
+            found = check.diagnosis
+            values = {name: found.values[name] for name in ("latitude", "measured", "rate")}
+            raise ConfigurationError("site.latitude_contradicts", sigma=float(np.rad2deg(found.sigma)), **values)
+
+
+def unconfirmed_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> dict[str, str | float] | None:
+    """Return the first inconsistent stage and the latitude it assumed if no rest has confirmed it.
+
+    The unit may still be good: rests in one attitude, as in `rate`, cannot separate earth rate from a bias. Return None
+    if the latitude was confirmed, if the gyros cannot resolve earth rate, or if every stage is consistent.
+    """
+    inconsistent = [s.stage for s in solutions if not (s.consistency.passed or method(s.stage).needs_no_table)]
+    if not inconsistent or _seen(solutions) is not None or not resolves_earth_rate(context_from_meta(meta).imu):
+        return None
+    return {"stage": inconsistent[0], "latitude": meta.site.latitude_deg}
+
+
+def latitude_agrees(checks: Iterable[Check]) -> bool:
+    """Return whether no latitude check failed; runs from another location cannot be resumed."""
+    return all(check.passed for check in checks if check.kind == "latitude")
+
+
+def _seen(solutions: Sequence[Solution]) -> LatitudeEstimate | None:
+    return solutions[-1].latitude if solutions else None

@@ -1,0 +1,84 @@
+"""Identity of a check: its kind and subject, from which its name in results and lists follows."""
+
+import json
+from typing import Literal, NamedTuple, get_args
+
+#: Kind of a check. ``within`` and ``sigma_below`` apply to a parameter, ``consistency`` to a stage, ``previous`` to a
+#: parameter or group; ``other`` is a check of another program version; the rest apply to the whole result.
+CheckKind = Literal[
+    "within",
+    "sigma_below",
+    "consistency",
+    "unobservable",
+    "latitude",
+    "gravity_at_rest",
+    "improvement_at_rest",
+    "improvement_at_rest_floor",
+    "level_horizontal",
+    "level_vertical",
+    "motion_angle",
+    "motion_improvement",
+    "motion_improvement_floor",
+    "offline_online",
+    "previous",
+    "excitation",
+    "change",
+    "agreement",
+    "halves",
+    "effects",
+    "table_noise",
+    "imu_noise",
+    "clipping",
+    "sample_clock",
+    "temperature",
+    "convergence",
+    "other",
+]
+
+#: Kinds of the model tests, one per stage each; if one fails, the following may fail as a consequence.
+MODEL_KINDS: tuple[CheckKind, ...] = (
+    "clipping",
+    "sample_clock",
+    "convergence",
+    "imu_noise",
+    "effects",
+    "halves",
+    "agreement",
+    "table_noise",
+    "temperature",
+)
+
+#: Names that differ from the kind; the braces are replaced by the subject.
+_NAMES: dict[CheckKind, str] = {
+    "within": "{} within",
+    "sigma_below": "{} sigma below",
+    "consistency": "{} consistency",
+    "unobservable": "unobservable parameters",
+    "previous": "previous {}",
+    "change": "change since calibration",
+    **{kind: f"{{}} {kind.replace('_', ' ')}" for kind in MODEL_KINDS},
+    "other": "{}",
+}
+
+
+class CheckId(NamedTuple):
+    """Kind of a check, and the parameter, group or stage that it checks; "" for a check of the whole result."""
+
+    kind: CheckKind
+    subject: str = ""
+
+    @classmethod
+    def of(cls, kind: str | None, subject: str, name: str) -> "CheckId":
+        """Return the identity of a stored check; a kind that this version does not know becomes ``other``."""
+        known = next((known for known in get_args(CheckKind) if known == kind), None)
+        return cls("other", name) if known is None else cls(known, subject)
+
+    @property
+    def name(self) -> str:
+        """Name in the result JSON and in lists of failed checks."""
+        return _NAMES.get(self.kind, self.kind).format(self.subject)
+
+
+def read_check_ids(text: str) -> tuple[CheckId, ...]:
+    """Return the checks of a list of kinds and subjects that was written as JSON."""
+    return tuple(CheckId.of(kind, subject, subject) for kind, subject in json.loads(text))

@@ -1,0 +1,147 @@
+"""Building of a result from a run's solutions and their judgement."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from calstation import __version__
+from calstation.errors import CalstationError
+from calstation.estimation import Solution
+from calstation.estimation.common import Posterior
+from calstation.estimation.positions import TableQuantity
+from calstation.judgement import (
+    Judgement,
+    conformity,
+    estimated_stage,
+    is_partial,
+    unconfirmed_latitude,
+    undetermined,
+    unobservable,
+)
+from calstation.messages import values_to_json
+from calstation.physics import INDEX, PARAMETERS
+from calstation.records import LogFacts, LogMeta, correlation_of
+from calstation.results.result import SCHEMA, CalibrationUsed, CyclePhase, Parameter, Result, StageConsistency, plain
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended, or that a log was solved again."""
+
+    outcome: str
+    log_file: str
+    facts: LogFacts
+    first_seq: int | None = None  #: First sequence number solved; None for the first of the log.
+    last_seq: int | None = None  #: Last sequence number solved; None for the last of the log.
+    registers: Mapping[str, Any] | None = None  #: Registers as in the result JSON.
+    error: CalstationError | None = None
+    stop_reason: str | None = None  #: Source of the stop of a stopped run.
+    advice: str | None = None  #: Recommended action, see `calstation.runs.verdict`.
+    finished_stages: tuple[str, ...] | None = None  #: Stages that an incomplete run solved before it ended.
+    cycle: Sequence[CyclePhase] | None = None  #: Phases of the run.
+    table: Mapping[str, TableQuantity] | None = None  #: Geometry of the table, see `StageChain.table`.
+
+
+def build_result(
+    meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...], judgement: Judgement, ending: Ending
+) -> Result:
+    """Build the result of a run from its solutions in order, and the posterior before the first stage."""
+    run, facts, error = meta.run, ending.facts, ending.error
+    first, last = ending.first_seq, ending.last_seq
+    stages = [solution.stage for solution in solutions]
+    optional = {
+        "calibration": _calibration(meta, prior, solutions),
+        "error": None if error is None else str(error),
+        "error_code": None if error is None else error.code,
+        "error_values": None if error is None else values_to_json(error.values),
+        "stop_reason": ending.stop_reason,
+        "finished_stages": ending.finished_stages,
+        "cycle": ending.cycle,
+        "table": {name: asdict(found) for name, found in ending.table.items()} if ending.table else None,
+        "latitude_untold": unconfirmed_latitude(meta, solutions) if judgement.tested else None,
+        "resumed_from": run.resumed_from if run else None,
+        "standard_override": run.standard_override if run else None,
+        "batch": run.batch if run else None,
+        "slot": run.slot if run else None,
+    }
+    return Result.model_validate(
+        {
+            "schema": SCHEMA,
+            "unit": {"serial": meta.imu.serial},
+            "stages": stages,
+            "partial": is_partial(meta, stages if ending.outcome == "resolved" else None),
+            "passed": judgement.passed,
+            "parameters": solved_parameters(solutions),
+            "correlation": _correlation(solutions),
+            "unobservable": unobservable(prior, solutions),
+            "checks": judgement.checks,
+            "not_compared": judgement.not_compared,
+            **(_tests(meta, prior, solutions, judgement) if judgement.tested else {"tested": False}),
+            "details": {s.stage: plain(s.details) for s in solutions if s.details},
+            "outcome": ending.outcome,
+            "advice": ending.advice,
+            "attempt": run.attempt if run else 1,
+            "operator": run.operator if run else None,
+            "station": run.station if run else None,
+            "product": meta.product.name if meta.product else None,
+            "configuration_sha256": hashlib.sha256(meta.to_json().encode()).hexdigest(),
+            "configuration": {kind: file.model_dump() for kind, file in ((run.files if run else None) or {}).items()},
+            "temperature_c": facts.temperature and dict(zip(("mean", "min", "max"), facts.temperature, strict=True)),
+            "registers": ending.registers,
+            "log": {
+                "file": ending.log_file,
+                "sha256": facts.sha256,
+                "first_seq": facts.first_seq if first is None else max(first, facts.first_seq),
+                "last_seq": facts.last_seq if last is None else min(last, facts.last_seq),
+                "gaps": facts.gaps,
+            },
+            "software": {"version": __version__},
+            "started_utc": run.started_utc if run else None,
+            "duration_s": facts.samples / meta.imu.sample_rate_hz,
+            **{key: value for key, value in optional.items() if value is not None},
+        }
+    )
+
+
+def _tests(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...], judgement: Judgement) -> dict[str, Any]:
+    """Return the sections of a result that judge its values or test data and model."""
+    return {
+        "conformity": conformity(meta, prior, solutions, judgement.checks),
+        "consistency": {s.stage: StageConsistency.of(s.consistency) for s in solutions},
+        "observability": {s.stage: plain(s.observability) for s in solutions if s.observability},
+    }
+
+
+def _calibration(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...]) -> CalibrationUsed | None:
+    section = meta.run.calibration if meta.run is not None else None
+    if section is None:
+        return None
+    unknown = undetermined(prior, solutions, meta.calibrated)
+    names = [name for name in unobservable(prior, solutions) if name not in unknown]
+    return CalibrationUsed(**section.model_dump(), not_improved=names)
+
+
+def _correlation(solutions: Sequence[Solution]) -> dict[str, dict[str, float]]:
+    if not solutions:
+        return {}
+    solved = estimated_stage(tuple(solutions))
+    rows = {name: row for name, row in correlation_of(solutions[-1].posterior.covariance).items() if name in solved}
+    return {name: {other: value for other, value in row.items() if other in solved} for name, row in rows.items()}
+
+
+def solved_parameters(solutions: tuple[Solution, ...]) -> dict[str, Parameter]:
+    """Return the solved parameters by contract name."""
+    if not solutions:
+        return {}
+    posterior = solutions[-1].posterior
+    sigma = posterior.sigma
+    parameters = {}
+    for name, stage in estimated_stage(solutions).items():
+        i = INDEX[name]
+        value, unit = float(posterior.mean[i]), PARAMETERS[i].unit
+        parameters[name] = Parameter(value=value, sigma=float(sigma[i]), unit=unit, stage=stage)
+    for solution in solutions:
+        for name, found in solution.found.items():
+            parameters[name] = Parameter(value=found.value, sigma=found.sigma, unit=found.unit, stage=solution.stage)
+    return parameters
