@@ -10,9 +10,9 @@ from typing import Any
 
 from rich.console import Console
 
-from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, show_line
+from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, say, show_line
 from calstation.cli.text import say, sentence
-from calstation.config import RunRequest, load_station, pair_folder, resolve_pair
+from calstation.config import RunRequest, load_pair_configuration, load_station, pair_folder
 from calstation.connection import LineServer, open_pair
 from calstation.errors import ConfigurationError, InputError, StoppedError
 from calstation.estimation.common import SampleBlock
@@ -110,7 +110,9 @@ def watch_station_command(
     check_json(json)
     out, stopped = _console(json), threading.Event()
     _, station = load_station(request.station)
-    setup = resolve_pair(RunRequest(request.serial or station.virtual_serial, request.station, request.product))
+    setup = load_pair_configuration(
+        RunRequest(request.serial or station.virtual_serial, request.station, request.product)
+    )
     with on_interrupt(stopped.set), open_pair(setup, folder or pair_folder(), check_cancelled) as live:
         watch = live.session.watch
         if command:

@@ -1,4 +1,7 @@
-"""Stations, products, profile library, resolved run configuration, editing, versions and access rights."""
+"""Files that a person writes: stations, products and profiles, their editing, and the configuration of a run.
+
+This package knows no device, no task and no bench.
+"""
 
 from calstation.config import access, editing, library, versions
 from calstation.config.batch import batch_bench_config, new_batch_id, prepare_batch, unit_requests
@@ -17,7 +20,7 @@ from calstation.config.forms import FORMS, Form, FormCell, FormColumn, FormRow, 
 from calstation.config.laboratory import InstrumentSection, LaboratorySection, ReportSection, missing_report_places
 from calstation.config.library import locate, pair_folder, site_folder
 from calstation.config.link_defaults import LinkDefaults, imu_defaults, is_manual_table, table_defaults
-from calstation.config.pair import PairConfiguration, resolve_pair
+from calstation.config.pair import PairConfiguration, load_pair_configuration
 from calstation.config.product import (
     DEFAULT_PRODUCT,
     ProductConfig,
@@ -28,12 +31,14 @@ from calstation.config.product import (
 )
 from calstation.config.records import RecordsSection, check_database_url, has_password
 from calstation.config.request import Confirmation, RegisterOperation, RunRequest, computer_user, plain_text
-from calstation.config.resolved import (
+from calstation.config.run_configuration import (
     ManualRigError,
-    ResolvedConfiguration,
+    RunConfiguration,
     check_manual_rig,
+    check_station,
+    compatible_products,
+    load_configuration,
     prepare_run,
-    resolve_configuration,
     unit_files,
 )
 from calstation.config.schedules import (
@@ -67,5 +72,4 @@ from calstation.config.station import (
     load_station,
     uses_manual_rig,
 )
-from calstation.config.summary import RunSummary, compatible_products, run_summary
 from calstation.config.versions import Version, save_noise

@@ -7,7 +7,7 @@ from secrets import token_hex
 from typing import Any
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import Adjustment, ResolvedConfiguration, prepare_run
+from calstation.config.run_configuration import Adjustment, RunConfiguration, prepare_run
 from calstation.config.station import load_station
 from calstation.errors import ConfigurationError
 
@@ -48,9 +48,7 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
     return tuple(replace(common, serial=serial, slot=name) for name, serial in placed)
 
 
-def prepare_batch(
-    request: RunRequest, adjust: Adjustment = lambda resolved: resolved
-) -> tuple[ResolvedConfiguration, ...]:
+def prepare_batch(request: RunRequest, adjust: Adjustment = lambda resolved: resolved) -> tuple[RunConfiguration, ...]:
     """Return the checked configuration of each unit of a run, like `prepare_run`.
 
     Raises ConfigurationError also if the units cannot be on one table or do not share the plan.
@@ -65,7 +63,7 @@ def prepare_batch(
     return setups
 
 
-def batch_bench_config(setups: tuple[ResolvedConfiguration, ...]) -> dict[str, Any] | None:
+def batch_bench_config(setups: tuple[RunConfiguration, ...]) -> dict[str, Any] | None:
     """Return the configuration of the bench process for these units on one table; None on hardware."""
     config, *others = (setup.bench_config() for setup in setups)
     if config is None or not others:

@@ -1,4 +1,4 @@
-"""The resolved configuration of a station with several IMUs on one body, which are monitored live."""
+"""The configuration of a station with several IMUs on one body, which are monitored live."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from pydantic import JsonValue
 from calstation.config import library
 from calstation.config.product import in_file, schedule_values
 from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
+from calstation.config.run_configuration import RunConfiguration, load_configuration
 from calstation.devices.profiles import load_imu_profile
 from calstation.records import LogMeta
 from calstation.schema import EntryError, validate
@@ -25,12 +25,12 @@ _OF_THE_BODY = ("seed", "speed", "body", "grade", "instability", "imu_transport"
 class PairConfiguration:
     """A primary and its secondaries, each configured like a station's only unit, and their schedule."""
 
-    primary: ResolvedConfiguration
-    secondaries: tuple[ResolvedConfiguration, ...]
+    primary: RunConfiguration
+    secondaries: tuple[RunConfiguration, ...]
     schedule: dict[str, JsonValue]
 
     @property
-    def units(self) -> tuple[ResolvedConfiguration, ...]:
+    def units(self) -> tuple[RunConfiguration, ...]:
         """The primary and the secondaries."""
         return (self.primary, *self.secondaries)
 
@@ -53,9 +53,9 @@ class PairConfiguration:
         return validate(LogMeta, plain, "configuration of the watch")
 
 
-def resolve_pair(request: RunRequest) -> PairConfiguration:
+def load_pair_configuration(request: RunRequest) -> PairConfiguration:
     """Read and check the files of a request for a station with secondaries. Raises ConfigurationError."""
-    primary = resolve_configuration(request)
+    primary = load_configuration(request)
     station, path = primary.station, primary.sources["station"].path
     with in_file(path):
         if not station.secondaries:

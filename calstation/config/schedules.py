@@ -15,7 +15,7 @@ from calstation.config import library, versions
 from calstation.config.editing import edit_toml, read_text
 from calstation.config.product import in_file
 from calstation.config.request import RunRequest
-from calstation.config.resolved import resolve_configuration
+from calstation.config.run_configuration import load_configuration
 from calstation.config.versions import Version
 from calstation.jobs import ProgressCallback
 from calstation.physics import TableGeometry, named
@@ -91,13 +91,13 @@ class ScheduleOptions:
 
 def schedule_options(station: Path | None, product: Path | None) -> ScheduleOptions:
     """Read the options for a product on a station; None for the defaults. Raises ConfigurationError."""
-    setup = resolve_configuration(RunRequest("offer", station, product))
+    setup = load_configuration(RunRequest("offer", station, product))
     known = tuple(dict.fromkeys((*setup.product.stages, *DEFAULT_STAGES)))
     if setup.table.gimbal is not None:
         offered = tuple(s for s in known if method(s).on_gimbal)
     else:
         offered = tuple(s for s in known if not setup.by_hand or "manual" in method(s).schedule.model_fields)
-    whole = resolve_configuration(RunRequest("offer", station, product, offered))
+    whole = load_configuration(RunRequest("offer", station, product, offered))
     geometry = setup.table.geometry()
     context = setup.solve_context()
     return ScheduleOptions(

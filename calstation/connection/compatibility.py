@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from calstation.config import (
     ManualRigError,
-    ResolvedConfiguration,
+    RunConfiguration,
     StationConfig,
     check_manual_rig,
     confirmation_key,
@@ -30,7 +30,7 @@ from calstation.schema import KeyPath, Problem, validate
 from procedures import method
 
 
-def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
+def incompatibilities(setup: RunConfiguration) -> Iterator[Finding]:
     """Yield the reasons why a stage of the product cannot run. Raises ConfigurationError if a schedule is invalid."""
     product, site = setup.product, setup.station.site
     schedules = {

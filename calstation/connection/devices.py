@@ -6,7 +6,7 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from calstation.config import PairConfiguration, ResolvedConfiguration, batch_bench_config
+from calstation.config import PairConfiguration, RunConfiguration, batch_bench_config
 from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock, RealClock
 from calstation.connection.identify import LinkSettings, identify
@@ -57,7 +57,7 @@ class Endpoints:
 
 @contextmanager
 def connected(
-    setups: tuple[ResolvedConfiguration, ...], check_cancelled: Callable[[], None] = lambda: None
+    setups: tuple[RunConfiguration, ...], check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[Devices]:
     """Open the clock, table and IMUs, identify all devices, and close all on exit; `check_cancelled` may raise.
 
@@ -92,7 +92,7 @@ def connected(
 
 
 def _answering(
-    setups: tuple[ResolvedConfiguration, ...],
+    setups: tuple[RunConfiguration, ...],
     ports: tuple[str, ...],
     stack: ExitStack,
     check_cancelled: Callable[[], None],
@@ -117,7 +117,7 @@ def _answering(
 
 
 @contextmanager
-def endpoints(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Endpoints]:
+def endpoints(setup: RunConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Endpoints]:
     """Lock and yield a station's ports for one unit, like `batch_endpoints`."""
     with batch_endpoints((setup,), check_cancelled) as at:
         yield at
@@ -125,7 +125,7 @@ def endpoints(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] 
 
 @contextmanager
 def batch_endpoints(
-    setups: tuple[ResolvedConfiguration, ...], check_cancelled: Callable[[], None] = lambda: None
+    setups: tuple[RunConfiguration, ...], check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[Endpoints]:
     """Lock and yield a station's ports, or yield the ports of a virtual bench, which runs while the context is open.
 
@@ -193,7 +193,7 @@ def _running_bench(
             clock.close()
 
 
-def _shared(setup: ResolvedConfiguration) -> bool:
+def _shared(setup: RunConfiguration) -> bool:
     """Return whether the axes are commanded through the IMU's link."""
     return setup.table.protocol == "imu_link"
 
@@ -218,7 +218,7 @@ def _device_of(port: str, name: str) -> str:
         return port
 
 
-def open_table(setup: ResolvedConfiguration, port: str) -> RegisterTable | TextTable:
+def open_table(setup: RunConfiguration, port: str) -> RegisterTable | TextTable:
     """Open the table on its port. Raises DeviceFaultError or ConfigurationError."""
     if _shared(setup):
         return SharedTable(open_imu(setup, port), table_profile(setup), owned=True)
@@ -227,30 +227,30 @@ def open_table(setup: ResolvedConfiguration, port: str) -> RegisterTable | TextT
         return table_on(port, profile, serial)
 
 
-def open_imu(setup: ResolvedConfiguration, port: str) -> StreamedImu:
+def open_imu(setup: RunConfiguration, port: str) -> StreamedImu:
     """Open the IMU on its port without starting its stream. Raises DeviceFaultError or ConfigurationError."""
     link = SerialLink(port, imu_settings(setup), "imu")
     return imu_on(link, imu_profile(setup), setup.request.serial)
 
 
-def link_settings(setup: ResolvedConfiguration, table: str, imu: str) -> LinkSettings:
+def link_settings(setup: RunConfiguration, table: str, imu: str) -> LinkSettings:
     """Return the link settings of both devices at these ports."""
     profile = table_profile(setup)
     serial = setup.station.table.serial or profile.serial
     return LinkSettings(table, profile, serial, imu, imu_profile(setup), imu_settings(setup))
 
 
-def imu_settings(setup: ResolvedConfiguration) -> SerialSettings:
+def imu_settings(setup: RunConfiguration) -> SerialSettings:
     return setup.station.imu.serial or setup.imu.link
 
 
-def table_profile(setup: ResolvedConfiguration) -> TableProfile:
+def table_profile(setup: RunConfiguration) -> TableProfile:
     """Return the table's profile with the station's timeout and unit number."""
     table = setup.station.table
     return setup.table.at_place(table.timeout_s, table.unit)
 
 
-def imu_profile(setup: ResolvedConfiguration) -> ImuProfile:
+def imu_profile(setup: RunConfiguration) -> ImuProfile:
     """Return the IMU's profile with the station's timeout."""
     timeout = setup.station.imu.timeout_s
     return setup.imu if timeout is None else setup.imu.with_timeout(timeout)

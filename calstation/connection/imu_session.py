@@ -7,14 +7,14 @@ from functools import partial
 
 import numpy as np
 
-from calstation.config import ResolvedConfiguration
+from calstation.config import RunConfiguration
 from calstation.connection.clock import BenchClock
 from calstation.connection.devices import endpoints, open_imu
 from calstation.devices import Imu, ImuIdentity, NoFramesError, SampleBatch
 from calstation.errors import DeviceFaultError
 from calstation.jobs import ProgressCallback
 from calstation.physics import FloatArray
-from calstation.sequencer import NO_DATA, REST, Clock, Output, VerificationData, mean_at_rest
+from calstation.sequencer import NO_DATA, REST, Clock, Output, VerificationData, corrected_output, mean_at_rest
 
 #: Timeout for capturing a rest without gaps, station time in s.
 _REST_TIMEOUT = 60.0
@@ -31,7 +31,7 @@ class ImuSession:
 
 @contextmanager
 def open_imu_session(
-    progress: ProgressCallback, setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None
+    progress: ProgressCallback, setup: RunConfiguration, check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[ImuSession]:
     """Open and identify the IMU alone, and close it on exit. Raises DeviceFaultError, ConfigurationError."""
     with endpoints(setup, check_cancelled) as at:
@@ -44,23 +44,22 @@ def open_imu_session(
             yield ImuSession(imu, identity, at.clock)
 
 
-def capture_rest(
-    session: ImuSession, setup: ResolvedConfiguration, check_cancelled: Callable[[], None]
-) -> VerificationData:
+def capture_rest(session: ImuSession, setup: RunConfiguration, check_cancelled: Callable[[], None]) -> VerificationData:
     """Capture the corrected output at rest, and the raw output if the unit provides both; it streams raw afterwards.
 
     Raises DeviceFaultError if no rest without a gap is captured in time.
     """
     raw = VerificationData((_rest(session, setup, check_cancelled, corrected=False),), REST)
-    if setup.corrected is not Output.ASKED:
-        return replace(raw, corrected=setup.corrected is Output.ALWAYS)
+    output = corrected_output(setup)
+    if output is not Output.ASKED:
+        return replace(raw, corrected=output is Output.ALWAYS)
     own = _rest(session, setup, check_cancelled, corrected=True)
     session.imu.start()
     return VerificationData((own,), REST, corrected=True, reference=raw)
 
 
 def _rest(
-    session: ImuSession, setup: ResolvedConfiguration, check_cancelled: Callable[[], None], *, corrected: bool
+    session: ImuSession, setup: RunConfiguration, check_cancelled: Callable[[], None], *, corrected: bool
 ) -> FloatArray:
     """Return the mean output over one rest, rad/s and m/s², shape (6,)."""
     model = setup.solve_context().imu

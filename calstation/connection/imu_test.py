@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from calstation.config import ResolvedConfiguration
+from calstation.config import RunConfiguration
 from calstation.connection.clock import BenchClock
 from calstation.connection.devices import Endpoints
 from calstation.connection.identify import has_frames, is_text, line_values
@@ -40,7 +40,7 @@ class ImuTest:
     """The test of an open IMU; `settings` are its serial port settings."""
 
     imu: StreamedImu
-    setup: ResolvedConfiguration
+    setup: RunConfiguration
     at: Endpoints
     settings: SerialSettings
     progress: ProgressCallback

@@ -5,15 +5,7 @@ from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from calstation.config import (
-    VIRTUAL_UNIT,
-    ResolvedConfiguration,
-    RunRequest,
-    StationConfig,
-    at_slot,
-    library,
-    unit_files,
-)
+from calstation.config import VIRTUAL_UNIT, RunConfiguration, RunRequest, StationConfig, at_slot, library, unit_files
 from calstation.connection.compatibility import incompatibilities
 from calstation.connection.devices import (
     Endpoints,
@@ -104,11 +96,11 @@ def discover_ports(progress: ProgressCallback) -> tuple[FoundPort, ...]:
     return ports
 
 
-def link_test_configuration(request: LinkTestRequest) -> ResolvedConfiguration:
+def link_test_configuration(request: LinkTestRequest) -> RunConfiguration:
     """Return the part of a run's configuration that is needed to open the devices. Raises CalstationError."""
     station = at_slot(request.station, request.slot)
     _, product, imu = unit_files(station, request.product)
-    return ResolvedConfiguration(
+    return RunConfiguration(
         request=RunRequest(VIRTUAL_UNIT, slot=request.slot),
         station=station,
         product=product,
@@ -118,14 +110,14 @@ def link_test_configuration(request: LinkTestRequest) -> ResolvedConfiguration:
     )
 
 
-def open_endpoints(progress: ProgressCallback, setup: ResolvedConfiguration) -> AbstractContextManager[Endpoints]:
+def open_endpoints(progress: ProgressCallback, setup: RunConfiguration) -> AbstractContextManager[Endpoints]:
     """Return the context of the station's ports; a virtual bench takes a few seconds to start."""
     progress(0.0, note="starting_bench" if setup.station.bench is not None else "opening")
     return endpoints(setup)
 
 
 def _found_on_table_port(
-    setup: ResolvedConfiguration, at: Endpoints, found: list[Finding], progress: ProgressCallback
+    setup: RunConfiguration, at: Endpoints, found: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
     """Yield a finding if another device replies on the table's port."""
     link, ids = link_settings(setup, at.table, at.imu), {finding.id for finding in found}
@@ -161,7 +153,7 @@ def _units(units: list[FoundUnit]) -> Finding:
 
 
 def _found_on_imu_port(
-    setup: ResolvedConfiguration, at: Endpoints, found: list[Finding], progress: ProgressCallback
+    setup: RunConfiguration, at: Endpoints, found: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
     """Yield a finding if the table replies on the IMU's port, or if the IMU streams at another baud rate."""
     link, ids = link_settings(setup, at.table, at.imu), {finding.id for finding in found}
@@ -174,7 +166,7 @@ def _found_on_imu_port(
         yield from find_baud_rate(at.imu, link.imu_serial, link.imu, progress)
 
 
-def _with_line_finding(setup: ResolvedConfiguration, at: Endpoints, found: list[Finding]) -> list[Finding]:
+def _with_line_finding(setup: RunConfiguration, at: Endpoints, found: list[Finding]) -> list[Finding]:
     """Replace a general finding by a specific one about a received line, for a text protocol."""
     index = next((i for i, finding in enumerate(found) if finding.id in _ABOUT_LINES), None)
     if index is None or setup.imu.frame.format != "text":

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calstation.config import VIRTUAL_UNIT, ResolvedConfiguration, RunRequest, library, resolve_configuration
+from calstation.config import VIRTUAL_UNIT, RunConfiguration, RunRequest, library, load_configuration
 from calstation.connection.imu_session import open_imu_session, read_contiguous
 from calstation.devices import SampleBatch
 from calstation.errors import ConfigurationError, DeviceFaultError
@@ -58,7 +58,7 @@ def read_unit(
     On the virtual bench, the fixture contains the unit of the recording, if a recording identifies it. Raises
     DeviceFaultError or ConfigurationError if the unit cannot be read.
     """
-    setup = resolve_configuration(RunRequest(serial, station, product))
+    setup = load_configuration(RunRequest(serial, station, product))
     if setup.station.bench is not None and recording is not None:
         setup = _with_recorded_unit(recording, open_log(recording).meta, setup)
     meta = setup.log_meta()
@@ -75,7 +75,7 @@ def read_unit(
     return ImuOutput(meta, [_block(parts)], setup.after_registers, named=setup.imu.protocol != "stream")
 
 
-def _with_recorded_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration) -> ResolvedConfiguration:
+def _with_recorded_unit(path: Path, meta: LogMeta, setup: RunConfiguration) -> RunConfiguration:
     """Configure the virtual bench with the recording's unit, from the seed of its run or the truth file next to it."""
     seed = None if meta.run is None else meta.run.seed
     truth = {name: value for name, value in read_truth(path).items() if name in NAMES}
@@ -86,7 +86,7 @@ def _with_recorded_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration)
         product=_product_like(meta.imu, setup.request) if known else setup.request.product,
         seed=seed,
     )
-    setup = resolve_configuration(request)
+    setup = load_configuration(request)
     if truth:
         bench = {**(setup.station.bench or {}), "parameters": truth}
         setup = replace(setup, station=setup.station.model_copy(update={"bench": bench}))
@@ -97,7 +97,7 @@ def _product_like(imu: ImuSection, request: RunRequest) -> Path | None:
     """Return the product whose IMU noise equals the recorded unit's; the requested product is tried first."""
     for path in (request.product, *(library.find("products", name) for name in library.names("products"))):
         with suppress(ConfigurationError):
-            noise = resolve_configuration(replace(request, product=path)).imu.noise
+            noise = load_configuration(replace(request, product=path)).imu.noise
             if np.allclose([noise.gyro_arw, noise.accel_vrw], [imu.gyro_arw, imu.accel_vrw], rtol=1e-3, atol=0.0):
                 return path
     return request.product

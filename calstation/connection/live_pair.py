@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calstation.config import PairConfiguration, ResolvedConfiguration
+from calstation.config import PairConfiguration, RunConfiguration
 from calstation.connection.clock import BenchClock, RealClock
 from calstation.connection.devices import imu_endpoints, open_imu
 from calstation.devices import OtherModelError, SampleBatch
@@ -34,7 +34,7 @@ logger = logging.getLogger(__name__)
 class _Unit:
     """An IMU on its port; it is woken or reopened in a separate thread while other units are read."""
 
-    def __init__(self, setup: ResolvedConfiguration, port: str) -> None:
+    def __init__(self, setup: RunConfiguration, port: str) -> None:
         self._setup, self._port = setup, port
         self.imu = open_imu(setup, port)
         self._closing = threading.Event()

@@ -12,7 +12,7 @@ from queue import Empty
 from typing import Any, Literal
 
 from calstation import applog
-from calstation.config import RunRequest, load_station, pair_folder, resolve_pair
+from calstation.config import RunRequest, load_pair_configuration, load_station, pair_folder
 from calstation.connection.live_pair import LivePair, open_pair
 from calstation.errors import CalstationError, StoppedError
 from calstation.estimation.common import SampleBlock
@@ -148,7 +148,7 @@ def _serve(connection: "Connection[Any, Any]", request: RunRequest) -> None:
     try:
         _, station = load_station(request.station)
         serial = request.serial or station.virtual_serial
-        setup = resolve_pair(RunRequest(serial, request.station, request.product))
+        setup = load_pair_configuration(RunRequest(serial, request.station, request.product))
         with open_pair(setup, pair_folder(), check_cancelled) as live:
 
             def ended() -> bool:

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from calstation.config import ProductConfig, ResolvedConfiguration
+from calstation.config import ProductConfig, RunConfiguration
 from calstation.design.design import DesignRequest
 from calstation.devices.profiles import span
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import SolveContext, rest_mean_variance
-from calstation.sequencer import plan_time
+from calstation.sequencer import plan_time, table_task
 
 #: Placeholder for the serial number of any unit of the product.
 SERIAL = "design"
@@ -19,7 +19,7 @@ _RANGE = 0.8
 _GRAVITY_SIGMAS = 4.0
 
 
-def speeds(setup: ResolvedConfiguration, request: DesignRequest) -> tuple[float, float]:
+def speeds(setup: RunConfiguration, request: DesignRequest) -> tuple[float, float]:
     """Return rate, °/s, and acceleration, °/s², of all moves: from the request, or fractions of the limits."""
     limits, imu = setup.table.geometry().limits, setup.solve_context().imu
     per_count = imu.gyro_lsb * (imu.sample_rate if imu.output == "increment" else 1.0)
@@ -47,9 +47,9 @@ def gravity_rest(product: ProductConfig, context: SolveContext) -> float | None:
     return next((float(rest) for rest in rests if rest_mean_variance(context, rest) < enough), check.shortest_rest_s)
 
 
-def stages_duration(setup: ResolvedConfiguration) -> float | None:
+def stages_duration(setup: RunConfiguration) -> float | None:
     """Return the duration of all stages without targets, s; None if this table cannot execute them."""
     try:
-        return sum(plan_time(s.steps(), s.rule, (0.0, 0.0), setup.table.settle_s) for s in setup.task().stages)
+        return sum(plan_time(s.steps(), s.rule, (0.0, 0.0), setup.table.settle_s) for s in table_task(setup).stages)
     except ConfigurationError:
         return None

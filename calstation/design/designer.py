@@ -8,7 +8,7 @@ from typing import Never
 
 import numpy as np
 
-from calstation.config import RunRequest, check_manual_rig, resolve_configuration
+from calstation.config import RunRequest, check_manual_rig, load_configuration
 from calstation.design.allowed import SERIAL, gravity_rest, speeds, stages_duration
 from calstation.design.design import STAGE, Design, DesignRequest, Variation
 from calstation.design.search import Beam, Exchange, Front, Problem, Stops, durations, reachable, states
@@ -68,7 +68,7 @@ class _Designer:
         self._begun = time.monotonic()
         present = RunRequest(SERIAL, request.station, request.product)
         schedule = {STAGE: {"stop_at_limits": False}}
-        setup = resolve_configuration(replace(present, stages=(STAGE,), schedule=schedule))
+        setup = load_configuration(replace(present, stages=(STAGE,), schedule=schedule))
         check_manual_rig(setup)
         self._meta = setup.log_meta()
         self._geometry, self._settle = setup.table.geometry(), setup.table.settle_s
@@ -94,7 +94,7 @@ class _Designer:
         self._searched = request.duration is not None  #: Whether a beam has found a result.
         rest = gravity_rest(self._product, self._context)
         self._gravity_rest = None if rest is None else round(rest / REST_UNIT)
-        self._present = stages_duration(resolve_configuration(present))
+        self._present = stages_duration(load_configuration(present))
 
     def _sigma_limits(self, limits: dict[str, float]) -> FloatArray:
         estimated = method(STAGE).estimates(self._context)

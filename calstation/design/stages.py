@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from calstation.config import RunRequest, check_manual_rig, edit_toml, resolve_configuration, schedule_fields
+from calstation.config import RunRequest, check_manual_rig, edit_toml, load_configuration, schedule_fields
 from calstation.design.allowed import SERIAL, gravity_rest, speeds, stages_duration
 from calstation.design.design import DesignRequest, Reached
 from calstation.errors import ConfigurationError
@@ -74,7 +74,7 @@ class _Shortening:
         self._run = RunRequest(SERIAL, request.station, request.product, out=Path("nowhere"))
         #: The current stages match their own sigmas exactly, up to rounding.
         self._margin = 1.0 + 1e-9 if request.as_present else request.margin
-        setup = resolve_configuration(self._run)
+        setup = load_configuration(self._run)
         check_manual_rig(setup)
         self._schedules = setup.schedules
         self._rest = gravity_rest(setup.product, setup.solve_context())
@@ -146,7 +146,7 @@ class _Shortening:
                     yield (stage, field.name, new), changed
 
     def _duration(self, values: Values) -> float | None:
-        return stages_duration(resolve_configuration(replace(self._run, schedule=values)))
+        return stages_duration(load_configuration(replace(self._run, schedule=values)))
 
     def _preview(self, values: Values) -> Preview:
         return compute_preview(lambda *_, **__: None, replace(self._run, schedule=values))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from typing import Literal
 
-from calstation.config import CheckStandardSection, ProductConfig, ResolvedConfiguration, StationConfig, library
+from calstation.config import CheckStandardSection, ProductConfig, RunConfiguration, StationConfig, library
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import Posterior
@@ -34,7 +34,7 @@ class Due:
         format_ = "%Y-%m-%d" if self.reason == "certificate" else "%Y-%m-%d %H:%M"
         return "" if self.since is None else self.since.astimezone().strftime(format_)
 
-    def error(self, setup: ResolvedConfiguration) -> ConfigurationError:
+    def error(self, setup: RunConfiguration) -> ConfigurationError:
         """Return the error that refuses a run."""
         values = {"product": setup.product.name, "station": setup.station.name}
         return ConfigurationError(f"quality.standard_{self.reason}", name=self.name, since=self.when, **values)
@@ -107,7 +107,7 @@ def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
     ]
 
 
-def require_standards(setup: ResolvedConfiguration, history: History, now: datetime) -> list[Due]:
+def require_standards(setup: RunConfiguration, history: History, now: datetime) -> list[Due]:
     """Refuse a production run while a check standard or a certificate is overdue or failed.
 
     A run of a check standard is always allowed. Returns the problems that an override in the request permits, [] if

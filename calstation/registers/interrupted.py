@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from calstation.config import ResolvedConfiguration
+from calstation.config import RunConfiguration
 from calstation.connection import Devices, ImuSession, capture_rest
 from calstation.devices import Imu
 from calstation.devices.imu import Closing, Holds, Transferred, finish, recognise, restore
@@ -22,7 +22,7 @@ DECISIONS = ("finish", "restore")
 class UnverifiedTransfer:
     """A transfer that was finished before a run, to be verified with the run's table before its first stage."""
 
-    setup: ResolvedConfiguration
+    setup: RunConfiguration
     imu: Imu
     done: Transferred
     on_verified: Callable[[], None]
@@ -36,7 +36,7 @@ class UnverifiedTransfer:
 
 
 def recover_interrupted(
-    devices: Devices, setup: ResolvedConfiguration, runs: Path, emit: Emit, check_cancelled: Callable[[], None]
+    devices: Devices, setup: RunConfiguration, runs: Path, emit: Emit, check_cancelled: Callable[[], None]
 ) -> UnverifiedTransfer | None:
     """Recover an interrupted transfer to the unit before a run.
 

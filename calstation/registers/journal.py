@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import quote, unquote
 
-from calstation.config import ResolvedConfiguration, StationConfig, site_folder
+from calstation.config import RunConfiguration, StationConfig, site_folder
 from calstation.devices.imu import Closing, Step
 from calstation.devices.profiles import RegisterEntry
 from calstation.errors import ConfigurationError
@@ -71,7 +71,7 @@ class Purpose:
     unit_type: UnitType = field(default_factory=UnitType)
 
     @classmethod
-    def of(cls, setup: ResolvedConfiguration, model: str, why: str, source: str) -> "Purpose":
+    def of(cls, setup: RunConfiguration, model: str, why: str, source: str) -> "Purpose":
         """Return the purpose for the operator of a configuration and a unit that reports `model`."""
         unit_type = UnitType(model, setup.imu.name, setup.product.name, map_digest(setup.imu.registers))
         return cls(setup.request.operator, why, source, unit_type)

@@ -13,9 +13,9 @@ from pathlib import Path
 from calstation.config import (
     Confirmation,
     RegisterOperation,
-    ResolvedConfiguration,
+    RunConfiguration,
     confirmation_required,
-    resolve_configuration,
+    load_configuration,
     site_folder,
 )
 from calstation.connection import Devices, capture_rest, connected, open_imu_session
@@ -60,6 +60,9 @@ from calstation.sequencer import (
     StateChanged,
     StopRequested,
     VerificationData,
+    corrected_output,
+    table_task,
+    unit_task,
 )
 
 #: Function that processes the operator's commands; it raises StopRequested if a stop is requested.
@@ -70,7 +73,7 @@ _PROOFS = {Step.TURNED: "turn", Step.AT_REST: "rest"}
 
 def moves_table(operation: RegisterOperation) -> bool:
     """Return whether an operation moves a table. Raises InputError if there is nothing to do, or ConfigurationError."""
-    setup = resolve_configuration(operation.request)
+    setup = load_configuration(operation.request)
     _ActiveOperation.of(operation, setup, lambda event: None)
     return not (operation.at_rest or setup.by_hand)
 
@@ -87,7 +90,7 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
     engineer but none confirmed; DeviceFaultError if another unit is connected, an earlier transfer is open, a value is
     out of range, or the link fails.
     """
-    work = _ActiveOperation.of(operation, resolve_configuration(operation.request), emit)
+    work = _ActiveOperation.of(operation, load_configuration(operation.request), emit)
     _audit(operation, work.setup)
     try:
         if operation.at_rest or work.setup.by_hand:
@@ -100,7 +103,7 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
         emit(settled)
 
 
-def _audit(operation: RegisterOperation, setup: ResolvedConfiguration) -> None:
+def _audit(operation: RegisterOperation, setup: RunConfiguration) -> None:
     """Append the operation to the audit trail before it begins. Raises ConfigurationError if it is not confirmed."""
     people = operation.people or Confirmation(operation.request.operator or "")
     if confirmation_required("registers", setup.product, setup.station).second and people.confirmed_by is None:
@@ -128,7 +131,7 @@ class _ActiveOperation:
     """
 
     operation: RegisterOperation
-    setup: ResolvedConfiguration
+    setup: RunConfiguration
     emit: Emit
     entry: Transfer | None
     values: Mapping[str, float]
@@ -137,7 +140,7 @@ class _ActiveOperation:
     identity: ImuIdentity = field(init=False)
 
     @classmethod
-    def of(cls, operation: RegisterOperation, setup: ResolvedConfiguration, emit: Emit) -> "_ActiveOperation":
+    def of(cls, operation: RegisterOperation, setup: RunConfiguration, emit: Emit) -> "_ActiveOperation":
         """Determine what an operation does. Raises InputError, or ConfigurationError if the flash is worn out."""
         request, site = operation.request, journal_folder(setup.station)
         runs, serial = request.out, request.serial
@@ -263,7 +266,7 @@ def _with_turns(work: _ActiveOperation, control: Control, check_cancelled: Check
                 drive.preflight()
                 drive.check_turns()
             drive.go(State.RUNNING)
-            if work.entry is None or work.setup.corrected is Output.ASKED:
+            if work.entry is None or corrected_output(work.setup) is Output.ASKED:
                 work.emit(Message("reference"))
                 with _offering_at_rest():
                     drive.reference(drive.units, tuple(drive.units))
@@ -284,10 +287,10 @@ def _with_turns(work: _ActiveOperation, control: Control, check_cancelled: Check
 def _context(work: _ActiveOperation, devices: Devices, control: Control) -> RunContext:
     """Return a run without stages, log or solvers; the output is not checked before wrong registers are replaced."""
     setup = work.setup
-    unit = setup.unit_task()
+    unit = unit_task(setup)
     preflight = replace(unit.preflight, warm_up=0.0, warm_up_slope=None, output=not setup.after_registers)
     slot = Slot(devices.imu, replace(unit, preflight=preflight))
-    return RunContext(replace(setup.task(), stages=()), devices.table, (slot,), devices.clock, work.emit, control)
+    return RunContext(replace(table_task(setup), stages=()), devices.table, (slot,), devices.clock, work.emit, control)
 
 
 def _earlier(runs: Path, serial: str, ident: str | None, site: Path | None) -> Transfer:

@@ -6,7 +6,7 @@ partially written.
 
 from pathlib import Path
 
-from calstation.config import ResolvedConfiguration
+from calstation.config import RunConfiguration
 from calstation.devices import Imu
 from calstation.devices.imu import Closing, Holds, RegisterMap, recognise
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
@@ -18,11 +18,11 @@ from calstation.sequencer import Emit, Message
 _NEAR = 0.9
 
 
-def register_map(setup: ResolvedConfiguration) -> RegisterMap:
+def register_map(setup: RunConfiguration) -> RegisterMap:
     return RegisterMap(tuple(setup.imu.registers))
 
 
-def check_flash(setup: ResolvedConfiguration, runs: Path, emit: Emit) -> None:
+def check_flash(setup: RunConfiguration, runs: Path, emit: Emit) -> None:
     """Check, before any device is opened, that the unit's flash may be written again; warn near the limit.
 
     Raises ConfigurationError if the profile's `flash_cycles_max` is reached or the journal is damaged.
@@ -42,7 +42,7 @@ def check_flash(setup: ResolvedConfiguration, runs: Path, emit: Emit) -> None:
         emit(Message("flash_near", {"serial": serial, "used": used, "most": most}))
 
 
-def check_register_map(entry: Transfer, setup: ResolvedConfiguration) -> None:
+def check_register_map(entry: Transfer, setup: RunConfiguration) -> None:
     """Check, before any device is opened, that a transfer's values match the product's registers. Raises InputError.
 
     If no unit type was recorded, only the parameters are compared.
@@ -57,7 +57,7 @@ def check_register_map(entry: Transfer, setup: ResolvedConfiguration) -> None:
         raise InputError("transfer.other_parameters", **about)
 
 
-def check_product(entry: Transfer, setup: ResolvedConfiguration) -> None:
+def check_product(entry: Transfer, setup: RunConfiguration) -> None:
     """Check that a transfer was made with the product, which sets who confirms register writes. Raises InputError."""
     recorded, own = entry.unit_type.product, setup.product.name
     if recorded and recorded != own:
@@ -71,14 +71,14 @@ def check_unit_model(entry: Transfer, model: str) -> None:
         raise DeviceFaultError("transfer.other_model", id=entry.id, serial=entry.serial, recorded=recorded, model=model)
 
 
-def check_interrupted(setup: ResolvedConfiguration, runs: Path) -> None:
+def check_interrupted(setup: RunConfiguration, runs: Path) -> None:
     """Check, before any device is opened, the unit type of an interrupted transfer. Raises InputError."""
     entry = journal.interrupted(runs, setup.request.serial, journal_folder(setup.station))
     if entry is not None:
         check_register_map(entry, setup)
 
 
-def check_no_interrupted(imu: Imu, setup: ResolvedConfiguration, runs: Path) -> None:
+def check_no_interrupted(imu: Imu, setup: RunConfiguration, runs: Path) -> None:
     """Raise DeviceFaultError if a transfer to the unit awaits a decision; close a transfer that changed nothing."""
     entry = journal.interrupted(runs, setup.request.serial, journal_folder(setup.station))
     if entry is not None:

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from calstation.config import ResolvedConfiguration, RunRequest, resolve_configuration
+from calstation.config import RunConfiguration, RunRequest, load_configuration
 from calstation.connection import open_imu_session
 from calstation.devices import ImuIdentity
 from calstation.devices.imu import RegisterMap
@@ -72,7 +72,7 @@ class TargetRegisters:
 
 def read_unit(progress: ProgressCallback, request: RunRequest, runs: Path) -> UnitRegisters:
     """Read the registers of the unit in the fixture; write nothing. Raises DeviceFaultError or ConfigurationError."""
-    setup = resolve_configuration(request)
+    setup = load_configuration(request)
     with open_imu_session(progress, setup) as unit:
         values = unit.imu.read_registers()
     return unit_registers(setup, unit.identity, values, runs)
@@ -91,7 +91,7 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
         raise InputError("transfer.result_untested")
     if result.states_added:
         raise InputError("transfer.result_of_trial", states=", ".join(result.states_added))
-    setup = resolve_configuration(request)
+    setup = load_configuration(request)
     used, own = result.configuration.get("imu"), setup.sources["imu"].section.name
     if used is not None and used.name != own:
         names = {"profile": used.name, "product": setup.product.name, "own": own, "result_product": result.product}
@@ -121,7 +121,7 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
 
 
 def unit_registers(
-    setup: ResolvedConfiguration, identity: ImuIdentity, values: Mapping[str, float], runs: Path
+    setup: RunConfiguration, identity: ImuIdentity, values: Mapping[str, float], runs: Path
 ) -> UnitRegisters:
     """Combine the `values` of a unit's registers, SI by parameter, with the flash cycles in its journal."""
     return UnitRegisters(

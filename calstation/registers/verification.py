@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from calstation.config import ResolvedConfiguration
+from calstation.config import RunConfiguration
 from calstation.devices import Imu
 from calstation.devices.imu import Closing, Entry, RegisterMap, Step, Transferred, restore
 from calstation.errors import DeviceFaultError
@@ -92,7 +92,7 @@ class AppliedRegisters:
 
 
 def finish_verification(
-    setup: ResolvedConfiguration,
+    setup: RunConfiguration,
     imu: Imu,
     done: Transferred,
     data: VerificationData,
@@ -107,7 +107,7 @@ def finish_verification(
     run(lambda: close_checked(imu, register_map(setup), done.entry, checks, data))
 
 
-def finish_restored(setup: ResolvedConfiguration, done: Transferred, data: VerificationData) -> None:
+def finish_restored(setup: RunConfiguration, done: Transferred, data: VerificationData) -> None:
     """Close the transfer of restored registers. Raises DeviceFaultError afterwards if the output is wrong."""
     entry = done.entry
     wrong = [check for check in _prior_checks(setup, done, data, restored=True) if not check.passed]
@@ -156,7 +156,7 @@ def _check_error(code: str, check: VerificationCheck) -> DeviceFaultError:
 
 
 def _prior_checks(
-    setup: ResolvedConfiguration, done: Transferred, data: VerificationData, *, restored: bool
+    setup: RunConfiguration, done: Transferred, data: VerificationData, *, restored: bool
 ) -> tuple[VerificationCheck, ...]:
     """Check the output without an estimate from a run; the tolerances allow for any unit of the type."""
     meta = setup.log_meta()

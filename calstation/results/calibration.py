@@ -6,7 +6,7 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
-from calstation.config import ResolvedConfiguration
+from calstation.config import RunConfiguration
 from calstation.devices.imu import RegisterMap
 from calstation.errors import InputError
 from calstation.estimation.common import Posterior
@@ -27,7 +27,7 @@ class Calibration:
     posterior: Posterior
     registers: Mapping[str, float]  #: Registers that the run wrote, SI, by parameter.
 
-    def prior(self, setup: ResolvedConfiguration, meta: LogMeta) -> LogMeta:
+    def prior(self, setup: RunConfiguration, meta: LogMeta) -> LogMeta:
         """Return the configuration `meta` of a partial run of this unit with the calibration as its prior.
 
         The estimate is aged by the stability in the IMU profile. If the registers are applied to the stream, the prior
@@ -58,7 +58,7 @@ class Calibration:
 
 
 def current_calibration(
-    history: History, setup: ResolvedConfiguration, held: Mapping[str, float] | None
+    history: History, setup: RunConfiguration, held: Mapping[str, float] | None
 ) -> tuple[Calibration | None, Message]:
     """Find the latest passed run of the unit that wrote and verified the registers that the unit currently holds.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from calstation.config import ResolvedConfiguration, RunRequest, check_manual_rig, resolve_configuration
+from calstation.config import RunConfiguration, RunRequest, check_manual_rig, load_configuration
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common import PlannedSamples, profile
 from calstation.jobs import ProgressCallback
@@ -21,7 +21,7 @@ from calstation.records import LogMeta, context_from_meta
 from calstation.results.calibration import current_calibration
 from calstation.results.history import History
 from calstation.results.solver_chain import StageChain, one_blas_thread
-from calstation.sequencer import StagePlan, check_limits, move_time, planned, step_time
+from calstation.sequencer import StagePlan, check_limits, move_time, planned, step_time, table_task
 from procedures import method
 
 #: Maximum number of rounds of a stage that ends only when its targets are reached.
@@ -96,13 +96,13 @@ class Preview:
 
 def compute_preview(report: ProgressCallback, request: RunRequest) -> Preview:
     """Job: compute the preview of a run; its serial number need not match the product. Raises ConfigurationError."""
-    setup = resolve_configuration(request)
+    setup = load_configuration(request)
     check_manual_rig(setup)
     with one_blas_thread():
         return _Previewer(report, setup).run()
 
 
-def _expected_meta(setup: ResolvedConfiguration) -> LogMeta:
+def _expected_meta(setup: RunConfiguration) -> LogMeta:
     """Return the log configuration that a run would use if the unit holds its latest calibration."""
     meta, folder = setup.log_meta(), setup.request.out
     if not is_partial(meta) or not folder.is_dir():
@@ -116,11 +116,11 @@ def _expected_meta(setup: ResolvedConfiguration) -> LogMeta:
 class _Previewer:
     """Executes the plans of a configuration without devices."""
 
-    def __init__(self, report: ProgressCallback, setup: ResolvedConfiguration) -> None:
+    def __init__(self, report: ProgressCallback, setup: RunConfiguration) -> None:
         self._report = report
         self._setup = setup
         meta = _expected_meta(setup)
-        self._plans = setup.task().stages
+        self._plans = table_task(setup).stages
         self._geometry = setup.table.geometry()
         self._context = context_from_meta(meta)
         self._chain = StageChain(meta)

@@ -9,3 +9,4 @@ from calstation.runs.incomplete import close_incomplete_job, finish_incomplete, 
 from calstation.runs.preparation import prepare
 from calstation.runs.resume import Resumable, filled, find_resumable, resumable_run, serial_of
 from calstation.runs.run import execute
+from calstation.runs.summary import RunSummary, run_summary

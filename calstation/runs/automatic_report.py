@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from threading import Thread
 
-from calstation.config import ResolvedConfiguration, confirmation_required, missing_report_places
+from calstation.config import RunConfiguration, confirmation_required, missing_report_places
 from calstation.reports import station_request
 from calstation.schema import EntryError
 from calstation.sequencer import Emit, Message
@@ -25,7 +25,7 @@ _started: list[subprocess.Popen[bytes]] = []
 logger = logging.getLogger(__name__)
 
 
-def report_command(setup: ResolvedConfiguration, result_file: Path, emit: Emit) -> list[str]:
+def report_command(setup: RunConfiguration, result_file: Path, emit: Emit) -> list[str]:
     """Return the command that makes the report of a result, [] if the station does not request one.
 
     A certificate that a second person must confirm is not made automatically; a message reports that it is pending.

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the window uses hooks but no devices or logs
-    from calstation.config import ResolvedConfiguration
+    from calstation.config import RunConfiguration
     from calstation.connection import Devices
     from calstation.records import RawLogWriter
     from calstation.sequencer import Emit
@@ -18,11 +18,11 @@ class RunHooks:
     Pass the class to `Engine.start` or `execute`; the engine's process imports it.
     """
 
-    def adjust(self, setup: ResolvedConfiguration) -> ResolvedConfiguration:
+    def adjust(self, setup: RunConfiguration) -> RunConfiguration:
         """Return the configuration to use for the run. Raises ConfigurationError."""
         return setup
 
-    def listener(self, setup: ResolvedConfiguration, folder: Path, emit: Emit) -> Emit:
+    def listener(self, setup: RunConfiguration, folder: Path, emit: Emit) -> Emit:
         """Return the listener for the run's events, given the folder of its log. Called before any device is opened."""
         return emit
 

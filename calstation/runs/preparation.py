@@ -12,7 +12,7 @@ from typing import Any
 
 from calstation.config import (
     Confirmation,
-    ResolvedConfiguration,
+    RunConfiguration,
     RunRequest,
     confirmation_required,
     new_batch_id,
@@ -44,7 +44,7 @@ class PreparedRun:
     The units of a batch share a `cycle`, which follows the events passed to the `listener`.
     """
 
-    setup: ResolvedConfiguration
+    setup: RunConfiguration
     history: History
     listener: Emit
     control: Control
@@ -132,7 +132,7 @@ class OpenRun:
     report: list[str] = field(default_factory=list)
 
     @property
-    def setup(self) -> ResolvedConfiguration:
+    def setup(self) -> RunConfiguration:
         """Configuration of the run."""
         return self.prepared.setup
 
@@ -194,7 +194,7 @@ def _emit_of_slot(emit: Emit, slot: str, event: Event) -> None:
     emit(replace(event, slot=slot))
 
 
-def _allowed(setup: ResolvedConfiguration, history: History) -> ResolvedConfiguration:
+def _allowed(setup: RunConfiguration, history: History) -> RunConfiguration:
     """Check that a unit may be calibrated; return its configuration, see `_with_standards`.
 
     Raises ConfigurationError.
@@ -217,7 +217,7 @@ def _allowed(setup: ResolvedConfiguration, history: History) -> ResolvedConfigur
     return setup
 
 
-def _with_standards(setup: ResolvedConfiguration, history: History) -> ResolvedConfiguration:
+def _with_standards(setup: RunConfiguration, history: History) -> RunConfiguration:
     """Refuse production if a check standard or a certificate is overdue or failed, or record the permitted exception.
 
     Returns the configuration with the override only if it was needed. Raises ConfigurationError, also if the site has

@@ -6,7 +6,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 from calstation import applog
-from calstation.config import ResolvedConfiguration, RunRequest
+from calstation.config import RunConfiguration, RunRequest
 from calstation.connection import Devices, connected
 from calstation.devices import Imu
 from calstation.devices.imu import flash_registers
@@ -33,6 +33,8 @@ from calstation.sequencer import (
     State,
     StopRequested,
     solution_events,
+    table_task,
+    unit_task,
 )
 
 logger = logging.getLogger(__name__)
@@ -140,7 +142,7 @@ def _open(units: Sequence[PreparedRun], devices: Devices, runs: list[OpenRun]) -
     return evaluations
 
 
-def _registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
+def _registers(imu: Imu, setup: RunConfiguration) -> dict[str, float]:
     """Return the unit's registers by parameter, SI.
 
     A unit that applies them to its samples is restarted first: otherwise a restart during the run would discard
@@ -167,10 +169,10 @@ def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:
         except (StopRequested, CalstationError) as error:  # error of a single unit
             evaluation.ended(_ended(run, error))
             return
-        unit = run.setup.unit_task(run.meta)
+        unit = unit_task(run.setup, run.meta)
         slots.append(Slot(imu, unit, run.log, run.chain, after, run.prepared.slot, evaluation, solved))
     prepared = evaluations[0].run.prepared
-    task = prepared.setup.task()
+    task = table_task(prepared.setup)
     stages = task.stages[len(slots[0].solved) :]
     task = replace(task, stages=stages)
     Sequencer(RunContext(task, devices.table, tuple(slots), devices.clock, prepared.listener, prepared.control)).run()

@@ -12,7 +12,7 @@ from typing import Any, get_args
 from pydantic import Field, field_validator, model_validator
 
 from calstation.bench import Order, OrderName
-from calstation.config import ResolvedConfiguration, in_file
+from calstation.config import RunConfiguration, in_file
 from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, load, near_miss
 
@@ -103,7 +103,7 @@ class FaultPlan(StrictModel):
         drawn = random.Random(self.seed)
         return [drawn.uniform(*f.time_s) if isinstance(f.time_s, list) else f.time_s for f in self.fault]
 
-    def adjust(self, setup: ResolvedConfiguration) -> ResolvedConfiguration:
+    def adjust(self, setup: RunConfiguration) -> RunConfiguration:
         """Return the configuration with the planned errors in its station file and bench settings."""
         wrong = sum(self._value(fault) for fault in self.fault if fault.kind == "wrong_latitude")
         station = setup.station
@@ -135,12 +135,12 @@ def load_fault_plan(path: Path) -> FaultPlan:
     return load(FaultPlan, path)
 
 
-def fault_plan(setup: ResolvedConfiguration) -> FaultPlan:
+def fault_plan(setup: RunConfiguration) -> FaultPlan:
     """Return the fault plan of a run; empty if its configuration has none. Raises ConfigurationError."""
     return FaultPlan() if setup.fault_plan is None else load_fault_plan(setup.fault_plan)
 
 
-def with_faults(setup: ResolvedConfiguration) -> ResolvedConfiguration:
+def with_faults(setup: RunConfiguration) -> RunConfiguration:
     """Return the configuration of a run adjusted by its fault plan. Raises ConfigurationError."""
     if setup.fault_plan is None:
         return setup
@@ -150,7 +150,7 @@ def with_faults(setup: ResolvedConfiguration) -> ResolvedConfiguration:
     return plan.adjust(setup)
 
 
-def _check_units(plan: FaultPlan, setup: ResolvedConfiguration) -> None:
+def _check_units(plan: FaultPlan, setup: RunConfiguration) -> None:
     names, filled = setup.station.slot_names, setup.request.batch_slots
     units = [number for number, name in enumerate(names or ("",), start=1) if name in filled or not filled]
     for number, fault in enumerate(plan.fault):

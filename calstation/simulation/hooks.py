@@ -9,7 +9,7 @@ from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calstation.config import ResolvedConfiguration
+from calstation.config import RunConfiguration
 from calstation.connection import BenchClock
 from calstation.runs import RunHooks
 from calstation.sequencer import Emit, Event, Message, StageStarted, StepStarted
@@ -29,11 +29,11 @@ class BenchHooks(RunHooks):
         self._stage, self._step = "", -1
         self._injected: set[int] = set()
 
-    def adjust(self, setup: ResolvedConfiguration) -> ResolvedConfiguration:
+    def adjust(self, setup: RunConfiguration) -> RunConfiguration:
         """Return the configuration changed according to the fault plan."""
         return with_faults(setup)
 
-    def listener(self, setup: ResolvedConfiguration, folder: Path, emit: Emit) -> Emit:
+    def listener(self, setup: RunConfiguration, folder: Path, emit: Emit) -> Emit:
         """Return an event sink that calls `emit`, moving the rig before each event and injecting faults after it."""
         plan = fault_plan(setup)
 

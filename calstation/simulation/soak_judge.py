@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from calstation.bench import BenchConfig, BenchReport
-from calstation.config import ResolvedConfiguration, RunRequest, resolve_configuration
+from calstation.config import RunConfiguration, RunRequest, load_configuration
 from calstation.devices.profiles import TableProfile
 from calstation.errors import CalstationError
 from calstation.judgement import Check
@@ -82,7 +82,7 @@ def judge_run(
     kinds = [kind for kind, _ in planned.faults]
     bench = _bench_report(report)
     died = "engine_killed" in kinds and not list(request.out.glob(f"{request.serial}_*.json"))
-    setup = resolve_configuration(request, with_faults)
+    setup = load_configuration(request, with_faults)
     executed = () if bench is None else bench.executed
     happened = [kind for kind in kinds if kind in executed or _set_up(kind, setup)]
     result, lost = _records(request, died)
@@ -108,7 +108,7 @@ def judge_run(
     )
 
 
-def _set_up(kind: str, setup: ResolvedConfiguration) -> bool:
+def _set_up(kind: str, setup: RunConfiguration) -> bool:
     """Return whether a fault present from the start has an effect on these devices."""
     if kind == "watchdog_off":
         return _has_watchdog(setup.table)
@@ -166,7 +166,7 @@ def _wrong(
         return []
     if must_fail:
         return [f"passed with {', '.join(happened)}"]
-    setup = resolve_configuration(request, with_faults)
+    setup = load_configuration(request, with_faults)
     truth = BenchConfig.model_validate(setup.bench_config()).truth().parameters
     if outcome == "failed":
         if any(_outside(check, result, truth, -SIGMAS) for check in result.failed_checks):

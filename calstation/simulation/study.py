@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import GRADES, BenchTruth, Effects, GradeName, Simulated, Simulator
-from calstation.config import RunRequest, library, resolve_configuration
+from calstation.config import RunRequest, library, load_configuration
 from calstation.estimation import StageSolver
 from calstation.estimation.common import (
     ImuModel,
@@ -137,7 +137,7 @@ def run_study(
 def fast_schedule(grade: GradeName) -> Schedules:
     """Return the designed schedule of a grade's product."""
     product = library.find("products", FAST[grade])
-    setup = resolve_configuration(RunRequest("study", None, product))
+    setup = load_configuration(RunRequest("study", None, product))
     return {"designed": setup.schedules["designed"].model_dump()}
 
 

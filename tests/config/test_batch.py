@@ -17,6 +17,7 @@ from calstation.connection.compatibility import station_conflicts
 from calstation.errors import ConfigurationError
 from calstation.physics import orientation_matrix
 from calstation.schema import validate
+from calstation.sequencer import table_task, unit_task
 from calstation.simulation.fault_plan import with_faults
 from tests.helpers import complaint, raises_code
 from tests.site_folder import BENCH, PRODUCT, STATION, SiteFolder
@@ -199,8 +200,8 @@ def test_unit_has_the_configuration_of_its_slot(site_folder: SiteFolder) -> None
     levers = [meta.prior[f"outer_lever_{axis}"].value for axis in "xyz"]
     assert levers == [0.1, -0.2, 0.0]
     assert {p.value for p in plain.prior.values()} == {0.0}
-    assert second.unit_task().geometry.orientation == orientation_matrix("-y+z")
-    assert second.task().geometry == first.task().geometry == first.unit_task().geometry
+    assert unit_task(second).geometry.orientation == orientation_matrix("-y+z")
+    assert table_task(second).geometry == table_task(first).geometry == unit_task(first).geometry
 
 
 def test_a_single_unit_uses_the_first_slot(site_folder: SiteFolder) -> None:

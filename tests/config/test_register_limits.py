@@ -9,7 +9,7 @@ import tomli_w
 
 from calstation.config import editing as settings
 from calstation.config import library
-from calstation.config.resolved import resolve_configuration
+from calstation.config.run_configuration import load_configuration
 from calstation.errors import ConfigurationError
 from tests.helpers import complaint, raises_code
 from tests.site_folder import STATION
@@ -51,7 +51,7 @@ def test_limits_outside_the_register_range_are_refused(
 ) -> None:
     coarse(entry, {"gyro_bias": limit})
     with raises_code(ConfigurationError, "entry.in_file") as caught:
-        resolve_configuration(site_folder.request("rate"))
+        load_configuration(site_folder.request("rate"))
     assert complaint(caught.value) == f"limits.gyro_bias.{found}"
     values = caught.value.values["what"].values["what"].values
     assert (values["parameter"], values["register"]) == ("gyro_bias_x", 0)
@@ -63,7 +63,7 @@ def test_limits_outside_the_register_range_are_refused(
 def test_matrix_register_range_is_compared_with_parameter_limits(site_folder: Any) -> None:
     site_folder.write({"imu": "vectornav_vn100", "limits": {"gyro_scale": {"within": 0.9}}})
     with pytest.raises(ConfigurationError, match=r"gyro_matrix_xx from -0\.35 to 2\.35, but register 84"):
-        resolve_configuration(site_folder.request("rate"))
+        load_configuration(site_folder.request("rate"))
 
 
 @pytest.mark.parametrize("port", ["/dev/ttyUSB0", "socket://127.0.0.1:5000"])
@@ -72,10 +72,10 @@ def test_station_baud_rate_must_be_sufficient_for_the_stream(site_folder: Any, p
     hardware["imu"] = {"port": port, "serial": {"baud": 19200}}
     site_folder.station.write_text(tomli_w.dumps(hardware), encoding="utf-8")
     if port.startswith("socket"):  # of a socket's other end nobody knows
-        resolve_configuration(site_folder.request("rate"))
+        load_configuration(site_folder.request("rate"))
         return
     with raises_code(ConfigurationError, "entry.in_file") as caught:
-        resolve_configuration(site_folder.request("rate"))
+        load_configuration(site_folder.request("rate"))
     assert complaint(caught.value) == "imu.serial.baud profile.baud_too_low"
 
 
@@ -94,4 +94,4 @@ def test_station_baud_rate_must_be_sufficient_for_the_corrected_stream(
     hardware["imu"] = {"port": "/dev/ttyUSB0", "serial": {"baud": 115200}}
     site_folder.station.write_text(tomli_w.dumps(hardware), encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"imu\.serial\.baud: 115200 is too low .* of 274 bytes"):
-        resolve_configuration(site_folder.request("rate"))
+        load_configuration(site_folder.request("rate"))

@@ -10,10 +10,10 @@ import tomli_w
 from calstation.config import editing, library, versions
 from calstation.config.product import load_product
 from calstation.config.request import computer_user
-from calstation.config.resolved import prepare_run
+from calstation.config.run_configuration import prepare_run
 from calstation.config.sign_in import SignInSection
-from calstation.config.summary import run_summary
 from calstation.errors import ConfigurationError
+from calstation.runs.summary import run_summary
 from tests.site_folder import BENCH, PRODUCT, STATION, SiteFolder
 
 BADGES = {"badge_pattern": r"B\d{4}"}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calstation.config import RunRequest, SlotSection, library, prepare_batch
-from calstation.config.resolved import ResolvedConfiguration
+from calstation.config.run_configuration import RunConfiguration
 from calstation.config.station import StationConfig
 from calstation.connection import Devices, connected, devices
 from calstation.connection.link_test import LinkTestRequest, check_imu_link, link_test_configuration
@@ -21,7 +21,7 @@ SERIALS = ("SN-000001", "SN-000002", "SN-000003")
 
 
 @pytest.fixture
-def setups(tmp_path: Path) -> tuple[ResolvedConfiguration, ...]:
+def setups(tmp_path: Path) -> tuple[RunConfiguration, ...]:
     station = library.find("stations", "virtual_batch")
     return prepare_batch(RunRequest(SERIALS[0], station, out=tmp_path, serials=SERIALS))
 
@@ -35,7 +35,7 @@ def refusing(monkeypatch: pytest.MonkeyPatch, *refused: str) -> None:
     """Make units with these serial numbers fail to open."""
     opened = devices.open_imu
 
-    def open_imu(setup: ResolvedConfiguration, port: str) -> StreamedImu:
+    def open_imu(setup: RunConfiguration, port: str) -> StreamedImu:
         if setup.request.serial in refused:
             raise DeviceFaultError("connection.refused", port=port, unit=1, exception=2)
         return opened(setup, port)
@@ -43,7 +43,7 @@ def refusing(monkeypatch: pytest.MonkeyPatch, *refused: str) -> None:
     monkeypatch.setattr(devices, "open_imu", open_imu)
 
 
-def test_all_units_are_opened_and_all_their_bytes_are_read(setups: tuple[ResolvedConfiguration, ...]) -> None:
+def test_all_units_are_opened_and_all_their_bytes_are_read(setups: tuple[RunConfiguration, ...]) -> None:
     with connected(setups) as open_:
         imus = answering(open_)
         assert open_.imu is imus[0]
@@ -79,9 +79,7 @@ def test_sixteen_units_stay_synchronised_at_full_speed(tmp_path: Path) -> None:
         assert tuple(imu.identify().serial for imu in imus) == serials
 
 
-def test_unresponsive_unit_is_left_out(
-    setups: tuple[ResolvedConfiguration, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unresponsive_unit_is_left_out(setups: tuple[RunConfiguration, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     refusing(monkeypatch, SERIALS[1])
     with connected(setups) as open_:
         assert {index: fault.code for index, fault in open_.failed.items()} == {1: "connection.refused"}
@@ -93,7 +91,7 @@ def test_unresponsive_unit_is_left_out(
 
 
 def test_fault_of_each_unit_is_reported_if_no_unit_responds(
-    setups: tuple[ResolvedConfiguration, ...], monkeypatch: pytest.MonkeyPatch
+    setups: tuple[RunConfiguration, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refusing(monkeypatch, *SERIALS)
     with connected(setups) as open_:
@@ -107,7 +105,7 @@ def test_fault_of_each_unit_is_reported_if_no_unit_responds(
 
 
 def test_simulated_time_does_not_wait_for_a_closed_link(
-    setups: tuple[ResolvedConfiguration, ...], monkeypatch: pytest.MonkeyPatch
+    setups: tuple[RunConfiguration, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with connected(setups) as open_:
         open_.clock.sleep(0.4)

@@ -7,7 +7,7 @@ import pytest
 import tomli_w
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration, prepare_run
+from calstation.config.run_configuration import RunConfiguration, prepare_run
 from calstation.config.station import StationConfig
 from calstation.connection.devices import endpoints
 from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link
@@ -39,7 +39,7 @@ def test_table_and_imu_on_one_port_are_tested_separately() -> None:
         assert not [finding for finding in report.findings if finding.state == "error"]
 
 
-def hardware(site_folder: SiteFolder, profile: str, table: str, imu: str) -> ResolvedConfiguration:
+def hardware(site_folder: SiteFolder, profile: str, table: str, imu: str) -> RunConfiguration:
     station: dict[str, Any] = {**STATION, "table": {"profile": profile, "port": table}, "imu": {"port": imu}}
     site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
     return prepare_run(

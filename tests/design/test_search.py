@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.config import RunRequest, library, resolve_configuration
+from calstation.config import RunRequest, library, load_configuration
 from calstation.design.search import Beam, Exchange, Front, Problem, Stop, durations, missing, reachable, states
 from calstation.design.segments import Conditions, SegmentLibrary
 from calstation.physics import NAMES
@@ -21,7 +21,7 @@ TURNS = (-4, -2, 0, 2, 4)
 @pytest.fixture(scope="module")
 def problem():
     product = library.find("products", "mems_c")
-    setup = resolve_configuration(RunRequest("M-1", None, product, ("designed",), Path("nowhere")))
+    setup = load_configuration(RunRequest("M-1", None, product, ("designed",), Path("nowhere")))
     meta = setup.log_meta()
     context = context_from_meta(meta)
     mount = np.full(3, 0.3 * context.table.mount_sigma)

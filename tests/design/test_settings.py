@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calstation.config import RunRequest, library, read_text, resolve_configuration
+from calstation.config import RunRequest, library, load_configuration, read_text
 from calstation.design import DesignRequest, design_schedule, designed_product
 from calstation.errors import ConfigurationError
 from tests.design.test_designer import changed, ignore
@@ -55,7 +55,7 @@ def test_run_uses_the_targets_of_the_design(tmp_path):
     )
     text = read_text(product)
     product.write_text(f"targets = {{ gyro_scale = 1.0 }}\n{text}", encoding="utf-8")
-    setup = resolve_configuration(RunRequest("M-1", None, product))
+    setup = load_configuration(RunRequest("M-1", None, product))
     targets = setup.schedules["designed"].model_dump()["targets"]
     assert targets["gyro_bias_x"] == pytest.approx(0.8e-5)
     assert targets["gyro_bias_y"] == pytest.approx(0.8 * 1.9e-5)

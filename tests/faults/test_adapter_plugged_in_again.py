@@ -12,7 +12,7 @@ import pytest
 from serial.tools import list_ports
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration
+from calstation.config.run_configuration import RunConfiguration
 from calstation.connection import devices as wiring
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
@@ -37,7 +37,7 @@ def names(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     @contextmanager
     def by_adapter(
-        setups: tuple[ResolvedConfiguration, ...], check_cancelled: Callable[[], None]
+        setups: tuple[RunConfiguration, ...], check_cancelled: Callable[[], None]
     ) -> Iterator[wiring.Endpoints]:
         with endpoints(setups, check_cancelled) as at:
             had.append(at.imu)

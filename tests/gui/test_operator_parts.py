@@ -8,7 +8,6 @@ import pytest
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from calstation.config.summary import RunSummary
 from calstation.gui.operator import advice
 from calstation.gui.operator.live.convergence import Convergence
 from calstation.gui.operator.live.traces import Traces
@@ -16,6 +15,7 @@ from calstation.gui.operator.starting import suggested_serial
 from calstation.gui.state.unit_status import UnitStatus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.plot import NumberAxis, spread
+from calstation.runs.summary import RunSummary
 from calstation.sequencer.events import Message, Trace
 from tests.check_rows import check_row
 from tests.gui.conftest import result_with

@@ -9,7 +9,6 @@ from pytestqt.qtbot import QtBot
 
 from calstation.config import library
 from calstation.config.request import RunRequest
-from calstation.config.summary import RunSummary, run_summary
 from calstation.gui.operator.live.live_view import Preparation
 from calstation.gui.operator.live.position_panel import PositionPanel
 from calstation.gui.operator.page import OperatorPage
@@ -17,6 +16,7 @@ from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
 from calstation.physics.rotation import axis_rotation
+from calstation.runs.summary import RunSummary, run_summary
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import PositionGuided, StageStarted, StateChanged, StepStarted
 from tests.gui.conftest import Operator

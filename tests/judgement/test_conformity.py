@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
-from calstation.config import RunRequest, library, resolve_configuration
+from calstation.config import RunRequest, library, load_configuration
 from calstation.estimation import Solution
 from calstation.estimation.common import Consistency, Posterior
 from calstation.judgement import Check, acceptance_interval, judge
@@ -145,7 +145,7 @@ def test_guard_band_lowers_the_consumer_risk_and_raises_the_producer_risk() -> N
 
 
 def configuration(**conformity: object) -> LogMeta:
-    meta = resolve_configuration(RunRequest("SN-000001", product=library.find("products", "mems_c"))).log_meta()
+    meta = load_configuration(RunRequest("SN-000001", product=library.find("products", "mems_c"))).log_meta()
     product = meta.product.model_copy(update={"conformity": ConformitySection.model_validate(conformity)})
     return LogMeta.model_validate_json(meta.model_copy(update={"product": product}).to_json())
 
@@ -221,5 +221,5 @@ def test_unknown_name_or_zero_spread_is_refused() -> None:
 
 
 def test_digest_of_a_log_without_a_decision_rule_is_unchanged() -> None:
-    meta = resolve_configuration(RunRequest("SN-000001")).log_meta()
+    meta = load_configuration(RunRequest("SN-000001")).log_meta()
     assert "conformity" not in meta.to_json()

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.config import RunRequest, resolve_configuration
+from calstation.config import RunRequest, load_configuration
 from calstation.estimation import Diagnosis, ModelTest, Solution
 from calstation.estimation.common import Consistency, Posterior
 from calstation.judgement import check_limits, judge
@@ -36,7 +36,7 @@ def test_only_the_last_test_for_effects_counts() -> None:
 @pytest.mark.parametrize(("nis", "failed"), [(1.0, []), (2.0, ["rate effects", "rate consistency"])])
 def test_harmless_effect_only_explains_other_failures(nis: float, failed: list[str]) -> None:
     solution = replace(SOLVED, consistency=replace(SOLVED.consistency, nis_mean=nis), explanation=FOUND)
-    meta = resolve_configuration(RunRequest("SN-1", product=Path("data/products/nav_a.toml"))).log_meta()
+    meta = load_configuration(RunRequest("SN-1", product=Path("data/products/nav_a.toml"))).log_meta()
     checks = judge(meta, PRIOR, (solution,)).checks
     assert [check.name for check in checks if check.kind in ("effects", "consistency") and not check.passed] == failed
 

@@ -16,7 +16,7 @@ from scipy.stats import binom
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import Simulator
-from calstation.config import RunRequest, resolve_configuration
+from calstation.config import RunRequest, load_configuration
 from calstation.estimation.common import SampleBlock
 from calstation.judgement import judge
 from calstation.physics import INDEX, NAMES, parameter_vector
@@ -48,7 +48,7 @@ def calibrate(seed: int, sigmas: dict[str, float] | None = None) -> tuple[list[D
 
     Without `sigmas`, a nominal unit of the grade is calibrated, without decisions.
     """
-    resolved = resolve_configuration(RunRequest(f"SN-{seed:06d}", product=PRODUCT))
+    resolved = load_configuration(RunRequest(f"SN-{seed:06d}", product=PRODUCT))
     meta, settings = resolved.log_meta(), resolved.bench_config()
     rng = np.random.default_rng(seed)
     truth = {name: float(rng.normal(0.0, SPREAD * sigma)) for name, sigma in (sigmas or {}).items()}

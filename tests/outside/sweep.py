@@ -19,7 +19,7 @@ import numpy as np
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import GRADES, Effects, Simulator
-from calstation.config import RunRequest, resolve_configuration
+from calstation.config import RunRequest, load_configuration
 from calstation.errors import CalstationError
 from calstation.estimation import Diagnosis
 from calstation.estimation.common import SampleBlock
@@ -83,7 +83,7 @@ def run(case: Case) -> Outcome:
     """Simulate the default stages of the grade's product, solve and judge them as a run does."""
     begin = time.process_time()
     product_file = Path("data/products") / f"{PRODUCTS[case.grade]}.toml"
-    resolved = resolve_configuration(RunRequest("SN-000001", product=product_file))
+    resolved = load_configuration(RunRequest("SN-000001", product=product_file))
     meta = resolved.log_meta()
     settings = resolved.bench_config()
     assert settings is not None

@@ -11,7 +11,7 @@ from calstation.bench import BenchConfig
 from calstation.bench.truth import Effects
 from calstation.bench.truth.kinematics import JointProfile
 from calstation.bench.truth.stream import SensorStream
-from calstation.config import resolve_configuration
+from calstation.config import load_configuration
 from calstation.physics import INDEX
 from calstation.results import load_result
 from tests.outside.sweep import Case, plain_bench_of, run
@@ -111,7 +111,7 @@ def test_run_through_the_protocols_reports_the_effect(site_folder: SiteFolder) -
     result = load_result(Path(verdict.result_file))
     assert result.passed is False
     found = result.parameters
-    configured = resolve_configuration(site_folder.request()).bench_config()
+    configured = load_configuration(site_folder.request()).bench_config()
     truth = BenchConfig.model_validate(configured).truth().parameters
     # At the faces, f³ is f times g².
     for axis, expected in (("x", 0.0), ("y", 3e-3), ("z", 0.0)):

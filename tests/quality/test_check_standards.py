@@ -14,7 +14,7 @@ from synthetic.golden import golden_run, golden_unit
 
 from calstation.bench import BenchConfig
 from calstation.cli.app import run_app
-from calstation.config import CheckStandardSection, library, resolve_configuration, site_folder
+from calstation.config import CheckStandardSection, library, load_configuration, site_folder
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import Posterior
@@ -175,7 +175,7 @@ def write(site: SiteFolder, interval_days: float = 7.0, off: float = 0.0) -> Non
     """Write the product; `off` is the error of the reference gyro scale factors, equivalent to a station error."""
     site.write({"stages": list(STAGES)})
     request = replace(site.request(), serial=GOLDEN)
-    true = BenchConfig.model_validate(resolve_configuration(request).bench_config()).truth().parameters
+    true = BenchConfig.model_validate(load_configuration(request).bench_config()).truth().parameters
     solved = [p.name for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign", "accel_bias", "accel_misalign")]
     reference = {
         name: {"value": float(true[NAMES.index(name)]) + (off if name == "gyro_scale_x" else 0.0), "sigma": 0.0}
@@ -220,7 +220,7 @@ def test_production_requires_a_passed_check_standard(site: SiteFolder, capsys: p
 
     assert allowed(site) is None
     history = site_history(site)
-    setup = resolve_configuration(site.request())
+    setup = load_configuration(site.request())
     again = judge_result(setup.product.check_standards[0], setup.imu, result)
     assert again.t_squared == pytest.approx(result.check_standard.t_squared, rel=1e-6)
     (state,) = standard_states(setup.station, setup.product, history, datetime.now(UTC))
@@ -328,7 +328,7 @@ def test_overdue_certificate_stops_production_at_the_station(site_folder: SiteFo
     error = refused(site_folder, "quality.standard_certificate")
     assert error.values["name"] == "rate table"
     assert error.values["since"] == due.isoformat()
-    setup = resolve_configuration(site_folder.request())
+    setup = load_configuration(site_folder.request())
     assert [each.name for each in due_certificates(setup.station, datetime.now(UTC))] == ["rate table"]
 
     instruments[2]["due"] = due
@@ -353,7 +353,7 @@ def test_instrument_is_valid_until_the_end_of_its_due_date_in_utc(
     instruments = [{"name": "rate table", "kind": "table", "due": date(2026, 11, 23)}]
     site_folder.station.write_text(tomli_w.dumps({"instruments": instruments}) + text, encoding="utf-8")
     now = datetime(2026, 11, 23, tzinfo=timezone(timedelta(hours=-8))) + timedelta(hours=hour)  # UTC is 8 h later
-    found = due_certificates(resolve_configuration(site_folder.request()).station, now)
+    found = due_certificates(load_configuration(site_folder.request()).station, now)
     assert [each.name for each in found] == overdue
 
 
@@ -375,7 +375,7 @@ def test_invalid_entries_of_a_check_standard_are_refused(
     section = {"serial": "G", "interval_days": 7, "reference": {"gyro_bias_x": {"value": 0.0, "sigma": 1.0}}, **entries}
     site_folder.write({"check_standards": [section]})
     with pytest.raises(ConfigurationError) as caught:
-        resolve_configuration(site_folder.request())
+        load_configuration(site_folder.request())
     if code is not None:
         assert code in json.dumps(caught.value.values, default=repr)
 
@@ -384,7 +384,7 @@ def test_duplicate_check_standard_is_refused(site_folder: SiteFolder) -> None:
     section = {"serial": "G", "interval_days": 7, "reference": {"gyro_bias_x": {"value": 0.0, "sigma": 1.0}}}
     site_folder.write({"check_standards": [section, section]})
     with pytest.raises(ConfigurationError) as caught:
-        resolve_configuration(site_folder.request())
+        load_configuration(site_folder.request())
     assert "product.standard_twice" in json.dumps(caught.value.values, default=repr)
 
 
@@ -411,7 +411,7 @@ def test_runs_of_the_fast_product_agree_with_the_truth(
         site_folder.request = lambda *stages, made=request: made  # type: ignore[method-assign,misc]
         result = load_result(Path(site_folder.run().result_file))
         del site_folder.request  # type: ignore[method-assign]
-        truth = BenchConfig.model_validate(resolve_configuration(request).bench_config()).truth()
+        truth = BenchConfig.model_validate(load_configuration(request).bench_config()).truth()
         verdict = judge_result(standard(truth.parameters), stable, result)
         assert verdict.passed
         total, degrees = total + verdict.t_squared, degrees + verdict.degrees

@@ -40,6 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     add(41, "SN-5", "stopped", 9e-6)
     add(42, "SN-6", "passed", 9e-6, partial=True)
     add(43, "SN-7", "passed", 9e-6, product="unknown")
+    History(folder).refresh()
     return folder
 
 

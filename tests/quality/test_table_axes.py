@@ -9,7 +9,7 @@ import pytest
 from calstation.bench import BenchConfig
 from calstation.bench.truth import BenchTruth, TableTruth
 from calstation.bench.truth.table import to_body
-from calstation.config import resolve_configuration
+from calstation.config import load_configuration
 from calstation.estimation.common import ImuModel, Posterior, Site, SolveContext, TableModel, stage_data
 from calstation.estimation.positions import TABLE_QUANTITIES, TableRests, table_axes, table_rests
 from calstation.physics import (
@@ -148,7 +148,7 @@ def test_run_and_re_solved_log_give_the_same_table_geometry(site_folder: SiteFol
     verdict = site_folder.run("rate", "six_position")
     result = load_result(Path(verdict.result_file))
     assert set(result.table) == set(TABLE_QUANTITIES)
-    truth = BenchConfig.model_validate(resolve_configuration(site_folder.request()).bench_config()).truth()
+    truth = BenchConfig.model_validate(load_configuration(site_folder.request()).bench_config()).truth()
     for value, true in zip(result.table.values(), truth_of(truth.table), strict=True):
         assert abs(value.value - true) < 4.0 * value.sigma
     assert resolve(Path(verdict.log)).result.table == result.table

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import tomli_w
 
-from calstation.config import load_station, resolve_configuration
+from calstation.config import load_configuration, load_station
 from calstation.errors import ConfigurationError
 from calstation.records.meta import meta_from_json
 from tests.reports.certificates import LABORATORY, with_laboratory
@@ -14,11 +14,11 @@ from tests.site_folder import STATION, SiteFolder
 
 
 def test_log_contains_the_laboratory_of_the_station(site_folder: SiteFolder) -> None:
-    plain = resolve_configuration(site_folder.request()).log_meta()
+    plain = load_configuration(site_folder.request()).log_meta()
     assert "laboratory" not in plain.to_json().partition('"profiles"')[0]
     assert '"instruments"' not in plain.to_json()  # the digest of logs without them stays the same
     with_laboratory(site_folder)
-    meta = resolve_configuration(site_folder.request()).log_meta()
+    meta = load_configuration(site_folder.request()).log_meta()
     assert meta.laboratory is not None
     assert meta.laboratory.model_dump(exclude_none=True) == LABORATORY["laboratory"]
     assert meta.instruments[0].due == date(2121, 3, 2)

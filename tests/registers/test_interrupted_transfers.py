@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.config.resolved import resolve_configuration
+from calstation.config.run_configuration import load_configuration
 from calstation.connection.imu_session import open_imu_session
 from calstation.devices.imu.register_transfer import transfer
 from calstation.devices.imu.registers import RegisterMap
@@ -44,7 +44,7 @@ class Workbench:
 
     def interrupt(self, *, committed: bool, values: Mapping[str, float] = VALUES) -> register_journal.Transfer:
         """Simulate a transfer during which the station lost power, before or after the commit."""
-        setup = resolve_configuration(self.request)
+        setup = load_configuration(self.request)
 
         def begin(old: Any, new: Any) -> register_journal.Transfer:
             return register_journal.begin(self.runs, SERIAL, old, new, register_journal.Purpose("li", "run", "a.h5"))

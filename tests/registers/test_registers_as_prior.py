@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 import pytest
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import prepare_run
+from calstation.config.run_configuration import prepare_run
 from calstation.physics.parameters import INDEX
 from calstation.records.meta import prior_from_meta
 

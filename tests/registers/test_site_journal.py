@@ -12,7 +12,7 @@ import tomli_w
 from calstation.cli.app import run_app
 from calstation.config.library import shipped_folder
 from calstation.config.request import RunRequest
-from calstation.config.resolved import resolve_configuration
+from calstation.config.run_configuration import load_configuration
 from calstation.connection.bench_process import BenchHost
 from calstation.devices.imu.register_transfer import Closing, Step
 from calstation.errors import ConfigurationError, InputError
@@ -41,7 +41,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def hardware(site_folder: SiteFolder) -> Iterator[RunRequest]:
     """Request a unit and a table on hardware ports that exist on every computer."""
-    setup = resolve_configuration(site_folder.request())
+    setup = load_configuration(site_folder.request())
     config = setup.bench_config()
     assert config is not None
     with closing(BenchHost.start({**config, "speed": 1.0, "watchdog_ms": 60_000})) as bench:
@@ -69,7 +69,7 @@ def test_different_runs_folders_share_the_journal(
         {},
         {},
         register_journal.Purpose(None, "run", ""),
-        site=journal_folder(resolve_configuration(hardware).station),
+        site=journal_folder(load_configuration(hardware).station),
     )
     events: list[Event] = []
     execute(replace(hardware, out=tuesday, stages=("rate",)), events.append, Control())

@@ -10,7 +10,7 @@ from calstation.cli.app import run_app
 from calstation.cli.registers import largest_change
 from calstation.config import library
 from calstation.config.request import RegisterOperation
-from calstation.config.resolved import resolve_configuration
+from calstation.config.run_configuration import load_configuration
 from calstation.devices.imu.register_transfer import Closing, Step
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.profiles.imu import load_imu_profile
@@ -42,9 +42,7 @@ class Known:
     def __init__(self, site_folder: SiteFolder) -> None:
         self.site_folder = site_folder
         self.runs = site_folder.folder / "runs"
-        self.own = register_journal.Purpose.of(
-            resolve_configuration(site_folder.request()), "bench-imu", "", ""
-        ).unit_type
+        self.own = register_journal.Purpose.of(load_configuration(site_folder.request()), "bench-imu", "", "").unit_type
 
     def transfer(
         self, sort: UnitType | None, old: Mapping[str, float] | None = None, *, open_: bool = False

@@ -14,7 +14,7 @@ import pytest
 import tomli_w
 
 from calstation.cli.app import run_app
-from calstation.config import Person, access, resolve_configuration
+from calstation.config import Person, access, load_configuration
 from calstation.config.library import shipped_folder
 from calstation.messages import event_text, sentence
 from calstation.records import append_audit, audit_path, open_log, read_audit, read_reports, reports_path
@@ -410,12 +410,12 @@ def test_missing_report_is_explained_in_the_events(
 ) -> None:
     events: list[Event] = []
     with_laboratory(site_folder, report=report)
-    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), events.append) == []
+    assert report_command(load_configuration(site_folder.request()), Path("SN_1.json"), events.append) == []
     path = str(site_folder.folder / missing)
     assert events == [Message("certificate_not_made", {"path": path})]
     assert f"No certificate was created: {path}, which" in sentence(event_text("certificate_not_made", {"path": path}))
     (site_folder.folder / missing).touch() if "." in missing else (site_folder.folder / missing).mkdir()
-    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), events.append)
+    assert report_command(load_configuration(site_folder.request()), Path("SN_1.json"), events.append)
     assert len(events) == 1
 
 
@@ -425,7 +425,7 @@ def test_unresponsive_network_share_delays_no_verdict(site_folder: SiteFolder, m
     monkeypatch.setattr(automatic_report, "_SEARCH_S", 0.0)
     with_laboratory(site_folder, report={"folder": "reports"})
     events: list[Event] = []
-    assert report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), events.append)
+    assert report_command(load_configuration(site_folder.request()), Path("SN_1.json"), events.append)
     goes_on.set()
     assert events == []
 
@@ -436,16 +436,16 @@ def test_station_settings_request_reports_of_verdicts(
     started: list[Any] = []
     events: list[Event] = []
     monkeypatch.setattr(subprocess, "Popen", lambda command, **options: started.append(command))
-    start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), events.append)])
+    start_reports([report_command(load_configuration(site_folder.request()), Path("SN_1.json"), events.append)])
     assert not started
     for name in ("reports", "mine"):
         (site_folder.folder / name).mkdir()
     with_laboratory(site_folder, report={"folder": "reports", "language": "zh", "template": "mine"})
-    start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), events.append)])
+    start_reports([report_command(load_configuration(site_folder.request()), Path("SN_1.json"), events.append)])
     automatic_report._started.clear()
     site_folder.write({"confirmation": {"required_for": ["certificate"]}})
     with_laboratory(site_folder, report={"folder": "reports"})
-    start_reports([report_command(resolve_configuration(site_folder.request()), Path("SN_1.json"), events.append)])
+    start_reports([report_command(load_configuration(site_folder.request()), Path("SN_1.json"), events.append)])
     assert "a second person must confirm its certificate" in caplog.text
     assert events == [Message("certificate_waits")]
     ((_, _, _, *command),) = started

@@ -16,7 +16,7 @@ from signxml.xades.xades import XAdESVerifier
 
 from calstation.cli.app import run_app
 from calstation.config.laboratory import ReportSection, SigningSection
-from calstation.config.resolved import prepare_run
+from calstation.config.run_configuration import prepare_run
 from calstation.reports.signing import PASSWORD_VARIABLE
 from calstation.results.result import load_result
 from calstation.runs import automatic_report

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calstation.config import RunRequest, resolve_configuration
+from calstation.config import RunRequest, load_configuration
 from calstation.estimation import Solution
 from calstation.estimation.common import Consistency, Posterior
 from calstation.judgement import judge
@@ -21,7 +21,7 @@ def built(meta: LogMeta) -> Result:
 
 
 def test_result_has_the_batch_and_slot_of_the_log() -> None:
-    alone = resolve_configuration(RunRequest("SN-000001")).log_meta()
+    alone = load_configuration(RunRequest("SN-000001")).log_meta()
     assert not {"batch", "slot", "batch_units"} & set(LogMeta.model_validate_json(alone.to_json()).run.model_fields_set)
     assert not {"batch", "slot"} & set(built(alone).to_json())
     run = alone.run.model_copy(update={"batch": "B-7", "slot": "A1", "batch_units": ["SN-000001", "SN-000002"]})

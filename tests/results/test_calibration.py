@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
+from calstation.config.run_configuration import RunConfiguration, load_configuration
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import InputError
 from calstation.estimation import Solution
@@ -42,12 +42,12 @@ def posterior(seed: int = 1, scale: float = 1e-6) -> Posterior:
     return Posterior(1e-3 * random.standard_normal(COUNT), root @ root.T)
 
 
-def setup(site_folder: SiteFolder, profile: str = "bench_nav") -> ResolvedConfiguration:
+def setup(site_folder: SiteFolder, profile: str = "bench_nav") -> RunConfiguration:
     site_folder.write({"imu": profile})
-    return resolve_configuration(replace(site_folder.request("azimuth_flip"), serial="SN-000042"))
+    return load_configuration(replace(site_folder.request("azimuth_flip"), serial="SN-000042"))
 
 
-def held(setup_: ResolvedConfiguration, found: Posterior) -> dict[str, float]:
+def held(setup_: RunConfiguration, found: Posterior) -> dict[str, float]:
     """Return registers with the values of a posterior."""
     names = [name for entry in setup_.imu.registers for name in entry.parameters if name]
     return {name: float(np.float32(found.mean[INDEX[name]])) for name in names}

@@ -12,7 +12,7 @@ import pytest
 import tomli_w
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration
+from calstation.config.run_configuration import RunConfiguration
 from calstation.connection import devices
 from calstation.devices import Imu
 from calstation.devices.imu import StreamedImu
@@ -112,7 +112,7 @@ def refuse(monkeypatch: pytest.MonkeyPatch, *refused: str) -> None:
     """Make units with these serial numbers unresponsive; the fault reports the serial number as the port."""
     opened = devices.open_imu
 
-    def open_imu(setup: ResolvedConfiguration, port: str) -> StreamedImu:
+    def open_imu(setup: RunConfiguration, port: str) -> StreamedImu:
         if setup.request.serial in refused:
             raise DeviceFaultError("connection.refused", port=setup.request.serial, unit=1, exception=2)
         return opened(setup, port)
@@ -148,7 +148,7 @@ def test_stop_ends_a_batch_while_its_units_are_opened(site_folder: SiteFolder, m
     site_folder.write(units=3)
     opened, read = [], run_module._registers
 
-    def registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
+    def registers(imu: Imu, setup: RunConfiguration) -> dict[str, float]:
         opened.append(setup.request.serial)
         site_folder.control.send(Command.STOP)
         return read(imu, setup)
@@ -166,7 +166,7 @@ def test_configuration_error_affects_only_its_unit(site_folder: SiteFolder, monk
     site_folder.write(units=2)
     read = run_module._registers
 
-    def registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
+    def registers(imu: Imu, setup: RunConfiguration) -> dict[str, float]:
         if setup.request.serial == SERIALS[1]:
             raise ConfigurationError("log.not_created", file="x.h5", reason="no space")
         return read(imu, setup)

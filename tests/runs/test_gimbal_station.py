@@ -13,10 +13,9 @@ import tomli_w
 
 from calstation.config import library
 from calstation.config.request import RunRequest
-from calstation.config.resolved import check_station, prepare_run
+from calstation.config.run_configuration import check_station, prepare_run
 from calstation.config.schedules import schedule_options
 from calstation.config.station import load_station
-from calstation.config.summary import run_summary
 from calstation.connection.devices import Devices
 from calstation.connection.link_test import LinkTestRequest, check_table_link
 from calstation.errors import ConfigurationError, DeviceFaultError
@@ -25,6 +24,7 @@ from calstation.physics.parameters import NAMES, group_indices
 from calstation.records.log import open_log
 from calstation.results.preview import compute_preview
 from calstation.results.resolving import resolve
+from calstation.runs.summary import run_summary
 from calstation.sequencer.control import Command
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import GimbalTurned, JointsMoved, StateChanged, StepStarted

@@ -9,10 +9,9 @@ import tomli_w
 from calstation.config import library
 from calstation.config.link_defaults import is_manual_table
 from calstation.config.request import RunRequest
-from calstation.config.resolved import prepare_run
+from calstation.config.run_configuration import prepare_run
 from calstation.config.schedules import schedule_options
 from calstation.config.station import load_station
-from calstation.config.summary import run_summary
 from calstation.connection.link_test import LinkTestRequest, check_table_link
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
@@ -23,6 +22,7 @@ from calstation.records.log import open_log
 from calstation.registers.verification import AppliedRegisters, verify_output
 from calstation.results.preview import compute_preview
 from calstation.results.resolving import resolve
+from calstation.runs.summary import run_summary
 from calstation.sequencer.events import Message, PositionGuided
 from calstation.sequencer.verification_path import VerificationData
 from tests.site_folder import STATION, SiteFolder

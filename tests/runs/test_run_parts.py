@@ -8,8 +8,7 @@ import pytest
 
 from calstation.config import library
 from calstation.config.request import RunRequest
-from calstation.config.resolved import prepare_run
-from calstation.config.summary import compatible_products
+from calstation.config.run_configuration import compatible_products, prepare_run
 from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock, RealClock
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError, InsufficientDataError

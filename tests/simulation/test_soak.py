@@ -11,7 +11,7 @@ import pytest
 
 from calstation.bench import BenchConfig, BenchReport
 from calstation.cli.app import run_app
-from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
+from calstation.config.run_configuration import RunConfiguration, load_configuration
 from calstation.physics import INDEX
 from calstation.results import Result
 from calstation.simulation.fault_plan import KINDS
@@ -70,7 +70,7 @@ def result_of(outcome: str, **sections: Any) -> Result:
 
 def test_verdicts_are_assessed_by_the_truth(tmp_path: Path) -> None:
     request = write_request(GOOD, tmp_path, ("rate", "six_position"))
-    setup = resolve_configuration(request)
+    setup = load_configuration(request)
     truth = float(BenchConfig.model_validate(setup.bench_config()).truth().parameters[INDEX["accel_bias_x"]])
 
     def wrong(
@@ -130,10 +130,10 @@ def test_short_soak_test_passes_on_the_command_line(tmp_path: Path, capsys: pyte
 
 
 @pytest.fixture(scope="module")
-def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ResolvedConfiguration]:
+def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, RunConfiguration]:
     """Configurations of runs with every choice of devices."""
     return {
-        name: resolve_configuration(
+        name: load_configuration(
             write_request(replace(GOOD, devices=name), tmp_path_factory.mktemp(f"devices{k}"), ("rate",))
         )
         for k, name in enumerate(DEVICES)
@@ -141,13 +141,13 @@ def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ResolvedConfig
 
 
 def test_only_tables_without_a_watchdog_may_keep_axes_on_after_a_killed_engine(
-    setups: dict[str, ResolvedConfiguration],
+    setups: dict[str, RunConfiguration],
 ) -> None:
     kept_on = {name for name, setup in setups.items() if _keeps_axes_on(setup.table)}
     assert kept_on == {"two drives", "ATL", "ACL", "MN"}
 
 
-def test_fault_that_a_device_cannot_have_is_not_counted(setups: dict[str, ResolvedConfiguration]) -> None:
+def test_fault_that_a_device_cannot_have_is_not_counted(setups: dict[str, RunConfiguration]) -> None:
     for kind, without in (
         ("watchdog_off", {"two drives", "ATL", "ACL", "MN"}),
         ("never_ready", {"VN-100"}),

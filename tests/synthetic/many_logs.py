@@ -12,7 +12,7 @@ from pathlib import Path
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import GRADES, GradeName, Simulator
-from calstation.config import ResolvedConfiguration, RunRequest, library, resolve_configuration
+from calstation.config import RunConfiguration, RunRequest, library, load_configuration
 from calstation.jobs import ProgressCallback
 from calstation.records import SUFFIX, LogMeta, RawLogWriter
 from calstation.simulation.study import FAST, block_of
@@ -56,7 +56,7 @@ def _record(job: tuple[Path, GradeName, int, int, int]) -> Path:
     serial, station = f"SN-{number + 1:05d}", [*STATIONS][number % len(STATIONS)]
     started = _BEGIN + number / count * _PERIOD
     request = RunRequest(serial, None, library.find("products", FAST[grade]), seed=seed)
-    setup = resolve_configuration(request)
+    setup = load_configuration(request)
     bench = setup.bench_config()
     assert bench is not None
     bench["seed"] = zlib.crc32(f"{seed} {serial}".encode())
@@ -74,7 +74,7 @@ def _record(job: tuple[Path, GradeName, int, int, int]) -> Path:
     return path
 
 
-def _meta(setup: ResolvedConfiguration, station: str, started: datetime, grade: GradeName) -> LogMeta:
+def _meta(setup: RunConfiguration, station: str, started: datetime, grade: GradeName) -> LogMeta:
     """Return the configuration of a log; the surveyed gravity of `WRONG_STATION` is wrong from `WRONG_SINCE` on."""
     plain = setup.log_meta(started).model_dump()
     wrong = station == WRONG_STATION and started >= WRONG_SINCE

@@ -10,7 +10,7 @@ from typing import Any
 import tomli_w
 
 from calstation.bench import BenchConfig
-from calstation.config import DEFAULT_STATION, RunRequest, library, resolve_configuration
+from calstation.config import DEFAULT_STATION, RunRequest, library, load_configuration
 from calstation.errors import ConfigurationError
 from calstation.physics import NAMES
 from calstation.records import audit_path, read_audit
@@ -80,7 +80,7 @@ class _Site:
         self._request = RunRequest(UNIT, station, product, out=folder / "runs", operator="demo")
         self._reference: dict[str, Any] = {}
         self._write()
-        resolved = resolve_configuration(replace(self._request, serial=GOLDEN))
+        resolved = load_configuration(replace(self._request, serial=GOLDEN))
         true = BenchConfig.model_validate(resolved.bench_config()).truth().parameters
         for name, value in zip(NAMES, true.tolist(), strict=True):
             limit = resolved.product.limits[name.rsplit("_", 1)[0]]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject
 
-from calstation.config import RunSummary, computer_user, library, load_product
+from calstation.config import computer_user, library, load_product
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask
@@ -13,7 +13,7 @@ from calstation.gui.state import AppContext
 from calstation.gui.widgets import JobWatch, NoticeBar
 from calstation.messages import Text
 from calstation.results import Delivery
-from calstation.runs import Resumable, close_incomplete_job, find_resumable, recover_startup, resumable_run
+from calstation.runs import Resumable, RunSummary, close_incomplete_job, find_resumable, recover_startup, resumable_run
 
 
 class InterruptedRuns(QObject):

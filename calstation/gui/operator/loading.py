@@ -4,12 +4,12 @@ import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
-from calstation.config import RunSummary
 from calstation.gui.operator.live import PositionPicture, TablePicture
 from calstation.gui.operator.production import FixturePicture
 from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import column, grid, label, row, theme
 from calstation.messages import Text
+from calstation.runs import RunSummary
 
 
 class Loading(QFrame):

@@ -8,14 +8,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.config import (
-    DEFAULT_PRODUCT,
-    ManualRigError,
-    RunRequest,
-    RunSummary,
-    compatible_products,
-    run_summary,
-)
+from calstation.config import DEFAULT_PRODUCT, ManualRigError, RunRequest, compatible_products
 from calstation.errors import CalstationError
 from calstation.gui.operator.claims import ClaimNotice
 from calstation.gui.operator.header import RunHeader
@@ -52,6 +45,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import Text, event_text
+from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import Command
 
 #: Refusals of production that an engineer can override.

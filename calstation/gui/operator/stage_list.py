@@ -3,10 +3,10 @@
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListWidget, QListWidgetItem, QWidget
 
-from calstation.config import RunSummary
 from calstation.gui.state import EndStageButton, RunStatus, StageState, planned
 from calstation.gui.text import duration_text, on_language_change, say, term
 from calstation.gui.widgets import PANEL, STEPS, StateIcon, column, label, progress_bar, row, show_text, theme
+from calstation.runs import RunSummary
 
 _KINDS = {
     "waiting": "none",

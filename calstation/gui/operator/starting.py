@@ -11,7 +11,6 @@ from PySide6.QtCore import QObject
 from calstation.config import (
     Person,
     RunRequest,
-    RunSummary,
     computer_user,
     confirm,
     confirmation_required,
@@ -30,7 +29,7 @@ from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from calstation.records import RunRecord
 from calstation.results import History
-from calstation.runs import Resumable
+from calstation.runs import Resumable, RunSummary
 from calstation.sound import play
 
 

@@ -5,10 +5,11 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from calstation.config import RunRequest, RunSummary, run_summary
+from calstation.config import RunRequest
 from calstation.errors import CalstationError
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus
+from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import (
     Command,
     Event,

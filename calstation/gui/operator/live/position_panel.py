@@ -5,11 +5,11 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
-from calstation.config import RunSummary
 from calstation.gui.operator.live.position_picture import PositionPicture
 from calstation.gui.text import on_language_change, rendered, say, with_minus
 from calstation.gui.widgets import StateBadge, button, column, enable, label, row, theme
 from calstation.messages import Text
+from calstation.runs import RunSummary
 from calstation.sequencer import PositionGuided
 
 #: Text sizes, px, legible from two metres; a third larger on a wide panel.

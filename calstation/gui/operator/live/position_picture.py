@@ -6,10 +6,10 @@ import numpy as np
 from PySide6.QtCore import QPointF
 from PySide6.QtWidgets import QWidget
 
-from calstation.config import RunSummary
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import Drawing, basis, circle, depth, screen, theme
 from calstation.physics import FloatArray, axis_rotation, rotation_matrix
+from calstation.runs import RunSummary
 from calstation.sequencer import PositionGuided
 
 _UP = np.array([0.0, 0.0, 1.0])

@@ -5,11 +5,11 @@ from datetime import datetime
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QLabel
 
-from calstation.config import RunSummary
 from calstation.gui.state import AppContext
 from calstation.gui.text import duration_text, on_language_change, say
 from calstation.gui.widgets import JobWatch, show_text
 from calstation.results import ShiftCount, count_shift, shift_start
+from calstation.runs import RunSummary
 
 #: Time between two checks for a new shift, ms.
 _CHECK_MS = 60_000

@@ -3,12 +3,12 @@
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
-from calstation.config import RunSummary
 from calstation.gui.operator.units.slots import Slot, Slots
 from calstation.gui.operator.units.tile import Tile, arrange, pass_clicks
 from calstation.gui.text import on_language_change, rendered, say
 from calstation.gui.widgets import PANEL, ElidedLabel, StateIcon, button, column, grid, label, row, show_text, theme
 from calstation.messages import Text
+from calstation.runs import RunSummary
 
 
 class _SlotTile(Tile):

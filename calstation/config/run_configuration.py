@@ -1,11 +1,11 @@
-"""The resolved configuration of a run: all files are read, checked and combined before a device is opened."""
+"""The configuration of a run: all files are read, checked and combined before a device is opened."""
 
 import re
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -30,11 +30,10 @@ from calstation.config.slots import PLATFORM_AXES, STATION_ENTRIES, SlotSection
 from calstation.config.station import StationConfig, at_slot, load_station
 from calstation.devices.imu import RegisterMap
 from calstation.devices.links import SOCKETS
-from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile, span
+from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile
 from calstation.errors import ConfigurationError
-from calstation.estimation import RepeatedSchedule
-from calstation.estimation.common import BIAS_SIGMAS, REST_RATE, SolveContext, without_gravity
-from calstation.physics import INDEX, NAMES, PARAMETERS, GimbalTurn, Step, entry_of, group_indices
+from calstation.estimation.common import SolveContext, without_gravity
+from calstation.physics import INDEX, NAMES, PARAMETERS, Step, entry_of, group_indices
 from calstation.records import (
     FileSection,
     ImuSection,
@@ -45,10 +44,8 @@ from calstation.records import (
     RunSection,
     TableSection,
     context_from_meta,
-    prior_from_meta,
 )
 from calstation.schema import EntryError, Model, validate
-from calstation.sequencer import Output, PreflightLimits, StagePlan, StatusMasks, StopRule, Task, UnitTask
 from procedures import method
 
 #: Registers that deviate from zero by more than this many prior sigmas are not a calibration of the unit.
@@ -82,7 +79,7 @@ class SourceFile:
 
 
 @dataclass(frozen=True)
-class ResolvedConfiguration:
+class RunConfiguration:
     """The complete, checked configuration of a run."""
 
     request: RunRequest
@@ -105,13 +102,6 @@ class ResolvedConfiguration:
     def after_registers(self) -> bool:
         """Whether the unit's stream is already corrected by its registers."""
         return self.imu.stream.order == "after_registers"
-
-    @property
-    def corrected(self) -> Output:
-        """Whether and how the unit outputs samples corrected by its registers."""
-        if self.after_registers:
-            return Output.ALWAYS
-        return Output.NEVER if self.imu.corrected is None else Output.ASKED
 
     @property
     def repeatability(self) -> float:
@@ -279,57 +269,8 @@ class ResolvedConfiguration:
         flash = f"{quote(str(settings['serial']), safe='')}_{settings.get('seed', _DEFAULT_SEED)}.flash"
         return {"flash_file": str(self.request.out / BENCH_FOLDER / flash), **settings}
 
-    def task(self) -> Task:
-        """Build the table's task."""
-        load = self.product.load_angle
-        return Task(
-            stages=tuple(
-                StagePlan(stage, partial(self._plan, stage), _stop_rule(schedule))
-                for stage, schedule in self.schedules.items()
-            ),
-            geometry=self.table.geometry(),
-            by_hand=self.by_hand,
-            latency=self.table.accuracy.poll_latency_s,
-            settle=self.table.settle_s,
-            load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),
-            gimbal_turn=self._gimbal_turn(),
-        )
-
-    def unit_task(self, meta: LogMeta | None = None) -> UnitTask:
-        """Build the unit's task. `meta` is the log's configuration, by default the one without registers."""
-        meta = meta or self.log_meta()
-        context = context_from_meta(meta)
-        site = context.site
-        prior, biases = prior_from_meta(meta), group_indices("gyro_bias")
-        spread = BIAS_SIGMAS * prior.sigma[biases] + REST_RATE
-        warm_up, status = self.product.warm_up, self.imu.status
-        return UnitTask(
-            serial=self.request.serial,
-            model=context.imu,
-            preflight=PreflightLimits(
-                serial_pattern=self.product.serial_pattern,
-                gravity=site.local_gravity,
-                rate_low=prior.mean[biases] - spread,
-                rate_high=prior.mean[biases] + spread,
-                warm_up=warm_up.time_s,
-                warm_up_slope=warm_up.slope_c_per_min,
-                warm_up_timeout=warm_up.timeout_s,
-            ),
-            geometry=replace(self.table.geometry(), orientation=context.table.orientation),
-            masks=StatusMasks(status.ready, status.saturated, status.failed),
-            span=span(self.imu.frame),
-            wrap=self.imu.frame.counter_period,
-            corrected=self.corrected,
-        )
-
-    def _gimbal_turn(self) -> GimbalTurn | None:
-        """Return the settings of a gimbal's turns; None on a table."""
-        if self.table.gimbal is None:
-            return None
-        steps = (step for stage in self.stages for step in self._plan(stage))
-        return next((step for step in steps if isinstance(step, GimbalTurn)), None)
-
-    def _plan(self, stage: str) -> Iterator[Step]:
+    def plan(self, stage: str) -> Iterator[Step]:
+        """Return the steps of a stage."""
         return method(stage).plan(self.table.geometry(), self.schedules[stage])
 
 
@@ -348,24 +289,11 @@ def _section(model: type[Model], *sources: BaseModel, **more: Any) -> Model:
     return model(**{n: getattr(s, n) for s in sources for n in names if n in type(s).model_fields}, **more)
 
 
-def _stop_rule(schedule: BaseModel) -> StopRule:
-    """Return the stop rule of a schedule; it is empty for a plan that does not repeat."""
-    if not isinstance(schedule, RepeatedSchedule):
-        return StopRule()
-    return StopRule(
-        rounds=schedule.rounds or None,
-        duration=schedule.duration_s,
-        targets=schedule.targets,
-        usual=getattr(schedule, "least_moves", None) if schedule.targets else None,
-        repeated=True,
-    )
-
-
-def _with_limits(resolved: ResolvedConfiguration, schedule: BaseModel) -> BaseModel:
+def _with_limits(setup: RunConfiguration, schedule: BaseModel) -> BaseModel:
     """Return a schedule that ends at the product's limits: their sigmas, without the error of gravity, are targets."""
     if not getattr(schedule, "stop_at_limits", False) or getattr(schedule, "targets", None):
         return schedule
-    any_unit = replace(resolved, request=replace(resolved.request, serial=resolved.product.example))
+    any_unit = replace(setup, request=replace(setup.request, serial=setup.product.example))
     limits = any_unit.sigma_limits()
     margin = getattr(schedule, "margin", 1.0)
     wanted = np.array([margin * limits.get(name, np.inf) for name in NAMES])
@@ -388,10 +316,10 @@ def unit_files(station: StationConfig, product: Path | None) -> tuple[Path, Prod
 
 
 #: Function that changes a configuration before it is checked, for example for fault injection.
-Adjustment = Callable[[ResolvedConfiguration], ResolvedConfiguration]
+Adjustment = Callable[[RunConfiguration], RunConfiguration]
 
 
-def resolve_configuration(request: RunRequest, adjust: Adjustment = lambda resolved: resolved) -> ResolvedConfiguration:
+def load_configuration(request: RunRequest, adjust: Adjustment = lambda setup: setup) -> RunConfiguration:
     """Read and check the files of a request, for any serial number; `adjust` changes the result before the checks.
 
     Raises ConfigurationError with file, entry and remedy.
@@ -409,7 +337,7 @@ def resolve_configuration(request: RunRequest, adjust: Adjustment = lambda resol
     for stage in request.stages or product.stages:
         values = schedule_values(product, stage, (request.schedule or {}).get(stage, {}))
         schedules[stage] = validate(method(stage).schedule, values, f"{product_path}: schedule.{stage}")
-    resolved = ResolvedConfiguration(
+    setup = RunConfiguration(
         request=request,
         station=station,
         product=product,
@@ -418,101 +346,117 @@ def resolve_configuration(request: RunRequest, adjust: Adjustment = lambda resol
         schedules=schedules,
         sources={kind: SourceFile.read(kind, path) for kind, path in paths.items()},
     )
-    resolved = replace(resolved, schedules={s: _with_limits(resolved, p) for s, p in resolved.schedules.items()})
+    setup = replace(setup, schedules={s: _with_limits(setup, p) for s, p in setup.schedules.items()})
     options = {"--faults": request.faults, "--speed": request.speed, "--seed": request.seed}
     for option, value in options.items() if station.bench is None else ():
         if value is not None:
             raise ConfigurationError("configuration.bench_only", option=option, station=station_path)
-    resolved = adjust(resolved)
-    settings = resolved.bench_settings()
+    setup = adjust(setup)
+    settings = setup.bench_settings()
     if settings is not None:
         from calstation.bench import BenchConfig
 
-        validate(BenchConfig, {**settings, **resolved.bench_overrides}, f"{station_path} [bench]")
+        validate(BenchConfig, {**settings, **setup.bench_overrides}, f"{station_path} [bench]")
     with in_file(product_path):
-        for error in _product_errors(resolved):
+        for error in _product_errors(setup):
             raise error
     with in_file(station_path):
-        _check_baud(resolved)
-    return resolved
+        _check_baud(setup)
+    return setup
 
 
-def prepare_run(request: RunRequest, adjust: Adjustment = lambda resolved: resolved) -> ResolvedConfiguration:
-    """Resolve a request like `resolve_configuration`, and check operator, serial number and site as well.
+def prepare_run(request: RunRequest, adjust: Adjustment = lambda setup: setup) -> RunConfiguration:
+    """Resolve a request like `load_configuration`, and check operator, serial number and site as well.
 
     The request in the result contains the operator.
     """
-    resolved = resolve_configuration(request, adjust)
-    sign_in = resolved.station.sign_in
+    setup = load_configuration(request, adjust)
+    sign_in = setup.station.sign_in
     operator = request.operator or computer_user() if sign_in is None else sign_in.operator(request.operator)
-    resolved = replace(resolved, request=replace(resolved.request, operator=operator))
-    pattern, path = resolved.product.serial_pattern, resolved.sources["product"].path
+    setup = replace(setup, request=replace(setup.request, operator=operator))
+    pattern, path = setup.product.serial_pattern, setup.sources["product"].path
     if not re.fullmatch(pattern, request.serial):
         raise ConfigurationError("product.serial_mismatch", serial=request.serial, pattern=pattern, product=path)
-    check_station(resolved)
-    for stage, schedule in resolved.schedules.items():
+    check_station(setup)
+    for stage, schedule in setup.schedules.items():
         chosen = method(stage)
         if chosen.needs_no_table:  # some of these cannot be executed by any table
-            next(chosen.plan(resolved.table.geometry(), schedule), None)
-    return resolved
+            next(chosen.plan(setup.table.geometry(), schedule), None)
+    return setup
 
 
-def check_station(resolved: ResolvedConfiguration) -> None:
+def check_station(setup: RunConfiguration) -> None:
     """Check that the station's table and site data are sufficient to calibrate the product.
 
     Raises ConfigurationError; ManualRigError if the table is the reason.
     """
-    check_manual_rig(resolved)
-    check_gimbal(resolved)
-    meta, site = resolved.log_meta(), resolved.station.site
-    with in_file(resolved.sources["station"].path):
+    check_manual_rig(setup)
+    check_gimbal(setup)
+    meta, site = setup.log_meta(), setup.station.site
+    with in_file(setup.sources["station"].path):
         check_site(meta)
-        check_gravity_sigma(meta, resolved.sigma_limits())
-        if resolved.station.bench is None:
+        check_gravity_sigma(meta, setup.sigma_limits())
+        if setup.station.bench is None:
             check_confirmation(site, meta)
 
 
-def check_manual_rig(resolved: ResolvedConfiguration) -> None:
+def check_manual_rig(setup: RunConfiguration) -> None:
     """Check that every stage suits the station's table, manual rig or gimbal. Raises ManualRigError."""
-    names = {"product": resolved.product.name, "table": resolved.table.name, "station": resolved.station.name}
-    for stage, schedule in resolved.schedules.items():
+    names = {"product": setup.product.name, "table": setup.table.name, "station": setup.station.name}
+    for stage, schedule in setup.schedules.items():
         on_gimbal = method(stage).on_gimbal
-        if on_gimbal and resolved.table.gimbal is None:
+        if on_gimbal and setup.table.gimbal is None:
             raise ManualRigError("plan.needs_gimbal")
-        if not on_gimbal and resolved.table.gimbal is not None:
-            raise ManualRigError("product.needs_table", stage=stage, table=resolved.table.name)
+        if not on_gimbal and setup.table.gimbal is not None:
+            raise ManualRigError("product.needs_table", stage=stage, table=setup.table.name)
         manual = getattr(schedule, "manual", None)
-        if resolved.by_hand and manual is None:
+        if setup.by_hand and manual is None:
             raise ManualRigError("product.needs_driven_table", stage=stage, **names)
-        if resolved.by_hand and not manual:
+        if setup.by_hand and not manual:
             raise ManualRigError("product.needs_manual_motion", stage=stage, **names)
-        if manual and not resolved.by_hand:
+        if manual and not setup.by_hand:
             raise ManualRigError("product.needs_manual_table", stage=stage, **names)
 
 
-def check_gimbal(resolved: ResolvedConfiguration) -> None:
+def check_gimbal(setup: RunConfiguration) -> None:
     """Check that the unit on a gimbal stores the correction. Raises ConfigurationError."""
-    if resolved.table.gimbal is None:
+    if setup.table.gimbal is None:
         return
     misalignments = {NAMES[i] for i in group_indices("gyro_misalign")}
-    if resolved.after_registers or not misalignments <= set(RegisterMap(tuple(resolved.imu.registers)).parameters):
-        raise ConfigurationError("product.gimbal_needs_registers", imu=resolved.imu.name)
+    if setup.after_registers or not misalignments <= set(RegisterMap(tuple(setup.imu.registers)).parameters):
+        raise ConfigurationError("product.gimbal_needs_registers", imu=setup.imu.name)
 
 
-def _product_errors(resolved: ResolvedConfiguration) -> Iterator[EntryError]:
-    yield from register_conflicts(resolved.product, resolved.imu)
-    yield from unknown_targets(resolved.product.targets, "targets")
-    for stage, schedule in resolved.schedules.items():
+def _product_errors(setup: RunConfiguration) -> Iterator[EntryError]:
+    yield from register_conflicts(setup.product, setup.imu)
+    yield from unknown_targets(setup.product.targets, "targets")
+    for stage, schedule in setup.schedules.items():
         yield from unknown_targets(getattr(schedule, "targets", {}), "schedule", stage, "targets")
 
 
-def _check_baud(resolved: ResolvedConfiguration) -> None:
+def _check_baud(setup: RunConfiguration) -> None:
     """Check that the station's own baud rate is sufficient for the unit's stream; a socket's baud rate is unknown."""
-    serial, port = resolved.station.imu.serial, resolved.station.imu.port or ""
+    serial, port = setup.station.imu.serial, setup.station.imu.port or ""
     if serial is None or "baud" not in serial.model_fields_set or port.startswith(SOCKETS):
         return
     try:
-        for frame in resolved.imu.frames:
-            check_baud(serial, frame, resolved.imu.stream.sample_rate_hz)
+        for frame in setup.imu.frames:
+            check_baud(serial, frame, setup.imu.stream.sample_rate_hz)
     except EntryError as exc:  # the error contains the entry of the profile
         raise EntryError(exc.code, "imu", "serial", "baud", **exc.values) from None
+
+
+def compatible_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
+    """Return name and file of each product that the station can calibrate, starting with those with the same IMU."""
+    try:
+        wanted = load_configuration(RunRequest("-", station, instead_of)).product.imu
+    except ConfigurationError:
+        wanted = None
+    found = []
+    for name in library.names("products"):
+        path = library.find("products", name)
+        with suppress(ConfigurationError):
+            setup = load_configuration(RunRequest("-", station, path))
+            check_station(setup)
+            found.append((wanted not in (None, setup.product.imu), name, path))
+    return [(name, path) for _, name, path in sorted(found)]

@@ -1,18 +1,13 @@
-"""Summary of a run before its start, and the products that a station can calibrate."""
+"""Summary of a run before its start."""
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from calstation.config import library
-from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration, check_station, resolve_configuration
-from calstation.config.sign_in import SignInSection
+from calstation.config import RunConfiguration, RunRequest, SignInSection, check_station, library, load_configuration
 from calstation.devices.imu import RegisterMap
-from calstation.errors import ConfigurationError
 from calstation.physics import GROUPS, NAMES, ManualMove, Orientation, TableGeometry, group_indices, orientation_matrix
-from calstation.sequencer import DURATION, plan_time
+from calstation.sequencer import DURATION, plan_time, table_task
 
 
 @dataclass(frozen=True)
@@ -63,11 +58,11 @@ class RunSummary:
 
 def run_summary(request: RunRequest) -> RunSummary:
     """Summarise the run of a request, for any serial number. Raises ConfigurationError."""
-    setup = resolve_configuration(request)
+    setup = load_configuration(request)
     check_station(setup)
     load = setup.product.load_angle
     geometry = setup.table.geometry()
-    plans = setup.task().stages
+    plans = table_task(setup).stages
     return RunSummary(
         station=setup.station.name,
         product=setup.product.name,
@@ -99,7 +94,7 @@ def run_summary(request: RunRequest) -> RunSummary:
     )
 
 
-def _picture(setup: ResolvedConfiguration) -> Path | None:
+def _picture(setup: RunConfiguration) -> Path | None:
     name = setup.product.picture
     return None if name is None else library.find_beside(setup.sources["product"].path, name)
 
@@ -109,7 +104,7 @@ def _up(geometry: TableGeometry, step: ManualMove) -> tuple[float, float, float]
     return float(x), float(y), float(z)
 
 
-def _targets(setup: ResolvedConfiguration) -> dict[str, float]:
+def _targets(setup: RunConfiguration) -> dict[str, float]:
     allowed = setup.sigma_limits()
     groups = {group: [NAMES[i] for i in group_indices(group)] for group in GROUPS}
     return {
@@ -117,19 +112,3 @@ def _targets(setup: ResolvedConfiguration) -> dict[str, float]:
         for group, names in groups.items()
         if {*names} & {*allowed}
     }
-
-
-def compatible_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
-    """Return name and file of each product that the station can calibrate, starting with those with the same IMU."""
-    try:
-        wanted = resolve_configuration(RunRequest("-", station, instead_of)).product.imu
-    except ConfigurationError:
-        wanted = None
-    found = []
-    for name in library.names("products"):
-        path = library.find("products", name)
-        with suppress(ConfigurationError):
-            setup = resolve_configuration(RunRequest("-", station, path))
-            check_station(setup)
-            found.append((wanted not in (None, setup.product.imu), name, path))
-    return [(name, path) for _, name, path in sorted(found)]

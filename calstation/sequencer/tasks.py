@@ -1,0 +1,88 @@
+"""The tasks of a run and of its units, built from its configuration."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from pydantic import BaseModel
+
+from calstation.config import RunConfiguration
+from calstation.devices.profiles import span
+from calstation.estimation import RepeatedSchedule
+from calstation.estimation.common import BIAS_SIGMAS, REST_RATE
+from calstation.physics import GimbalTurn, group_indices
+from calstation.records import LogMeta, context_from_meta, prior_from_meta
+from calstation.sequencer.context import Output, PreflightLimits, StatusMasks, Task, UnitTask
+from calstation.sequencer.plan import StagePlan, StopRule
+
+
+def table_task(setup: RunConfiguration) -> Task:
+    """Return the motion of the table in a run."""
+    load = setup.product.load_angle
+    return Task(
+        stages=tuple(
+            StagePlan(stage, partial(setup.plan, stage), _stop_rule(schedule))
+            for stage, schedule in setup.schedules.items()
+        ),
+        geometry=setup.table.geometry(),
+        by_hand=setup.by_hand,
+        latency=setup.table.accuracy.poll_latency_s,
+        settle=setup.table.settle_s,
+        load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),
+        gimbal_turn=_gimbal_turn(setup),
+    )
+
+
+def unit_task(setup: RunConfiguration, meta: LogMeta | None = None) -> UnitTask:
+    """Return the task of a unit; `meta` is the configuration of its log, by default the one without registers."""
+    meta = meta or setup.log_meta()
+    context = context_from_meta(meta)
+    prior, biases = prior_from_meta(meta), group_indices("gyro_bias")
+    spread = BIAS_SIGMAS * prior.sigma[biases] + REST_RATE
+    warm_up, status = setup.product.warm_up, setup.imu.status
+    return UnitTask(
+        serial=setup.request.serial,
+        model=context.imu,
+        preflight=PreflightLimits(
+            serial_pattern=setup.product.serial_pattern,
+            gravity=context.site.local_gravity,
+            rate_low=prior.mean[biases] - spread,
+            rate_high=prior.mean[biases] + spread,
+            warm_up=warm_up.time_s,
+            warm_up_slope=warm_up.slope_c_per_min,
+            warm_up_timeout=warm_up.timeout_s,
+        ),
+        geometry=replace(setup.table.geometry(), orientation=context.table.orientation),
+        masks=StatusMasks(status.ready, status.saturated, status.failed),
+        span=span(setup.imu.frame),
+        wrap=setup.imu.frame.counter_period,
+        corrected=corrected_output(setup),
+    )
+
+
+def corrected_output(setup: RunConfiguration) -> Output:
+    """Return whether and how the unit outputs samples corrected by its registers."""
+    if setup.after_registers:
+        return Output.ALWAYS
+    return Output.NEVER if setup.imu.corrected is None else Output.ASKED
+
+
+def _gimbal_turn(setup: RunConfiguration) -> GimbalTurn | None:
+    """Return the settings of a gimbal's turns; None on a table."""
+    if setup.table.gimbal is None:
+        return None
+    steps = (step for stage in setup.stages for step in setup.plan(stage))
+    return next((step for step in steps if isinstance(step, GimbalTurn)), None)
+
+
+def _stop_rule(schedule: BaseModel) -> StopRule:
+    """Return the stop rule of a schedule; it is empty for a plan that does not repeat."""
+    if not isinstance(schedule, RepeatedSchedule):
+        return StopRule()
+    return StopRule(
+        rounds=schedule.rounds or None,
+        duration=schedule.duration_s,
+        targets=schedule.targets,
+        usual=getattr(schedule, "least_moves", None) if schedule.targets else None,
+        repeated=True,
+    )
