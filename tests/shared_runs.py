@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from calstation.records.files import locked
-from calstation.sequencer.events import Verdict
+from calstation.sequencer.events import Finalized
 from tests.site_folder import SiteFolder
 
 
@@ -18,28 +18,28 @@ class SharedRuns:
         self._root = root
         root.mkdir(exist_ok=True)
 
-    def copy(self, name: str, folder: Path, make: Callable[[SiteFolder], Verdict]) -> Verdict:
+    def copy(self, name: str, folder: Path, make: Callable[[SiteFolder], Finalized]) -> Finalized:
         """Copy a run to `folder`; its result still refers to the original log."""
-        verdict = self._made(name, make)
+        ended = self._made(name, make)
         shutil.copytree(self._root / name, folder, ignore=shutil.ignore_patterns("reports.jsonl"), dirs_exist_ok=True)
         log, result_file = (
-            str(folder / Path(f).relative_to(self._root / name)) for f in (verdict.log, verdict.result_file)
+            str(folder / Path(f).relative_to(self._root / name)) for f in (ended.log, ended.result_file)
         )
-        return replace(verdict, log=log, result_file=result_file)
+        return replace(ended, log=log, result_file=result_file)
 
-    def passed(self, folder: Path, *stages: str) -> Verdict:
+    def passed(self, folder: Path, *stages: str) -> Finalized:
         """Copy a passed run of these stages to `folder`."""
-        verdict = self.copy("-".join(stages) or "full", folder, lambda site: site.run(*stages))
-        assert verdict.outcome == "passed"
-        return verdict
+        ended = self.copy("-".join(stages) or "full", folder, lambda site: site.run(*stages))
+        assert ended.verdict.passed
+        return ended
 
-    def _made(self, name: str, make: Callable[[SiteFolder], Verdict]) -> Verdict:
+    def _made(self, name: str, make: Callable[[SiteFolder], Finalized]) -> Finalized:
         done = self._root / f"{name}.pickle"
         with locked(self._root / f"{name}.lock", within=240.0):
             if not done.exists():
                 (self._root / name).mkdir()
-                verdict = make(SiteFolder(self._root / name))
-                done.write_bytes(pickle.dumps(verdict))
-        verdict = pickle.loads(done.read_bytes())
-        assert isinstance(verdict, Verdict)
-        return verdict
+                ended = make(SiteFolder(self._root / name))
+                done.write_bytes(pickle.dumps(ended))
+        ended = pickle.loads(done.read_bytes())
+        assert isinstance(ended, Finalized)
+        return ended

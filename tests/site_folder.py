@@ -10,7 +10,7 @@ import tomli_w
 from calstation.config.request import RunRequest
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Fault, Verdict
+from calstation.sequencer.events import Event, Fault, Finalized
 from calstation.simulation.hooks import BenchHooks
 
 QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
@@ -75,7 +75,7 @@ class SiteFolder:
         """Request a run of these stages."""
         return RunRequest(serial, self.station, self.product, stages or None, self.folder / "runs", "tester")
 
-    def run(self, *stages: str, on_event: Callable[[Event], None] | None = None) -> Verdict:
+    def run(self, *stages: str, on_event: Callable[[Event], None] | None = None) -> Finalized:
         """Run in this process and return the verdict."""
 
         def emit(event: Event) -> None:
@@ -84,10 +84,10 @@ class SiteFolder:
                 on_event(event)
 
         execute(self.request(*stages), emit, self.control, self.hooks)
-        verdict = self.events[-1]
-        assert isinstance(verdict, Verdict)
-        assert Path(verdict.result_file).is_file()
-        return verdict
+        ended = self.events[-1]
+        assert isinstance(ended, Finalized)
+        assert Path(ended.result_file).is_file()
+        return ended
 
     def events_of(self, kind: type) -> list[Any]:
         """Return the events of a type."""

@@ -28,13 +28,14 @@ from calstation.config import (
 from calstation.database import Claim, start_exchange
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.messages import Text, event_text, step_text
-from calstation.records import RunSection, open_log
+from calstation.records import RunSection, Verdict, open_log
 from calstation.results import Result
 from calstation.runs import INTERNAL, Engine, filled, serial_of
 from calstation.sequencer import (
     Command,
     Event,
     Fault,
+    Finalized,
     Message,
     PositionGuided,
     StageProgress,
@@ -42,7 +43,6 @@ from calstation.sequencer import (
     StageStarted,
     StateChanged,
     StepStarted,
-    Verdict,
 )
 from calstation.simulation import BenchHooks
 
@@ -52,8 +52,8 @@ _NAMED = 3
 #: Line that the user enters to end a repeated stage.
 _END_STAGE = "e"
 
-#: Exit code by outcome; a fault exits with 3.
-_EXIT_CODES = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
+#: Exit code by verdict; all others exit with 3.
+_EXIT_CODES = {Verdict.PASSED: 0, Verdict.PARTIAL: 0, Verdict.FAILED: 1, Verdict.STOPPED: StoppedError.exit_code}
 
 #: Code of the result of a stage's innovation test, None if it had nothing to test.
 _CONSISTENCY = {True: "cli.consistent", False: "cli.not_consistent", None: "cli.consistency_untested"}
@@ -68,22 +68,22 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
     ask = station.bench is None and not setup.by_hand and not yes
     if ask and not typer.confirm(question, err=True):
         raise StoppedError("cli.not_confirmed")
-    verdicts: list[Verdict] = []
+    finalized: list[Finalized] = []
     fault = None
     with shared_records(request) as new_claims:
         for event in engine_events(request, new_claims=new_claims):
-            if isinstance(event, Verdict):
-                verdicts.append(event)
+            if isinstance(event, Finalized):
+                finalized.append(event)
             elif isinstance(event, Fault) and not event.slot:
                 fault = event
-        if verdicts and request.serials:
+        if finalized and request.serials:
             names = station.slot_names
-            _show_batch(sorted(verdicts, key=lambda verdict: names.index(verdict.slot)), json, request)
-        elif verdicts:
-            _show_verdict(verdicts[0], json, request)
+            _show_batch(sorted(finalized, key=lambda run: names.index(run.slot)), json, request)
+        elif finalized:
+            _show_run(finalized[0], json, request)
         if fault is not None:
             return complain_fault(fault, request, debug=debug)
-    return max((_EXIT_CODES.get(verdict.outcome, 3) for verdict in verdicts), default=3)
+    return max((_EXIT_CODES.get(run.verdict, 3) for run in finalized), default=3)
 
 
 def complete_request(request: RunRequest) -> RunRequest:
@@ -178,54 +178,54 @@ def complain_fault(fault: Fault, request: RunRequest, *, debug: bool) -> int:
     return fault.exit_code
 
 
-def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> None:
-    emit_json(verdict.result, json)
-    result = Result.from_json(verdict.result)
+def _show_run(run: Finalized, json: str | None, request: RunRequest) -> None:
+    emit_json(run.result, json)
+    result = Result.from_json(run.result)
     console = Console(stderr=json == "-")
     if json != "-":
         result_table(console, result)
-    show_line(console, f"{result.serial}: {sentence(outcome_text(verdict.outcome, result))}")
+    show_line(console, f"{result.serial}: {sentence(outcome_text(result))}")
     if result.cycle:
         show_line(console, _cycle_line(result.cycle_seconds))
-    show_line(console, say("cli.log_file", file=verdict.log))
-    show_line(console, say("cli.result_file", file=verdict.result_file))
+    show_line(console, say("cli.log_file", file=run.log))
+    show_line(console, say("cli.result_file", file=run.result_file))
     if result.advice == "resume":
-        show_line(console, _to_resume(verdict, request))
+        show_line(console, _to_resume(run, request))
 
 
-def _to_resume(verdict: Verdict, request: RunRequest) -> str:
-    command = shlex.join(["calstation", "run", "--resume", verdict.log])
+def _to_resume(run: Finalized, request: RunRequest) -> str:
+    command = shlex.join(["calstation", "run", "--resume", run.log])
     options = station_options(request.station, request.product)
     return say("cli.to_resume", command=f"{command} {options}".rstrip())
 
 
-def _show_batch(verdicts: Sequence[Verdict], json: str | None, request: RunRequest) -> None:
+def _show_batch(runs: Sequence[Finalized], json: str | None, request: RunRequest) -> None:
     """Show one line per unit of a batch and write the list of results."""
-    results = [Result.from_json(verdict.result) for verdict in verdicts]
-    emit_json([verdict.result for verdict in verdicts], json)
+    results = [Result.from_json(run.result) for run in runs]
+    emit_json([run.result for run in runs], json)
     console = Console(stderr=json == "-")
     table = Table(title=results[0].batch, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     for code in ("cli.column_slot", "cli.column_serial", "cli.column_verdict", "cli.column_why", "cli.column_result"):
         table.add_column(say(code), overflow="fold")
-    for verdict, result in zip(verdicts, results, strict=True):
-        row = (verdict.slot, result.serial, say(f"cli.outcome_{verdict.outcome}"), _why(verdict.outcome, result))
-        table.add_row(*row, Path(verdict.result_file).name)
+    for run, result in zip(runs, results, strict=True):
+        verdict = say(f"cli.outcome_{run.verdict}")
+        table.add_row(run.slot, result.serial, verdict, _why(result), Path(run.result_file).name)
     console.print(table)
     longest = max((result.cycle_seconds for result in results), key=lambda cycle: sum(cycle.values()))
     if longest:
         show_line(console, _cycle_line(longest))
-    for verdict, result in zip(verdicts, results, strict=True):
+    for run, result in zip(runs, results, strict=True):
         if result.advice == "resume":
-            show_line(console, _to_resume(verdict, request))
-    for folder in {str(Path(verdict.result_file).parent) for verdict in verdicts}:
+            show_line(console, _to_resume(run, request))
+    for folder in {str(Path(run.result_file).parent) for run in runs}:
         show_line(console, say("cli.run_folder", folder=folder))
 
 
-def _why(outcome: str, result: Result) -> str:
+def _why(result: Result) -> str:
     """Return why a unit of a batch did not pass, and whether it contains unverified registers."""
     outside = [check.name for check in result.checks if check.passed is False]
     parts = [result.error or ", ".join(outside[:_NAMED]) + (" ..." if len(outside) > _NAMED else "")]
-    if outcome == "stopped":
+    if result.verdict is Verdict.STOPPED:
         parts = [term("reason", result.stop_reason or "operator")]
     if result.registers is not None and result.registers.new is not None and not result.verified:
         parts.append(say("cli.not_verified"))
@@ -239,11 +239,11 @@ def _cycle_line(seconds: Mapping[str, float]) -> str:
     return say("cli.cycle", seconds=sum(seconds.values()), phases=parts)
 
 
-def outcome_text(outcome: str, result: Result) -> Text:
+def outcome_text(result: Result) -> Text:
     """Return the final sentence of a run: its verdict, and the state of the registers."""
-    standard, registers = result.check_standard, result.registers
+    standard, registers, verdict = result.check_standard, result.registers, result.verdict
     written = registers is not None and registers.new is not None
-    if standard is not None and outcome == ("passed" if standard.passed else "failed"):
+    if standard is not None and verdict.judged and verdict.passed == standard.passed:
         worst = max(standard.e_n, key=lambda name: abs(standard.e_n[name]), default="")
         return Text.of(
             "outcome.standard_agrees" if standard.passed else "outcome.standard_differs",
@@ -253,18 +253,18 @@ def outcome_text(outcome: str, result: Result) -> Text:
             t_squared=standard.t_squared,
             t_squared_limit=standard.t_squared_limit,
         )
-    if result.verdict == "partial":
+    if verdict is Verdict.PARTIAL:
         code = "outcome.partial" if written else "outcome.partial_not_written"
         return Text.of(code, stages=result.stages, left=len(result.not_compared))
-    if outcome == "passed" and not written:
+    if verdict.passed and not written:
         return Text("outcome.not_written")
-    if outcome == "passed" and registers is not None and registers.proved_on == "read_back":
+    if verdict.passed and registers is not None and registers.proved_on == "read_back":
         return Text("outcome.read_back")
-    if outcome == "stopped":
+    if verdict is Verdict.STOPPED:
         if result.stop_reason in (None, "", "operator"):
             return Text("outcome.stopped_by_operator")
         return Text.of("outcome.stopped_because", reason=result.stop_reason)
-    return Text(f"outcome.{outcome}")
+    return Text(f"outcome.{verdict}")
 
 
 class _Display:

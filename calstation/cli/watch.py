@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.console import Console
 
-from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, say, show_line
+from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, show_line
 from calstation.cli.text import say, sentence
 from calstation.config import RunRequest, load_pair_configuration, load_station, pair_folder
 from calstation.connection import LineServer, open_pair

@@ -42,7 +42,7 @@ from sqlalchemy.pool import NullPool
 from calstation.database.tables import upsert
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import Text
-from calstation.records import IndexedRun, RunIndex, to_columns, write_atomic
+from calstation.records import IndexedRun, RunIndex, Verdict, to_columns, write_atomic
 from calstation.results import History
 
 #: File name of the outbox in the folder of the runs.
@@ -404,7 +404,7 @@ def _run_row(folder: Path, run: IndexedRun, history: History) -> dict[str, Any]:
 
 def _result_text(run: IndexedRun, history: History) -> str | None:
     """Return the result JSON of a run; None for an incomplete run, or if the result cannot be read any more."""
-    if run.record.outcome == "incomplete" and run.record.result is None:
+    if run.record.verdict is Verdict.INCOMPLETE and run.record.result is None:
         return None
     try:
         return json.dumps(history.result(run.record).to_json(), allow_nan=False)

@@ -13,7 +13,7 @@ from pathlib import Path
 from calstation.config import load_station
 from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
-from calstation.records import SUFFIX, RunFilter, RunRecord, write_atomic
+from calstation.records import SUFFIX, RunFilter, RunRecord, Verdict, write_atomic
 from calstation.results import History, Result, export_runs, load_results
 
 #: A path on a computer, ``host:path``; a single letter is a Windows drive.
@@ -93,7 +93,7 @@ def export_shared_runs(
 
 def _fetch(station: Path | None, runs: Sequence[RunRecord]) -> None:
     """Copy the results of other stations' runs next to the paths of their logs."""
-    remote = [run for run in runs if run.origin and run.outcome != "incomplete"]
+    remote = [run for run in runs if run.origin and run.verdict is not Verdict.INCOMPLETE]
     if not remote:
         return
     from sqlalchemy import select

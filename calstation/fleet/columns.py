@@ -23,9 +23,10 @@ from calstation.database import revisions, runs, solutions
 from calstation.errors import ConfigurationError
 from calstation.fleet.store import ONLINE, versions
 from calstation.jobs import ProgressCallback
+from calstation.judgement import End, verdict_of
 from calstation.messages import os_reason
 from calstation.physics import NAMES
-from calstation.records import locked, read_check_ids, verdict_of
+from calstation.records import Verdict, locked, read_check_ids
 
 try:
     import pyarrow as pa
@@ -213,7 +214,7 @@ def _table(rows: list[Row[Any]]) -> Any:
     if "content" in rows[0]._fields:
         contents = [json.loads(row.content) for row in rows]
         columns |= {name: [content.get(name) for content in contents] for name in _FROM_CONTENT}
-        columns["verdict"] = [_verdict(each["outcome"], partial=each.get("partial", False)) for each in contents]
+        columns["verdict"] = [_verdict(Verdict(each["verdict"])) for each in contents]
     else:
         columns |= {name: [getattr(row, name) for row in rows] for name in _FROM_CONTENT}
         columns["verdict"] = [_solved_verdict(row.outcome, row.passed, partial=row.partial) for row in rows]
@@ -232,14 +233,12 @@ def _table(rows: list[Row[Any]]) -> Any:
     return pa.table([columns[name] for name in SCHEMA.names], schema=SCHEMA)
 
 
-def _verdict(outcome: str, *, partial: bool) -> str:
-    return verdict_of(outcome, partial=partial) if outcome in ("passed", "failed") else "unjudged"
+def _verdict(verdict: Verdict) -> str:
+    return verdict if verdict.judged and verdict.passed is not None else "unjudged"
 
 
 def _solved_verdict(outcome: str, passed: bool | None, *, partial: bool) -> str:
-    if outcome == "failed":
-        return "error"
-    return "unjudged" if passed is None else _verdict("passed" if passed else "failed", partial=partial)
+    return "error" if outcome == "failed" else _verdict(verdict_of(End.COMPLETED, passed, partial=partial))
 
 
 def _write(table: Any, path: Path) -> None:

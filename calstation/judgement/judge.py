@@ -4,14 +4,15 @@ import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from calstation.config import gravity_beyond
+from calstation.config import gravity_beyond, gravity_contradiction
 from calstation.estimation import Diagnosis, Solution
 from calstation.estimation.common import Posterior
 from calstation.judgement.acceptance import acceptance
 from calstation.judgement.check import Check
-from calstation.judgement.conformity import decision_rule
+from calstation.judgement.conformity import Conformity, conformity, decision_rule
 from calstation.judgement.limits import check_limits, not_compared
-from calstation.judgement.site import check_latitude
+from calstation.judgement.site import check_latitude, unconfirmed_latitude
+from calstation.judgement.standards import StandardComparison
 from calstation.records import NEAR, CheckKind, Limit, LogMeta, context_from_meta
 from procedures import DEFAULT_STAGES
 
@@ -24,23 +25,46 @@ _OF_THE_MODEL: frozenset[CheckKind] = frozenset({
 
 @dataclass(frozen=True)
 class Judgement:
-    """Checks of the solutions against the product's limits."""
+    """Answer to whether the solutions of a run are within the limits of its product, and why not."""
 
     checks: tuple[Check, ...]
-    passed: bool | None  #: None if there are no limits.
+    #: None without limits, if data and model were not tested, or if a stage lacks data or gravity is contradictory.
+    passed: bool | None
+    partial: bool  #: Whether stages of the product were omitted.
     not_compared: tuple[str, ...] = ()  #: Parameters with a limit that no stage estimated or determined.
-    tested: bool = True  #: Whether data and model were tested; if not, there is no verdict.
-
-    def with_more(self, checks: list[Check]) -> "Judgement":
-        """Return the judgement with more checks; it fails if one of them does not pass."""
-        if not checks:
-            return self
-        passed = (self.passed is not False) and all(check.passed for check in checks)
-        return replace(self, checks=(*self.checks, *checks), passed=passed)
+    tested: bool = True  #: Whether data and model were tested.
+    conformity: Conformity | None = None  #: None if no value has limits.
+    standard: StandardComparison | None = None  #: None for a production unit.
+    #: Stage and latitude of an inconsistent stage, see `unconfirmed_latitude`.
+    latitude: Mapping[str, str | float] | None = None
 
 
-def judge(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...]) -> Judgement:
-    """Compare the solutions with the limits in the log's configuration; without a solution the unit fails."""
+@dataclass(frozen=True)
+class SolvedAgain:
+    """What counts in addition if a log was solved again, possibly for fewer stages than those of its run."""
+
+    complete: bool = True  #: Whether no stage of the log lacks data; otherwise the unit may fail, but not pass.
+    online: Sequence[Check] = ()  #: Comparison with the result of the run, see `offline_online`.
+
+
+def judge(
+    meta: LogMeta,
+    prior: Posterior,
+    solutions: Sequence[Solution],
+    *,
+    again: SolvedAgain | None = None,
+    standard: StandardComparison | None = None,
+) -> Judgement:
+    """Compare the solutions of a run with the limits in its log's configuration; without a solution the unit fails.
+
+    Parameters
+    ----------
+    meta : configuration of the log, with limits, acceptance checks and decision rule
+    prior : posterior before the first stage
+    solutions : solutions of the stages, with the tests of data and model, in order
+    again : if a log was solved again; None for a run
+    standard : comparison of a check standard with its reference; None for a production unit
+    """
     limits, near = _limits(meta)
     section = meta.product.checks if meta.product is not None else None
     compared = check_limits(limits, prior, solutions, near, meta.calibrated, decision_rule(meta))
@@ -49,19 +73,31 @@ def judge(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...]) -> J
         if meta.calibrated:  # the current calibration, not the run, determines most of the sigmas
             section = section.model_copy(update={"excitation": None})
         found += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
-    checks = (*_with_explanation(found, solutions), *check_latitude(meta, solutions))
-    if not limits and section is None:
-        return Judgement(checks, None)
-    passed = bool(found) and all(check.passed for check in checks)
-    return Judgement(checks, passed, tuple(not_compared(limits, prior, solutions)))
+    checks = [*_with_explanation(found, solutions), *check_latitude(meta, solutions)]
+    passed = None
+    if limits or section is not None:
+        checks += again.online if again is not None else ()
+        passed = bool(found) and all(check.passed for check in checks) and (standard is None or standard.passed)
+    if again is not None and not (again.complete and gravity_contradiction(meta.site) is None):
+        passed = None if passed else passed  # it may fail, but not pass
+    return Judgement(
+        checks=tuple(checks),
+        passed=passed,
+        partial=is_partial(meta, None if again is None else [solution.stage for solution in solutions]),
+        not_compared=tuple(not_compared(limits, prior, solutions)),
+        conformity=conformity(meta, prior, solutions, checks),
+        standard=standard,
+        latitude=unconfirmed_latitude(meta, solutions),
+    )
 
 
-def compare_only(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...]) -> Judgement:
-    """Compare values and sigmas of untested solutions with the limits; the unit neither passes nor fails."""
+def compare_only(meta: LogMeta, prior: Posterior, solutions: Sequence[Solution]) -> Judgement:
+    """Compare values and sigmas of a log's untested solutions with the limits; the unit neither passes nor fails."""
     limits, near = _limits(meta)
     checks = check_limits(limits, prior, solutions, near, meta.calibrated, decision_rule(meta))
     found = tuple(_explained(meta, check) for check in checks if check.kind in ("within", "sigma_below"))
-    return Judgement(found, None, tuple(not_compared(limits, prior, solutions)), tested=False)
+    partial = is_partial(meta, [s.stage for s in solutions])
+    return Judgement(found, None, partial, tuple(not_compared(limits, prior, solutions)), tested=False)
 
 
 def _limits(meta: LogMeta) -> tuple[Mapping[str, Limit], float]:

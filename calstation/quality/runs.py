@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from calstation.physics import IntArray
-from calstation.records import RunColumns, RunFilter
+from calstation.records import RunColumns, RunFilter, Verdict
 from calstation.results import History
 
 
@@ -27,7 +27,7 @@ def _columns(folder: Path, product: str, mark: str | None) -> RunColumns:
 
 def judged_runs(runs: RunColumns) -> IntArray:
     """Return the indices of the complete runs that ended with PASS or FAIL."""
-    return np.flatnonzero(~runs.partial & runs.verdicts.among(("passed", "failed")))
+    return np.flatnonzero(~runs.partial & runs.verdicts.among((Verdict.PASSED, Verdict.FAILED)))
 
 
 def production_runs(runs: RunColumns, without: Collection[str]) -> IntArray:

@@ -11,7 +11,7 @@ from calstation.estimation.common import Posterior
 from calstation.judgement import StandardComparison, judge_standard
 from calstation.messages import Text
 from calstation.physics import INDEX, parameter_vector
-from calstation.records import RunFilter, RunRecord, covariance_from
+from calstation.records import RunFilter, RunRecord, Verdict, covariance_from
 from calstation.results import History, Result
 
 #: Reason why production is refused: no run passed, the last passed run is too old, the last run failed or disagreed, or
@@ -142,7 +142,7 @@ def _state(
 ) -> StandardState:
     runs = whole_runs(standard, station, product, history, now)
     last = next(iter(runs), None)
-    passed = next((run for run in runs if run.outcome == "passed" and _agrees(run, standard, imu, history)), None)
+    passed = next((run for run in runs if run.verdict is Verdict.PASSED and _agrees(run, standard, imu, history)), None)
     last_passed = None if passed is None else _time(passed.started_utc)
     due = None if last_passed is None else last_passed + timedelta(days=standard.interval_days)
     wrong = None
@@ -156,9 +156,7 @@ def _state(
 
 
 def _counts(run: RunRecord, standard: CheckStandardSection, now: datetime) -> bool:
-    judged = (
-        run.serial == standard.serial and not run.origin and not run.partial and run.outcome in ("passed", "failed")
-    )
+    judged = run.serial == standard.serial and not run.origin and not run.partial and run.verdict.judged
     try:
         return judged and _time(run.started_utc) <= now
     except InputError:

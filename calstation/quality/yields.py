@@ -13,7 +13,7 @@ import numpy as np
 
 from calstation.physics import BoolArray, FloatArray
 from calstation.quality.runs import production_runs
-from calstation.records import Categories, CheckId, RunColumns
+from calstation.records import Categories, CheckId, RunColumns, Verdict
 
 #: Probability of the intervals.
 _CONFIDENCE = 0.95
@@ -85,7 +85,7 @@ def count_yields(runs: RunColumns, since: float = -math.inf, without: Collection
     units = runs.products.codes[judged] * len(runs.serials.values) + runs.serials.codes[judged]
     first = judged[np.unique(units, return_index=True)[1]]
     selected, first = (rows[runs.started[rows] >= since] for rows in (judged, first))
-    passed = runs.verdicts.among(("passed",))
+    passed = runs.verdicts.among((Verdict.PASSED,))
     days: dict[date, Share] = _by(_days(runs.started[selected]), passed[selected])
     products, stations, operators = (
         _by(column.take(selected), passed[selected]) for column in (runs.products, runs.stations, runs.operators)

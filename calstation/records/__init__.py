@@ -28,7 +28,6 @@ from calstation.records.indexed_run import (
     RunColumns,
     RunFilter,
     RunRecord,
-    verdict_of,
 )
 from calstation.records.laboratory import Day, InstrumentSection, LaboratorySection
 from calstation.records.log import Log, estimated_rows, open_log, read_truth, truth_path
@@ -89,3 +88,4 @@ from calstation.records.reports import (
 )
 from calstation.records.resolves import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolves_path
 from calstation.records.run_index import RunIndex, from_columns, to_columns
+from calstation.records.verdict import Verdict

@@ -10,13 +10,9 @@ import numpy as np
 
 from calstation.physics import BoolArray, FloatArray, IntArray
 from calstation.records.check_id import CheckId
+from calstation.records.verdict import Verdict
 
 T = TypeVar("T")
-
-
-def verdict_of(outcome: str, *, partial: bool) -> str:
-    """Return the verdict of a run: its outcome, or ``partial`` for a partial run that passed."""
-    return "partial" if partial and outcome == "passed" else outcome
 
 
 @dataclass(frozen=True)
@@ -25,7 +21,7 @@ class RunRecord:
 
     serial: str
     started_utc: str  #: ISO 8601.
-    outcome: str  #: ``passed``, ``failed``, ``stopped``, ``fault`` or ``incomplete``.
+    verdict: Verdict
     attempt: int
     product: str | None
     station: str | None
@@ -44,11 +40,6 @@ class RunRecord:
     location: str | None = None  #: Location of the log of a run of another folder: a URL or ``host:path``.
     batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
     slot: str | None = None  #: Name of the unit's slot on the table.
-
-    @property
-    def verdict(self) -> str:
-        """The outcome, or ``partial`` for a partial run that passed."""
-        return verdict_of(self.outcome, partial=self.partial)
 
     @property
     def badge(self) -> str:
@@ -108,7 +99,7 @@ class RunColumns:
     names: tuple[str, ...]  #: File names of the logs without suffix.
     serials: Categories[str]
     started: FloatArray  #: Start, s since 1970 in UTC to a millisecond.
-    verdicts: Categories[str]
+    verdicts: Categories[Verdict]
     products: Categories[str | None]
     stations: Categories[str | None]
     operators: Categories[str | None]

@@ -44,6 +44,7 @@ from calstation.errors import ConfigurationError
 from calstation.physics import FloatArray
 from calstation.records.check_id import read_check_ids
 from calstation.records.indexed_run import Categories, IndexedRun, RunChoices, RunColumns, RunFilter, RunRecord
+from calstation.records.verdict import Verdict
 
 #: Version of the table layout; an index of another version is rebuilt.
 _VERSION = 15
@@ -212,7 +213,7 @@ class RunIndex:
     def of(
         self,
         serial: str,
-        verdicts: tuple[str, ...] | None = None,
+        verdicts: tuple[Verdict, ...] | None = None,
         before: str | None = None,
         limit: int | None = None,
     ) -> list[IndexedRun]:
@@ -264,7 +265,7 @@ class RunIndex:
             names,
             serials,
             np.round((np.array(begun, dtype=float) - _EPOCH) * 86400.0, 3),
-            verdicts,
+            Categories(tuple(map(Verdict, verdicts.values)), verdicts.codes),
             products,
             stations,
             operators,

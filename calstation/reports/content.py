@@ -22,13 +22,11 @@ from calstation.physics import (
     compose,
     entry_of,
 )
-from calstation.records import InstrumentSection, LaboratorySection, Limit, LogMeta
+from calstation.records import InstrumentSection, LaboratorySection, Limit, LogMeta, Rule, Verdict
 from calstation.reports.budget import Budget
 from calstation.results import Result
 
 Decision = Literal["passed", "failed", "not_judged"]
-#: Statement of conformity; ``partial`` is the statement for a run of some stages of the product, within their limits.
-Verdict = Literal["passed", "failed", "partial", "not_judged"]
 
 #: Suffixes of log names, which the number of a certificate omits.
 _SUFFIXES = (".h5", ".csv", ".csv.gz")
@@ -70,8 +68,8 @@ class Certificate:
     quantities: tuple[Quantity, ...]
     correlation: FloatArray  #: Correlation coefficients in the order of `quantities`, shape (n, n).
     budget: Budget | None  #: None if it was not computed.
-    verdict: Verdict
-    rule: str  #: Decision rule, see `calstation.results.conformity`.
+    verdict: Verdict  #: Statement of conformity; there is none if it is undetermined.
+    rule: Rule
     received: date | None = None  #: Date of receipt of the unit; None if not stated.
     #: Names of the persons who issued it and confirmed their identity with their own PIN.
     authorised: tuple[str, ...] = ()
@@ -122,7 +120,7 @@ def build_certificate(
         quantities=quantities,
         correlation=_correlation([q.name for q in quantities], result.correlation),
         budget=budget,
-        verdict=_verdict(result),
+        verdict=result.verdict if result.verdict.judged else Verdict.UNDETERMINED,
         rule="simple" if result.conformity is None else result.conformity.rule,
     )
 
@@ -191,14 +189,6 @@ def performed(result: Result) -> tuple[datetime, datetime] | None:
     return begin, begin + timedelta(seconds=seconds if math.isfinite(seconds) else 0.0)
 
 
-def _verdict(result: Result) -> Verdict:
-    if not result.judged or result.passed is None:
-        return "not_judged"
-    if not result.passed:
-        return "failed"
-    return "partial" if result.partial else "passed"
-
-
 def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
     limits = meta.product.limits if meta.product is not None else {}
     before, after = _remaining(result, meta)
@@ -210,7 +200,7 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
     rows = []
     for name, found in result.parameters.items():
         limit = entry_of(limits, name) or Limit()
-        decision = decisions.get(name, "not_judged") if result.judged else "not_judged"
+        decision = decisions.get(name, "not_judged") if result.verdict.judged else "not_judged"
         rows.append(
             Quantity(
                 name=name,

@@ -15,7 +15,7 @@ from lxml.builder import ElementMaker
 from calstation import __version__
 from calstation.messages import Language, Text, known, parameter_name, render, term
 from calstation.physics import INDEX, group_of, pair_name
-from calstation.records import InstrumentSection, context_from_meta
+from calstation.records import InstrumentSection, Verdict, context_from_meta
 from calstation.reports.content import Certificate, Quantity, arrangement
 from calstation.reports.dsi import dsi_unit, joint_list, real, real_list
 
@@ -140,7 +140,7 @@ def _statements(certificate: Certificate) -> Iterable[etree._Element]:
         _rich("declaration", "items_only_text"),
     )
     texts = (("dcc", certificate.verdict), ("certificate", f"rule_{certificate.rule}"))
-    conformity = {"passed": [_DCC("conformity", "pass")], "failed": [_DCC("conformity", "fail")]}
+    conformity = {Verdict.PASSED: [_DCC("conformity", "pass")], Verdict.FAILED: [_DCC("conformity", "fail")]}
     yield _DCC(
         "statement",
         _name("conformity"),

@@ -21,7 +21,7 @@ from calstation.physics import (
     group_of,
     unit_of_parameter,
 )
-from calstation.records import context_from_meta
+from calstation.records import Verdict, context_from_meta
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import SOURCES, Budget
 from calstation.reports.content import (
@@ -110,11 +110,11 @@ class _Document:
 
     def _verdict(self) -> Text:
         result, verdict = self._result, self._certificate.verdict
-        if verdict == "passed":
+        if verdict is Verdict.PASSED:
             return Text("certificate.passed")
-        if verdict == "partial":
+        if verdict is Verdict.PARTIAL:
             return Text.of("certificate.partial", stages=result.stages)
-        if verdict == "failed":
+        if verdict is Verdict.FAILED:
             failed = result.failed_checks
             if not failed and result.check_standard is not None:
                 return Text("certificate.failed_standard")
@@ -122,7 +122,7 @@ class _Document:
             between = "；" if self._language == "zh_CN" else "; "
             text = between.join(names) + (" …" if len(failed) > _MOST_NAMED else "")
             return Text.of("certificate.failed", count=len(failed), names=text)
-        if not result.judged:
+        if not result.verdict.judged:
             return Text.of("certificate.ended", outcome=result.outcome)
         limits = self._meta.product is not None and (self._meta.product.limits or self._meta.product.checks)
         return Text("certificate.not_complete" if limits else "certificate.no_limits")
@@ -131,7 +131,7 @@ class _Document:
         """Yield what the first page says about the scope of the result."""
         if self._result.outcome == "resolved":
             yield Text("certificate.solved_again")
-        if self._certificate.verdict == "failed" and self._result.partial:
+        if self._certificate.verdict is Verdict.FAILED and self._result.partial:
             yield Text.of("certificate.partial_failed", stages=self._result.stages)
 
     def _performed(self) -> dict[str, str]:

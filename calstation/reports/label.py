@@ -10,7 +10,7 @@ from calstation.devices.links import host_and_port
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import local_time, os_reason
-from calstation.records import write_atomic
+from calstation.records import Verdict, write_atomic
 from calstation.reports.pdf import compile_template
 from calstation.results import History, Result, load_result
 
@@ -27,7 +27,7 @@ def label_template(result: Result) -> Path | None:
     Only a passed run of all stages gets a label. Raises ConfigurationError if the product cannot be read.
     """
     source = result.configuration.get("product")
-    if result.verdict != "passed" or source is None or source.name not in library.names("products"):
+    if result.verdict is not Verdict.PASSED or source is None or source.name not in library.names("products"):
         return None
     path, product = load_product(library.find("products", source.name))
     return None if product.label is None else library.find_beside(path, product.label)
@@ -59,8 +59,8 @@ def print_label(report: ProgressCallback, result_file: Path, station: Path | Non
 def _failed_later(result: Result, folder: Path) -> bool:
     history = History(folder)
     history.refresh()
-    runs = [run for run in history.of(result.serial) if run.verdict in ("passed", "failed")]
-    return bool(runs) and runs[0].verdict == "failed" and runs[0].started_utc > (result.started_utc or "")
+    runs = [run for run in history.of(result.serial) if run.verdict in (Verdict.PASSED, Verdict.FAILED)]
+    return bool(runs) and runs[0].verdict is Verdict.FAILED and runs[0].started_utc > (result.started_utc or "")
 
 
 def label_fields(result: Result) -> dict[str, str]:

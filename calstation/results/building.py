@@ -10,26 +10,18 @@ from calstation.errors import CalstationError
 from calstation.estimation import Solution
 from calstation.estimation.common import Posterior
 from calstation.estimation.positions import TableQuantity
-from calstation.judgement import (
-    Judgement,
-    conformity,
-    estimated_stage,
-    is_partial,
-    unconfirmed_latitude,
-    undetermined,
-    unobservable,
-)
+from calstation.judgement import Judgement, estimated_stage, undetermined, unobservable
 from calstation.messages import values_to_json
 from calstation.physics import INDEX, PARAMETERS
-from calstation.records import LogFacts, LogMeta, correlation_of
+from calstation.records import LogFacts, LogMeta, Verdict, correlation_of
 from calstation.results.result import SCHEMA, CalibrationUsed, CyclePhase, Parameter, Result, StageConsistency, plain
 
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended, or that a log was solved again."""
+    """The end of a run, or of the solution of its log."""
 
-    outcome: str
+    verdict: Verdict
     log_file: str
     facts: LogFacts
     first_seq: int | None = None  #: First sequence number solved; None for the first of the log.
@@ -37,14 +29,15 @@ class Ending:
     registers: Mapping[str, Any] | None = None  #: Registers as in the result JSON.
     error: CalstationError | None = None
     stop_reason: str | None = None  #: Source of the stop of a stopped run.
-    advice: str | None = None  #: Recommended action, see `calstation.runs.verdict`.
+    advice: str | None = None  #: Recommended action, see `calstation.judgement.advice`.
     finished_stages: tuple[str, ...] | None = None  #: Stages that an incomplete run solved before it ended.
     cycle: Sequence[CyclePhase] | None = None  #: Phases of the run.
     table: Mapping[str, TableQuantity] | None = None  #: Geometry of the table, see `StageChain.table`.
+    solved_again: bool = False  #: Whether a log was solved again.
 
 
 def build_result(
-    meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...], judgement: Judgement, ending: Ending
+    meta: LogMeta, prior: Posterior, solutions: Sequence[Solution], judgement: Judgement, ending: Ending
 ) -> Result:
     """Build the result of a run from its solutions in order, and the posterior before the first stage."""
     run, facts, error = meta.run, ending.facts, ending.error
@@ -59,7 +52,8 @@ def build_result(
         "finished_stages": ending.finished_stages,
         "cycle": ending.cycle,
         "table": {name: asdict(found) for name, found in ending.table.items()} if ending.table else None,
-        "latitude_untold": unconfirmed_latitude(meta, solutions) if judgement.tested else None,
+        "latitude_untold": judgement.latitude,
+        "check_standard": judgement.standard,
         "resumed_from": run.resumed_from if run else None,
         "standard_override": run.standard_override if run else None,
         "batch": run.batch if run else None,
@@ -70,16 +64,16 @@ def build_result(
             "schema": SCHEMA,
             "unit": {"serial": meta.imu.serial},
             "stages": stages,
-            "partial": is_partial(meta, stages if ending.outcome == "resolved" else None),
-            "passed": judgement.passed,
+            "partial": judgement.partial,
+            "passed": ending.verdict.passed,
             "parameters": solved_parameters(solutions),
             "correlation": _correlation(solutions),
             "unobservable": unobservable(prior, solutions),
             "checks": judgement.checks,
             "not_compared": judgement.not_compared,
-            **(_tests(meta, prior, solutions, judgement) if judgement.tested else {"tested": False}),
+            **(_tests(solutions, judgement) if judgement.tested else {"tested": False}),
             "details": {s.stage: plain(s.details) for s in solutions if s.details},
-            "outcome": ending.outcome,
+            "outcome": "resolved" if ending.solved_again else ending.verdict.outcome,
             "advice": ending.advice,
             "attempt": run.attempt if run else 1,
             "operator": run.operator if run else None,
@@ -104,16 +98,16 @@ def build_result(
     )
 
 
-def _tests(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...], judgement: Judgement) -> dict[str, Any]:
+def _tests(solutions: Sequence[Solution], judgement: Judgement) -> dict[str, Any]:
     """Return the sections of a result that judge its values or test data and model."""
     return {
-        "conformity": conformity(meta, prior, solutions, judgement.checks),
+        "conformity": judgement.conformity,
         "consistency": {s.stage: StageConsistency.of(s.consistency) for s in solutions},
         "observability": {s.stage: plain(s.observability) for s in solutions if s.observability},
     }
 
 
-def _calibration(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...]) -> CalibrationUsed | None:
+def _calibration(meta: LogMeta, prior: Posterior, solutions: Sequence[Solution]) -> CalibrationUsed | None:
     section = meta.run.calibration if meta.run is not None else None
     if section is None:
         return None
@@ -125,12 +119,12 @@ def _calibration(meta: LogMeta, prior: Posterior, solutions: tuple[Solution, ...
 def _correlation(solutions: Sequence[Solution]) -> dict[str, dict[str, float]]:
     if not solutions:
         return {}
-    solved = estimated_stage(tuple(solutions))
+    solved = estimated_stage(solutions)
     rows = {name: row for name, row in correlation_of(solutions[-1].posterior.covariance).items() if name in solved}
     return {name: {other: value for other, value in row.items() if other in solved} for name, row in rows.items()}
 
 
-def solved_parameters(solutions: tuple[Solution, ...]) -> dict[str, Parameter]:
+def solved_parameters(solutions: Sequence[Solution]) -> dict[str, Parameter]:
     """Return the solved parameters by contract name."""
     if not solutions:
         return {}

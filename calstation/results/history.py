@@ -22,6 +22,7 @@ from calstation.records import (
     RunFilter,
     RunIndex,
     RunRecord,
+    Verdict,
     being_written,
     read_contents,
     read_resolves,
@@ -33,7 +34,8 @@ from calstation.results.result import SCHEMA, Result, load_result
 #: Number of runs read between two progress reports.
 _AT_ONCE = 100
 
-_SOLVED = ("passed", "partial", "failed")
+_PASSED = (Verdict.PASSED, Verdict.PARTIAL)
+_SOLVED = (*_PASSED, Verdict.FAILED)
 
 #: Exceptions raised for JSON that is not a result.
 _NO_RESULT = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
@@ -112,7 +114,7 @@ class History:
 
     def passed(self, serial: str) -> list[RunRecord]:
         """Return the unit's runs that passed, partial ones included, the latest first."""
-        return [run.record for run in self._ask(lambda: self._index.of(serial, ("passed", "partial")))]
+        return [run.record for run in self._ask(lambda: self._index.of(serial, _PASSED))]
 
     def passed_before(self, serial: str) -> RunRecord | None:
         """Return the unit's latest run that passed and was not partial, or None."""
@@ -150,8 +152,8 @@ class History:
 
     def failures(self, serial: str) -> int:
         """Return the number of failures of the unit since it last passed; partial runs that passed do not count."""
-        runs = self._ask(lambda: self._index.of(serial, ("passed", "failed")))
-        return sum(1 for _ in takewhile(lambda run: run.record.outcome == "failed", runs))
+        runs = self._ask(lambda: self._index.of(serial, (Verdict.PASSED, Verdict.FAILED)))
+        return sum(1 for _ in takewhile(lambda run: run.record.verdict is Verdict.FAILED, runs))
 
     def previous(self, serial: str, before: str | None = None) -> Mapping[str, float]:
         """Return the unit's latest solved value of each parameter, SI, from runs started before `before` (ISO 8601)."""
@@ -249,7 +251,7 @@ def _check_texts(run: IndexedRun) -> None:
     """Raise ValueError for a run with text that an index or a database cannot store."""
     record = run.record
     searched = (run.name, record.serial, record.started_utc, record.product, record.station, record.operator)
-    further = (record.outcome, *record.stages, record.error, record.resumed_from, record.batch, record.slot)
+    further = (*record.stages, record.error, record.resumed_from, record.batch, record.slot)
     "".join(filter(None, (*searched, *further))).encode()  # raises for a lone surrogate
     if "\0" in record.serial + record.started_utc:
         raise ValueError("PostgreSQL has no such character")
@@ -264,7 +266,7 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
     record = RunRecord(
         serial=result.serial,
         started_utc=result.started_utc or "",
-        outcome=result.outcome,
+        verdict=result.verdict,
         attempt=min(result.attempt, _MAX_ATTEMPTS),
         product=result.product,
         station=result.station,
@@ -285,7 +287,7 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
     known = {name: row for name, row in result.parameters.items() if math.isfinite(row.value)}
     values = {name: row.value for name, row in known.items()}
     sigmas = {name: row.sigma for name, row in known.items() if math.isfinite(row.sigma)}
-    failed = tuple(check.id for check in result.failed_checks) if result.judged else ()
+    failed = tuple(check.id for check in result.failed_checks) if result.verdict.judged else ()
     rows = {name: (row.value, row.sigma) for name, row in result.table.items()}
     table = {name: row for name, row in rows.items() if all(map(math.isfinite, row))}
     return IndexedRun(name, stamp, record, values, sigmas, failed, table)
@@ -296,7 +298,7 @@ def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> 
     record = RunRecord(
         serial=meta.imu.serial,
         started_utc=run.started_utc if run else "",
-        outcome="incomplete",
+        verdict=Verdict.INCOMPLETE,
         attempt=run.attempt if run else 1,
         product=meta.product.name if meta.product else None,
         station=run.station if run else None,
@@ -351,9 +353,9 @@ def count_shift(report: ProgressCallback, folder: Path, station: str, since: dat
     runs = [
         run
         for run in history.runs(begun, limit=None)
-        if run.verdict in ("passed", "failed") and not run.partial and not run.check_standard
+        if run.verdict in (Verdict.PASSED, Verdict.FAILED) and not run.partial and not run.check_standard
     ]
-    passed = sum(run.outcome == "passed" for run in runs)
+    passed = sum(run.verdict is Verdict.PASSED for run in runs)
     on_table: dict[str, float] = {}  # the units of a batch share the table's time
     for run in runs:
         key = run.batch or run.log.name

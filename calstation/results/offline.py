@@ -12,7 +12,7 @@ from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.physics import INDEX, NAMES, EffectName
-from calstation.records import IndexedRun, RunFilter, RunRecord, export_csv, partial_path, write_atomic
+from calstation.records import IndexedRun, RunFilter, RunRecord, Verdict, export_csv, partial_path, write_atomic
 from calstation.results.history import History
 from calstation.results.plots import StageSpan
 from calstation.results.resolving import Resolved, resolve
@@ -127,7 +127,7 @@ def export_runs(report: ProgressCallback, folder: Path, wanted: RunFilter, targe
 
 def _result_of(history: History, run: RunRecord) -> Result | None:
     """Return the result of a run; None for an incomplete run that was not closed."""
-    return None if run.outcome == "incomplete" and run.result is None else history.result(run)
+    return None if run.verdict is Verdict.INCOMPLETE and run.result is None else history.result(run)
 
 
 def _run_results(history: History, runs: Sequence[IndexedRun]) -> Iterator[str]:

@@ -9,10 +9,20 @@ from typing import Any
 from calstation import __version__
 from calstation.config import computer_user, gravity_contradiction
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
+from calstation.estimation import Solution
 from calstation.estimation.common import PositionResidual
 from calstation.estimation.navigation import warm_up as compile_kernels
 from calstation.jobs import ProgressCallback
-from calstation.judgement import compare_only, judge, offline_online, unconfirmed_latitude, unconfirmed_site
+from calstation.judgement import (
+    Check,
+    End,
+    SolvedAgain,
+    compare_only,
+    judge,
+    offline_online,
+    unconfirmed_site,
+    verdict_of,
+)
 from calstation.messages import Text, os_reason, sentence
 from calstation.physics import EffectName
 from calstation.records import (
@@ -116,24 +126,28 @@ def resolve_log(
     if log.damaged_rows and stages is None and first_seq is None and last_seq is None:
         _check_complete(log, [*(solution.stage for solution in chain.solutions), *chain.missing_data])
     solutions, missing = tuple(chain.solutions), chain.missing_data
-    judgement = (judge if diagnostics else compare_only)(meta, chain.prior, solutions)
-    section = meta.product.checks if meta.product is not None and diagnostics else None
-    stored = stored_result(log)
-    if section is not None and stored is not None and meta == log.meta:
-        both = (solved_parameters(solutions), stored.parameters)
-        offline, online = ({name: row.model_dump() for name, row in rows.items()} for rows in both)
-        judgement = judgement.with_more(offline_online(section, offline, online))
-    contradiction = gravity_contradiction(meta.site)
-    if (missing or contradiction is not None) and judgement.passed:
-        judgement = replace(judgement, passed=None)
+    if diagnostics:
+        stored = stored_result(log) if meta == log.meta else None
+        again = SolvedAgain(complete=not missing, online=_compared(meta, solutions, stored))
+        judgement = judge(meta, chain.prior, solutions, again=again)
+    else:
+        judgement = compare_only(meta, chain.prior, solutions)
     with one_blas_thread():
         table = chain.table()
-    ending = Ending("resolved", str(log.path), facts, first_seq=first_seq, last_seq=last_seq, table=table)
+    ending = Ending(
+        verdict_of(End.COMPLETED, judgement.passed, partial=judgement.partial),
+        str(log.path),
+        facts,
+        first_seq=first_seq,
+        last_seq=last_seq,
+        table=table,
+        solved_again=True,
+    )
     result = build_result(meta, chain.prior, solutions, judgement, ending)
     messages = [(key, dict(values)) for solution in solutions for key, values in solution.messages]
-    unconfirmed = unconfirmed_latitude(meta, solutions) if diagnostics else None
-    if unconfirmed is not None:
-        messages.append(("latitude_untold", unconfirmed))
+    if judgement.latitude is not None:
+        messages.append(("latitude_untold", dict(judgement.latitude)))
+    contradiction = gravity_contradiction(meta.site)
     if contradiction is not None:
         messages.append(("gravity_contradicts", dict(contradiction.values)))
     site = unconfirmed_site(meta, solutions)
@@ -153,6 +167,16 @@ def resolve_log(
         with one_blas_thread():
             by_stage = {d.stage: d.residuals for d in stage_diagnostics(log, chain, first_seq, last_seq)}
     return Resolved(result, tuple(messages), tuple(missing.values()), by_stage)
+
+
+def _compared(meta: LogMeta, solutions: Sequence[Solution], stored: Result | None) -> list[Check]:
+    """Return the check of the parameters against those of the run, if the product has one."""
+    section = meta.product.checks if meta.product is not None else None
+    if section is None or stored is None:
+        return []
+    both = (solved_parameters(solutions), stored.parameters)
+    offline, online = ({name: row.model_dump() for name, row in rows.items()} for rows in both)
+    return offline_online(section, offline, online)
 
 
 def _record_of(path: Path, result: Result, stored: Result | None) -> ResolveRecord:

@@ -11,10 +11,10 @@ from pydantic import AliasChoices, BeforeValidator, Field, JsonValue, PlainSeria
 
 from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.estimation.common import Consistency
-from calstation.judgement import Check, Conformity, StandardComparison
+from calstation.judgement import Check, Conformity, End, StandardComparison, verdict_of
 from calstation.messages import known, os_reason, values_from_json
 from calstation.physics import EFFECT_STATES, EffectName
-from calstation.records import FileSection, OnlineDifference, verdict_of, write_atomic
+from calstation.records import FileSection, OnlineDifference, Verdict, write_atomic
 from calstation.schema import Number, ResultSection
 
 SCHEMA = "calstation.result/1"
@@ -188,7 +188,7 @@ class Result(ResultSection):
     #: Observability and details by stage, as reported by its method.
     observability: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
     details: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
-    outcome: str
+    outcome: Literal["passed", "failed", "stopped", "fault", "incomplete", "resolved"]
     advice: str | None = None  #: Recommended action: reseat, repeat, set_aside or resume.
     attempt: int = 1
     operator: str | None = None
@@ -246,9 +246,12 @@ class Result(ResultSection):
         return self.unit.serial
 
     @property
-    def verdict(self) -> str:
-        """The outcome, or ``partial`` for a partial run that passed."""
-        return verdict_of(self.outcome, partial=self.partial)
+    def verdict(self) -> Verdict:
+        """The verdict with which the result was made."""
+        if self.outcome == "resolved":
+            return verdict_of(End.COMPLETED, self.passed, partial=self.partial)
+        ended = self.outcome in ("passed", "failed")
+        return verdict_of(End.COMPLETED if ended else End(self.outcome), self.outcome == "passed", partial=self.partial)
 
     @property
     def released(self) -> bool:
@@ -259,11 +262,6 @@ class Result(ResultSection):
     def badge(self) -> str:
         """The verdict as displayed in the window: ``released`` for a failed run whose unit was released."""
         return "released" if self.released else self.verdict
-
-    @property
-    def judged(self) -> bool:
-        """Whether the run was completed, so that its values are compared with the limits."""
-        return self.outcome not in ("stopped", "fault", "incomplete")
 
     @property
     def solved_stages(self) -> list[str]:

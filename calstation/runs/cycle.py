@@ -14,7 +14,7 @@ _STATES: dict[str, str] = {
     State.PREPARING: "preparation",
     State.PAUSING: "pause",
     State.STOPPING: "stopping",
-    **dict.fromkeys((State.STOPPED, State.FAULT, State.PASSED, State.FAILED), "files"),
+    **dict.fromkeys((State.STOPPED, State.FAULT, State.DONE), "files"),
 }
 
 #: Phase that begins with each message.

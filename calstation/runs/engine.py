@@ -18,7 +18,7 @@ from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.jobs import PipeReader, spawn_process
 from calstation.runs.channel import BEAT, Channel
-from calstation.sequencer import Command, Control, Event, Fault, Settled, StopReason, Verdict, from_json
+from calstation.sequencer import Command, Control, Event, Fault, Finalized, Settled, StopReason, from_json
 
 if TYPE_CHECKING:
     from calstation.runs.hooks import RunHooks
@@ -161,7 +161,7 @@ class Engine:
             else:
                 event = from_json(message)
                 self._begun = True
-                if isinstance(event, Verdict | Settled):
+                if isinstance(event, Finalized | Settled):
                     self._missing -= 1
                 elif isinstance(event, Fault) and not event.slot:
                     self._missing = 0

@@ -10,11 +10,11 @@ from calstation.devices.imu import Entry, RegisterMap, Transferred, flash_regist
 from calstation.estimation import Solution
 from calstation.estimation.common import Posterior
 from calstation.judgement import (
+    StandardComparison,
     check_seen_latitude,
     estimated_stage,
     judge,
     judge_standard,
-    unconfirmed_latitude,
     unobservable,
 )
 from calstation.physics import EFFECT_PARAMETERS, NAMES, compose
@@ -30,8 +30,8 @@ from calstation.registers import (
 )
 from calstation.registers import journal as register_journal
 from calstation.results import estimate_of
+from calstation.runs.closing import close_run
 from calstation.runs.preparation import OpenRun
-from calstation.runs.verdict import close_run
 from calstation.sequencer import Ended, Judged, Message, RunInBackground, StopRequested, VerificationData
 
 logger = logging.getLogger(__name__)
@@ -57,7 +57,7 @@ class Finalization:
         unverified = self.run.unverified
         return None if unverified is None else unverified.verify_output
 
-    def stage_passed(self, solution: Solution) -> bool:
+    def continues(self, solution: Solution) -> bool:
         """Return whether to continue after a stage; False if the product ends early and a limit is exceeded.
 
         Raises ConfigurationError if the measured latitude contradicts the station file.
@@ -67,23 +67,21 @@ class Finalization:
         if not self._setup.product.end_on_failure or judge(run.meta, run.chain.prior, solutions).passed:
             return True
         run.emit(Message("stopped_early", {"stage": solution.stage}))
-        self._judge_standard(solutions)
         return False
 
     def judge(self, solutions: tuple[Solution, ...]) -> Judged:
-        """Check the limits, and determine the registers to write if they are met."""
+        """Judge the unit, and determine the registers to write if it passes."""
         run = self.run
-        standard_passed = self._judge_standard(solutions)
-        if not judge(run.meta, run.chain.prior, solutions).passed:
+        judgement = judge(run.meta, run.chain.prior, solutions, standard=self._compare_standard(solutions))
+        if any(not check.passed for check in judgement.checks):
             run.emit(Message("registers_kept"))
-            untold = unconfirmed_latitude(run.meta, solutions)
-            if untold is not None:
-                run.emit(Message("latitude_untold", untold))
-            return Judged(passed=False, to_write=False)
-        if standard_passed is not None or not self._entries.parameters:  # a check standard is never adjusted
-            return Judged(passed=standard_passed is not False, to_write=False)
-        self._wanted = self._registers(solutions)
-        return Judged(passed=True, to_write=True)
+            if judgement.latitude is not None:
+                run.emit(Message("latitude_untold", judgement.latitude))
+        # a check standard is never adjusted
+        to_write = judgement.passed is True and judgement.standard is None and bool(self._entries.parameters)
+        if to_write:
+            self._wanted = self._registers(solutions)
+        return Judged(judgement, to_write)
 
     def read_registers(self, run_in_background: RunInBackground) -> None:
         """Read the unit's registers, log them and sync the log to disk before anything is written to the unit.
@@ -123,25 +121,25 @@ class Finalization:
             run.emit(Message("transfer_unproved"))
             raise
 
-    def _judge_standard(self, solutions: tuple[Solution, ...]) -> bool | None:
+    def _compare_standard(self, solutions: tuple[Solution, ...]) -> StandardComparison | None:
         """Compare a check standard with its reference; return None for a production unit."""
         run, standard = self.run, self._setup.check_standard
         if standard is None:
             return None
         determined = estimated_stage(solutions).keys() - set(unobservable(run.chain.prior, solutions))
         started = run.prepared.started
-        run.standard = verdict = judge_standard(standard, self._setup.imu, started, solutions[-1].posterior, determined)
-        worst = max(verdict.e_n, key=lambda name: abs(verdict.e_n[name]), default="")
+        compared = judge_standard(standard, self._setup.imu, started, solutions[-1].posterior, determined)
+        worst = max(compared.e_n, key=lambda name: abs(compared.e_n[name]), default="")
         values = {
             "serial": run.serial,
             "parameter": worst,
-            "e_n": abs(verdict.e_n.get(worst, 0.0)),
-            "e_n_limit": verdict.e_n_limit,
-            "t_squared": verdict.t_squared,
-            "t_squared_limit": verdict.t_squared_limit,
+            "e_n": abs(compared.e_n.get(worst, 0.0)),
+            "e_n_limit": compared.e_n_limit,
+            "t_squared": compared.t_squared,
+            "t_squared_limit": compared.t_squared_limit,
         }
-        run.emit(Message("standard_agrees" if verdict.passed else "standard_differs", values))
-        return verdict.passed
+        run.emit(Message("standard_agrees" if compared.passed else "standard_differs", values))
+        return compared
 
     def verify(self, data: VerificationData, run_in_background: RunInBackground) -> None:
         """Verify the restarted unit's output; if it is wrong, restore the old registers.

@@ -9,7 +9,7 @@ from typing import Any
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
-from calstation.judgement import judge
+from calstation.judgement import End, judge, verdict_of
 from calstation.records import SUFFIX, Log, being_written, open_log, prior_from_meta, solved_stages
 from calstation.results import (
     Delivery,
@@ -72,10 +72,11 @@ def _write_result(log: Log) -> None:
     prior = prior_from_meta(log.meta)
     facts = log.facts()
     finished = solved_stages(log.events)
-    ending = Ending(
-        "incomplete", str(log.path), facts, advice="resume" if finished else "repeat", finished_stages=finished
-    )
-    result = build_result(log.meta, prior, (), judge(log.meta, prior, ()), ending)
+    judgement = judge(log.meta, prior, ())
+    verdict = verdict_of(End.INCOMPLETE, judgement.passed, partial=judgement.partial)
+    action = "resume" if finished else "repeat"
+    ending = Ending(verdict, str(log.path), facts, advice=action, finished_stages=finished)
+    result = build_result(log.meta, prior, (), judgement, ending)
     with suppress(OSError):  # the result is still written
         register_pending(log.path.parent, log.path.stem)
     write_json(log.path.with_suffix(".json"), result.to_json())

@@ -21,7 +21,7 @@ from calstation.config import (
     site_folder,
 )
 from calstation.errors import ConfigurationError
-from calstation.judgement import StandardComparison, is_partial
+from calstation.judgement import is_partial
 from calstation.messages import Text, os_reason
 from calstation.physics import INDEX, group_indices
 from calstation.quality import require_standards
@@ -126,7 +126,6 @@ class OpenRun:
     chain: StageChain
     unverified: UnverifiedTransfer | None = None
     registers: dict[str, Any] = field(default_factory=dict)
-    standard: StandardComparison | None = None  #: Set at the end of a complete run of a check standard.
     closed: bool = False  #: Whether its result has been written.
     #: Command that makes the report of its result; empty if there is none.
     report: list[str] = field(default_factory=list)

@@ -22,6 +22,7 @@ from calstation.records import (
     RawLogWriter,
     RunFilter,
     RunRecord,
+    Verdict,
     being_written,
     open_log,
     solved_stages,
@@ -33,14 +34,15 @@ from procedures import method
 #: Maximum number of runs offered, the latest ones.
 _MAX_OFFERED = 20
 
-_ENDED = ("passed", "failed")
+#: Outcomes of logs that cannot be resumed.
+_ENDED = ("passed", "failed", "imported")
 
 
 @dataclass(frozen=True)
 class Resumable:
     """A run that can be resumed after its `finished` stages.
 
-    `outcome` is stopped, fault or incomplete (its process died); `why` is its stop reason or error, "" if it died.
+    `why` is the stop reason or error, "" if its process died.
     """
 
     serial: str
@@ -52,7 +54,7 @@ class Resumable:
     operator: str | None
     stages: tuple[str, ...]
     finished: tuple[str, ...]
-    outcome: str
+    verdict: Verdict
     why: str
 
 
@@ -62,7 +64,7 @@ def resumable(folder: Path) -> list[Resumable]:
     history.refresh()
     found: list[Resumable] = []
     seen: set[str] = set()
-    filters = [RunFilter(verdict=outcome) for outcome in ("stopped", "fault", "incomplete")]
+    filters = [RunFilter(verdict=verdict) for verdict in Verdict if not verdict.judged]
     records = [run for wanted in filters for run in history.runs(wanted) if run.stages]
     for record in sorted(records, key=lambda r: r.started_utc, reverse=True):
         if record.serial in seen:
@@ -91,7 +93,7 @@ def _most_complete(runs: list[RunRecord]) -> RunRecord | None:
     """Return the folder's latest run with the most finished stages since the unit's last verdict anywhere."""
     best: RunRecord | None = None
     for run in runs:
-        if run.outcome in _ENDED or run.closed:
+        if run.verdict.judged or run.closed:
             break
         if run.stages and not run.origin and (best is None or len(run.stages) > len(best.stages)):
             best = run
@@ -120,7 +122,7 @@ def _offer(record: RunRecord) -> list[Resumable]:
             operator=record.operator,
             stages=_run_stages(log),
             finished=finished,
-            outcome=record.outcome,
+            verdict=record.verdict,
             why=(result.end_reason if result is not None else None) or "",
         )
     ]
@@ -133,7 +135,7 @@ def _run_stages(log: Log) -> tuple[str, ...]:
 def _finished(log: Log) -> tuple[str, ...]:
     """Return the stages that need not be repeated. Raises ConfigurationError if the run cannot be resumed."""
     finished, wanted = solved_stages(log.events), _run_stages(log)
-    if log.outcome in (*_ENDED, "imported"):
+    if log.outcome in _ENDED:
         raise ConfigurationError("run.ended", path=log.path)
     if not finished:
         raise ConfigurationError("run.no_stage_finished", path=log.path)
@@ -274,7 +276,7 @@ def _check_not_continued(log: Log) -> None:
     for run in reversed(history.of(log.meta.imu.serial)):
         if run.resumed_from in names:
             names.add(run.log.name)
-            if run.outcome in _ENDED:
+            if run.verdict.judged:
                 raise ConfigurationError("run.continued_elsewhere", path=log.path, log=run.log.name)
 
 

@@ -12,6 +12,7 @@ from calstation.devices.profiles import Span
 from calstation.errors import CalstationError
 from calstation.estimation import Ranking, Solution
 from calstation.estimation.common import ImuModel, SampleBlock
+from calstation.judgement import Judgement
 from calstation.physics import FloatArray, GimbalTurn, TableGeometry
 from calstation.sequencer.control import Control, State
 from calstation.sequencer.events import LOSSY, Event, to_json
@@ -122,19 +123,23 @@ class Task:
 
 @dataclass(frozen=True)
 class Judged:
-    """Whether the unit passed, and whether to write its registers; never if it did not pass."""
+    """The judgement of a unit, and whether to write its registers; never if it did not pass."""
 
-    passed: bool
+    judgement: Judgement
     to_write: bool
 
 
 @dataclass(frozen=True)
 class Ended:
-    """How a run ended for a unit: final state, solutions of its stages, and the error in case of a fault."""
+    """How a run ended for a unit: final state, solutions of its stages, and the error in case of a fault.
+
+    `judgement` is None if it ended before it was judged.
+    """
 
     state: State
     solutions: tuple[Solution, ...]
     error: CalstationError | None = None
+    judgement: Judgement | None = None
 
 
 Emit = Callable[[Event], None]
@@ -180,7 +185,7 @@ class Solving(Protocol):
 
 
 class Evaluation(Protocol):
-    """Decides whether a unit continues after a stage, whether it passed and whether its registers are correct.
+    """Decides whether a unit continues after a stage, whether it passes and whether its registers are correct.
 
     All communication with the unit runs in `run_in_background`, which a stop request does not interrupt. The table is
     at rest during that time.
@@ -189,11 +194,11 @@ class Evaluation(Protocol):
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
         """Return a function that verifies registers written before the run, or None if there are none to verify."""
 
-    def stage_passed(self, solution: Solution) -> bool:
+    def continues(self, solution: Solution) -> bool:
         """Return whether to continue after a stage. Raises ConfigurationError."""
 
     def judge(self, solutions: tuple[Solution, ...]) -> Judged:
-        """Check the results against the limits."""
+        """Compare the results with the limits; called once, after the last stage."""
 
     def read_registers(self, run_in_background: RunInBackground) -> None:
         """Read and log the registers that are to be replaced. Raises DeviceFaultError."""

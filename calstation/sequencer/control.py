@@ -18,20 +18,17 @@ class State(StrEnum):
     STOPPING = "stopping"
     STOPPED = "stopped"
     FAULT = "fault"
-    PASSED = "passed"
-    FAILED = "failed"
     DONE = "done"
 
 
-#: States in which a run has ended. A fault is latched: only a reset to idle leaves it. A register operation neither
-#: passes nor fails: it ends in `DONE`.
-ENDED = frozenset({State.STOPPED, State.FAULT, State.PASSED, State.FAILED, State.DONE})
+#: States in which a run or a register operation has ended. A fault is latched: only a reset to idle leaves it.
+ENDED = frozenset({State.STOPPED, State.FAULT, State.DONE})
 
 #: The states that may follow each state.
 TRANSITIONS: dict[State, frozenset[State]] = {
     State.IDLE: frozenset({State.PREPARING}),
     State.PREPARING: frozenset({State.RUNNING, State.STOPPING, State.FAULT}),
-    State.RUNNING: frozenset({State.PAUSING, State.STOPPING, State.FAULT, State.PASSED, State.FAILED, State.DONE}),
+    State.RUNNING: frozenset({State.PAUSING, State.STOPPING, State.FAULT, State.DONE}),
     State.PAUSING: frozenset({State.PAUSED, State.STOPPING, State.FAULT}),
     State.PAUSED: frozenset({State.RUNNING, State.STOPPING, State.FAULT}),
     State.STOPPING: frozenset({State.STOPPED, State.FAULT}),

@@ -12,6 +12,7 @@ from calstation.errors import CalstationError
 from calstation.estimation import Solution
 from calstation.messages import values_from_json, values_to_json
 from calstation.physics import INDEX
+from calstation.records import Verdict
 
 
 @dataclass(frozen=True)
@@ -170,10 +171,10 @@ class StageSolved(Event):
 
 
 @dataclass(frozen=True)
-class Verdict(Event):
-    """The run has ended: `outcome` as in the result JSON, file paths as text, and the result itself."""
+class Finalized(Event):
+    """The run of a unit has ended: its verdict, the paths of its files as text, and the result itself."""
 
-    outcome: str
+    verdict: Verdict
     log: str
     result_file: str
     result: Mapping[str, Any]
@@ -235,6 +236,8 @@ def from_json(data: Mapping[str, Any]) -> Event:
             values[name] = tuple(values[name])
     if "values" in values:
         values["values"] = values_from_json(values["values"])
+    if "verdict" in values:
+        values["verdict"] = Verdict(values["verdict"])
     return kind(**values)
 
 

@@ -42,7 +42,7 @@ class Sequencer:
         self._units.close(self._drive.state, error)
 
     def _calibrate(self) -> State:
-        """Execute everything from preparation to the load position with axes off; return PASSED or FAILED."""
+        """Execute everything from preparation to the load position with axes off."""
         drive = self._drive
         drive.go(State.PREPARING)
         with self._units.jobs(lambda unit: _solving(unit).warm()) as warm:
@@ -59,7 +59,7 @@ class Sequencer:
         self._finalize()
         if not self._context.task.by_hand:
             drive.finish()
-        return State.PASSED if self._units.all_passed else State.FAILED
+        return State.DONE
 
     def _verify_earlier(self) -> None:
         """Verify registers that were written before the run."""
@@ -80,7 +80,7 @@ class Sequencer:
 
         def judge(unit: Unit) -> None:
             judged = _evaluation(unit).judge(tuple(unit.solutions))
-            unit.passed = judged.passed
+            unit.judgement = judged.judgement
             if judged.to_write:
                 _evaluation(unit).read_registers(background)
                 writing.append(unit)
@@ -97,7 +97,7 @@ class Sequencer:
 
         self._compute_for_each(judge)
         if units.in_batch:
-            self._dismiss(unit for unit in units if unit not in writing)
+            self._complete(unit for unit in units if unit not in writing)
         if not units.of(writing):
             return
         self._context.emit(Message("reference"))
@@ -110,17 +110,17 @@ class Sequencer:
                 data = drive.verification_data(written)
                 units.each(verify, data)
                 if units.in_batch:
-                    self._dismiss(units.of(data))
+                    self._complete(units.of(data))
         except (StopRequested, CalstationError):
             for unit in units:
                 if unit.unproved:
                     unit.emit(Message("transfer_unproved"))
             raise
 
-    def _dismiss(self, units: Iterable[Unit]) -> None:
-        """Dismiss units that are complete, so that no later fault changes their result."""
+    def _complete(self, units: Iterable[Unit]) -> None:
+        """Remove units that are complete, so that no later fault changes their result."""
         for unit in units:
-            self._units.dismiss(unit, State.PASSED if unit.passed else State.FAILED)
+            self._units.remove(unit, State.DONE)
 
     def _check_plans(self) -> None:
         """Check every move of every plan against the limits before anything moves."""
@@ -152,19 +152,19 @@ class Sequencer:
         emit(StageEnded(stage.name, reason, rounds))
         with self._units.jobs(lambda unit: _solving(unit).finish()) as jobs:
             self._units.each(lambda unit: self._solved(unit, jobs[unit]))
-        passed = {}
+        ending: list[Unit] = []
 
-        def judge(unit: Unit) -> None:
-            passed[unit] = _evaluation(unit).stage_passed(unit.solutions[-1])
+        def decide(unit: Unit) -> None:
+            if not _evaluation(unit).continues(unit.solutions[-1]):
+                ending.append(unit)
 
-        self._compute_for_each(judge)
-        failed = [unit for unit in self._units if not passed[unit]]
-        if len(failed) == len(self._units):
+        self._compute_for_each(decide)
+        if len(ending) == len(self._units):
             return False
-        for unit in failed:
+        for unit in ending:
             with self._units.serving(unit):
-                _evaluation(unit).judge(tuple(unit.solutions))
-                self._units.dismiss(unit, State.FAILED)
+                unit.judgement = _evaluation(unit).judge(tuple(unit.solutions)).judgement
+                self._units.remove(unit, State.DONE)
         return True
 
     def _solved(self, unit: Unit, job: Future[Solution]) -> None:

@@ -13,6 +13,7 @@ from calstation.devices import NoFramesError
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
 from calstation.estimation.common import SampleBlock
+from calstation.judgement import Judgement
 from calstation.sequencer.acquisition import Acquisition, Flow, Stamps
 from calstation.sequencer.context import Ended, RunContext, Slot
 from calstation.sequencer.control import Interruption, State
@@ -51,7 +52,7 @@ class Unit:
         self.flow = Flow()
         self.patient = False
         self.solutions: list[Solution] = list(slot.solved)
-        self.passed = False
+        self.judgement: Judgement | None = None  #: None until it is judged.
         self.unproved = False
         #: Current or last job of its solver in another thread.
         self.job: Future[Any] | None = None
@@ -60,6 +61,10 @@ class Unit:
     def emit(self, event: Event) -> None:
         """Emit an event that concerns this unit."""
         self._context.emit(replace(event, slot=self.slot.name) if self.slot.name else event)
+
+    def ended(self, state: State, error: CalstationError | None) -> Ended:
+        """Return how the run ended for this unit."""
+        return Ended(state, tuple(self.solutions), error, self.judgement)
 
     def drain(self) -> None:
         """Drain the samples received so far. Raises DeviceFaultError, or ConfigurationError of the log."""
@@ -128,7 +133,6 @@ class Units:
         steps = [slot.after.step + 1 for slot in context.slots if slot.after is not None]
         self.stamps = Stamps(max(steps, default=0))
         self._active = [Unit(context, slot, self.stamps) for slot in context.slots]
-        self._all = tuple(self._active)
         self._served: Unit | None = None
         self._table_errors: list[CalstationError] = []
         # Units are solved, and the results of leaving units are written, in threads in parallel with the control loop,
@@ -149,11 +153,6 @@ class Units:
     def in_batch(self) -> bool:
         """Whether the run began with several units."""
         return len(self._context.slots) > 1
-
-    @property
-    def all_passed(self) -> bool:
-        """Whether every unit with which the run began has passed."""
-        return all(unit.passed for unit in self._all)
 
     @property
     def first(self) -> Unit:
@@ -222,14 +221,13 @@ class Units:
             unit.emit(Message("transfer_unproved"))
         unit.emit(Message("unit_left", {"serial": unit.slot.unit.serial, "reason": reason_of(error)}))
         unit.emit(Fault.of(error))
-        self.dismiss(unit, State.FAULT, error)
+        self.remove(unit, State.FAULT, error)
 
-    def dismiss(self, unit: Unit, state: State, error: CalstationError | None = None) -> None:
+    def remove(self, unit: Unit, state: State, error: CalstationError | None = None) -> None:
         """Remove a unit from the run and write its result."""
         self._active.remove(unit)
-        unit.passed = state is State.PASSED
         self._context.left.add(unit.slot.name)
-        evaluation, ended = unit.slot.evaluation, Ended(state, tuple(unit.solutions), error)
+        evaluation, ended = unit.slot.evaluation, unit.ended(state, error)
 
         def end() -> None:
             if unit.job is not None and not unit.job.cancel():
@@ -249,13 +247,9 @@ class Units:
         with ExitStack() as ends:  # calls all of them, in reverse order, even if one raises
             for unit in reversed(self._active):
                 failure = error or self._context.log_errors.get(unit.slot.name)
-                own = state
-                if failure is not None:
-                    own = State.FAULT
-                elif state in (State.PASSED, State.FAILED):
-                    own = State.PASSED if unit.passed else State.FAILED
+                ended = unit.ended(state if failure is None else State.FAULT, failure)
                 if unit.slot.evaluation is not None:
-                    ends.callback(unit.slot.evaluation.ended, Ended(own, tuple(unit.solutions), failure))
+                    ends.callback(unit.slot.evaluation.ended, ended)
             for end in self._ends:
                 ends.callback(end.result)
 

@@ -11,6 +11,7 @@ import pytest
 from calstation.config import library, load_product
 from calstation.physics.parameters import NAMES
 from calstation.quality import cusum_chart, ewma_chart, individuals_chart, summarise_quality
+from calstation.records import Verdict
 from calstation.records.indexed_run import IndexedRun, RunFilter, RunRecord
 from calstation.records.run_index import RunIndex
 
@@ -25,7 +26,7 @@ def run(k: int) -> IndexedRun:
     record = RunRecord(
         serial=serial,
         started_utc=(BEGIN + timedelta(minutes=20 * k)).isoformat(),
-        outcome=("passed", "failed", "stopped", "fault")[k % 4],
+        verdict=(Verdict.PASSED, Verdict.FAILED, Verdict.STOPPED, Verdict.FAULT)[k % 4],
         attempt=1,
         product=f"product {k % 7}",
         station=f"station {k % 12}",

@@ -40,7 +40,7 @@ def test_outcome_line_matches_the_result(
 ) -> None:
     made = load_result(Path(shared_runs.passed(tmp_path, "six_position").result_file)).to_json()
     result = Result.from_json({**made, "registers": None, "partial": False, **changes})
-    text = outcome_text(result.outcome or "", result)
+    text = outcome_text(result)
     assert text.code == f"outcome.{code}"
     if code.startswith("standard"):
         assert (text.values["parameter"], text.values["e_n"]) == ("gyro_bias_y", 1.7)

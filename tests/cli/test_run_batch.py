@@ -12,7 +12,8 @@ import tomli_w
 from calstation.cli.run import _show_batch, complete_request
 from calstation.config import RunRequest, library
 from calstation.errors import ConfigurationError
-from calstation.sequencer import Verdict
+from calstation.records import Verdict
+from calstation.sequencer import Finalized
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
@@ -107,12 +108,12 @@ def test_registers_commands_require_the_slot_of_the_unit(
     assert read.json["serial"] == "SN-000003"
 
 
-def verdict(slot: str, outcome: str, seconds: float, **more: Any) -> Verdict:
+def verdict(slot: str, outcome: str, seconds: float, **more: Any) -> Finalized:
     """Return the verdict of a unit whose stages took this time."""
     head = {"schema": "calstation.result/1", "unit": {"serial": f"SN-{slot}"}, "log": {"file": f"{slot}.h5"}}
     cycle = [{"phase": "stage", "stage": "rate", "seconds": seconds}]
     result = {**head, "stages": ["rate"], "outcome": outcome, "parameters": {}, "cycle": cycle, "batch": "B1", **more}
-    return Verdict(outcome, f"runs/{slot}.h5", f"runs/{slot}.json", result, slot=slot)
+    return Finalized(Verdict(outcome), f"runs/{slot}.h5", f"runs/{slot}.json", result, slot=slot)
 
 
 def test_summary_lists_the_units_of_a_batch(

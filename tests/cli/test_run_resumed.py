@@ -27,7 +27,7 @@ def test_stopped_run_is_resumed(
             site_folder.control.send(Command.STOP)
 
     before = site_folder.run(on_event=watch)
-    assert before.outcome == "stopped", before.result.get("error")
+    assert before.verdict == "stopped", before.result.get("error")
     where = ("--station", site_folder.station, "--product", site_folder.product)
     _show_verdict(before, None, replace(site_folder.request(), station=Path("my line.toml")))
     said = capsys.readouterr().out

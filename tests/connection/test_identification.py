@@ -22,7 +22,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.messages import Report
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Fault, Verdict
+from calstation.sequencer.events import Event, Fault, Finalized
 from tests.connection.fake_links import FakeImu, FakeTable, order, rtu, server, silent, tcp_pdu, terminal
 from tests.helpers import ignore_progress, raises_code
 from tests.site_folder import PRODUCT, STATION
@@ -76,9 +76,9 @@ def run(tmp_path: Path) -> Callable[..., Fault]:
     def fault(table: str, imu: str, **section: Any) -> Fault:
         events: list[Event] = []
         execute(asked(tmp_path, table, imu, **section), events.append, Control())
-        verdict = events[-1]
-        assert isinstance(verdict, Verdict)
-        assert verdict.outcome == "fault"
+        ended = events[-1]
+        assert isinstance(ended, Finalized)
+        assert ended.verdict == "fault"
         (found,) = [event for event in events if isinstance(event, Fault)]
         return found
 
@@ -150,9 +150,9 @@ def test_stop_request_ends_identification(tmp_path: Path, imu: str) -> None:
     events: list[Event] = []
     with terminal(nobody) as line:
         execute(asked(tmp_path, line, imu, unit=7), events.append, control)
-    verdict = events[-1]
-    assert isinstance(verdict, Verdict)
-    assert verdict.outcome == "stopped"
+    ended = events[-1]
+    assert isinstance(ended, Finalized)
+    assert ended.verdict == "stopped"
     assert set(others) == {1}, "further numbers were asked after Stop"
 
 

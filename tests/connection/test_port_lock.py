@@ -22,7 +22,7 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.registers.unit_registers import read_unit
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Fault, Verdict
+from calstation.sequencer.events import Event, Fault, Finalized
 from tests.connection.fake_links import SITE, FakeTable, order, server
 from tests.helpers import ignore_progress, raises_code
 
@@ -74,7 +74,7 @@ class Station:
         """Run, and raise the fault of the run."""
         events: list[Event] = []
         execute(self.request, events.append, Control())
-        assert isinstance(events[-1], Verdict)
+        assert isinstance(events[-1], Finalized)
         (fault,) = [event for event in events if isinstance(event, Fault)]
         raise DeviceFaultError(fault.code, **fault.values)
 

@@ -24,10 +24,10 @@ def test_a_stage_runs_on_a_system_with_its_own_axes(site_folder: SiteFolder) -> 
         "bench": {"seed": 5, "start_deg": [1.0, -1.0]},
     }
     site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
-    verdict = site_folder.run("rate", "six_position")
-    assert verdict.outcome == "passed"
-    assert verdict.result["registers"]["verified"]
-    assert "outer_lever_x" not in verdict.result["parameters"], "it turns about its sensing centre"
+    ended = site_folder.run("rate", "six_position")
+    assert ended.verdict.passed
+    assert ended.result["registers"]["verified"]
+    assert "outer_lever_x" not in ended.result["parameters"], "it turns about its sensing centre"
 
 
 def test_table_and_imu_on_one_port_are_tested_separately() -> None:

@@ -19,7 +19,7 @@ from calstation.database.outbox import Outbox
 from calstation.database.process import ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S, PAUSE_S, _copy_logs
 from calstation.database.tables import log_copies
 from calstation.errors import ConfigurationError, InputError
-from calstation.records import RunFilter, RunIndex, RunRecord
+from calstation.records import RunFilter, RunIndex, RunRecord, Verdict
 from calstation.records.files import take
 from calstation.results import load_result
 from tests.database.result_files import in_database, write_result
@@ -100,7 +100,8 @@ def test_the_least_recently_used_copies_of_logs_are_deleted(tmp_path: Path, monk
     monkeypatch.setattr(remote, "_COPIES_SIZE", 25)
     folder, one, other = tmp_path / "runs", str(uuid4()), str(uuid4())
     (folder / "kept").mkdir(parents=True)
-    run = RunRecord("SN-1", "2026-01-01T00:00:00+00:00", "passed", 1, None, "line 2", None, (), folder / "x", None, 1.0)
+    begun, log = "2026-01-01T00:00:00+00:00", folder / "x"
+    run = RunRecord("SN-1", begun, Verdict.PASSED, 1, None, "line 2", None, (), log, None, 1.0)
 
     def fetched(name: str, origin: str, used: float) -> Path:
         source = tmp_path / f"{name}.h5"

@@ -10,7 +10,7 @@ from calstation.design import DesignRequest, design_schedule, designed_product, 
 from calstation.errors import ConfigurationError
 from calstation.physics import NAMES
 from calstation.runs.run import execute
-from calstation.sequencer import Control, StageEnded, Verdict
+from calstation.sequencer import Control, Finalized, StageEnded
 from tests.helpers import raises_code
 
 
@@ -115,11 +115,11 @@ def test_schedules_for_other_tables_run_on_the_bench(tmp_path, monkeypatch, tabl
     product.write_text(designed_product(read_text(shipped), found), encoding="utf-8")
     events: list[object] = []
     execute(RunRequest("M-1", station, product, out=tmp_path / "runs"), events.append, Control())
-    verdict = events[-1]
-    assert isinstance(verdict, Verdict)
-    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
-    (ended,) = (e for e in events if isinstance(e, StageEnded))
-    assert ended.reason == "targets"
+    ended = events[-1]
+    assert isinstance(ended, Finalized)
+    assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]
+    (stage,) = (e for e in events if isinstance(e, StageEnded))
+    assert stage.reason == "targets"
 
 
 @pytest.mark.exhaustive

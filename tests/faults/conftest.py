@@ -14,7 +14,7 @@ from calstation.messages.catalogue import entry
 from calstation.records.log import open_log
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Fault, Message, StateChanged, StepStarted, Verdict
+from calstation.sequencer.events import Event, Fault, Finalized, Message, StateChanged, StepStarted
 from calstation.simulation.hooks import BenchHooks
 from tests.site_folder import PRODUCT, STATION
 
@@ -29,11 +29,11 @@ class Ran:
     events: list[Event] = field(default_factory=list)
 
     @property
-    def verdict(self) -> Verdict:
-        """Return the verdict of the run."""
-        verdict = self.events[-1]
-        assert isinstance(verdict, Verdict)
-        return verdict
+    def ended(self) -> Finalized:
+        """Return the end of the run."""
+        ended = self.events[-1]
+        assert isinstance(ended, Finalized)
+        return ended
 
     @property
     def bench(self) -> dict[str, Any]:
@@ -59,19 +59,19 @@ class Ran:
 
     def assert_stopped(self, *words: str) -> None:
         """Assert that the fault has cause and remedy, the table is at rest with axes off, and all files are kept."""
-        verdict, text = self.verdict, self.fault.text
-        assert verdict.outcome == "fault"
-        assert verdict.result["passed"] is False
+        ended, text = self.ended, self.fault.text
+        assert ended.verdict == "fault"
+        assert ended.result["passed"] is False
         for word in words:
             assert word.lower() in text.lower()
         assert ";" in text or entry(self.fault.code).remedy, "a message names what to do"
-        assert verdict.result["error"] == text
+        assert ended.result["error"] == text
         assert not self.bench["enabled"]
         assert not self.bench["moving"]
         assert self.moves_after_fault() == 0
-        log = open_log(Path(verdict.log))
+        log = open_log(Path(ended.log))
         assert log.outcome == "fault"
-        assert log.facts().sha256 == verdict.result["log"]["sha256"]
+        assert log.facts().sha256 == ended.result["log"]["sha256"]
         assert any(event.get("event") == "Fault" for event in log.events)
 
 

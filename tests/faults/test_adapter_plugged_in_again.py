@@ -16,7 +16,7 @@ from calstation.config.run_configuration import RunConfiguration
 from calstation.connection import devices as wiring
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Fault, StageStarted, Verdict
+from calstation.sequencer.events import Event, Fault, Finalized, StageStarted
 from tests.faults.conftest import SERIAL, FaultRuns
 from tests.site_folder import PRODUCT, QUICK
 
@@ -65,14 +65,14 @@ def test_disconnected_adapter_is_a_fault_and_the_run_can_be_resumed(fault_runs: 
     events: list[Event] = []
     request = RunRequest(SERIAL, fault_runs.folder / "station.toml", fault_runs.folder / "product.toml")
     try:
-        execute(replace(request, resume=Path(ran.verdict.log)), events.append, Control())
+        execute(replace(request, resume=Path(ran.ended.log)), events.append, Control())
     finally:
         for end in (end for pair in taken for end in pair):
             os.close(end)
     assert names[0] != names[1]
     assert not [event for event in events if isinstance(event, Fault)]
     assert [event.stage for event in events if isinstance(event, StageStarted)] == ["six_position"]
-    verdict = events[-1]
-    assert isinstance(verdict, Verdict)
-    assert verdict.outcome == "passed", verdict.result
-    assert verdict.result["stages"] == ["rate", "six_position"]
+    ended = events[-1]
+    assert isinstance(ended, Finalized)
+    assert ended.verdict.passed, ended.result
+    assert ended.result["stages"] == ["rate", "six_position"]

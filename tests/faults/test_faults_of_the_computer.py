@@ -14,7 +14,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.records.log import open_log
 from calstation.runs.engine import Engine
 from calstation.runs.incomplete import finish_incomplete
-from calstation.sequencer.events import Event, Fault, Message, StageEnded, StepStarted, Verdict
+from calstation.sequencer.events import Event, Fault, Finalized, Message, StageEnded, StepStarted
 from calstation.simulation.fault_plan import FaultPlan, load_fault_plan
 from calstation.simulation.hooks import BenchHooks
 from tests.faults.conftest import FaultRuns, fault
@@ -41,8 +41,8 @@ def test_full_disk_is_a_fault_and_recorded_samples_are_kept(
         events += engine.events()
     (emitted,) = [event for event in events if isinstance(event, Fault)]
     assert words in emitted.text
-    assert isinstance(events[-1], Verdict)
-    assert events[-1].outcome == "fault"
+    assert isinstance(events[-1], Finalized)
+    assert events[-1].verdict == "fault"
     report = json.loads((fault_runs.folder / "bench.json").read_text(encoding="utf-8"))
     assert not report["enabled"]
     assert not report["moving"]
@@ -70,8 +70,8 @@ def test_disk_slower_than_the_watchdog_does_not_stop_the_run(
     monkeypatch.setattr(os, "fsync", wait)
     ran = fault_runs.run(on_event=on_event, watchdog_ms=2000)
     assert slow[0] == 5
-    assert ran.verdict.outcome == "passed", ran.verdict.result["error"]
-    assert ran.verdict.result["registers"]["verified"] is True
+    assert ran.ended.verdict.passed, ran.ended.result["error"]
+    assert ran.ended.result["registers"]["verified"] is True
 
 
 @pytest.mark.long

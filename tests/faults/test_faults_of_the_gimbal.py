@@ -47,4 +47,4 @@ def test_rotation_with_lost_samples_is_repeated_from_zero(gimbal_runs: FaultRuns
     order = {"kind": "saturate_imu", "stage": "gimbal", "step": 1, "time_s": 0.5, "value": 0.3}
     ran = gimbal_runs.run(order, stages=("gimbal",), **GIMBAL)
     assert ran.repeated == ["saturated"]
-    assert ran.verdict.outcome == "passed"
+    assert ran.ended.verdict.passed

@@ -68,9 +68,9 @@ def test_invalid_float_output_stops_the_run(
 
 def test_non_numeric_samples_are_marked_and_their_step_is_repeated(floats: FaultRuns) -> None:
     ran = floats.run(fault("invalid_imu", 0.2))
-    assert ran.verdict.outcome == "passed", ran.events[-3:]
+    assert ran.ended.verdict.passed, ran.events[-3:]
     assert ran.repeated == ["invalid"]
-    blocks = list(open_log(Path(ran.verdict.log)).blocks())
+    blocks = list(open_log(Path(ran.ended.log)).blocks())
     counts = np.concatenate([block.counts for block in blocks])
     valid = np.concatenate([block.valid for block in blocks])
     spoilt = np.isnan(counts).any(axis=1)
@@ -121,20 +121,20 @@ def test_faults_in_the_rest_before_a_repeated_step_are_detected(
 ) -> None:
     kind, value, reason = repeated
     ran = fault_runs.run(fault("drop_frames", 3, step=9), fault(kind, value, step=11, time_s=time_s))
-    assert ran.verdict.outcome == "passed"
+    assert ran.ended.verdict.passed
     assert ran.repeated == ["gap", reason]
 
 
 def test_brief_line_noise_repeats_one_step(fault_runs: FaultRuns) -> None:
     ran = fault_runs.run(fault("garble_imu", 0.8, step=9))
-    assert ran.verdict.outcome == "passed"
+    assert ran.ended.verdict.passed
     assert len(ran.repeated) == 1
 
 
 @pytest.mark.exhaustive
 def test_reconnected_adapter_works_again(fault_runs: FaultRuns) -> None:
     fault_runs.run(fault("hang_up_imu")).assert_stopped("port")
-    assert fault_runs.run().verdict.outcome == "passed"
+    assert fault_runs.run().ended.verdict.passed
 
 
 def test_gyros_detect_a_wrong_latitude_before_any_register_is_written(fault_runs: FaultRuns) -> None:
@@ -145,11 +145,11 @@ def test_gyros_detect_a_wrong_latitude_before_any_register_is_written(fault_runs
         "site.latitude_deg of the station file is 32.25", "the earth rate of latitude 34.", "correct latitude"
     )
     assert ran.fault.code == "site.latitude_contradicts"
-    assert ran.verdict.result["stages"] == ["rate", "six_position"]
-    assert ran.verdict.result["registers"]["new"] is None
-    assert [c["name"] for c in ran.verdict.result["checks"] if not c["passed"]] == ["latitude"]
+    assert ran.ended.result["stages"] == ["rate", "six_position"]
+    assert ran.ended.result["registers"]["new"] is None
+    assert [c["name"] for c in ran.ended.result["checks"] if not c["passed"]] == ["latitude"]
     assert not register_journal.history(fault_runs.folder / "runs", SERIAL)
-    assert ran.verdict.result["advice"] != "resume"
+    assert ran.ended.result["advice"] != "resume"
     assert resumable(fault_runs.folder / "runs") == []
 
 
@@ -163,10 +163,10 @@ def test_the_verification_detects_a_wrong_latitude(fault_runs: FaultRuns) -> Non
 
 def test_inconsistent_stage_without_a_latitude_estimate_mentions_the_latitude(fault_runs: FaultRuns) -> None:
     ran = fault_runs.run({"kind": "wrong_latitude", "value": -24.25}, stages=("azimuth_flip",))
-    assert ran.verdict.outcome == "failed"
+    assert ran.ended.verdict == "failed"
     (unknown,) = [e.values for e in ran.events if isinstance(e, Message) and e.id == "latitude_untold"]
-    assert unknown == ran.verdict.result["latitude_untold"] == {"stage": "azimuth_flip", "latitude": 10.0}
-    assert resolve(Path(ran.verdict.log)).messages[-1] == ("latitude_untold", unknown)
+    assert unknown == ran.ended.result["latitude_untold"] == {"stage": "azimuth_flip", "latitude": 10.0}
+    assert resolve(Path(ran.ended.log)).messages[-1] == ("latitude_untold", unknown)
 
 
 @pytest.mark.parametrize("degrees", [-10.0, 10.0])
@@ -186,9 +186,9 @@ def test_gyros_that_cannot_resolve_earth_rate_need_consistent_gravity_and_latitu
 
 def test_run_with_wrong_gravity_never_passes(fault_runs: FaultRuns) -> None:
     ran = fault_runs.run({"kind": "wrong_gravity", "value": 0.03}, stages=("six_position",))
-    assert ran.verdict.outcome == "failed"
-    assert ran.verdict.result["registers"]["new"] is None
-    missed = [check["name"] for check in ran.verdict.result["checks"] if not check["passed"]]
+    assert ran.ended.verdict == "failed"
+    assert ran.ended.result["registers"]["new"] is None
+    missed = [check["name"] for check in ran.ended.result["checks"] if not check["passed"]]
     assert {"accel_scale_x within", "accel_scale_y within", "accel_scale_z within"} <= set(missed)
 
 
@@ -201,7 +201,7 @@ def test_brown_out_during_the_write_is_a_fault_and_keeps_the_registers(fault_run
     assert ran.bench["flash_cycles"] == 0
     (entry,) = register_journal.history(fault_runs.folder / "runs", SERIAL)
     assert (entry.closing, entry.cycles) == ("kept", 0)
-    assert ran.verdict.result["registers"]["verified"] is False
+    assert ran.ended.result["registers"]["verified"] is False
 
 
 def test_register_page_lost_in_a_brown_out_is_reported(fault_runs: FaultRuns) -> None:
@@ -222,7 +222,7 @@ def test_a_brown_out_during_the_commit_is_recovered_at_the_next_start(fault_runs
     refused.assert_stopped("was interrupted", "registers finish")
     offers = [e.values["offers"] for e in refused.events if isinstance(e, Message) and e.id == "transfer_open"]
     assert offers == [["finish", "restore"]]
-    assert fault_runs.run(unfinished="finish").verdict.outcome == "passed"
+    assert fault_runs.run(unfinished="finish").ended.verdict.passed
     closings = [transfer.closing for transfer in register_journal.history(runs, SERIAL)]
     assert closings == ["kept", "done", "done"]
     flash = Path(fault_runs.folder / "flash.bin").read_bytes()

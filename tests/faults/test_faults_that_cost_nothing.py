@@ -54,10 +54,10 @@ def test_every_planned_fault_occurred(ran: Ran) -> None:
 
 
 def test_verdict_is_correct_despite_the_faults(ran: Ran) -> None:
-    result = ran.verdict.result
-    assert ran.verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
+    result = ran.ended.result
+    assert ran.ended.verdict.passed, [c for c in result["checks"] if not c["passed"]]
     assert result["registers"]["verified"] is True
-    assert resolve(Path(ran.verdict.log)).result.to_json()["parameters"] == result["parameters"]
+    assert resolve(Path(ran.ended.log)).result.to_json()["parameters"] == result["parameters"]
 
 
 @pytest.mark.parametrize("reason", ["gap", "saturated"])
@@ -68,11 +68,11 @@ def test_steps_with_invalid_samples_are_repeated(ran: Ran, reason: str) -> None:
 def test_each_disturbance_is_counted_once(ran: Ran) -> None:
     """Corrupt, dropped, reset and silent faults cause one gap each; the other faults cause none."""
     assert sorted(ran.repeated) == ["gap"] * 4 + ["saturated"]
-    assert ran.verdict.result["log"]["gaps"] == 4
+    assert ran.ended.result["log"]["gaps"] == 4
 
 
 def test_samples_of_an_interrupted_step_are_invalid_until_it_is_repeated(ran: Ran) -> None:
-    blocks = [block for block in open_log(Path(ran.verdict.log)).blocks() if block.stage == "rate"]
+    blocks = [block for block in open_log(Path(ran.ended.log)).blocks() if block.stage == "rate"]
     valid = np.concatenate([block.valid for block in blocks])
     steps = np.concatenate([block.step for block in blocks])
     assert not valid.all()
@@ -82,14 +82,14 @@ def test_samples_of_an_interrupted_step_are_invalid_until_it_is_repeated(ran: Ra
 
 
 def test_counter_wrap_loses_no_samples(ran: Ran) -> None:
-    first, last = (ran.verdict.result["log"][name] for name in ("first_seq", "last_seq"))
+    first, last = (ran.ended.result["log"][name] for name in ("first_seq", "last_seq"))
     assert first < 65_536 < last
-    seq = np.concatenate([block.seq for block in open_log(Path(ran.verdict.log)).blocks()])
+    seq = np.concatenate([block.seq for block in open_log(Path(ran.ended.log)).blocks()])
     assert (np.diff(seq) > 0).all()
     assert int((np.diff(seq) - 1).sum()) < 200
 
 
 def test_wall_clock_step_affects_only_labels(ran: Ran) -> None:
-    assert 0.0 < ran.verdict.result["duration_s"] < 600.0
-    times: list[Any] = [block.time for block in open_log(Path(ran.verdict.log)).blocks()]
+    assert 0.0 < ran.ended.result["duration_s"] < 600.0
+    times: list[Any] = [block.time for block in open_log(Path(ran.ended.log)).blocks()]
     assert (np.diff(np.concatenate(times)) > 0.0).all()

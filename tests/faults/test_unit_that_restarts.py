@@ -36,9 +36,9 @@ def restart(stage: str, *times: float) -> list[dict[str, Any]]:
 
 def assert_verified(fault_runs: FaultRuns, ran: Ran) -> None:
     """Assert that the unit passed, its registers were verified and its flash written once."""
-    assert ran.verdict.outcome == "passed", ran.events[-3:]
+    assert ran.ended.verdict.passed, ran.events[-3:]
     assert "reset_imu" in ran.bench["executed"]
-    registers = ran.verdict.result["registers"]
+    registers = ran.ended.result["registers"]
     assert (registers["verified"], registers["proved_on"]) == (True, "corrected_output")
     assert ran.bench["flash_cycles"] == 1
     (entry,) = register_journal.history(fault_runs.folder / "runs", SERIAL)
@@ -56,7 +56,7 @@ def test_a_restart_during_a_stage_repeats_the_step(fault_runs: FaultRuns, imu: s
     ran = with_imu(fault_runs, imu).run(*restart("rate", 6.0))
     assert_verified(fault_runs, ran)
     assert ran.repeated == [reason]
-    assert ran.verdict.result["log"]["gaps"] == 1
+    assert ran.ended.result["log"]["gaps"] == 1
 
 
 @pytest.mark.parametrize(("imu", "moment"), sampled(9, IMUS, [0.3, 3.0, 8.0, 14.0, 20.0, 26.0]))
@@ -82,7 +82,7 @@ def test_repeated_restarts_are_a_fault_and_leave_the_transfer_open(fault_runs: F
     assert (entry.closing, entry.steps[-1]) == (None, "restarted")
     again = fault_runs.run()
     again.assert_stopped("was interrupted", "registers finish")
-    assert fault_runs.run(unfinished="finish").verdict.outcome == "passed"
+    assert fault_runs.run(unfinished="finish").ended.verdict.passed
     first, _ = register_journal.history(fault_runs.folder / "runs", SERIAL)
     assert (first.closing, first.cycles) == ("done", 1)
 

@@ -15,7 +15,7 @@ from calstation.registers import journal as register_journal
 from calstation.results.history import History
 from calstation.runs.engine import Engine
 from calstation.runs.incomplete import close_incomplete, finish_incomplete
-from calstation.sequencer.events import Event, StepStarted, Verdict
+from calstation.sequencer.events import Event, Finalized, StepStarted
 from tests.faults.conftest import SERIAL, FaultRuns
 from tests.helpers import raises_code, sampled
 
@@ -78,9 +78,9 @@ def test_setting_the_wall_clock_does_not_change_a_run(
                 assert History(runs).refresh() == 0
                 with raises_code(ConfigurationError, "run.still_running"):
                     close_incomplete(log)
-    assert isinstance(last, Verdict)
+    assert isinstance(last, Finalized)
     result = last.result
-    assert last.outcome == "passed", [check for check in result["checks"] if not check["passed"]]
+    assert last.verdict.passed, [check for check in result["checks"] if not check["passed"]]
     assert result["log"]["gaps"] == 0
     assert 0.0 < result["duration_s"] < 600.0
     seq = np.concatenate([block.seq for block in open_log(log).blocks()])

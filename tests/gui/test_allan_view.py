@@ -14,7 +14,7 @@ from calstation.devices.profiles import load_imu_profile
 from calstation.gui.logs.page import OfflinePage
 from calstation.gui.shell.main_window import MainWindow
 from calstation.physics import DEGREE
-from calstation.sequencer.events import Verdict
+from calstation.sequencer.events import Finalized
 from tests.gui.conftest import Operator
 from tests.shared_runs import SharedRuns
 from tests.site_folder import PRODUCT, SiteFolder
@@ -26,7 +26,7 @@ WAIT = 60_000
 WALK = 0.001
 
 
-def flips(site: SiteFolder) -> Verdict:
+def flips(site: SiteFolder) -> Finalized:
     """A log of azimuth flips with rests of one minute."""
     site.write({"schedule": {"azimuth_flip": {**PRODUCT["schedule"]["azimuth_flip"], "dwell_s": 60.0}}})
     return site.run("azimuth_flip")
@@ -35,10 +35,10 @@ def flips(site: SiteFolder) -> Verdict:
 @pytest.fixture
 def page(window: MainWindow, shared_runs: SharedRuns, tmp_path: Path, qtbot: QtBot) -> OfflinePage:
     """The page with the log of azimuth flips."""
-    verdict = shared_runs.copy("rests", tmp_path / "run", flips)
+    ended = shared_runs.copy("rests", tmp_path / "run", flips)
     window.show_page("offline_page")
     made = window.offline_page
-    made.open(Path(verdict.log))
+    made.open(Path(ended.log))
     qtbot.waitUntil(lambda: made.log is not None, timeout=WAIT)
     return made
 

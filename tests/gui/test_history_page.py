@@ -21,10 +21,11 @@ from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.state.context import AppContext
 from calstation.gui.text import language
 from calstation.physics.units import DEGREE_PER_HOUR
+from calstation.records import Verdict
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
 from calstation.results.result import SCHEMA
-from calstation.sequencer.events import Verdict
+from calstation.sequencer.events import Finalized
 from tests.check_rows import check_row
 from tests.gui.conftest import RESULT
 
@@ -344,7 +345,7 @@ def test_finished_run_is_listed_immediately(
 ) -> None:
     shown(page, qtbot)
     result = write_run(folder, "SN-000009", "passed", timedelta(minutes=1))
-    app.engine_link.event.emit(Verdict("passed", str(result.with_suffix(".h5")), str(result), RESULT))
+    app.engine_link.event.emit(Finalized(Verdict.PASSED, str(result.with_suffix(".h5")), str(result), RESULT))
     qtbot.waitUntil(lambda: rows(page)[0] == ("SN-000009", "PASS"), timeout=WAIT)
     assert page.table.run is not None
     assert page.table.run.serial == "SN-000003"  # the selection is kept

@@ -42,7 +42,7 @@ from calstation.records.raw_log import RawLogWriter
 from calstation.results.resolving import Resolved, resolve
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Verdict
+from calstation.sequencer.events import Event, Finalized
 from tests.check_rows import check_row
 from tests.cli.conftest import META as CSV_META
 from tests.cli.conftest import six_position_rows, write_log
@@ -78,10 +78,10 @@ def run_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     events: list[Event] = []
     request = RunRequest(SERIAL, station, product, ("rate", "six_position"), folder / "runs", "tester")
     execute(request, events.append, Control())
-    verdict = events[-1]
-    assert isinstance(verdict, Verdict)
-    assert verdict.outcome == "passed"
-    return Path(verdict.log)
+    ended = events[-1]
+    assert isinstance(ended, Finalized)
+    assert ended.verdict == "passed"
+    return Path(ended.log)
 
 
 @pytest.fixture(scope="module")

@@ -17,10 +17,11 @@ from calstation.gui.state.run_strip import RunStrip
 from calstation.gui.widgets import theme
 from calstation.jobs.queue import JobQueue
 from calstation.messages.rendering import Text
+from calstation.records import Verdict
 from calstation.results.handover import Delivery
 from calstation.results.history import History
 from calstation.runs.incomplete import StartupRecovery, finish_incomplete
-from calstation.sequencer.events import StageSolved, StageStarted, StateChanged, Verdict
+from calstation.sequencer.events import Finalized, StageSolved, StageStarted, StateChanged
 from tests.check_rows import check_row
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.gui.test_history_page import write_dead_log
@@ -41,7 +42,7 @@ def simulated_run(operator: Operator) -> Operator:
 def end_run(operator: Operator, outcome: str, **result: Any) -> None:
     """End the run with an outcome."""
     link = operator.window.app.engine_link
-    link.event.emit(Verdict(outcome, "log.h5", "result.json", {**ENDED, **result}))
+    link.event.emit(Finalized(Verdict(outcome), "log.h5", "result.json", {**ENDED, **result}))
     link.running_changed.emit(False)
     operator.until(lambda: operator.verdict)
 

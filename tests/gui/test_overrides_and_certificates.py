@@ -13,9 +13,9 @@ from PySide6.QtWidgets import QLineEdit, QPushButton
 from calstation.config import ConfirmationRequired, access
 from calstation.config.library import shipped_folder
 from calstation.gui.state import PeoplePanel
-from calstation.records import AuditEvent, audit_path, read_audit
+from calstation.records import AuditEvent, Verdict, audit_path, read_audit
 from calstation.results import load_result
-from calstation.sequencer import StateChanged, Verdict
+from calstation.sequencer import Finalized, StateChanged
 from tests.gui.conftest import RESULT, SERIAL, Operator
 
 pytestmark = pytest.mark.timeout(240)
@@ -161,8 +161,8 @@ def test_panel_for_two_engineers_fits_a_small_screen(operator: Operator, code: s
     result = {**RESULT, "stages": ["rate"], "passed": True, "parameters": {"gyro_bias_x": row}}
     link = window.app.engine_link
     link.event.emit(StateChanged("running", "idle"))
-    link.event.emit(StateChanged("passed", "running"))
-    link.event.emit(Verdict("passed", "SN-000042_x.h5", "SN-000042_x.json", result))
+    link.event.emit(StateChanged("done", "running"))
+    link.event.emit(Finalized(Verdict.PASSED, "SN-000042_x.h5", "SN-000042_x.json", result))
     operator.until(lambda: operator.verdict)
     details = operator.widget("details_button", QPushButton)
     assert details.isVisible()

@@ -9,8 +9,8 @@ from PySide6.QtWidgets import QLabel, QLineEdit, QPushButton, QTableView
 
 from calstation.config import access
 from calstation.gui.text import language
-from calstation.records import audit_path, read_audit
-from calstation.sequencer import StateChanged, Verdict
+from calstation.records import Verdict, audit_path, read_audit
+from calstation.sequencer import Finalized, StateChanged
 from tests.check_rows import check_row
 from tests.gui.conftest import RESULT, SERIAL, Operator
 
@@ -122,8 +122,8 @@ def test_release_on_the_engineer_page_updates_the_operator_page(operator: Operat
     result = json.loads(failed.read_text("utf-8"))
     link = operator.window.app.engine_link
     link.event.emit(StateChanged("running", "idle"))
-    link.event.emit(StateChanged("failed", "running"))
-    link.event.emit(Verdict("failed", "SN-000042_x.h5", str(failed), result))
+    link.event.emit(StateChanged("done", "running"))
+    link.event.emit(Finalized(Verdict.FAILED, "SN-000042_x.h5", str(failed), result))
     operator.window.show_page("operator_page")
     operator.until(lambda: operator.verdict == "FAIL")
     operator.window.show_page("engineer_page")

@@ -15,7 +15,7 @@ from calstation.errors import InputError
 from calstation.gui.history.page import HistoryPage
 from calstation.gui.quality.page import QualityPage
 from calstation.gui.state.context import AppContext
-from calstation.records import IndexedRun, RunFilter, RunIndex, RunRecord
+from calstation.records import IndexedRun, RunFilter, RunIndex, RunRecord, Verdict
 from calstation.results import History, export_runs, load_result, load_results
 from tests.gui.test_history_page import NOW, WAIT, rows, select_row, shown, write_run
 from tests.helpers import ignore_progress, raises_code
@@ -44,12 +44,12 @@ def page(app: AppContext, folder: Path, qtbot: QtBot) -> HistoryPage:
     return made
 
 
-def receive(folder: Path, location: str, outcome: str = "passed") -> RunRecord:
+def receive(folder: Path, location: str, verdict: Verdict = Verdict.PASSED) -> RunRecord:
     """Add a run of the other station to the index of a folder, as the exchange does."""
     record = RunRecord(
         serial="SN-000001",
         started_utc=(NOW - timedelta(hours=1)).isoformat(),
-        outcome=outcome,
+        verdict=verdict,
         attempt=1,
         product="nav-a",
         station="line 2",
@@ -89,7 +89,7 @@ def test_runs_of_all_stations_are_listed_and_filtered(page: HistoryPage, folder:
 
 def test_log_stored_only_at_its_station_cannot_be_opened(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
     place = "line2:/home/op/runs/SN-000001_20260101T000000.h5"
-    receive(folder, place, outcome="incomplete")
+    receive(folder, place, verdict=Verdict.INCOMPLETE)
     shown(page, qtbot)
     log = button(page, "history_log_button")
     assert not log.isEnabled()

@@ -16,9 +16,11 @@ from calstation.gui.operator import starting
 from calstation.gui.operator.live.table_panel import TablePicture
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.state.run_strip import RunStrip
+from calstation.records import Verdict
 from calstation.results.history import History
 from calstation.sequencer.events import (
     Fault,
+    Finalized,
     Message,
     StageEnded,
     StageProgress,
@@ -27,7 +29,6 @@ from calstation.sequencer.events import (
     StateChanged,
     StepStarted,
     Trace,
-    Verdict,
 )
 from tests.check_rows import check_row
 from tests.database.result_files import write_result
@@ -106,7 +107,7 @@ def end_unit(operator: Operator, slot: str, outcome: str, **result: Any) -> None
     """Emit the verdict of a unit."""
     unit = next(unit for unit in operator.run.units if unit.slot == slot)
     ended = {**RESULT, "unit": {"serial": unit.serial}, "outcome": outcome, "attempt": 1, "duration_s": 60.0, **result}
-    operator.window.app.engine_link.event.emit(Verdict(outcome, "log.h5", f"{slot}.json", ended, slot=slot))
+    operator.window.app.engine_link.event.emit(Finalized(Verdict(outcome), "log.h5", f"{slot}.json", ended, slot=slot))
 
 
 FAILED: dict[str, Any] = {
@@ -350,7 +351,7 @@ def test_unit_with_a_fault_is_removed_and_the_others_continue(operator: Operator
     stages = operator.widget("stage_list", QListWidget)
     operator.until(lambda: "40 %" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole))
     assert operator.run.fraction > 0.0
-    link.event.emit(StateChanged("failed", "running"))
+    link.event.emit(StateChanged("done", "running"))
     end_unit(operator, "2", "passed")
     assert operator.run.going
     end_unit(operator, "3", "passed")
@@ -383,7 +384,7 @@ def test_registers_of_a_failed_unit_are_kept_while_others_are_written(operator: 
 
     link.event.emit(Message("registers_written", slot="2"))
     link.event.emit(Message("registers_written", slot="3"))
-    link.event.emit(StateChanged("failed", "running"))
+    link.event.emit(StateChanged("done", "running"))
     for slot, outcome, more in (("1", "failed", FAILED), ("2", "passed", {}), ("3", "passed", {})):
         end_unit(operator, slot, outcome, **more)
     link._end()
@@ -697,7 +698,7 @@ def test_batch_continues_on_the_virtual_bench_after_one_unit_stops_sending(opera
     assert operator.run.going
     operator.until(lambda: "FAULT" in tile(operator, "unit_2_tile").accessibleName())
     operator.until_ended()
-    assert [unit.outcome for unit in operator.run.units] == ["passed", "fault", "passed"], operator.says()
+    assert [unit.verdict for unit in operator.run.units] == ["passed", "fault", "passed"], operator.says()
     assert "2 passed, 1 fault" in operator.says()
     click(operator, "unit_3_verdict")
     assert operator.verdict == "PASS"

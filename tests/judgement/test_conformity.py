@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal, norm
 from calstation.config import RunRequest, library, load_configuration
 from calstation.estimation import Solution
 from calstation.estimation.common import Consistency, Posterior
-from calstation.judgement import Check, acceptance_interval, judge
+from calstation.judgement import Check, End, acceptance_interval, judge, verdict_of
 from calstation.judgement.conformity import Measurement, bivariate_normal, probability_outside, product_risks
 from calstation.messages import sentence
 from calstation.physics import COUNT, INDEX, NAMES
@@ -160,9 +160,9 @@ def solution(**values: tuple[float, float]) -> Solution:
 def judged(meta: LogMeta, found: Solution) -> Result:
     prior = prior_from_meta(meta)
     judgement = judge(meta, prior, (found,))
-    result = build_result(
-        meta, prior, (found,), judgement, Ending("resolved", "a.h5", LogFacts(0, 99, 100, 0, None, 64 * "0"))
-    )
+    verdict = verdict_of(End.COMPLETED, judgement.passed, partial=judgement.partial)
+    ending = Ending(verdict, "a.h5", LogFacts(0, 99, 100, 0, None, 64 * "0"))
+    result = build_result(meta, prior, (found,), judgement, ending)
     assert Result.from_json(json.loads(json.dumps(result.to_json()))) == result
     return result
 

@@ -20,8 +20,8 @@ from calstation.config import RunRequest, load_configuration
 from calstation.estimation.common import SampleBlock
 from calstation.judgement import judge
 from calstation.physics import INDEX, NAMES, parameter_vector
-from calstation.records import ConformitySection, Limit, LogFacts, Rule
-from calstation.results import Ending, StageChain, build_result, one_blas_thread
+from calstation.records import ConformitySection, Limit, Rule
+from calstation.results import StageChain, one_blas_thread
 from procedures import method
 
 PRODUCT = Path("data/products/mems_c_fast.toml")
@@ -72,11 +72,9 @@ def calibrate(seed: int, sigmas: dict[str, float] | None = None) -> tuple[list[D
         assert meta.product is not None
         product = meta.product.model_copy(update={"limits": limits, "conformity": conformity, "checks": None})
         judged = meta.model_copy(update={"product": product})
-        solutions = tuple(chain.solutions)
-        ending = Ending("resolved", "log.h5", LogFacts(0, 0, 1, 0, None, 64 * "0"))
-        result = build_result(judged, chain.prior, solutions, judge(judged, chain.prior, solutions), ending)
-        assert result.conformity is not None
-        for name, row in result.conformity.parameters.items():
+        decided = judge(judged, chain.prior, tuple(chain.solutions)).conformity
+        assert decided is not None
+        for name, row in decided.parameters.items():
             assert row.false_accept is not None
             assert row.false_reject is not None
             conforms = abs(y[INDEX[name]]) <= LIMIT * sigmas[name]

@@ -107,8 +107,8 @@ def test_simulators_give_the_same_calibration_error_for_an_effect() -> None:
 @pytest.mark.long
 def test_run_through_the_protocols_reports_the_effect(site_folder: SiteFolder) -> None:
     site_folder.write(effects={"accel_cubic_ug_g3": [0.0, 3000.0, 0.0]})
-    verdict = site_folder.run("rate", "six_position")
-    result = load_result(Path(verdict.result_file))
+    ended = site_folder.run("rate", "six_position")
+    result = load_result(Path(ended.result_file))
     assert result.passed is False
     found = result.parameters
     configured = load_configuration(site_folder.request()).bench_config()

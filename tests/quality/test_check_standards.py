@@ -206,17 +206,17 @@ def test_production_requires_a_passed_check_standard(site: SiteFolder, capsys: p
 
     request = replace(site.request(), serial=GOLDEN)
     site.request = lambda *stages, **more: request  # type: ignore[method-assign,assignment]
-    verdict = site.run()
-    assert verdict.outcome == "passed"
+    ended = site.run()
+    assert ended.verdict.passed
     del site.request  # type: ignore[method-assign]
-    result = load_result(Path(verdict.result_file))
+    result = load_result(Path(ended.result_file))
     assert result.check_standard is not None
     assert result.check_standard.passed
     assert {"gyro_scale_x", "accel_bias_z"} <= set(result.check_standard.e_n)
     assert result.registers is not None
     assert result.registers.new is None  # a check standard is never adjusted
     assert "standard_agrees" in [event.id for event in site.events_of(Message)]
-    assert result.check_standard == open_result(verdict.log).check_standard
+    assert result.check_standard == open_result(ended.log).check_standard
 
     assert allowed(site) is None
     history = site_history(site)
@@ -264,10 +264,10 @@ def test_check_standard_that_disagrees_with_its_reference_stops_production(site:
     write(site, off=0.01)
     request = replace(site.request(), serial=GOLDEN)
     site.request = lambda *stages, **more: request  # type: ignore[method-assign,assignment]
-    verdict = site.run()
+    ended = site.run()
     del site.request  # type: ignore[method-assign]
-    assert verdict.outcome == "failed"
-    result = load_result(Path(verdict.result_file))
+    assert ended.verdict == "failed"
+    result = load_result(Path(ended.result_file))
     assert result.check_standard is not None
     assert not result.check_standard.passed
     assert "standard_differs" in [event.id for event in site.events_of(Message)]

@@ -13,7 +13,7 @@ from calstation.devices.profiles import load_imu_profile
 from calstation.physics import NAMES, FloatArray
 from calstation.quality import BASELINE, ParameterQuality, Process, RandomEffects, random_effects, summarise_quality
 from calstation.quality.charts import nelson_signals
-from calstation.records import IndexedRun, RunIndex, RunRecord
+from calstation.records import IndexedRun, RunIndex, RunRecord, Verdict
 
 BEGIN = datetime(2026, 1, 1, tzinfo=UTC)
 #: Sigmas of the two schedules, which take turns, relative to the spread between units.
@@ -63,7 +63,7 @@ def store(folder: Path, product: str, values: FloatArray, sigmas: FloatArray, se
         record = RunRecord(
             serial=serial or f"SN-{k}",
             started_utc=(BEGIN + timedelta(hours=k)).isoformat(),
-            outcome="passed",
+            verdict=Verdict.PASSED,
             attempt=1,
             product=product,
             station="bench 1",

@@ -145,10 +145,10 @@ def test_default_table_and_bench_have_the_same_home_orientation() -> None:
 
 @pytest.mark.long
 def test_run_and_re_solved_log_give_the_same_table_geometry(site_folder: SiteFolder) -> None:
-    verdict = site_folder.run("rate", "six_position")
-    result = load_result(Path(verdict.result_file))
+    ended = site_folder.run("rate", "six_position")
+    result = load_result(Path(ended.result_file))
     assert set(result.table) == set(TABLE_QUANTITIES)
     truth = BenchConfig.model_validate(load_configuration(site_folder.request()).bench_config()).truth()
     for value, true in zip(result.table.values(), truth_of(truth.table), strict=True):
         assert abs(value.value - true) < 4.0 * value.sigma
-    assert resolve(Path(verdict.log)).result.table == result.table
+    assert resolve(Path(ended.log)).result.table == result.table

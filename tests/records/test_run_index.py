@@ -13,8 +13,9 @@ import pytest
 from sqlalchemy import event
 
 from calstation.errors import ConfigurationError
+from calstation.records import Verdict
 from calstation.records.check_id import CheckId
-from calstation.records.indexed_run import IndexedRun, RunChoices, RunFilter, RunRecord, verdict_of
+from calstation.records.indexed_run import IndexedRun, RunChoices, RunFilter, RunRecord
 from calstation.records.run_index import FILE, RunIndex
 from tests.helpers import raises_code
 
@@ -26,7 +27,7 @@ def run(name: str, day: int, **changes: object) -> IndexedRun:
     record = RunRecord(
         serial=name.upper(),
         started_utc=(BEGIN + timedelta(days=day - 1)).isoformat(),
-        outcome="passed",
+        verdict=Verdict.PASSED,
         attempt=1,
         product="nav-a",
         station="bench 1",
@@ -45,8 +46,8 @@ def index(tmp_path: Path) -> RunIndex:
     made = RunIndex(tmp_path)
     made.put(
         [
-            run("a", 1, outcome="failed", station="bench 2"),
-            run("b", 2, partial=True, operator="Zoë Müller"),
+            run("a", 1, verdict=Verdict.FAILED, station="bench 2"),
+            run("b", 2, verdict=Verdict.PARTIAL, partial=True, operator="Zoë Müller"),
             run("c", 3, product="mems-x", operator=None),
             run("d", 4),
         ]
@@ -99,15 +100,9 @@ def test_choices_are_the_values_of_the_runs(index: RunIndex, tmp_path: Path) -> 
     assert RunIndex(tmp_path / "empty").choices() == RunChoices()
 
 
-def test_passed_partial_run_has_a_separate_verdict() -> None:
-    outcomes = ("passed", "failed", "stopped")
-    assert [verdict_of(outcome, partial=True) for outcome in outcomes] == ["partial", "failed", "stopped"]
-    assert [verdict_of(outcome, partial=False) for outcome in outcomes] == list(outcomes)
-
-
 def test_values_sigmas_and_failed_checks_are_read_back_exactly(index: RunIndex, tmp_path: Path) -> None:
     kept = replace(
-        run("e", 5, outcome="failed"),
+        run("e", 5, verdict=Verdict.FAILED),
         values={"gyro_bias_x": 0.1 + 0.2, "accel_bias_x": -1e-300},
         sigmas={"accel_bias_x": 1 / 3},
         failed_checks=(CheckId("within", "gyro_bias_x"), CheckId("other", "two\nlines"), CheckId("other")),
@@ -122,9 +117,9 @@ def test_columns_contain_runs_with_a_start_time_oldest_first(index: RunIndex) ->
     both, one = {"gyro_bias_x": 1e-6, "accel_bias_x": 2e-3}, {"gyro_bias_x": 3e-6}
     index.put(
         [
-            replace(run("f", 6, partial=True), values=both, sigmas={"gyro_bias_x": 1e-8}),
+            replace(run("f", 6, verdict=Verdict.PARTIAL, partial=True), values=both, sigmas={"gyro_bias_x": 1e-8}),
             replace(
-                run("e", 5, outcome="failed"),
+                run("e", 5, verdict=Verdict.FAILED),
                 values=one,
                 sigmas=one,
                 failed_checks=(CheckId("effects", "rate"), CheckId("change")),
@@ -152,7 +147,9 @@ def test_columns_contain_runs_with_a_start_time_oldest_first(index: RunIndex) ->
 
 
 def test_runs_of_other_folders_are_found_with_local_runs(index: RunIndex, tmp_path: Path) -> None:
-    there = run("a", 5, outcome="failed", station="bench 9", serial="A", origin="other", location="bench9:/runs/a.h5")
+    there = run(
+        "a", 5, verdict=Verdict.FAILED, station="bench 9", serial="A", origin="other", location="bench9:/runs/a.h5"
+    )
     index.receive([there], "db", 1)
     assert index.received() == ("db", 1)
     assert [each.name for each in index.find(RunFilter(), 3)] == ["a", "d", "c"]

@@ -18,7 +18,7 @@ from calstation.registers import journal as register_journal
 from calstation.registers.unit_registers import UnitRegisters, read_unit
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Fault, Message, StageStarted, StepStarted, Verdict
+from calstation.sequencer.events import Event, Fault, Finalized, Message, StageStarted, StepStarted
 from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import RegisterOperations
 from tests.site_folder import SiteFolder
@@ -89,8 +89,8 @@ def test_unit_with_unchanged_registers_is_calibrated_normally(bench: Workbench) 
     bench.interrupt(committed=False)
     events = bench.run()
     assert message_values(events, "transfer_kept")[0]["holds"] == "old"
-    assert isinstance(events[-1], Verdict)
-    assert events[-1].outcome == "passed"
+    assert isinstance(events[-1], Finalized)
+    assert events[-1].verdict.passed
     first, second = register_journal.history(bench.runs, SERIAL)
     assert (first.closing, second.closing) == ("kept", "done")
 
@@ -102,8 +102,8 @@ def test_unverified_registers_block_a_run_until_a_decision(bench: Workbench) -> 
     assert (offer["holds"], offer["offers"], offer["serial"]) == ("new", ["finish", "restore"], SERIAL)
     (fault,) = [event for event in events if isinstance(event, Fault)]
     assert fault.code == "transfer.interrupted"
-    assert isinstance(events[-1], Verdict)
-    assert events[-1].outcome == "fault"
+    assert isinstance(events[-1], Finalized)
+    assert events[-1].verdict == "fault"
     with raises_code(DeviceFaultError, "transfer.interrupted"):
         bench.operations.write(VALUES)
     assert bench.operations.moves() == []
@@ -111,8 +111,8 @@ def test_unverified_registers_block_a_run_until_a_decision(bench: Workbench) -> 
 
     events = bench.run(unfinished="restore")
     assert message_values(events, "transfer_settled")[0]["closing"] == "restored"
-    assert isinstance(events[-1], Verdict)
-    assert events[-1].outcome == "passed"
+    assert isinstance(events[-1], Finalized)
+    assert events[-1].verdict.passed
 
 
 @pytest.mark.parametrize(("choice", "committed"), [("finish", False), ("restore", True)])
@@ -137,8 +137,8 @@ def test_interrupted_transfer_is_finished_or_restored_without_a_run(
 def test_finished_registers_are_verified_before_the_first_stage_of_a_run(bench: Workbench) -> None:
     bench.interrupt(committed=True)
     events = bench.run(unfinished="finish")
-    assert isinstance(events[-1], Verdict)
-    assert events[-1].outcome == "passed"
+    assert isinstance(events[-1], Finalized)
+    assert events[-1].verdict.passed
     assert message_values(events, "transfer_settled")[0]["closing"] == "done"
     begun = [i for i, event in enumerate(events) if isinstance(event, StageStarted)]
     turns = [i for i, e in enumerate(events) if isinstance(e, StepStarted) and e.label == ("verify",)]
@@ -180,8 +180,8 @@ def test_run_stopped_before_verification_reports_an_unverified_transfer(bench: W
             control.send(Command.STOP)
 
     execute(replace(bench.request, unfinished="finish"), emit, control)
-    assert isinstance(events[-1], Verdict)
-    assert events[-1].outcome == "stopped"
+    assert isinstance(events[-1], Finalized)
+    assert events[-1].verdict == "stopped"
     assert len(message_values(events, "transfer_unproved")) == 1
     assert register_journal.interrupted(bench.runs, SERIAL) is not None
 

@@ -21,7 +21,7 @@ from calstation.registers.journal import journal_folder
 from calstation.registers.unit_registers import read_unit
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Message, Verdict
+from calstation.sequencer.events import Event, Finalized, Message
 from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import RegisterOperations
 from tests.site_folder import STATION, SiteFolder
@@ -73,8 +73,8 @@ def test_different_runs_folders_share_the_journal(
     )
     events: list[Event] = []
     execute(replace(hardware, out=tuesday, stages=("rate",)), events.append, Control())
-    assert isinstance(events[-1], Verdict)
-    assert events[-1].outcome == "fault"
+    assert isinstance(events[-1], Finalized)
+    assert events[-1].verdict == "fault"
     assert "Finish or restore" in str(events[-1].result["error"])
     opened.close(Closing.KEPT)
 
@@ -121,8 +121,8 @@ def test_a_nearly_worn_flash_is_reported(worn: Worn) -> None:
     events = worn.run()
     (message,) = [event for event in events if isinstance(event, Message) and event.id == "flash_near"]
     assert message.values == {"serial": SERIAL, "used": 9, "most": 10}
-    assert isinstance(events[-1], Verdict)
-    assert events[-1].outcome == "passed"
+    assert isinstance(events[-1], Finalized)
+    assert events[-1].verdict.passed
     assert register_journal.cycles(worn.runs, SERIAL) == 10
     with raises_code(ConfigurationError, "transfer.flash_worn"):
         worn.run()

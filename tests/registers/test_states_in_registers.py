@@ -48,10 +48,10 @@ def test_effect_is_written_to_its_register_if_available(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, register: bool
 ) -> None:
     prepare(site_folder, monkeypatch, with_register if register else str)
-    verdict = site_folder.run("rate", "six_position")
-    assert verdict.outcome == "passed", verdict.result["checks"]
-    new, found = verdict.result["registers"]["new"], verdict.result["parameters"]
-    assert verdict.result["registers"]["verified"]
+    ended = site_folder.run("rate", "six_position")
+    assert ended.verdict.passed, ended.result["checks"]
+    new, found = ended.result["registers"]["new"], ended.result["parameters"]
+    assert ended.result["registers"]["verified"]
     for name in CUBIC:
         row = found[name]
         assert abs(row["value"] - TRUE) < 5.0 * row["sigma"]
@@ -65,7 +65,8 @@ def test_effect_is_written_to_its_register_if_available(
 def test_residual_effect_is_added_to_the_register(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     prepare(site_folder, monkeypatch, lambda profile: with_register(behind(profile)))
     first, second = (site_folder.run("rate", "six_position") for _ in range(2))
-    assert (first.outcome, second.outcome) == ("passed", "passed")
+    assert first.verdict.passed
+    assert second.verdict.passed
     for name in CUBIC:
         left = second.result["parameters"][name]
         assert abs(left["value"]) < 0.1 * TRUE

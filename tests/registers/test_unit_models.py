@@ -80,7 +80,7 @@ def test_register_set_records_its_type_of_unit(known: Known) -> None:
 
 @pytest.mark.exhaustive
 def test_run_records_the_type_of_unit_that_it_wrote(known: Known) -> None:
-    assert known.site_folder.run("rate").outcome == "passed"
+    assert known.site_folder.run("rate").verdict.passed
     (entry,) = register_journal.history(known.runs, SERIAL)
     assert (entry.unit_type.profile, entry.unit_type.product, entry.unit_type.map) == (NAV, "short", known.own.map)
     assert entry.unit_type.model.startswith("bench-imu")

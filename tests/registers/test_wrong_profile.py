@@ -56,10 +56,10 @@ def test_failed_verification_restores_the_old_registers(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
     misread(site_folder, monkeypatch, *WRONG[what])
-    verdict = site_folder.run("rate", "six_position")
-    assert verdict.outcome == "fault", verdict.result["registers"]
+    ended = site_folder.run("rate", "six_position")
+    assert ended.verdict == "fault", ended.result["registers"]
     assert site_folder.fault().code == "verification.differs"
-    registers = verdict.result["registers"]
+    registers = ended.result["registers"]
     assert not registers["verified"]
     assert set(registers["new"].values()) == {0.0}
     (entry,) = register_journal.history(site_folder.folder / "runs", "SN-000042")
@@ -85,9 +85,9 @@ def test_registers_of_a_unit_without_corrected_output_are_only_read_back(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     misread(site_folder, monkeypatch, "bench_nav", "[corrected]\nstream = 2", "# none")
-    verdict = site_folder.run("six_position")
-    assert verdict.outcome == "passed"
-    registers = verdict.result["registers"]
+    ended = site_folder.run("six_position")
+    assert ended.verdict.passed
+    registers = ended.result["registers"]
     assert (registers["verified"], registers["proved_on"]) == (True, "read_back")
     assert "difference" not in " ".join(check["name"] for check in registers["proof"])
     ids = [message.id for message in site_folder.events_of(Message)]
@@ -100,7 +100,7 @@ def test_registers_of_a_unit_without_corrected_output_are_only_read_back(
 @pytest.mark.parametrize("at", sampled(3, [60.0, 75.0, 100.0]))
 def test_frames_dropped_during_verification_repeat_one_rotation(site_folder: SiteFolder, at: float) -> None:
     site_folder.write(orders=[{"order": "drop_frames", "at": at, "value": 3}])
-    verdict = site_folder.run("six_position")
-    assert verdict.outcome == "passed", site_folder.fault().text
-    assert verdict.result["registers"]["proved_on"] == "corrected_output"
-    assert Path(verdict.log).is_file()
+    ended = site_folder.run("six_position")
+    assert ended.verdict.passed, site_folder.fault().text
+    assert ended.result["registers"]["proved_on"] == "corrected_output"
+    assert Path(ended.log).is_file()

@@ -13,7 +13,7 @@ from calstation.records import open_log
 from calstation.reports.analysis import Analysis, analyse
 from calstation.reports.content import Certificate, build_certificate
 from calstation.results import load_result
-from calstation.sequencer.events import Verdict
+from calstation.sequencer.events import Finalized
 from tests.gimbal_site import GimbalSite
 from tests.shared_runs import SharedRuns
 from tests.site_folder import PRODUCT, SiteFolder
@@ -54,8 +54,8 @@ class Made:
 
 def make(shared: SharedRuns, folder: Path, kind: str) -> Made:
     """Copy a run of a type to `folder`, with its certificate."""
-    verdict = shared.copy(f"certificate-{kind}", folder, _RUNS[kind])
-    result_file = Path(verdict.result_file)
+    ended = shared.copy(f"certificate-{kind}", folder, _RUNS[kind])
+    result_file = Path(ended.result_file)
     analysis = pickle.loads((folder / "analysis.pickle").read_bytes())
     log = open_log(result_file.with_suffix(".h5"))
     certificate = build_certificate(load_result(result_file), log.meta, budget=analysis.budget)
@@ -68,33 +68,33 @@ def with_laboratory(site: SiteFolder, **entries: Any) -> None:
     site.station.write_text(tomli_w.dumps({**station, **LABORATORY, **entries}), encoding="utf-8")
 
 
-def analysed(site: SiteFolder, verdict: Verdict) -> Verdict:
+def analysed(site: SiteFolder, ended: Finalized) -> Finalized:
     """Store the analysis of a run in its folder."""
-    result = load_result(Path(verdict.result_file))
-    found = analyse(lambda *args, **more: None, open_log(Path(verdict.log)), result)
+    result = load_result(Path(ended.result_file))
+    found = analyse(lambda *args, **more: None, open_log(Path(ended.log)), result)
     (site.folder / "analysis.pickle").write_bytes(pickle.dumps(found))
-    return verdict
+    return ended
 
 
-def _passed(site: SiteFolder) -> Verdict:
+def _passed(site: SiteFolder) -> Finalized:
     with_laboratory(site)
     return analysed(site, site.run())
 
 
-def _partial(site: SiteFolder) -> Verdict:
+def _partial(site: SiteFolder) -> Finalized:
     with_laboratory(site)
     site.run()
     return analysed(site, site.run("azimuth_flip"))
 
 
-def _failed(site: SiteFolder) -> Verdict:
+def _failed(site: SiteFolder) -> Finalized:
     limits = {**PRODUCT["limits"], "gyro_scale": {"within": 1e-6}}
     site.write({"stages": ["rate"], "limits": limits})
     with_laboratory(site)
     return analysed(site, site.run())
 
 
-def _gimbal(site: SiteFolder) -> Verdict:
+def _gimbal(site: SiteFolder) -> Finalized:
     gimbal = GimbalSite(site.folder)
     with_laboratory(gimbal)
     return analysed(gimbal, gimbal.run())

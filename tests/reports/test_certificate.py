@@ -39,7 +39,7 @@ from calstation.reports.source import load_source
 from calstation.results import Result, resolve
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Verdict
+from calstation.sequencer.events import Event, Finalized
 from calstation.simulation.bench_recordings import make_recording
 from calstation.simulation.hooks import BenchHooks
 from tests.helpers import ignore_progress
@@ -357,7 +357,7 @@ def test_every_other_outcome_has_a_certificate(made: Made, kind: str) -> None:
     result = Result.from_json({**made.certificate.result.to_json(), **changes})
     certificate = build_certificate(result, made.certificate.meta, budget=made.analysis.budget)
     passed = kind in ("gaps", "standard overridden")
-    assert certificate.verdict == ("passed" if passed else "not_judged")
+    assert certificate.verdict == ("passed" if passed else "undetermined")
     other = replace(made, certificate=certificate)
     text = " ".join("".join(p.extract_text() for p in pypdf.PdfReader(io.BytesIO(printed(other))).pages).split())
     assert words in text
@@ -568,11 +568,11 @@ def test_manual_calibration_has_a_certificate_without_a_table(tmp_path: Path) ->
     events: list[Event] = []
     request = RunRequest("SN-000007", station, product, None, tmp_path / "runs", "tester")
     execute(request, events.append, Control(), BenchHooks)
-    verdict = events[-1]
-    assert isinstance(verdict, Verdict)
+    ended = events[-1]
+    assert isinstance(ended, Finalized)
     for language in LANGUAGES:
         out = tmp_path / f"{language}.pdf"
-        asked = ReportRequest(Path(verdict.result_file), out, language)
+        asked = ReportRequest(Path(ended.result_file), out, language)
         certificate, _ = issue_report(lambda *args, **more: None, asked)
         assert certificate.verdict == "passed"
     text = " ".join(" ".join(p.extract_text() for p in pypdf.PdfReader(tmp_path / "en.pdf").pages).split())

@@ -21,7 +21,7 @@ from calstation.reports.dsi import dsi_unit, joint_list
 from calstation.reports.signing import PASSWORD_VARIABLE, load_signer, sign_xml
 from calstation.results.resolving import resolve
 from calstation.results.result import load_result
-from calstation.sequencer.events import Verdict
+from calstation.sequencer.events import Finalized
 from calstation.simulation.bench_recordings import make_recording
 from tests.reports.dcc_reader import broken_rules, find, read_dcc, schema
 from tests.reports.seal import KEYS, PASSWORD, write_certificate
@@ -50,13 +50,13 @@ TABLE = InstrumentSection(
 )
 
 
-def certified(verdict: Verdict) -> Certificate:
+def certified(ended: Finalized) -> Certificate:
     """Return the certificate of a run at a laboratory."""
-    found = build_certificate(load_result(Path(verdict.result_file)), open_log(Path(verdict.log)).meta)
+    found = build_certificate(load_result(Path(ended.result_file)), open_log(Path(ended.log)).meta)
     return replace(found, laboratory=LABORATORY, instruments=(TABLE, InstrumentSection(name="Survey")))
 
 
-def failed_run(site: SiteFolder) -> Verdict:
+def failed_run(site: SiteFolder) -> Finalized:
     """A run of a unit outside its limits."""
     site.write(out_of_limits=True)
     return site.run("six_position")

@@ -11,7 +11,7 @@ import tomli_w
 from calstation.cli.app import run_app
 from calstation.config import ConfirmationRequired
 from calstation.reports import issue_state
-from calstation.sequencer.events import Verdict
+from calstation.sequencer.events import Finalized
 from tests.helpers import ignore_progress
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
@@ -21,7 +21,7 @@ from tests.site_folder import SiteFolder
 def result_file(shared_runs: SharedRuns, tmp_path: Path) -> Path:
     """The result of a run with its log in the same folder; its product requires a second person."""
 
-    def make(site: SiteFolder) -> Verdict:
+    def make(site: SiteFolder) -> Finalized:
         site.write({"stages": ["six_position"], "confirmation": {"required_for": ["certificate"]}})
         return site.run()
 

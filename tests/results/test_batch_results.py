@@ -7,7 +7,7 @@ from calstation.estimation import Solution
 from calstation.estimation.common import Consistency, Posterior
 from calstation.judgement import judge
 from calstation.physics import COUNT, NAMES
-from calstation.records import LogFacts, LogMeta, prior_from_meta
+from calstation.records import LogFacts, LogMeta, Verdict, prior_from_meta
 from calstation.results import Ending, Result, build_result
 
 
@@ -16,7 +16,7 @@ def built(meta: LogMeta) -> Result:
     posterior = Posterior(np.zeros(COUNT), np.diag(np.full(COUNT, 1e-18)))
     found = Solution("excitation", posterior, NAMES, Consistency(1.0, 0.9, 1.1, 100))
     prior = prior_from_meta(meta)
-    ending = Ending("resolved", "a.h5", LogFacts(0, 99, 100, 0, None, 64 * "0"))
+    ending = Ending(Verdict.FAILED, "a.h5", LogFacts(0, 99, 100, 0, None, 64 * "0"))
     return build_result(meta, prior, (found,), judge(meta, prior, (found,)), ending)
 
 

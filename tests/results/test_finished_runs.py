@@ -31,23 +31,23 @@ def test_result_and_log_give_the_same_run_with_earlier_values(site_folder: SiteF
 
 @pytest.mark.long
 def test_a_log_without_a_result_is_solved(tmp_path: Path, shared_runs: SharedRuns) -> None:
-    verdict = shared_runs.passed(tmp_path, "six_position")
+    ended = shared_runs.passed(tmp_path, "six_position")
     csv = tmp_path / "foreign.csv"
-    export_csv(Path(verdict.log), csv)
+    export_csv(Path(ended.log), csv)
     found = load_finished_run(ignore_progress, csv, tmp_path / "nowhere")
     assert found.previous == {}
-    assert found.result.to_json()["parameters"] == verdict.result["parameters"]
+    assert found.result.to_json()["parameters"] == ended.result["parameters"]
 
 
 @pytest.mark.long
 def test_result_with_a_damaged_or_missing_log_is_shown(site_folder: SiteFolder) -> None:
-    verdict = site_folder.run("six_position")
-    result, runs = Path(verdict.result_file), site_folder.folder / "runs"
+    ended = site_folder.run("six_position")
+    result, runs = Path(ended.result_file), site_folder.folder / "runs"
     labels = load_finished_run(ignore_progress, result, runs).step_labels
     assert [label for label in labels.values() if label[0] == "face_up"][:2] == [("face_up", "+z"), ("face_up", "-z")]
-    Path(verdict.log).write_bytes(b"x")
+    Path(ended.log).write_bytes(b"x")
     assert load_finished_run(ignore_progress, result, runs).step_labels == {}
-    Path(verdict.log).unlink()
+    Path(ended.log).unlink()
     assert load_finished_run(ignore_progress, result, runs).log is None
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from calstation.errors import InputError
-from calstation.records import CheckId
+from calstation.records import CheckId, Verdict
 from calstation.records.files import take
 from calstation.records.indexed_run import IndexedRun, RunFilter
 from calstation.records.meta import LogMeta
@@ -72,7 +72,7 @@ def test_runs_are_found_latest_first(three: Path) -> None:
     assert [run.log.stem for run in history.runs(RunFilter("SN-1", "passed"), limit=1)] == ["b"]
     assert history.runs(RunFilter("100%_")) == []
     (run,) = history.runs(RunFilter("SN-2"))
-    assert (run.serial, run.outcome, run.stages, run.error) == ("SN-2", "stopped", ("rate",), "no answer")
+    assert (run.serial, run.verdict, run.stages, run.error) == ("SN-2", "stopped", ("rate",), "no answer")
     assert (run.log, run.result) == (three / "c.h5", three / "c.json")
 
 
@@ -144,7 +144,7 @@ def test_refresh_reads_only_changed_files(three: Path) -> None:
     write(three, "b", "SN-1", "failed", 2)
     (three / "c.json").unlink()
     assert history.refresh() == 2
-    assert [run.outcome for run in history.runs()] == ["failed", "failed"]
+    assert [run.verdict for run in history.runs()] == ["failed", "failed"]
 
 
 @pytest.mark.parametrize("damage", ["delete", "garbage", "other version"])
@@ -308,7 +308,7 @@ def test_startup_closes_incomplete_runs_and_delivers_results(tmp_path: Path) -> 
     assert tidied.incomplete == (runs / "x.h5",)
     assert (tidied.delivery.folder, tidied.delivery.done) == (tmp_path / "handover", 1)
     assert (tmp_path / "handover" / "x.json").is_file()
-    assert [run.outcome for run in History(runs).runs()] == ["incomplete"]
+    assert [run.verdict for run in History(runs).runs()] == ["incomplete"]
     assert fractions == sorted(fractions)
     assert recover_startup(lambda *_: None, tmp_path / "none", None).incomplete == ()
 
@@ -330,7 +330,7 @@ def test_runs_count_for_all_stations_but_resume_only_where_the_log_is(three: Pat
     history = refreshed(three)
     (own,) = history.indexed(RunFilter(names=("b",)))
     there = replace(
-        own.record, started_utc="2026-11-05T08:00:00+00:00", outcome="failed", origin="o", station="bench 2"
+        own.record, started_utc="2026-11-05T08:00:00+00:00", verdict=Verdict.FAILED, origin="o", station="bench 2"
     )
     RunIndex(three).receive([IndexedRun("far", "", there, {"gyro_bias_x": 7.0}, {})], "db", 1)
     assert history.refresh() == 0

@@ -35,9 +35,9 @@ def both(log: Path, *states: EffectName) -> tuple[dict[str, Any], dict[str, Any]
 
 @pytest.mark.long
 def test_four_stages_of_a_run_have_the_same_parameters(tmp_path: Path, shared_runs: SharedRuns) -> None:
-    verdict = shared_runs.passed(tmp_path)
-    whole, part = both(Path(verdict.log))
-    assert whole["parameters"] == verdict.result["parameters"]
+    ended = shared_runs.passed(tmp_path)
+    whole, part = both(Path(ended.log))
+    assert whole["parameters"] == ended.result["parameters"]
     assert whole["passed"]
     assert part["stages"] == ["rate", "six_position", "excitation", "azimuth_flip"]
     assert part["checks"]

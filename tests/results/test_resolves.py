@@ -48,8 +48,8 @@ def result(**values: tuple[float, float]) -> Result:
 
 
 def test_solutions_are_recorded_with_their_difference_to_the_run(tmp_path: Path, shared_runs: SharedRuns) -> None:
-    verdict = shared_runs.passed(tmp_path, "six_position")
-    log = Path(verdict.log)
+    ended = shared_runs.passed(tmp_path, "six_position")
+    log = Path(ended.log)
     whole = resolve(log).result
     facts = whole.log
     part = offline_solve(ignore_progress, log, None, facts.first_seq, facts.last_seq - 500, ()).result
@@ -61,7 +61,7 @@ def test_solutions_are_recorded_with_their_difference_to_the_run(tmp_path: Path,
     assert first.difference.identical
     assert first.difference.sigmas == 0.0
     assert second.last_seq == facts.last_seq - 500
-    assert second.difference == online_difference(part, Result.from_json(verdict.result))
+    assert second.difference == online_difference(part, Result.from_json(ended.result))
     assert second.difference.identical is False
     assert second.difference.parameter in part.parameters
 

@@ -142,16 +142,16 @@ FOUR_STAGES = {"gravity_at_rest", "level_horizontal", "level_vertical", "motion_
 def test_checks_of_a_shipped_product_pass_a_good_unit_and_detect_changes(product: str, site_folder: SiteFolder) -> None:
     site_folder.write({"bench_grade": GRADE[product]})
     site_folder.product = library.find("products", product)
-    verdict = site_folder.run()
-    checks = named(verdict.result)
-    assert verdict.outcome == "passed"
+    ended = site_folder.run()
+    checks = named(ended.result)
+    assert ended.verdict.passed
     assert set(checks) >= FOUR_STAGES
     assert {"improvement_at_rest", "improvement_at_rest_floor"} & set(checks)
     assert {"motion_improvement", "motion_improvement_floor"} & set(checks)
     improved = {name: c for name, c in checks.items() if name in FOUR_STAGES or "improvement" in name}
     assert max(c["value"] / c["limit"] for c in improved.values()) < 0.8
 
-    log = open_log(Path(verdict.log))
+    log = open_log(Path(ended.log))
     size = context_from_meta(log.meta).imu.count_size
     rules = log.meta.product.checks
 

@@ -26,7 +26,7 @@ from calstation.runs.automatic_report import start_reports
 from calstation.runs.preparation import PreparedRun
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Fault, Message, StageStarted, StateChanged, StepStarted, Verdict
+from calstation.sequencer.events import Event, Fault, Finalized, Message, StageStarted, StateChanged, StepStarted
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
@@ -42,7 +42,7 @@ def batch_of(site: SiteFolder, *stages: str, serials: tuple[str, ...] = SERIALS)
 
 def run_batch(
     site: SiteFolder, request: RunRequest, on_event: Callable[[Event], None] = lambda event: None
-) -> dict[str, Verdict]:
+) -> dict[str, Finalized]:
     """Run a batch in this process and return the verdicts by slot."""
 
     def emit(event: Event) -> None:
@@ -50,7 +50,7 @@ def run_batch(
         on_event(event)
 
     execute(request, emit, site.control, site.hooks)
-    return {verdict.slot: verdict for verdict in site.events_of(Verdict)}
+    return {ended.slot: ended for ended in site.events_of(Finalized)}
 
 
 @pytest.mark.long
@@ -62,18 +62,18 @@ def test_units_in_three_orientations_pass_and_re_solve_bit_identically(site_fold
     site_folder.write_station(slots=slots, bench={"units": 3})
     verdicts = run_batch(site_folder, batch_of(site_folder))
     assert list(verdicts) == ["A1", "B2", "C3"]
-    assert [verdict.result["unit"]["serial"] for verdict in verdicts.values()] == list(SERIALS)
+    assert [ended.result["unit"]["serial"] for ended in verdicts.values()] == list(SERIALS)
     values = []
-    for slot, verdict in verdicts.items():
-        result = verdict.result
-        assert verdict.outcome == "passed", [check for check in result["checks"] if check["passed"] is False]
+    for slot, ended in verdicts.items():
+        result = ended.result
+        assert ended.verdict.passed, [check for check in result["checks"] if check["passed"] is False]
         assert (result["batch"], result["slot"]) == ("B-1", slot)
         assert result["registers"]["verified"] is True
-        assert json.loads(Path(verdict.result_file).read_text(encoding="utf-8")) == result
-        log = open_log(Path(verdict.log))
+        assert json.loads(Path(ended.result_file).read_text(encoding="utf-8")) == result
+        log = open_log(Path(ended.log))
         assert log.results == [result]
         assert {event.get("slot", slot) for event in log.events} == {slot}
-        again = resolve(Path(verdict.log)).result.to_json()
+        again = resolve(Path(ended.log)).result.to_json()
         assert again["parameters"] == result["parameters"]
         assert (again["batch"], again["slot"]) == ("B-1", slot)
         values.append(result["parameters"]["gyro_scale_x"]["value"])
@@ -98,13 +98,13 @@ def test_unit_that_stops_sending_does_not_affect_the_others(site_folder: SiteFol
     orders = [{"order": "silence_imu", "value": 1e6, "at": 60.0, "unit": 2}]
     site_folder.write(units=3, orders=orders)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position"))
-    assert {slot: verdict.outcome for slot, verdict in verdicts.items()} == {"1": "passed", "2": "fault", "3": "passed"}
+    assert {slot: ended.verdict for slot, ended in verdicts.items()} == {"1": "passed", "2": "fault", "3": "passed"}
     (fault,) = site_folder.events_of(Fault)
     assert fault.slot == "2"
     assert [message.slot for message in site_folder.events_of(Message) if message.id == "unit_left"] == ["2"]
     assert verdicts["2"].result["error_code"] == fault.code
     assert open_log(Path(verdicts["2"].log)).outcome == "fault"
-    order = [event.slot for event in site_folder.events_of(Verdict)]
+    order = [event.slot for event in site_folder.events_of(Finalized)]
     assert order[0] == "2"
 
 
@@ -125,9 +125,9 @@ def test_unresponsive_unit_is_removed_immediately(site_folder: SiteFolder, monke
     site_folder.write(units=3)
     refuse(monkeypatch, SERIALS[2])
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position"))
-    assert {slot: verdict.outcome for slot, verdict in verdicts.items()} == {"1": "passed", "2": "passed", "3": "fault"}
+    assert {slot: ended.verdict for slot, ended in verdicts.items()} == {"1": "passed", "2": "passed", "3": "fault"}
     kinds = [type(event) for event in site_folder.events]
-    assert kinds.index(Verdict) < kinds.index(StateChanged)  # before anything is driven
+    assert kinds.index(Finalized) < kinds.index(StateChanged)  # before anything is driven
     (fault,) = site_folder.events_of(Fault)
     assert (fault.slot, fault.code) == ("3", "connection.refused")
     assert [message.slot for message in site_folder.events_of(Message) if message.id == "unit_left"] == ["3"]
@@ -137,11 +137,11 @@ def test_each_unit_has_its_own_fault_if_none_responds(site_folder: SiteFolder, m
     site_folder.write(units=2)
     refuse(monkeypatch, *SERIALS)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]))
-    assert [verdict.outcome for verdict in verdicts.values()] == ["fault", "fault"]
+    assert [ended.verdict for ended in verdicts.values()] == ["fault", "fault"]
     faults = [(fault.slot, fault.values["port"]) for fault in site_folder.events_of(Fault)]
     assert faults == [("1", SERIALS[0]), ("2", SERIALS[1])]
-    for verdict, serial in zip(verdicts.values(), SERIALS, strict=False):
-        assert serial in verdict.result["error"]
+    for ended, serial in zip(verdicts.values(), SERIALS, strict=False):
+        assert serial in ended.result["error"]
 
 
 def test_stop_ends_a_batch_while_its_units_are_opened(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -156,8 +156,8 @@ def test_stop_ends_a_batch_while_its_units_are_opened(site_folder: SiteFolder, m
     monkeypatch.setattr(run_module, "_registers", registers)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position"))
     assert opened == [SERIALS[0]]
-    assert {slot: verdict.outcome for slot, verdict in verdicts.items()} == dict.fromkeys("123", "stopped")
-    assert all(open_log(Path(verdict.log)).outcome == "stopped" for verdict in verdicts.values())
+    assert {slot: ended.verdict for slot, ended in verdicts.items()} == dict.fromkeys("123", "stopped")
+    assert all(open_log(Path(ended.log)).outcome == "stopped" for ended in verdicts.values())
     assert site_folder.events_of(Fault) == []
 
 
@@ -173,7 +173,7 @@ def test_configuration_error_affects_only_its_unit(site_folder: SiteFolder, monk
 
     monkeypatch.setattr(run_module, "_registers", registers)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]))
-    assert {slot: verdict.outcome for slot, verdict in verdicts.items()} == {"1": "passed", "2": "fault"}
+    assert {slot: ended.verdict for slot, ended in verdicts.items()} == {"1": "passed", "2": "fault"}
     assert verdicts["2"].result["error_code"] == "log.not_created"
 
 
@@ -193,18 +193,18 @@ def test_open_logs_are_closed_if_another_log_cannot_be_created(
     monkeypatch.setattr(PreparedRun, "open", open_one)
     with pytest.raises(type(error)):
         run_batch(site_folder, batch_of(site_folder, "six_position"))
-    (verdict,) = site_folder.events_of(Verdict)
-    assert (verdict.slot, verdict.outcome) == ("1", "fault")
-    assert verdict.result["error_code"] == getattr(error, "code", "program.internal")
-    assert open_log(Path(verdict.log)).outcome == "fault"
+    (ended,) = site_folder.events_of(Finalized)
+    assert (ended.slot, ended.verdict) == ("1", "fault")
+    assert ended.result["error_code"] == getattr(error, "code", "program.internal")
+    assert open_log(Path(ended.log)).outcome == "fault"
 
 
 @pytest.mark.long
 def test_similar_serial_numbers_have_separate_logs(site_folder: SiteFolder) -> None:
     site_folder.write({"serial_pattern": "SN[-_]1"}, units=2)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=("SN-1", "SN_1")))
-    assert [verdict.outcome for verdict in verdicts.values()] == ["passed", "passed"]
-    assert {Path(verdict.log).stem.rpartition("_")[0] for verdict in verdicts.values()} == {"SN-1_1", "SN-1_2"}
+    assert [ended.verdict for ended in verdicts.values()] == ["passed", "passed"]
+    assert {Path(ended.log).stem.rpartition("_")[0] for ended in verdicts.values()} == {"SN-1_1", "SN-1_2"}
 
 
 @pytest.mark.long
@@ -219,13 +219,13 @@ def test_reports_of_a_batch_are_made_sequentially_after_the_run(
     started: list[tuple[list[list[str]], int]] = []
 
     def start(commands: Iterable[list[str]]) -> None:
-        started.append((list(commands), len(site_folder.events_of(Verdict))))
+        started.append((list(commands), len(site_folder.events_of(Finalized))))
 
     monkeypatch.setattr(run_module, "start_reports", start)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]))
     ((commands, verdicts_before),) = started
     assert verdicts_before == 2
-    assert [command[4] for command in commands] == [verdict.result_file for verdict in verdicts.values()]
+    assert [command[4] for command in commands] == [ended.result_file for ended in verdicts.values()]
 
 
 def test_failed_report_does_not_prevent_the_next_one(tmp_path: Path) -> None:
@@ -241,7 +241,7 @@ def test_stop_ends_all_units(site_folder: SiteFolder) -> None:
     site_folder.write(units=2)
     stop = site_folder.once(StepStarted, Command.STOP, after=2)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]), stop)
-    assert [verdict.outcome for verdict in verdicts.values()] == ["stopped", "stopped"]
+    assert [ended.verdict for ended in verdicts.values()] == ["stopped", "stopped"]
 
 
 @pytest.mark.long
@@ -251,14 +251,14 @@ def test_unit_of_a_stopped_batch_is_resumed_alone_in_its_slot(site_folder: SiteF
     stages, serials = ("rate", "six_position"), SERIALS[:2]
     at_second_stage = site_folder.once(StageStarted, Command.STOP, after=1)
     stopped = run_batch(site_folder, batch_of(site_folder, *stages, serials=serials), at_second_stage)
-    assert [verdict.outcome for verdict in stopped.values()] == ["stopped", "stopped"]
+    assert [ended.verdict for ended in stopped.values()] == ["stopped", "stopped"]
     site_folder.events.clear()
     site_folder.control = Control()
     resumed = replace(site_folder.request(*stages, serial=serials[1]), resume=Path(stopped["B"].log))
-    (verdict,) = run_batch(site_folder, resumed).values()
-    assert verdict.outcome == "passed", [check for check in verdict.result["checks"] if check["passed"] is False]
-    assert (verdict.result["slot"], verdict.result["batch"]) == ("B", "B-1")
-    assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
+    (ended,) = run_batch(site_folder, resumed).values()
+    assert ended.verdict.passed, [check for check in ended.result["checks"] if check["passed"] is False]
+    assert (ended.result["slot"], ended.result["batch"]) == ("B", "B-1")
+    assert resolve(Path(ended.log)).result.to_json()["parameters"] == ended.result["parameters"]
 
 
 @pytest.mark.exhaustive
@@ -271,10 +271,10 @@ def test_lever_arms_in_different_slots_are_not_compared(site_folder: SiteFolder)
     compared, levers = [], []
     for serials in ((SERIALS[0], ""), ("", SERIALS[0])):
         site_folder.events.clear()
-        (verdict,) = run_batch(site_folder, batch_of(site_folder, "excitation", serials=serials)).values()
-        checks = {check["name"]: check["passed"] for check in verdict.result["checks"]}
+        (ended,) = run_batch(site_folder, batch_of(site_folder, "excitation", serials=serials)).values()
+        checks = {check["name"]: check["passed"] for check in ended.result["checks"]}
         compared.append({name: passed for name, passed in checks.items() if name.startswith("previous")})
-        levers.append(verdict.result["parameters"]["outer_lever_x"]["value"])
+        levers.append(ended.result["parameters"]["outer_lever_x"]["value"])
     assert levers[0] - levers[1] == pytest.approx(0.3, abs=0.01)
     assert compared == [{}, {"previous gyro_scale": True}]
 
@@ -282,7 +282,7 @@ def test_lever_arms_in_different_slots_are_not_compared(site_folder: SiteFolder)
 def test_a_fault_of_the_table_ends_all_units(site_folder: SiteFolder) -> None:
     site_folder.write(units=2, orders=[{"order": "drive_fault", "at": 60.0}])
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]))
-    assert [verdict.outcome for verdict in verdicts.values()] == ["fault", "fault"]
+    assert [ended.verdict for ended in verdicts.values()] == ["fault", "fault"]
     assert [fault.slot for fault in site_folder.events_of(Fault)] == [""]
 
 

@@ -13,7 +13,7 @@ from calstation.records.log import open_log
 from calstation.results.result import SCHEMA, Result, load_result
 from calstation.runs.cycle import Cycle
 from calstation.sequencer.control import Command, State
-from calstation.sequencer.events import Event, StageEnded, StageSolved, StateChanged, StepStarted, Verdict
+from calstation.sequencer.events import Event, Finalized, StageEnded, StageSolved, StateChanged, StepStarted
 from tests.sequencer.fakes import FakeClock, Scene
 from tests.shared_runs import SharedRuns
 
@@ -76,7 +76,7 @@ def test_solving_phase_ends_when_the_last_unit_of_a_batch_is_solved() -> None:
             clock.time += 10.0
             cycle.follow(StageSolved("rate", {}, {}, slot=slot))
         clock.time += 1.0
-        cycle.follow(StateChanged(State.PASSED, State.RUNNING))
+        cycle.follow(StateChanged(State.DONE, State.RUNNING))
         phases = [(phase.phase, phase.stage) for phase in cycle.phases()]
         seconds = [phase.seconds for phase in cycle.phases()]
     assert phases[1:] == [("solving", "rate"), ("files", ""), ("files", "")]
@@ -131,22 +131,22 @@ def test_terminated_bench_does_not_prevent_the_result() -> None:
 
 
 def test_full_run_measures_every_phase_in_device_time(tmp_path: Path, shared_runs: SharedRuns) -> None:
-    verdict: Verdict = shared_runs.passed(tmp_path)
-    result = load_result(Path(verdict.result_file))
+    ended: Finalized = shared_runs.passed(tmp_path)
+    result = load_result(Path(ended.result_file))
     seconds = result.cycle_seconds
     assert {"opening", "preparation", "stage", "solving", "files", "transfer", "proof", "unloading"} <= set(seconds)
     assert [p.stage for p in result.cycle if p.phase == "stage"] == result.stages
     assert [p.stage for p in result.cycle if p.phase == "solving"] == result.stages
     times = {
         (entry["event"], entry.get("state", entry.get("stage"))): entry["station_time"]
-        for entry in open_log(Path(verdict.log)).events
+        for entry in open_log(Path(ended.log)).events
         if entry["event"] in ("StateChanged", "StageStarted", "StageEnded")
     }
     for phase in result.cycle:
         if phase.phase == "stage":
             driven = times["StageEnded", phase.stage] - times["StageStarted", phase.stage]
             assert phase.seconds == pytest.approx(driven, rel=0.02, abs=0.5)
-    device = times["StateChanged", "passed"] - times["StateChanged", "preparing"]
+    device = times["StateChanged", "done"] - times["StateChanged", "preparing"]
     of_host = ("opening", "resuming", "solving", "files", "transfer")
     assert sum(s for name, s in seconds.items() if name not in of_host) == pytest.approx(device, rel=0.01, abs=1.0)
 

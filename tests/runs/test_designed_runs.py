@@ -43,32 +43,32 @@ def write(folder: SiteFolder, schedule: dict[str, Any] | None = None, **bench: A
 
 
 def test_stage_ends_when_the_limits_are_met_and_re_solves_bit_identically(designed: SiteFolder) -> None:
-    verdict = designed.run()
-    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
-    (ended,) = designed.events_of(StageEnded)
-    assert (ended.reason, len(MOVES) > ended.rounds) == ("targets", True)
-    log = open_log(Path(verdict.log))
+    ended = designed.run()
+    assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]
+    (stage,) = designed.events_of(StageEnded)
+    assert (stage.reason, len(MOVES) > stage.rounds) == ("targets", True)
+    log = open_log(Path(ended.log))
     for first in (None, log.facts().first_seq + 100):
-        again = resolve(Path(verdict.log), first_seq=first).result.to_json()
-        assert set(again["parameters"]) == set(verdict.result["parameters"])
+        again = resolve(Path(ended.log), first_seq=first).result.to_json()
+        assert set(again["parameters"]) == set(ended.result["parameters"])
         if first is None:
-            assert again["parameters"] == verdict.result["parameters"]
+            assert again["parameters"] == ended.result["parameters"]
 
 
 @pytest.mark.long
 def test_mandatory_moves_are_not_omitted(designed: SiteFolder) -> None:
     write(designed, {"least_moves": len(MOVES) - 1})
-    assert designed.run().outcome == "passed"
-    (ended,) = designed.events_of(StageEnded)
-    assert (ended.reason, ended.rounds) == ("targets", len(MOVES) - 1)
+    assert designed.run().verdict.passed
+    (stage,) = designed.events_of(StageEnded)
+    assert (stage.reason, stage.rounds) == ("targets", len(MOVES) - 1)
 
 
 @pytest.mark.long
 def test_every_move_is_made_without_the_stop_rule(designed: SiteFolder) -> None:
     write(designed, {"stop_at_limits": False})
-    assert designed.run().outcome == "passed"
-    (ended,) = designed.events_of(StageEnded)
-    assert (ended.reason, ended.rounds) == ("rounds", len(MOVES))
+    assert designed.run().verdict.passed
+    (stage,) = designed.events_of(StageEnded)
+    assert (stage.reason, stage.rounds) == ("rounds", len(MOVES))
 
 
 @pytest.mark.long
@@ -80,24 +80,24 @@ def test_designed_stage_can_be_paused_and_resumed(designed: SiteFolder) -> None:
         if isinstance(event, StateChanged) and event.state == "paused":
             designed.control.send(Command.RESUME)
 
-    verdict = designed.run(on_event=watch)
+    ended = designed.run(on_event=watch)
     assert [e.state for e in designed.events_of(StateChanged)].count("paused") == 1
-    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
-    assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
+    assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]
+    assert resolve(Path(ended.log)).result.to_json()["parameters"] == ended.result["parameters"]
 
 
 @pytest.mark.long
 def test_invalid_step_is_repeated(designed: SiteFolder) -> None:
     write(designed, orders=[{"order": "drop_frames", "value": 3, "at": 32.0}])
-    verdict = designed.run()
+    ended = designed.run()
     assert [m.values["reason"] for m in designed.events_of(Message) if m.id == "step_repeated"] == ["gap"]
-    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
-    assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
+    assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]
+    assert resolve(Path(ended.log)).result.to_json()["parameters"] == ended.result["parameters"]
 
 
 @pytest.mark.long
 def test_more_noise_than_in_the_profile_requires_more_moves(designed: SiteFolder) -> None:
-    assert designed.run().outcome == "passed"
+    assert designed.run().verdict.passed
     write(designed, effects={"gyro_noise": 2.5})
     designed.run()  # its verdict does not matter
     quiet, noisy = designed.events_of(StageEnded)
@@ -110,9 +110,9 @@ def test_fast_product_passes_within_its_time(tmp_path: Path, name: str, seconds:
     folder = SiteFolder(tmp_path)
     product = library.find("products", f"{name}_fast")
     folder.request = lambda *stages: RunRequest("F-1", None, product, None, tmp_path / "runs", "tester")  # type: ignore[method-assign, misc, assignment]
-    verdict = folder.run()
-    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
-    samples = sum(len(block) for block in open_log(Path(verdict.log)).blocks(None, None) if block.stage)
-    (ended,) = folder.events_of(StageEnded)
-    assert ended.reason == "targets"
-    assert samples / 200.0 <= seconds + 0.4 * ended.rounds  # a bench at full speed is polled every 0.4 s
+    ended = folder.run()
+    assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]
+    samples = sum(len(block) for block in open_log(Path(ended.log)).blocks(None, None) if block.stage)
+    (stage,) = folder.events_of(StageEnded)
+    assert stage.reason == "targets"
+    assert samples / 200.0 <= seconds + 0.4 * stage.rounds  # a bench at full speed is polled every 0.4 s

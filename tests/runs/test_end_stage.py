@@ -35,15 +35,15 @@ def test_repeated_stages_end_after_the_current_move_and_are_solved(tmp_path: Pat
             if moves == {"excitation": 36, "azimuth_flip": 7}[event.stage]:
                 site_folder.control.send(Command.END_STAGE)
 
-    verdict = site_folder.run(on_event=end_each_in_its_second_round)
-    assert verdict.outcome == "passed", verdict.result.get("error")
-    ended = {e.stage: (e.reason, e.rounds) for e in site_folder.events if isinstance(e, StageEnded)}
-    assert ended["excitation"] == ended["azimuth_flip"] == ("operator", 1)
-    assert ended["rate"][0] == "plan"
+    ended = site_folder.run(on_event=end_each_in_its_second_round)
+    assert ended.verdict.passed, ended.result.get("error")
+    stages = {e.stage: (e.reason, e.rounds) for e in site_folder.events if isinstance(e, StageEnded)}
+    assert stages["excitation"] == stages["azimuth_flip"] == ("operator", 1)
+    assert stages["rate"][0] == "plan"
     steps = [e for e in site_folder.events if isinstance(e, StepStarted) and e.stage == "azimuth_flip"]
     assert [e.kind for e in steps].count("move") == 7
     assert steps[-1].kind == "dwell", "the rest after the move was completed"
-    assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
+    assert resolve(Path(ended.log)).result.to_json()["parameters"] == ended.result["parameters"]
 
 
 def test_end_requested_as_soon_as_the_stage_has_started_is_not_lost(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from calstation.results.handover import CSV_NAME
 from calstation.runs.engine import Engine
 from calstation.runs.incomplete import finish_incomplete
 from calstation.sequencer.control import Command
-from calstation.sequencer.events import Event, Fault, StageStarted, StateChanged, StepStarted, Verdict
+from calstation.sequencer.events import Event, Fault, Finalized, StageStarted, StateChanged, StepStarted
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
@@ -28,8 +28,8 @@ def test_engine_sends_events_and_accepts_commands(site_folder: SiteFolder) -> No
         for event in engine.events():
             if isinstance(event, StepStarted) and event.stage:
                 engine.send(Command.STOP)
-    assert isinstance(event, Verdict)
-    assert event.outcome == "stopped"
+    assert isinstance(event, Finalized)
+    assert event.verdict == "stopped"
     assert engine.process.exitcode == 0
 
 
@@ -78,7 +78,7 @@ def test_window_polls_a_run_to_its_end(site_folder: SiteFolder) -> None:
     with Engine.start(site_folder.request("rate")) as engine:
         assert engine.alive
         events = polled(engine, lambda events: engine.ended)
-        assert [event.outcome for event in events if isinstance(event, Verdict)] == ["passed"]
+        assert [event.verdict for event in events if isinstance(event, Finalized)] == ["partial"]
         assert not [event for event in events if isinstance(event, Fault)]
         assert engine.poll() == []
     assert not engine.alive
@@ -110,7 +110,7 @@ def test_frozen_engine_is_a_fault_and_may_send_events_later(site_folder: SiteFol
         os.kill(engine.process.pid, signal.SIGCONT)
         rest = polled(engine, lambda events: engine.ended)
         assert "table.latched_watchdog" in [event.code for event in rest if isinstance(event, Fault)]
-        assert isinstance(rest[-1], Verdict)
+        assert isinstance(rest[-1], Finalized)
 
 
 @pytest.mark.long
@@ -139,7 +139,7 @@ def test_engine_makes_a_safe_stop_on_a_signal(site_folder: SiteFolder, sent: str
                 os.kill(engine.process.pid, getattr(signal, sent))
                 if sent == "SIGHUP":
                     engine.send(Command.STOP)
-    assert [event.outcome for event in events if isinstance(event, Verdict)] == ["stopped"]
+    assert [event.verdict for event in events if isinstance(event, Finalized)] == ["stopped"]
     assert engine.process.exitcode == 0
 
 

@@ -72,9 +72,9 @@ class Recorded(BenchHooks):
 def test_run_writes_and_verifies_the_correction_and_re_solves_bit_identically(site: GimbalSite) -> None:
     site.write({"schedule": {"gimbal": {**SCHEDULE, "mount_sigma_deg": 0.05}}})
     site.hooks = Recorded
-    verdict = site.run()
-    result = verdict.result
-    assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
+    ended = site.run()
+    result = ended.result
+    assert ended.verdict.passed, [c for c in result["checks"] if not c["passed"]]
     registers = result["registers"]
     assert registers["verified"]
     assert [check["name"] for check in registers["proof"]] == [f"gimbal_drift_{a}" for a in "xyz"]
@@ -95,10 +95,10 @@ def test_run_writes_and_verifies_the_correction_and_re_solves_bit_identically(si
     first, last = (max(np.abs(t.drift).max() for t in turns if t.index == i or (i < 0 and t.complete)) for i in (1, -1))
     assert last < 0.5 * first
     assert len(site.events_of(JointsMoved)) > 10
-    log = open_log(Path(verdict.log))
+    log = open_log(Path(ended.log))
     joints = np.concatenate([block.joints for block in log.blocks()])
     assert np.isfinite(joints).all(axis=1).sum() > 50
-    again = resolve(Path(verdict.log)).result.to_json()
+    again = resolve(Path(ended.log)).result.to_json()
     assert again["parameters"] == result["parameters"]
 
 
@@ -117,7 +117,7 @@ def test_stop_locks_the_joints_and_restores_the_registers(site: GimbalSite, step
     site.write(report_file=str(site.folder / "bench.json"))
     stop = site.once(StepStarted, Command.STOP, after=step)
     site.hooks = Recorded
-    assert site.run(on_event=stop).outcome == "stopped"
+    assert site.run(on_event=stop).verdict == "stopped"
     report = json.loads((site.folder / "bench.json").read_text(encoding="utf-8"))
     assert not report["enabled"]
     assert not report["moving"]
@@ -136,8 +136,8 @@ def test_rotation_is_repeated_from_zero_after_a_pause(site: GimbalSite) -> None:
         if isinstance(event, StateChanged) and event.state == "paused":
             site.control.send(Command.RESUME)
 
-    verdict = site.run(on_event=on_event)
-    assert verdict.outcome == "passed"
+    ended = site.run(on_event=on_event)
+    assert ended.verdict.passed
     assert {e.state for e in site.events_of(StateChanged)} >= {"paused"}
 
 
@@ -197,7 +197,7 @@ class Left(BenchHooks):
 
 def test_correction_left_by_a_killed_run_does_not_count_as_old_registers(site: GimbalSite) -> None:
     site.hooks = Left
-    assert site.run(on_event=site.once(StateChanged, Command.STOP)).outcome == "stopped"
+    assert site.run(on_event=site.once(StateChanged, Command.STOP)).verdict == "stopped"
     assert {Left.found[-1][name] for name in MISALIGNMENTS} == {0.0}
 
 

@@ -65,9 +65,9 @@ def no_progress(fraction: float, remaining_s: float | None = None, note: str = "
 
 @pytest.mark.long
 def test_guided_run_passes_writes_registers_and_re_solves_bit_identically(rig: Rig) -> None:
-    verdict = rig.run()
-    result = verdict.result
-    assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
+    ended = rig.run()
+    result = ended.result
+    assert ended.verdict.passed, [c for c in result["checks"] if not c["passed"]]
     assert result["registers"]["verified"]
     proof = {check["name"]: check for check in result["registers"]["proof"]}
     assert proof["carried_turn"]["passed"]
@@ -80,12 +80,12 @@ def test_guided_run_passes_writes_registers_and_re_solves_bit_identically(rig: R
     away = np.arccos(np.clip((done * planned.positions).sum(axis=1), -1.0, 1.0))
     assert np.rad2deg(away).max() < 25.0  # an operator stops near the position
     assert {m.id for m in rig.events_of(Message)}.isdisjoint({"homing", "checking_mounting", "finishing"})
-    log = open_log(Path(verdict.log))
+    log = open_log(Path(ended.log))
     blocks = [block for block in log.blocks() if block.stage == "multi_position"]
     assert np.isnan(np.concatenate([block.angles for block in blocks])).all()
     assert np.concatenate([block.valid for block in blocks]).all()
     assert len(np.unique(np.concatenate([block.step for block in blocks]))) == len(planned.positions)
-    again = resolve(Path(verdict.log)).result.to_json()
+    again = resolve(Path(ended.log)).result.to_json()
     assert again["parameters"] == result["parameters"]
 
 

@@ -19,10 +19,10 @@ LIMITS = {
 def test_stages_run_on_a_unit_with_another_protocol(site_folder: SiteFolder, imu: str) -> None:
     product: dict[str, Any] = {"imu": imu, "bench_grade": "mems", "limits": LIMITS}
     site_folder.write(product)
-    verdict = site_folder.run("rate", "six_position")
-    assert verdict.outcome == "passed", site_folder.events[-3:]
-    registers = verdict.result["registers"]
+    ended = site_folder.run("rate", "six_position")
+    assert ended.verdict.passed, site_folder.events[-3:]
+    registers = ended.result["registers"]
     assert registers["verified"]
-    found = verdict.result["parameters"]["gyro_scale_x"]["value"]
+    found = ended.result["parameters"]["gyro_scale_x"]["value"]
     assert registers["new"]["gyro_scale_x"] == pytest.approx(found, abs=2e-6)
     assert registers["old"]["gyro_scale_x"] == 0.0

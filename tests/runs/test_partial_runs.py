@@ -33,9 +33,9 @@ def messages(site_folder: SiteFolder) -> list[str]:
 
 def test_a_partial_run_starts_from_the_current_calibration(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
     first = shared_runs.passed(site_folder.folder)
-    verdict = site_folder.run("azimuth_flip")
-    result, log = verdict.result, open_log(Path(verdict.log))
-    assert (verdict.outcome, result["partial"], messages(site_folder)) == ("passed", True, ["prior_calibration"])
+    ended = site_folder.run("azimuth_flip")
+    result, log = ended.result, open_log(Path(ended.log))
+    assert (ended.verdict, result["partial"], messages(site_folder)) == ("partial", True, ["prior_calibration"])
     assert result["registers"]["old"] == first.result["registers"]["new"]
     kept = {name: value for name, value in result["registers"]["new"].items() if "_bias_" not in name}
     assert kept.items() <= first.result["registers"]["new"].items()
@@ -65,10 +65,10 @@ def test_a_partial_run_starts_from_the_current_calibration(site_folder: SiteFold
 def test_unit_with_unknown_registers_starts_from_its_profile(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
     shared_runs.passed(site_folder.folder)
     shutil.rmtree(site_folder.folder / "runs" / "bench")  # as if another unit had its serial number
-    verdict = site_folder.run("rate")
+    ended = site_folder.run("rate")
     assert messages(site_folder) == ["prior_other_registers"]
-    assert "calibration" not in verdict.result
-    assert not open_log(Path(verdict.log)).meta.prior_correlation
+    assert "calibration" not in ended.result
+    assert not open_log(Path(ended.log)).meta.prior_correlation
 
 
 @pytest.mark.long
@@ -76,9 +76,9 @@ def test_partial_run_of_a_changed_unit_fails(site_folder: SiteFolder, shared_run
     first = shared_runs.passed(site_folder.folder)
     changed = first.result["parameters"]["gyro_bias_x"]["value"] + 5e-6
     site_folder.write(parameters={"gyro_bias_x": changed})
-    verdict = site_folder.run("azimuth_flip")
-    (changed_since,) = (c for c in verdict.result["checks"] if c["name"] == "change since calibration")
-    assert (verdict.outcome, changed_since["passed"], changed_since["where"]) == ("failed", False, "gyro_bias_x")
+    ended = site_folder.run("azimuth_flip")
+    (changed_since,) = (c for c in ended.result["checks"] if c["name"] == "change since calibration")
+    assert (ended.verdict, changed_since["passed"], changed_since["where"]) == ("failed", False, "gyro_bias_x")
     assert changed_since["value"] > 6.0
 
 
@@ -107,7 +107,7 @@ def test_a_stopped_partial_run_is_resumed_with_its_prior(
             site_folder.control.send(Command.STOP)
 
     before = site_folder.run(*stages, on_event=watch)
-    assert before.outcome == "stopped"
+    assert before.verdict == "stopped"
     site_folder.control = Control()
     where = ("--station", site_folder.station, "--product", site_folder.product, "--resume", before.log)
     into = site_folder.folder / "resumed.json"
@@ -124,7 +124,7 @@ def test_partial_run_on_corrected_output_starts_from_the_residual_errors(behind:
     first = behind.run()
     behind.events.clear()
     second = behind.run("azimuth_flip")
-    assert (first.outcome, second.outcome) == ("passed", "passed")
+    assert (first.verdict, second.verdict) == ("passed", "partial")
     assert second.result["registers"]["old"] == first.result["registers"]["new"]
     before, after = (run.result["registers"]["estimate"] for run in (first, second))
     for name, value in after["mean"].items():

@@ -20,7 +20,7 @@ from calstation.runs.incomplete import close_incomplete, finish_incomplete
 from calstation.runs.resume import Continuation, find_resumable, resumable
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Message, StageSolved, StageStarted, StepStarted, Verdict
+from calstation.sequencer.events import Event, Finalized, Message, StageSolved, StageStarted, StepStarted
 from tests.helpers import raises_code
 from tests.shared_runs import SharedRuns
 from tests.site_folder import PRODUCT, QUICK, SiteFolder
@@ -38,26 +38,26 @@ def short(site_folder: SiteFolder) -> SiteFolder:
     return site_folder
 
 
-def stopped_in(site_folder: SiteFolder, stage: str, *stages: str) -> Verdict:
+def stopped_in(site_folder: SiteFolder, stage: str, *stages: str) -> Finalized:
     """Return a run stopped after the first step of a stage."""
 
     def watch(event: Event) -> None:
         if isinstance(event, StepStarted) and event.stage == stage:
             site_folder.control.send(Command.STOP)
 
-    verdict = site_folder.run(*(stages or STAGES), on_event=watch)
+    ended = site_folder.run(*(stages or STAGES), on_event=watch)
     site_folder.control = Control()
     site_folder.events = []
-    return verdict
+    return ended
 
 
 @pytest.fixture
-def before(site_folder: SiteFolder, shared_runs: SharedRuns) -> Verdict:
+def before(site_folder: SiteFolder, shared_runs: SharedRuns) -> Finalized:
     """A run stopped in its second stage."""
     return shared_runs.copy("stopped", site_folder.folder, lambda folder: stopped_in(short(folder), "six_position"))
 
 
-def resumed(site_folder: SiteFolder, log: str | Path, **more: object) -> Verdict:
+def resumed(site_folder: SiteFolder, log: str | Path, **more: object) -> Finalized:
     request = RunRequest(
         "SN-000042",
         site_folder.station,
@@ -67,22 +67,22 @@ def resumed(site_folder: SiteFolder, log: str | Path, **more: object) -> Verdict
         **more,  # type: ignore[arg-type]
     )
     execute(request, site_folder.events.append, site_folder.control)
-    (verdict,) = site_folder.events_of(Verdict)
-    return verdict
+    (ended,) = site_folder.events_of(Finalized)
+    return ended
 
 
 @pytest.mark.long
-def test_stopped_run_is_resumed_after_its_last_finished_stage(site_folder: SiteFolder, before: Verdict) -> None:
+def test_stopped_run_is_resumed_after_its_last_finished_stage(site_folder: SiteFolder, before: Finalized) -> None:
     assert before.result["stages"] == ["rate"]
     assert (before.result["advice"], before.result["stop_reason"]) == ("resume", "operator")
     (offer,) = resumable(site_folder.folder / "runs")
     assert offer == find_resumable(lambda *_: None, site_folder.folder / "runs")[0]
     assert (offer.serial, offer.stages, offer.finished) == ("SN-000042", STAGES, ("rate",))
-    assert (offer.outcome, offer.why, offer.attempt) == ("stopped", "operator", 1)
+    assert (offer.verdict, offer.why, offer.attempt) == ("stopped", "operator", 1)
 
-    verdict = resumed(site_folder, offer.log)
-    result = verdict.result
-    assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]] or site_folder.events[-3:]
+    ended = resumed(site_folder, offer.log)
+    result = ended.result
+    assert ended.verdict.passed, [c for c in result["checks"] if not c["passed"]] or site_folder.events[-3:]
     assert result["stages"] == list(STAGES)
     assert result["resumed_from"] == Path(before.log).name
     assert (result["attempt"], result["operator"]) == (1, "second")
@@ -92,9 +92,9 @@ def test_stopped_run_is_resumed_after_its_last_finished_stage(site_folder: SiteF
     messages = [m.id for m in site_folder.events_of(Message)]
     assert messages.index("resumed") < messages.index("identified") < messages.index("checking_mounting")
 
-    assert Path(verdict.log).parent == Path(before.log).parent
+    assert Path(ended.log).parent == Path(before.log).parent
     Path(before.log).unlink()
-    again = resolve(Path(verdict.log)).result.to_json()
+    again = resolve(Path(ended.log)).result.to_json()
     for key in ("parameters", "consistency", "unobservable", "details", "configuration"):
         assert again[key] == result[key]
     assert resumable(site_folder.folder / "runs") == []
@@ -102,11 +102,11 @@ def test_stopped_run_is_resumed_after_its_last_finished_stage(site_folder: SiteF
 
 
 @pytest.mark.exhaustive
-def test_a_resumed_run_can_be_resumed_again(site_folder: SiteFolder, before: Verdict) -> None:
+def test_a_resumed_run_can_be_resumed_again(site_folder: SiteFolder, before: Finalized) -> None:
     first = before
     site_folder.control.send(Command.STOP)
     second = resumed(site_folder, first.log)
-    assert (second.outcome, second.result["stages"]) == ("stopped", [])
+    assert (second.verdict, second.result["stages"]) == ("stopped", [])
     site_folder.events, site_folder.control = [], Control()
     (offer,) = resumable(site_folder.folder / "runs")
     assert offer.log == Path(first.log)
@@ -118,12 +118,12 @@ def test_a_resumed_run_can_be_resumed_again(site_folder: SiteFolder, before: Ver
 
     request = RunRequest("SN-000042", site_folder.station, site_folder.product, resume=offer.log)
     execute(request, stop, site_folder.control)
-    (third,) = site_folder.events_of(Verdict)
-    assert (third.outcome, third.result["stages"]) == ("stopped", ["rate"])
+    (third,) = site_folder.events_of(Finalized)
+    assert (third.verdict, third.result["stages"]) == ("stopped", ["rate"])
     site_folder.events, site_folder.control = [], Control()
-    verdict = resumed(site_folder, third.log)
-    assert verdict.outcome == "passed"
-    assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
+    ended = resumed(site_folder, third.log)
+    assert ended.verdict.passed
+    assert resolve(Path(ended.log)).result.to_json()["parameters"] == ended.result["parameters"]
 
 
 @pytest.mark.long
@@ -148,22 +148,22 @@ def test_run_killed_in_the_third_stage_resumes_with_bit_identical_results(site_f
     (log,) = runs.glob("*.h5")
     (offer,) = resumable(runs)
     assert (offer.stages, offer.finished) == (stages, STAGES)
-    assert offer.outcome == "incomplete"
+    assert offer.verdict == "incomplete"
 
-    verdict = resumed(site_folder, offer.log)
-    result = verdict.result
-    assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]] or site_folder.events[-3:]
+    ended = resumed(site_folder, offer.log)
+    result = ended.result
+    assert ended.verdict.passed, [c for c in result["checks"] if not c["passed"]] or site_folder.events[-3:]
     incomplete = json.loads(log.with_suffix(".json").read_text("utf-8"))
     assert (incomplete["outcome"], incomplete["advice"]) == ("incomplete", "resume")
     assert incomplete["finished_stages"] == ["rate", "six_position"]
-    for written, path in ((incomplete, log), (result, Path(verdict.log))):
+    for written, path in ((incomplete, log), (result, Path(ended.log))):
         assert written["duration_s"] == open_log(path).facts().samples / 200.0, "the same definition for every run"
-    again = resolve(Path(verdict.log)).result.to_json()
+    again = resolve(Path(ended.log)).result.to_json()
     assert again["parameters"] == result["parameters"]
     assert again["consistency"] == result["consistency"]
     assert again["log"]["sha256"] == result["log"]["sha256"]
     handed = sorted(path.name for path in (site_folder.folder / "handover").glob("*.json"))
-    assert handed == sorted([log.with_suffix(".json").name, Path(verdict.result_file).name])
+    assert handed == sorted([log.with_suffix(".json").name, Path(ended.result_file).name])
 
 
 @pytest.mark.long
@@ -173,12 +173,12 @@ def test_a_run_with_all_stages_finished_is_only_finalized(site_folder: SiteFolde
             site_folder.control.send(Command.STOP)
 
     before = short(site_folder).run(*STAGES, on_event=watch)
-    assert (before.outcome, before.result["stages"]) == ("stopped", list(STAGES))
+    assert (before.verdict, before.result["stages"]) == ("stopped", list(STAGES))
     site_folder.control, site_folder.events = Control(), []
-    verdict = resumed(site_folder, before.log)
-    assert verdict.outcome == "passed"
-    assert verdict.result["parameters"] == before.result["parameters"]
-    assert verdict.result["registers"]["verified"] is True
+    ended = resumed(site_folder, before.log)
+    assert ended.verdict.passed
+    assert ended.result["parameters"] == before.result["parameters"]
+    assert ended.result["registers"]["verified"] is True
     assert site_folder.events_of(StageStarted) == []
 
 
@@ -190,22 +190,22 @@ def test_a_run_with_all_stages_finished_is_only_finalized(site_folder: SiteFolde
     ],
 )
 def test_changed_configuration_prevents_resuming_except_for_the_schedule(
-    site_folder: SiteFolder, before: Verdict, change: dict[str, object], section: str | None
+    site_folder: SiteFolder, before: Finalized, change: dict[str, object], section: str | None
 ) -> None:
     """Changed limits require a new run; the schedule stays the schedule at the start of the run."""
     base = {"schedule": SHORT, "stages": list(STAGES), "limits": {"gyro_scale": {"within": 0.1}}}
     site_folder.write({**base, **change})
     if section is None:
-        verdict = resumed(site_folder, before.log)
-        assert verdict.outcome == "passed"
-        assert open_log(Path(verdict.log)).meta.schedule == open_log(Path(before.log)).meta.schedule
+        ended = resumed(site_folder, before.log)
+        assert ended.verdict.passed
+        assert open_log(Path(ended.log)).meta.schedule == open_log(Path(before.log)).meta.schedule
         return
     with raises_code(ConfigurationError, "run.section_changed") as caught:
         resumed(site_folder, before.log)
     assert caught.value.values["section"] == section
 
 
-def test_changed_site_requires_a_new_run(site_folder: SiteFolder, before: Verdict) -> None:
+def test_changed_site_requires_a_new_run(site_folder: SiteFolder, before: Finalized) -> None:
     text = site_folder.station.read_text("utf-8")
     site_folder.station.write_text(text.replace("34.25", "34.5"), encoding="utf-8")
     with raises_code(ConfigurationError, "run.section_changed") as caught:
@@ -213,7 +213,7 @@ def test_changed_site_requires_a_new_run(site_folder: SiteFolder, before: Verdic
     assert caught.value.values["section"] == "site"
 
 
-def test_run_cannot_be_resumed_at_another_station_of_the_site(site_folder: SiteFolder, before: Verdict) -> None:
+def test_run_cannot_be_resumed_at_another_station_of_the_site(site_folder: SiteFolder, before: Finalized) -> None:
     text = site_folder.station.read_text("utf-8")
     site_folder.station.write_text(text.replace("test bench", "line 3"), encoding="utf-8")
     with raises_code(ConfigurationError, "run.other_station"):
@@ -226,12 +226,12 @@ def test_run_cannot_be_resumed_at_another_station_of_the_site(site_folder: SiteF
 
 
 def test_changed_registers_require_a_new_run(
-    site_folder: SiteFolder, before: Verdict, monkeypatch: pytest.MonkeyPatch
+    site_folder: SiteFolder, before: Finalized, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read = FramedImu.read_registers
     monkeypatch.setattr(FramedImu, "read_registers", lambda self: {**read(self), "gyro_scale_x": 1e-4})
-    verdict = resumed(site_folder, before.log)
-    assert verdict.outcome == "fault"
+    ended = resumed(site_folder, before.log)
+    assert ended.verdict == "fault"
     assert site_folder.fault().code == "run.registers_changed"
     monkeypatch.undo()
     (offer,) = resumable(site_folder.folder / "runs")
@@ -248,7 +248,7 @@ def test_a_run_that_cannot_be_resumed_gives_the_reason(site_folder: SiteFolder, 
         resumed(site_folder, log)
 
 
-def test_run_cannot_be_resumed_with_another_unit(site_folder: SiteFolder, before: Verdict) -> None:
+def test_run_cannot_be_resumed_with_another_unit(site_folder: SiteFolder, before: Finalized) -> None:
     log = Path(before.log)
     with raises_code(ConfigurationError, "run.other_unit"):
         execute(
@@ -260,7 +260,7 @@ def test_run_cannot_be_resumed_with_another_unit(site_folder: SiteFolder, before
         execute(RunRequest("SN-000042", resume=log.with_name("no.h5")), print, site_folder.control)
 
 
-def test_a_log_that_solves_differently_is_not_resumed(site_folder: SiteFolder, before: Verdict) -> None:
+def test_a_log_that_solves_differently_is_not_resumed(site_folder: SiteFolder, before: Finalized) -> None:
     import h5py
 
     with h5py.File(before.log, "r+", libver="latest") as file:
@@ -268,24 +268,24 @@ def test_a_log_that_solves_differently_is_not_resumed(site_folder: SiteFolder, b
         at = text.index('"value":', text.index('"StageSolved"')) + len('"value": ')
         digit = at + 4
         file["events"][digit] = ord("5" if text[digit] != "5" else "6")
-    verdict = resumed(site_folder, before.log)
-    assert verdict.outcome == "fault"
+    ended = resumed(site_folder, before.log)
+    assert ended.verdict == "fault"
     assert site_folder.fault().code == "run.solved_differently"
 
 
 def test_unit_fault_before_the_remaining_stages_is_reported(
-    site_folder: SiteFolder, before: Verdict, monkeypatch: pytest.MonkeyPatch
+    site_folder: SiteFolder, before: Finalized, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(self: FramedImu) -> None:
         raise DeviceFaultError("stream.no_data")
 
     monkeypatch.setattr(FramedImu, "read", fail)
-    verdict = resumed(site_folder, before.log)
-    assert (verdict.outcome, verdict.result["error_code"]) == ("fault", "stream.no_data")
+    ended = resumed(site_folder, before.log)
+    assert (ended.verdict, ended.result["error_code"]) == ("fault", "stream.no_data")
     assert site_folder.fault().code == "stream.no_data"
 
 
-def test_malformed_result_hides_only_its_own_run(site_folder: SiteFolder, before: Verdict) -> None:
+def test_malformed_result_hides_only_its_own_run(site_folder: SiteFolder, before: Finalized) -> None:
     import h5py
 
     with h5py.File(before.log, "r+", libver="latest") as file:
@@ -296,13 +296,13 @@ def test_malformed_result_hides_only_its_own_run(site_folder: SiteFolder, before
         load_finished_run(lambda *_, **__: None, Path(before.log), site_folder.folder)
 
 
-def test_damaged_result_file_is_reported_when_closing_a_run(before: Verdict) -> None:
+def test_damaged_result_file_is_reported_when_closing_a_run(before: Finalized) -> None:
     Path(before.result_file).write_text("{", "utf-8")
     with raises_code(InputError, "result.not_json"):
         close_incomplete(Path(before.log))
 
 
-def test_closed_run_is_no_longer_offered(site_folder: SiteFolder, before: Verdict) -> None:
+def test_closed_run_is_no_longer_offered(site_folder: SiteFolder, before: Finalized) -> None:
     path = close_incomplete(Path(before.log), "li")
     closed = json.loads(path.read_text("utf-8"))
     assert closed["closed_by"] == "li"
@@ -334,8 +334,8 @@ def test_run_counts_as_running_until_its_process_ends(site_folder: SiteFolder, t
 
 
 @pytest.mark.exhaustive
-def test_a_verdict_closes_earlier_runs(site_folder: SiteFolder, before: Verdict) -> None:
+def test_a_verdict_closes_earlier_runs(site_folder: SiteFolder, before: Finalized) -> None:
     assert resumable(site_folder.folder / "runs")[0].log == Path(before.log)
     assert len(resumable(site_folder.folder / "runs")) == 1
-    assert site_folder.run("rate").outcome == "passed"
+    assert site_folder.run("rate").verdict.passed
     assert resumable(site_folder.folder / "runs") == []

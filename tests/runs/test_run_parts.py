@@ -98,10 +98,10 @@ def test_composing_with_empty_registers_changes_nothing() -> None:
 @pytest.mark.long
 def test_stages_are_solved_in_another_order_than_recorded(site_folder: SiteFolder) -> None:
     site_folder.write({"stages": ["six_position", "rate"]})
-    verdict = site_folder.run("six_position", "rate")
+    ended = site_folder.run("six_position", "rate")
     from calstation.records.log import open_log
 
-    log = open_log(Path(verdict.log))
+    log = open_log(Path(ended.log))
     chain = solve(log.blocks, log.meta, ("rate", "six_position"))
     assert [s.stage for s in chain.solutions] == ["rate", "six_position"]
     assert [s.stage for s in solve(log.blocks, log.meta).solutions] == ["six_position", "rate"]

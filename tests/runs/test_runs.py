@@ -19,27 +19,27 @@ from calstation.results.resolving import resolve
 from calstation.runs import run
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Message, StageSolved, StateChanged, StepStarted, Verdict
+from calstation.sequencer.events import Event, Finalized, Message, StageSolved, StateChanged, StepStarted
 from tests.helpers import raises_code
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
 
 
 def test_short_full_run_passes_and_re_solves_bit_identically(tmp_path: Path, shared_runs: SharedRuns) -> None:
-    verdict = shared_runs.passed(tmp_path)
-    result = verdict.result
+    ended = shared_runs.passed(tmp_path)
+    result = ended.result
     assert result["stages"] == ["rate", "six_position", "excitation", "azimuth_flip"]
     assert len(result["parameters"]) == 30
     assert result["registers"]["verified"] is True
     assert result["attempt"] == 1
     assert result["operator"] == "tester"
-    assert json.loads(Path(verdict.result_file).read_text(encoding="utf-8")) == result
-    log = open_log(Path(verdict.log))
+    assert json.loads(Path(ended.result_file).read_text(encoding="utf-8")) == result
+    log = open_log(Path(ended.log))
     assert log.outcome == "passed"
     assert log.results == [result]
     assert any(event["event"] == "OldRegisters" for event in log.events)
 
-    again = resolve(Path(verdict.log)).result.to_json()
+    again = resolve(Path(ended.log)).result.to_json()
     assert again["parameters"] == result["parameters"]
     assert again["consistency"] == result["consistency"]
     assert again["log"]["sha256"] == result["log"]["sha256"]
@@ -47,7 +47,7 @@ def test_short_full_run_passes_and_re_solves_bit_identically(tmp_path: Path, sha
     assert again["passed"] is True
 
     csv, back = tmp_path / "log.csv", tmp_path / "back.h5"
-    export_csv(Path(verdict.log), csv)
+    export_csv(Path(ended.log), csv)
     import_csv(csv, back)
     for path in (csv, back):
         assert resolve(path).result.to_json()["parameters"] == result["parameters"]
@@ -62,20 +62,20 @@ def test_the_same_seed_gives_the_same_run(tmp_path: Path) -> None:
 
 def test_a_unit_outside_its_limits_keeps_its_registers(site_folder: SiteFolder) -> None:
     site_folder.write(out_of_limits=True)
-    verdict = site_folder.run("six_position")
-    assert verdict.outcome == "failed"
-    assert verdict.result["registers"]["old"]
-    assert verdict.result["registers"]["new"] is None
+    ended = site_folder.run("six_position")
+    assert ended.verdict == "failed"
+    assert ended.result["registers"]["old"]
+    assert ended.result["registers"]["new"] is None
     assert any(m.id == "registers_kept" for m in site_folder.events_of(Message))
-    failed = [c["name"] for c in verdict.result["checks"] if not c["passed"]]
+    failed = [c["name"] for c in ended.result["checks"] if not c["passed"]]
     assert failed == ["accel_scale_y within"]
 
 
 def test_run_ends_early_on_failure_if_configured(site_folder: SiteFolder) -> None:
     site_folder.write({"end_on_failure": True, "stages": ["six_position", "azimuth_flip"]}, out_of_limits=True)
-    verdict = site_folder.run()
-    assert verdict.outcome == "failed"
-    assert verdict.result["stages"] == ["six_position"]
+    ended = site_folder.run()
+    assert ended.verdict == "failed"
+    assert ended.result["stages"] == ["six_position"]
 
 
 @pytest.mark.long
@@ -87,20 +87,20 @@ def test_run_can_be_paused_and_resumed(site_folder: SiteFolder) -> None:
         if isinstance(event, StateChanged) and event.state == "paused":
             site_folder.control.send(Command.RESUME)
 
-    verdict = site_folder.run("rate", on_event=watch)
-    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
+    ended = site_folder.run("rate", on_event=watch)
+    assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]
     assert [e.state for e in site_folder.events_of(StateChanged)].count("paused") == 1
     assert len(site_folder.events_of(StageSolved)[0].parameters) == 3
-    assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
+    assert resolve(Path(ended.log)).result.to_json()["parameters"] == ended.result["parameters"]
 
 
 @pytest.mark.parametrize("moment", [StateChanged, StepStarted])
 def test_stop_is_safe_and_leaves_a_result(site_folder: SiteFolder, moment: type) -> None:
-    verdict = site_folder.run("rate", on_event=site_folder.once(moment, Command.STOP))
-    assert verdict.outcome == "stopped"
-    assert verdict.result["passed"] is False
+    ended = site_folder.run("rate", on_event=site_folder.once(moment, Command.STOP))
+    assert ended.verdict == "stopped"
+    assert ended.result["passed"] is False
     assert [e.state for e in site_folder.events_of(StateChanged)][-2:] == ["stopping", "stopped"]
-    assert open_log(Path(verdict.log)).outcome == "stopped"
+    assert open_log(Path(ended.log)).outcome == "stopped"
 
 
 @pytest.mark.parametrize(
@@ -121,27 +121,27 @@ def test_faults_are_reported_and_leave_a_result(
     site_folder: SiteFolder, bench: dict[str, object], code: str | None
 ) -> None:
     site_folder.write(**bench)
-    verdict = site_folder.run("rate")
-    assert verdict.outcome == "fault"
+    ended = site_folder.run("rate")
+    assert ended.verdict == "fault"
     assert code is None or site_folder.fault().code == code
-    assert verdict.result["error"] == site_folder.fault().text
+    assert ended.result["error"] == site_folder.fault().text
     assert [e.state for e in site_folder.events_of(StateChanged)][-1] == "fault"
 
 
 @pytest.mark.exhaustive
 def test_lost_frames_repeat_a_step(site_folder: SiteFolder) -> None:
     site_folder.write(orders=[{"order": "drop_frames", "value": 3, "at": 35.0}])
-    verdict = site_folder.run("rate")
-    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
+    ended = site_folder.run("rate")
+    assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]
     assert [m.values["reason"] for m in site_folder.events_of(Message) if m.id == "step_repeated"] == ["gap"]
-    assert verdict.result["log"]["gaps"] == 1
+    assert ended.result["log"]["gaps"] == 1
 
 
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals exist only on POSIX systems")
 def test_run_passes_over_modbus_rtu_and_a_serial_line(site_folder: SiteFolder) -> None:
     site_folder.write(table_transport="rtu", imu_transport="pty")
-    assert site_folder.run("six_position").outcome == "passed"
+    assert site_folder.run("six_position").verdict.passed
 
 
 def test_run_requires_limits(site_folder: SiteFolder) -> None:
@@ -152,9 +152,9 @@ def test_run_requires_limits(site_folder: SiteFolder) -> None:
 
 @pytest.mark.long
 def test_registers_applied_to_the_stream_are_read_and_logged(behind: SiteFolder) -> None:
-    verdict = behind.run("six_position")
-    assert verdict.outcome == "passed"
-    assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]
+    ended = behind.run("six_position")
+    assert ended.verdict.passed
+    assert open_log(Path(ended.log)).meta.registers == ended.result["registers"]["old"]
 
 
 @pytest.mark.exhaustive
@@ -165,9 +165,9 @@ def test_uncommitted_registers_are_not_applied_to_the_stream(
         devices.imu.write_registers({"gyro_bias_x": 1e-3})
 
     monkeypatch.setattr(run, "recover_interrupted", left_by_another_program)
-    verdict = behind.run("six_position")
-    assert verdict.result["registers"]["old"]["gyro_bias_x"] == 0.0
-    assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]
+    ended = behind.run("six_position")
+    assert ended.result["registers"]["old"]["gyro_bias_x"] == 0.0
+    assert open_log(Path(ended.log)).meta.registers == ended.result["registers"]["old"]
 
 
 @pytest.mark.long
@@ -175,9 +175,9 @@ def test_advice_depends_on_the_number_of_failures_until_attempts_are_used_up(sit
     site_folder.write({"attempts_allowed": 3, "advice": ["reseat", "repeat"]}, out_of_limits=True)
     advice = []
     for attempt in (1, 2, 3):
-        verdict = site_folder.run("six_position")
-        assert (verdict.outcome, verdict.result["attempt"]) == ("failed", attempt)
-        advice.append(verdict.result["advice"])
+        ended = site_folder.run("six_position")
+        assert (ended.verdict, ended.result["attempt"]) == ("failed", attempt)
+        advice.append(ended.result["advice"])
         site_folder.events.clear()
     assert advice == ["reseat", "repeat", "set_aside"]
     with raises_code(ConfigurationError, "run.attempts_used"):
@@ -223,7 +223,7 @@ def test_every_outcome_is_delivered_and_listed(site_folder: SiteFolder) -> None:
         handed = json.loads((site_folder.folder / "handover" / row["result"]).read_text("utf-8"))
         assert (handed["outcome"], handed["partial"]) == (outcome, True)
     history = History(site_folder.folder / "runs")
-    assert [run.outcome for run in history.runs()] == outcomes[::-1]
+    assert [run.verdict for run in history.runs()] == outcomes[::-1]
     assert [run.attempt for run in history.runs()] == [4, 3, 2, 1]
 
 
@@ -232,9 +232,9 @@ def test_missing_delivery_folder_does_not_fail_a_run(site_folder: SiteFolder) ->
     station = site_folder.station.read_text("utf-8")
     site_folder.station.write_text(f'{station}\n[handover]\nfolder = "share"\n', encoding="utf-8")
     execute(site_folder.request("six_position"), site_folder.events.append, site_folder.control)
-    verdict, said = site_folder.events[-2:]
-    assert isinstance(verdict, Verdict)
-    assert verdict.outcome == "passed"
+    ended, said = site_folder.events[-2:]
+    assert isinstance(ended, Finalized)
+    assert ended.verdict.passed
     assert isinstance(said, Message)
     assert said.id == "handover_waiting"
     (site_folder.folder / "share").mkdir()
@@ -244,10 +244,10 @@ def test_missing_delivery_folder_does_not_fail_a_run(site_folder: SiteFolder) ->
 
 
 def test_stop_before_the_first_register_write_stops_the_run(site_folder: SiteFolder) -> None:
-    verdict = site_folder.run("six_position", on_event=site_folder.once(StageSolved, Command.STOP))
-    assert verdict.outcome == "stopped"
-    assert verdict.result["registers"]["old"]
-    assert verdict.result["registers"]["new"] is None
+    ended = site_folder.run("six_position", on_event=site_folder.once(StageSolved, Command.STOP))
+    assert ended.verdict == "stopped"
+    assert ended.result["registers"]["old"]
+    assert ended.result["registers"]["new"] is None
     assert not [m for m in site_folder.events_of(Message) if m.id == "registers_transfer"]
 
 
@@ -257,21 +257,21 @@ def test_a_stop_during_the_transfer_waits_for_its_end(site_folder: SiteFolder) -
         if isinstance(event, Message) and event.id == "registers_transfer":
             site_folder.control.send(Command.STOP)
 
-    verdict = site_folder.run("six_position", on_event=watch)
+    ended = site_folder.run("six_position", on_event=watch)
     messages = [m.id for m in site_folder.events_of(Message)]
     assert (
         messages.index("registers_transfer") < messages.index("transfer_finished") < messages.index("transfer_unproved")
     )
-    registers = verdict.result["registers"]
-    assert (verdict.outcome, registers["verified"]) == ("stopped", False)
+    registers = ended.result["registers"]
+    assert (ended.verdict, registers["verified"]) == ("stopped", False)
     assert registers["new"] != registers["old"]
     assert [e.state for e in site_folder.events_of(StateChanged)][-2:] == ["stopping", "stopped"]
 
 
 def test_stop_while_devices_are_opened_leaves_a_result(site_folder: SiteFolder) -> None:
     site_folder.control.send(Command.STOP)
-    verdict = site_folder.run("rate")
-    assert (verdict.outcome, verdict.result["stages"]) == ("stopped", [])
-    assert (verdict.result["advice"], verdict.result["stop_reason"]) == ("repeat", "operator")
-    assert open_log(Path(verdict.log)).outcome == "stopped"
+    ended = site_folder.run("rate")
+    assert (ended.verdict, ended.result["stages"]) == ("stopped", [])
+    assert (ended.result["advice"], ended.result["stop_reason"]) == ("repeat", "operator")
+    assert open_log(Path(ended.log)).outcome == "stopped"
     assert not site_folder.events_of(StateChanged)

@@ -13,6 +13,6 @@ pytestmark = pytest.mark.long
 def test_stage_runs_on_a_table_with_another_protocol(site_folder: SiteFolder, profile: str) -> None:
     station = {**STATION, "table": {"profile": profile}, "bench": {"seed": 5, "start_deg": [1.0, -1.0]}}
     site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
-    verdict = site_folder.run("rate")
-    assert verdict.outcome == "passed"
-    assert verdict.result["registers"]["verified"]
+    ended = site_folder.run("rate")
+    assert ended.verdict.passed
+    assert ended.result["registers"]["verified"]

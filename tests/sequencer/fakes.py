@@ -22,6 +22,7 @@ from calstation.estimation.common.context import ImuModel, Posterior
 from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.method import Ranking, Solution
+from calstation.judgement import Judgement
 from calstation.physics.motion import Dwell, Move, RoundEnd, Step
 from calstation.physics.parameters import COUNT
 from calstation.physics.rotation import rotation_matrix, rotation_vector
@@ -37,7 +38,7 @@ from calstation.sequencer.context import (
     Task,
     UnitTask,
 )
-from calstation.sequencer.control import Control
+from calstation.sequencer.control import Control, State
 from calstation.sequencer.events import Event
 from calstation.sequencer.plan import StagePlan, StopRule
 from calstation.sequencer.sequencer import Sequencer
@@ -381,7 +382,7 @@ class Scene:
         """Verify nothing, because nothing was written before the run."""
         return self.earlier
 
-    def stage_passed(self, solution: Solution) -> bool:
+    def continues(self, solution: Solution) -> bool:
         """Continue the run."""
         return True
 
@@ -389,7 +390,7 @@ class Scene:
         """Pass, and write as configured by the test."""
         self.finalized += 1
         self.solutions = solutions
-        return Judged(self.passes, self.passes and self.writes)
+        return judged(passes=self.passes, writes=self.writes)
 
     def read_registers(self, run_in_background: Any) -> None:
         """Return no registers."""
@@ -408,6 +409,18 @@ class Scene:
     def events_of(self, kind: type) -> list[Any]:
         """Return the events of a type."""
         return [event for event in self.events if isinstance(event, kind)]
+
+
+def judged(*, passes: bool, writes: bool) -> Judged:
+    """Return an evaluation's answer; registers are written only to a unit that passes."""
+    return Judged(Judgement((), passes, partial=False), passes and writes)
+
+
+def verdict(ended: Ended) -> str:
+    """Return ``passed`` or ``failed`` for a unit whose run was completed, otherwise the state in which it ended."""
+    if ended.state is not State.DONE or ended.judgement is None:
+        return str(ended.state)
+    return "passed" if ended.judgement.passed else "failed"
 
 
 def repeated(rule: StopRule) -> StagePlan:

@@ -29,7 +29,7 @@ from calstation.sequencer.events import (
     to_json,
 )
 from calstation.sequencer.plan import StagePlan
-from tests.sequencer.fakes import GEOMETRY, GRAVITY, MODEL, RATE, FakeImu, Scene
+from tests.sequencer.fakes import GEOMETRY, GRAVITY, MODEL, RATE, FakeImu, Scene, verdict
 
 REST = 2.0
 QUARTER = 0.5 * math.pi
@@ -125,7 +125,7 @@ def words(scene: Scene, index: int) -> list[str]:
 
 def test_run_waits_for_every_rest_and_drives_no_axes() -> None:
     scene = ManualScene()
-    assert scene.run().state is State.PASSED, scene.events_of(Fault)
+    assert verdict(scene.run()) == "passed", scene.events_of(Fault)
     assert words(scene, 1) == ["waiting", "still", "enough"]
     for index in (2, 3, 4):
         assert words(scene, index) == ["enough", "moving", "still", "enough"]
@@ -172,7 +172,7 @@ def test_late_release_repeats_the_request_and_loses_no_samples() -> None:
         scene.later(3.0, lambda: scene.hand.turn((pose[0] + 0.2, pose[1])))
 
     scene.instead[2] = touched
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     assert words(scene, 2) == ["enough", "moving", "still", "repeat", "still", "enough"]
     assert scene.samples("valid").all()
     assert not [m for m in scene.events_of(Message) if m.id == "step_repeated"]
@@ -186,7 +186,7 @@ def test_gap_during_a_manual_move_requests_the_position_again() -> None:
         scene.later(2.5, lambda: setattr(scene.imu, "drop", 3))
 
     scene.instead[3] = cut
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     (repeated,) = [m for m in scene.events_of(Message) if m.id == "step_repeated"]
     assert repeated.values["reason"] == "gap"
     asked = [e for e in scene.events_of(StepStarted) if e.stage]
@@ -204,7 +204,7 @@ def test_pause_is_not_a_rest_and_the_position_is_requested_again() -> None:
         scene.later(9.0, lambda: scene.control.send(Command.RESUME))
 
     scene.instead[2] = pause
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     assert [e.state for e in scene.events_of(StateChanged)][1:-1] == ["running", "pausing", "paused", "running"]
     valid, time = scene.samples("valid"), scene.samples("time")
     assert 6.5 < (~valid).sum() / RATE < 8.0
@@ -217,7 +217,7 @@ def test_stage_can_be_ended_once_the_positions_are_well_distributed() -> None:
         scene.control.send(Command.END_STAGE),
         scene.later(0.5, lambda: scene.hand.turn(pose)),
     )
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     (ended,) = scene.events_of(StageEnded)
     assert ended.reason == "operator"
     last = [e for e in scene.events_of(PositionGuided) if e.stage][-1]
@@ -236,7 +236,7 @@ def test_manual_rig_skips_power_homing_and_motion_checks() -> None:
     scene = ManualScene()
     scene.hand.way[0] = (0.0, (math.pi, 0.0))  # upside down: no direction is declared
     scene.hand.pose = lambda time, own=scene.hand.pose: own(time) + np.array([math.pi, 0.0])  # type: ignore[method-assign]
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     messages = [m.id for m in scene.events_of(Message)]
     assert "checking_gravity" in messages
     assert not {"homing", "checking_mounting", "finishing"} & set(messages)

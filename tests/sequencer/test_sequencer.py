@@ -25,7 +25,7 @@ from calstation.sequencer.events import (
 )
 from calstation.sequencer.guard import safe_stop
 from calstation.sequencer.plan import StagePlan, StopRule
-from tests.sequencer.fakes import GRAVITY, MODEL, RATE, FakeClock, FakeTable, Scene, repeated
+from tests.sequencer.fakes import GRAVITY, MODEL, RATE, FakeClock, FakeTable, Scene, repeated, verdict
 
 
 def code(ended: Ended) -> str:
@@ -46,8 +46,8 @@ def tick(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> flo
 
 def test_run_passes_and_leaves_the_axes_off(tick: float) -> None:
     scene = Scene()
-    assert scene.run().state is State.PASSED
-    assert states(scene) == ["preparing", "running", "passed"]
+    assert verdict(scene.run()) == "passed"
+    assert states(scene) == ["preparing", "running", "done"]
     assert scene.table.commands[0] == "enable"
     assert scene.table.commands[-1] == "disable"
     assert scene.finalized == 1
@@ -87,7 +87,7 @@ def test_each_rest_has_its_duration_in_imu_time(tick: float) -> None:
 def test_a_unit_outside_its_limits_fails() -> None:
     scene = Scene()
     scene.passes = False
-    assert scene.run().state is State.FAILED
+    assert verdict(scene.run()) == "failed"
 
 
 def test_stop_in_any_state_is_a_safe_stop(tick: float) -> None:
@@ -136,7 +136,7 @@ def test_pause_and_resume_repeats_the_step_from_its_start(tick: float) -> None:
         scene.clock.at(scene.clock.time + 5.0, lambda: scene.control.send(Command.RESUME))
 
     in_stage(scene, 1.0, pause)
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     assert states(scene)[1:-1] == ["running", "pausing", "paused", "running"]
     commands = scene.table.commands
     i = commands.index("stop")
@@ -160,13 +160,13 @@ def test_pause_during_a_rest_repeats_the_preceding_move_and_the_rest(tick: float
         scene.clock.at(scene.clock.time + 2.0, lambda: scene.control.send(Command.RESUME))
 
     in_stage(scene, 5.0, pause)
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     steps = [(s.kind, s.label[:1]) for s in scene.events_of(StepStarted) if s.stage]
     turn, rest = ("move", ("turn",)), ("dwell", ())
     assert steps == [turn, rest, ("move", ("return",)), rest, turn, rest, turn, rest]
 
 
-@pytest.mark.parametrize("state", ["stopping", "stopped", "passed"])
+@pytest.mark.parametrize("state", ["stopping", "stopped", "done"])
 def test_log_failure_at_a_state_change_is_a_fault(state: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene()
     event = scene.journal.event
@@ -177,7 +177,7 @@ def test_log_failure_at_a_state_change_is_a_fault(state: str, monkeypatch: pytes
         event(entry)
 
     monkeypatch.setattr(scene.journal, "event", fail)
-    if state != "passed":
+    if state != "done":
         in_stage(scene, 1.0, lambda: scene.control.send(Command.STOP))
     ended = scene.run()
     assert (ended.state, code(ended)) == (State.FAULT, "log.not_written")
@@ -206,7 +206,7 @@ def test_log_failure_during_the_safe_stop_is_reported(monkeypatch: pytest.Monkey
 def test_lost_samples_repeat_the_step(tick: float) -> None:
     scene = Scene()
     in_stage(scene, 1.0, lambda: setattr(scene.imu, "drop", 2))
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     repeated_steps = [m for m in scene.events_of(Message) if m.id == "step_repeated"]
     assert [m.values["reason"] for m in repeated_steps] == ["gap"]
 
@@ -223,7 +223,7 @@ def test_imu_that_stops_sending_is_a_fault_after_limited_repeats(tick: float) ->
 def test_saturation_repeats_the_step() -> None:
     scene = Scene()
     in_stage(scene, 1.0, lambda: setattr(scene.imu, "saturated", True))
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     assert [m.values["reason"] for m in scene.events_of(Message) if m.id == "step_repeated"] == ["saturated"]
 
 
@@ -318,14 +318,14 @@ def test_serial_number_that_does_not_match_the_pattern_is_refused() -> None:
 def test_unhomed_table_is_homed() -> None:
     scene = Scene()
     scene.table.homed = False
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     assert scene.table.commands[:2] == ["enable", "home"]
 
 
 def test_table_is_prepared_and_checked_during_warm_up() -> None:
     def length(**warm_up: float) -> float:
         scene = Scene(**warm_up)
-        assert scene.run().state is State.PASSED
+        assert verdict(scene.run()) == "passed"
         return float(next(e["station_time"] for e in scene.journal.events if e.get("state") == "running"))
 
     prepared = length()
@@ -335,7 +335,7 @@ def test_table_is_prepared_and_checked_during_warm_up() -> None:
 
 def test_temperature_slope_is_measured_at_rest_after_the_checks() -> None:
     scene, cold = Scene(warm_up=10.0, warm_up_slope=0.5), Scene()
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     cold.run()
     assert scene.clock.time > cold.clock.time + 19.0
     ids = [message.id for message in scene.events_of(Message)]
@@ -367,7 +367,7 @@ def test_plan_outside_the_limits_is_refused_before_any_motion() -> None:
 )
 def test_repeated_plan_ends_by_its_stop_rule(rule: StopRule, reason: str, rounds: int | None) -> None:
     scene = Scene(repeated(rule))
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     (ended,) = scene.events_of(StageEnded)
     assert ended.reason == reason
     assert rounds is None or ended.rounds == rounds
@@ -376,7 +376,7 @@ def test_repeated_plan_ends_by_its_stop_rule(rule: StopRule, reason: str, rounds
 def test_operator_ends_a_repeated_plan_after_the_current_move_and_rest() -> None:
     scene = Scene(repeated(StopRule(repeated=True)))
     in_stage(scene, 2.5, lambda: scene.control.send(Command.END_STAGE))
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     assert scene.events_of(StageStarted)[0].repeated
     (ended,) = scene.events_of(StageEnded)
     assert ended.reason == "operator"
@@ -388,7 +388,7 @@ def test_operator_ends_a_repeated_plan_after_the_current_move_and_rest() -> None
 def test_plan_without_repetition_is_not_ended_by_the_operator() -> None:
     scene = Scene()
     in_stage(scene, 0.5, lambda: scene.control.send(Command.END_STAGE))
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     assert {event.reason for event in scene.events_of(StageEnded)} == {"plan"}
     assert not any(event.repeated for event in scene.events_of(StageStarted))
 
@@ -429,7 +429,7 @@ def test_step_numbers_of_a_resumed_run_continue() -> None:
 def test_resumed_run_without_remaining_stages_is_checked_and_finalized() -> None:
     scene = Scene()
     scene.task = replace(scene.task, stages=())
-    assert scene.run(solved=(scene.solving.finish(),)).state is State.PASSED
+    assert verdict(scene.run(solved=(scene.solving.finish(),))) == "passed"
     assert any(m.id == "checking_mounting" for m in scene.events_of(Message))
     assert scene.finalized == 1
 
@@ -471,7 +471,7 @@ def test_stop_during_the_transfer_waits_for_its_end_and_skips_verification() -> 
 
 def test_capture_of_the_restarted_unit_is_not_logged() -> None:
     scene = Scene()
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     (fresh,) = scene.proved
     ups = np.array(fresh.rests)[:, 3:] / GRAVITY
     assert np.allclose(np.abs(ups @ ups.T), [[1, 0, 0, 1], [0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 1]], atol=1e-3)
@@ -487,7 +487,7 @@ def test_capture_of_the_restarted_unit_is_not_logged() -> None:
 def test_unit_with_corrected_output_is_captured_before_and_after() -> None:
     scene = Scene()
     scene.unit = replace(scene.unit, corrected=Output.ASKED)
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     (fresh,) = scene.proved
     assert fresh.corrected
     assert np.allclose(fresh.rests[:3], fresh.reference.rests, atol=1e-3)
@@ -518,7 +518,7 @@ def test_rotation_with_a_gap_is_repeated_from_its_start(spoilt: int) -> None:
         assert moved[1:] == again[:-1]
         assert scene.proved == []
         return
-    assert ended.state is State.PASSED
+    assert verdict(ended) == "passed"
     assert moved[1 : 1 + len(again) + 1] == [*again, "move 180 0"]
     (fresh,) = scene.proved
     axes = np.array([turned.angle for turned in fresh.turns]) / (2.0 * np.pi)
@@ -541,7 +541,7 @@ def test_stop_during_the_verification_capture_reports_an_unverified_transfer() -
 def test_unit_without_registers_passes_if_within_limits() -> None:
     scene = Scene()
     scene.writes = False
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     assert scene.proved == []
     assert "verifying" not in [m.id for m in scene.events_of(Message)]
     assert ("verify",) not in [e.label for e in scene.events_of(StepStarted)]
@@ -557,7 +557,7 @@ def test_automatic_stop_reports_its_reason() -> None:
 def test_non_numeric_samples_are_invalid_and_their_step_is_repeated() -> None:
     scene = Scene()
     scene.clock.at(13.0, lambda: setattr(scene.imu, "nan", True))
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     assert [m.values["reason"] for m in scene.events_of(Message) if m.id == "step_repeated"] == ["invalid"]
     blocks = scene.solving.blocks["rate"]
     bad = [block for block in blocks if np.isnan(block.counts).any()]

@@ -39,5 +39,5 @@ def test_a_fault_is_latched() -> None:
     assert TRANSITIONS[State.FAULT] == {State.IDLE}
 
 
-def test_passed_is_reached_only_from_running() -> None:
-    assert {s for s in State if State.PASSED in TRANSITIONS[s]} == {State.RUNNING}
+def test_done_is_reached_only_from_running() -> None:
+    assert {s for s in State if State.DONE in TRANSITIONS[s]} == {State.RUNNING}

@@ -11,7 +11,7 @@ from calstation.sequencer.context import Output
 from calstation.sequencer.control import Command, State
 from calstation.sequencer.events import Event, Message, StageStarted
 from tests.helpers import sampled
-from tests.sequencer.fakes import Scene
+from tests.sequencer.fakes import Scene, verdict
 
 #: Gain of the corrected gyros: a turn measured partly with each output would lie between.
 GAIN = 1.01
@@ -58,7 +58,7 @@ def test_restart_during_the_capture_repeats_the_capture(delay: float, mute: bool
     scene = asked()
     scene.imu.mute = mute
     after(scene, Message, delay, scene.imu.restart, "verifying")
-    assert scene.run().state is State.PASSED, scene.events[-3:]
+    assert verdict(scene.run()) == "passed", scene.events[-3:]
     (fresh,) = scene.proved
     assert turned(fresh) == pytest.approx([GAIN] * 3, abs=2e-4)
     assert turned(fresh.reference) == pytest.approx([1.0] * 3, abs=2e-4)
@@ -75,7 +75,7 @@ def test_a_restart_before_the_transfer_repeats_the_capture(mute: bool) -> None:
         scene.clock.at(scene.clock.time + 9.0, scene.imu.restart)
 
     scene.read_registers = read_registers  # type: ignore[method-assign]
-    assert scene.run().state is State.PASSED, scene.events[-3:]
+    assert verdict(scene.run()) == "passed", scene.events[-3:]
     (fresh,) = scene.proved
     assert turned(fresh.reference) == pytest.approx([1.0] * 3, abs=2e-4)
     assert messages(scene).index("look_repeated") < messages(scene).index("verifying")
@@ -112,7 +112,7 @@ def test_unit_that_is_not_ready_after_a_restart_is_a_fault() -> None:
 def test_frames_lost_in_a_capture_do_not_repeat_the_capture() -> None:
     scene = asked()
     after(scene, Message, 9.0, lambda: setattr(scene.imu, "drop", 2), "verifying")
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     assert "look_repeated" not in messages(scene)
     assert turned(scene.proved[0]) == pytest.approx([GAIN] * 3, abs=2e-4)
     assert scene.imu.started[-3:] == [True, True, False]
@@ -123,7 +123,7 @@ def test_unit_that_streams_on_command_is_commanded_again_after_a_restart(delay: 
     scene = Scene()
     scene.imu.mute, scene.imu.babble = True, babble
     after(scene, StageStarted, delay, scene.imu.restart)
-    assert scene.run().state is State.PASSED, scene.events[-3:]
+    assert verdict(scene.run()) == "passed", scene.events[-3:]
     assert [m.values["reason"] for m in scene.events_of(Message) if m.id == "step_repeated"] == ["no_data"]
     assert scene.imu.started[:1] == [False]
 
@@ -136,7 +136,7 @@ def test_step_is_not_repeated_before_the_unit_is_ready() -> None:
         scene.imu.ready_at = scene.clock.time + 30.0
 
     after(scene, StageStarted, 1.0, restart)
-    assert scene.run().state is State.PASSED
+    assert verdict(scene.run()) == "passed"
     blocks = scene.solving.blocks["rate"]
     times = np.concatenate([block.time for block in blocks])
     valid = np.concatenate([block.valid for block in blocks])
@@ -153,7 +153,7 @@ def test_unit_power_cycled_during_a_pause_streams_again_after_it() -> None:
         scene.clock.at(scene.clock.time + 40.0, lambda: scene.control.send(Command.RESUME))
 
     after(scene, StageStarted, 1.0, pause)
-    assert scene.run().state is State.PASSED, scene.events[-3:]
+    assert verdict(scene.run()) == "passed", scene.events[-3:]
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from calstation.records import audit_path, read_audit
 from calstation.results import Result
 from calstation.runs import execute, prepare
 from calstation.schema import read_toml
-from calstation.sequencer import Control, Event, Verdict
+from calstation.sequencer import Control, Event, Finalized
 from calstation.simulation.hooks import BenchHooks
 
 GOLDEN, UNIT = "SN-000001", "SN-000042"
@@ -110,20 +110,20 @@ class _Site:
         self._write(error)
         events: list[Event] = []
         execute(replace(self._request, serial=GOLDEN), events.append, Control(), BenchHooks)
-        (verdict,) = (event for event in events if isinstance(event, Verdict))
-        judged = Result.from_json(verdict.result).check_standard
-        assert judged is not None
-        worst = max(judged.e_n, key=lambda name: abs(judged.e_n[name]))
+        (run,) = (event for event in events if isinstance(event, Finalized))
+        compared = Result.from_json(run.result).check_standard
+        assert compared is not None
+        worst = max(compared.e_n, key=lambda name: abs(compared.e_n[name]))
         values = {
-            "outcome": verdict.outcome,
+            "outcome": run.verdict.outcome,
             "parameter": worst,
-            "e_n": abs(judged.e_n[worst]),
-            "e_n_limit": judged.e_n_limit,
-            "t_squared": judged.t_squared,
-            "t_squared_limit": judged.t_squared_limit,
+            "e_n": abs(compared.e_n[worst]),
+            "e_n_limit": compared.e_n_limit,
+            "t_squared": compared.t_squared,
+            "t_squared_limit": compared.t_squared_limit,
             "ppm": 1e6 * GRAVITY_ERROR,
         }
-        return LockStep(f"lock_{code}", values, judged.passed == passes and (verdict.outcome == "passed") == passes)
+        return LockStep(f"lock_{code}", values, compared.passed == run.verdict.passed == passes)
 
     def _production(self, override: str | None = None) -> ConfigurationError | None:
         """Prepare a production run like `calstation run`; return the error that refuses it."""

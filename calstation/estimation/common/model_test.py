@@ -48,7 +48,7 @@ class Diagnosis:
 class ModelTest:
     """A test of the model against the data of a stage, and the meaning of a failure."""
 
-    kind: str  #: Kind of the check in the result, see `calstation.records.limits.CheckKind`.
+    kind: str  #: Kind of the check in the result, see `calstation.records.CheckKind`.
     value: float
     limit: float | tuple[float, float]  #: Largest value, or (lowest, highest).
     unit: str

@@ -36,7 +36,7 @@ from calstation.gui.widgets import (
 from calstation.messages import Text, event_text
 from calstation.results import FinishedRun
 from calstation.runs import resumable_run
-from calstation.sequencer import Event, Verdict
+from calstation.sequencer import Event, Finalized
 
 _LEFT = 46 * theme.GRID
 
@@ -303,7 +303,7 @@ class EngineerPage(Page):
         if event.slot not in ("", self.app.run.units[0].slot):
             return
         self.analysis.follow(event)
-        if isinstance(event, Verdict):
+        if isinstance(event, Finalized):
             self.analysis.open(Path(event.result_file))
 
     # ---- finished run

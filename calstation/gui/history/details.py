@@ -43,7 +43,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import local_time
 from calstation.physics import display
-from calstation.records import IndexedRun, RunRecord
+from calstation.records import IndexedRun, RunRecord, Verdict
 from calstation.results import Result
 
 #: Maximum number of runs in the trend.
@@ -113,7 +113,7 @@ class Trend(QWidget):
         values = np.array([display(name, run.values[name])[0] for run in runs])
         x = np.arange(len(runs))
         plot.plot(x, values, pen=QPen(QColor(c.muted), 0))
-        passed = [run.record.outcome == "passed" for run in runs]
+        passed = [bool(run.record.verdict.passed) for run in runs]
         colours = [state_colour(KINDS[run.record.verdict]) for run in runs]
         dots = pg.ScatterPlotItem(
             x=x,
@@ -219,7 +219,7 @@ class RunDetails(QFrame):
         self.badge.show_state(KINDS.get(run.verdict, "none"), term("badge", run.badge))
         show_text(self.reason_label, "\n".join(filter(None, (*advice.override_notes(result), self._reason(run)))))
         lines = []
-        if result is not None and result.judged:
+        if result is not None and result.verdict.judged:
             failed = result.failed_checks
             lines = [f"✕  {advice.failed_check_text(check, result)}" for check in failed[:_MAX_FAILED]]
             if len(failed) > _MAX_FAILED:
@@ -232,7 +232,7 @@ class RunDetails(QFrame):
     def _reason(self, run: RunRecord) -> str:
         """Return the reason for the outcome of a run, and whether it can be resumed."""
         result = self._result
-        if run.outcome == "fault" and run.error:
+        if run.verdict is Verdict.FAULT and run.error:
             fault = None if result is None else result.fault
             if fault is None:
                 return run.error
@@ -240,16 +240,16 @@ class RunDetails(QFrame):
             return "\n".join(filter(None, (text.text, text.remedy)))
         if result is not None and result.override is not None:
             return ""  # stated in the note about the release
-        if run.outcome in ("passed", "failed") and result is not None:
+        if run.verdict.judged and result is not None:
             if result.failed_checks:
                 return say("history.outside_limits")
             return advice.reason(result.verdict, result)
         reason = ""
-        if run.outcome == "incomplete":
+        if run.verdict is Verdict.INCOMPLETE:
             reason = say("history.not_ended")
-        elif run.outcome == "stopped" and run.error in (None, "", "operator"):
+        elif run.verdict is Verdict.STOPPED and run.error in (None, "", "operator"):
             reason = say("history.stopped")
-        elif run.outcome == "stopped":
+        elif run.verdict is Verdict.STOPPED:
             reason = say("event.stopped_because", reason=run.error)
         if self._actions.resumable:
             reason += "\n" + say("history.can_be_resumed")
@@ -300,7 +300,7 @@ class RunDetails(QFrame):
 
     def _update_buttons(self, run: RunRecord) -> None:
         actions = self._actions
-        incomplete = run.outcome == "incomplete"
+        incomplete = run.verdict is Verdict.INCOMPLETE
         self.batch_button.setVisible(run.batch is not None)
         self.close_button.setText(say("history.close_as_incomplete" if incomplete else "history.do_not_resume"))
         self.resume_button.setVisible(actions.resumable)

@@ -35,10 +35,10 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
-from calstation.records import RunFilter, RunRecord
+from calstation.records import RunFilter, RunRecord, Verdict
 from calstation.results import History, Result, load_result, refresh_history
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
-from calstation.sequencer import Event, Verdict
+from calstation.sequencer import Event, Finalized
 
 #: Maximum number of runs listed.
 _MAX_RUNS = 300
@@ -171,7 +171,7 @@ class HistoryPage(Page):
 
     def _follow(self, event: Event) -> None:
         """Update the list when a run has ended."""
-        if isinstance(event, Verdict) and self.isVisible():
+        if isinstance(event, Finalized) and self.isVisible():
             self.refresh()
 
     def _list_visible(self) -> None:
@@ -311,7 +311,7 @@ class HistoryPage(Page):
         chosen = self.table.chosen
         if not 2 <= len(chosen) <= MAX_COMPARED:
             return say("history.select_runs", largest=MAX_COMPARED)
-        if any(run.outcome == "incomplete" for run in chosen):
+        if any(run.verdict is Verdict.INCOMPLETE for run in chosen):
             return say("history.incomplete_selected")
         return ""
 

@@ -116,7 +116,7 @@ def figures(result: Result) -> list[Figure]:
     A run that was not completed is not judged. Among passing parameters, only the one nearest to its limit is returned
     per group; near misses come first if there are too many.
     """
-    judged = result.judged
+    judged = result.verdict.judged
     failing: list[tuple[float, Figure]] = []
     found: dict[str, tuple[float, Figure]] = {}
     checks = {(check.kind, check.subject): check for check in result.checks}

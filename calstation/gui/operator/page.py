@@ -45,6 +45,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import Text, event_text
+from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import Command
 
@@ -328,7 +329,7 @@ class OperatorPage(Page):
         run, header = self.app.run, self.header
         busy = self.app.engine_link.running
         why_busy = say("window.busy_registers" if run.register_operation else "window.busy_run") if busy else ""
-        judged = run.state in ("passed", "failed")
+        judged = run.state in (Verdict.PASSED, Verdict.PARTIAL, Verdict.FAILED)
         if judged and busy and not self._next_awaited:
             self._await_next()
         header.set_running("" if busy and self._next_awaited else why_busy)
@@ -359,7 +360,7 @@ class OperatorPage(Page):
         run = self.app.run
         if run.state == "idle":
             self._views.setCurrentWidget(self._slots if self._starting.slots else self._loading)
-        elif not run.judged and run.fault is None and self.app.engine_link.running:
+        elif not run.finalized and run.fault is None and self.app.engine_link.running:
             self._views.setCurrentWidget(self._live)
         elif run.in_slots and run.fault is None and not self._unit_opened:
             self._verdicts.show_end()

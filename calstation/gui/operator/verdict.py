@@ -19,7 +19,7 @@ from calstation.gui.widgets import NoticeBar, StateIcon, button, clear, column, 
 from calstation.messages import entry, event_text, known
 from calstation.physics import aligned
 from calstation.results import Result, load_result
-from calstation.sequencer import Fault, Verdict
+from calstation.sequencer import Fault, Finalized
 
 
 class FiguresTable(QWidget):
@@ -83,7 +83,7 @@ class VerdictPanel(QFrame):
         self._app = app
         self.setProperty("kind", "panel")
         self._run = app.run
-        self._verdict: Verdict | None = None
+        self._finalized: Finalized | None = None
         self._fault: Fault | None = None
         self._banner, self._figures = Banner("verdict", 17 * theme.GRID), FiguresTable(theme.SECTION)
         self._source, self._facts = label(kind="muted", wrap=True), label(kind="muted", wrap=True)
@@ -136,9 +136,9 @@ class VerdictPanel(QFrame):
             self._fault = fault
             self.reset.forget()
             self.reset.offer(fault is not None and known(fault.code) and entry(fault.code).resettable)
-        if unit.verdict is not self._verdict:
-            self._verdict = unit.verdict
-            file = None if unit.verdict is None else Path(unit.verdict.result_file)
+        if unit.finalized is not self._finalized:
+            self._finalized = unit.finalized
+            file = None if unit.finalized is None else Path(unit.finalized.result_file)
             for each in (self.label_button, self.certificate_button):
                 each.offer(unit.result, file)
         self._refresh()
@@ -170,7 +170,7 @@ class VerdictPanel(QFrame):
         self._banner.show_state("released" if released else shown, name)
         self.acknowledge_button.setVisible(run.fault is not None)
         self.close_button.setVisible(run.in_slots and run.fault is None)
-        self.details_button.setVisible(self._verdict is not None)
+        self.details_button.setVisible(self._finalized is not None)
         misconfigured = fault is not None and known(fault.code) and entry(fault.code).source == "configuration"
         self._station_button.setVisible(misconfigured)
         reason = advice.reason(shown, result, self._stopped_entry()) if text is None else text.text
@@ -187,7 +187,7 @@ class VerdictPanel(QFrame):
 
     def _released(self, path: Path) -> None:
         """Show that the unit was released, if it belongs to this run."""
-        if self._verdict is not None and path.absolute() == Path(self._verdict.result_file).absolute():
+        if self._finalized is not None and path.absolute() == Path(self._finalized.result_file).absolute():
             with suppress(InputError):
                 self._run.unit.result = load_result(path)
             self._refresh()
@@ -217,5 +217,5 @@ class VerdictPanel(QFrame):
         return facts
 
     def _show_details(self) -> None:
-        if self._verdict is not None:
-            self._app.open_run.emit(Path(self._verdict.result_file))
+        if self._finalized is not None:
+            self._app.open_run.emit(Path(self._finalized.result_file))

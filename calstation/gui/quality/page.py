@@ -38,7 +38,7 @@ from calstation.messages import Text
 from calstation.quality import LEAST_VALUES, QualitySummary, StationQuality, station_quality, summarise_quality
 from calstation.records import RunFilter
 from calstation.results import History, refresh_history
-from calstation.sequencer import Event, Verdict
+from calstation.sequencer import Event, Finalized
 
 #: Selectable numbers of past days; None for all.
 _PERIODS: dict[int | None, Words] = {
@@ -206,7 +206,7 @@ class QualityPage(Page):
             self._read_all()
 
     def _follow(self, event: Event) -> None:
-        if isinstance(event, Verdict):
+        if isinstance(event, Finalized):
             self._refresh_visible()
 
     # ---- display

@@ -9,11 +9,13 @@ from calstation.config import RunRequest
 from calstation.errors import CalstationError
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus
+from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import (
     Command,
     Event,
     Fault,
+    Finalized,
     Message,
     Settled,
     StageEnded,
@@ -22,22 +24,21 @@ from calstation.sequencer import (
     StageStarted,
     StateChanged,
     StepStarted,
-    Verdict,
 )
 
 #: States of a run in progress.
 _GOING = ("starting", "preparing", "running", "pausing", "paused", "stopping")
 
 #: States of the sequencer after a run or a register operation.
-_ENDED = ("stopped", "fault", "passed", "failed", "done")
+_ENDED = ("stopped", "fault", "done")
 
-#: Outcomes of a run without a fault; for several units, the first one in this order applies.
-_OUTCOMES = ("stopped", "incomplete", "failed", "passed")
+#: Verdicts of a run without a fault; for several units, the first one in this order applies.
+_VERDICTS = (Verdict.STOPPED, Verdict.INCOMPLETE, Verdict.FAILED, Verdict.PARTIAL, Verdict.PASSED)
 
 #: Events that change the display of the run.
 _SHOWN = (
     *(StateChanged, StageStarted, StageProgress, StepStarted, StageEnded, StageSolved),
-    *(Message, Settled, Fault, Verdict),
+    *(Message, Settled, Fault, Finalized),
 )
 
 #: Message of a unit that affects the other units, too.
@@ -57,7 +58,7 @@ class RunStatus(QObject):
     def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._link = link
-        #: State of the sequencer, or ``starting`` before its first event.
+        #: State of the sequencer, ``starting`` before its first event, or the verdict after the run.
         self.state = "idle"
         self.run_summary: RunSummary | None = None
         self.register_operation = False
@@ -102,27 +103,20 @@ class RunStatus(QObject):
         return bool(self.unit.slot)
 
     @property
-    def judged(self) -> bool:
-        """Whether every unit has a verdict."""
-        return all(unit.verdict is not None for unit in self.units)
+    def finalized(self) -> bool:
+        """Whether the run of every unit has ended."""
+        return all(unit.finalized is not None for unit in self.units)
 
     @property
     def shown(self) -> str:
-        """State to display: `state`, or one of the following.
-
-        ``partial`` if a partial run passed, ``writing`` during a register operation, ``not_ready`` if no run can start.
-        """
-        if self.state == "passed" and self.partial:
-            return "partial"
+        """State to display: `state`; ``writing`` during a register operation, ``not_ready`` if no run can start."""
         if self.state == "idle" and not self.runnable:
             return "not_ready"
         return "writing" if self.register_operation and self.state == "running" else self.state
 
     def shown_of(self, unit: UnitStatus) -> str:
-        """Return the state to display for a unit: its outcome, or the run's state while the unit takes part in it."""
-        if not unit.outcome or not unit.slot:
-            return self.shown
-        return "partial" if unit.outcome == "passed" and self.partial else unit.outcome
+        """Return the state to display for a unit: its verdict, or the run's state while the unit takes part in it."""
+        return unit.verdict if unit.verdict and unit.slot else self.shown
 
     @property
     def partial(self) -> bool:
@@ -133,7 +127,7 @@ class RunStatus(QObject):
     @property
     def ended(self) -> bool:
         """Whether a run has ended without a fault."""
-        return self.state in _OUTCOMES
+        return self.state in _VERDICTS
 
     @property
     def stages(self) -> list[StageState]:
@@ -141,7 +135,7 @@ class RunStatus(QObject):
 
         For a unit that keeps its registers, the following stages are omitted.
         """
-        going = [unit for unit in self.units if not unit.outcome]
+        going = [unit for unit in self.units if unit.verdict is None]
         writing = [unit for unit in going if not unit.kept]
         return next(iter(writing or going), self.unit).stages
 
@@ -230,22 +224,22 @@ class RunStatus(QObject):
     def acknowledge(self) -> None:
         """Clear the fault so that a run can start; disconnect from the engine if it has not ended.
 
-        If units had passed, failed or left before a fault of the table, the outcomes of all units are then shown.
+        If units had passed, failed or left before a fault of the table, the verdicts of all units are then shown.
         """
         state = "idle"
         if self.fault is not None:
             self._link.give_up()
             self.fault = None
             if self.in_slots and not all(unit.unfinished for unit in self.units):
-                state = self._outcome
+                state = self._verdict
         self.state = state
         self.changed.emit()
 
     @property
-    def _outcome(self) -> str:
-        """Return the outcome of the whole run, when all units have one."""
-        outcomes = {unit.outcome.replace("fault", "failed") for unit in self.units}
-        return next(outcome for outcome in _OUTCOMES if outcome in outcomes)
+    def _verdict(self) -> Verdict:
+        """Return the verdict of the whole run, when all units have one; a fault of a unit counts as failed."""
+        verdicts = {Verdict.FAILED if unit.verdict is Verdict.FAULT else unit.verdict for unit in self.units}
+        return next(verdict for verdict in _VERDICTS if verdict in verdicts)
 
     def _running_changed(self, running: bool) -> None:
         if running:
@@ -284,7 +278,7 @@ class RunStatus(QObject):
             self._begun, self._done_before = time.monotonic(), self.done
         if not isinstance(event, StateChanged) or self._change_state(event.state):
             for unit in self.units:
-                if unit.slot == event.slot if event.slot else not unit.outcome:
+                if unit.slot == event.slot if event.slot else unit.verdict is None:
                     unit.take(event)
         match event:
             case StepStarted():
@@ -296,8 +290,8 @@ class RunStatus(QObject):
                 self.state = "idle"
             case Fault() if not event.slot:
                 self.fault, self.state = event, "fault"
-            case Verdict() if self.judged and self.fault is None:
-                self.state = self._outcome
+            case Finalized() if self.finalized and self.fault is None:
+                self.state = self._verdict
         self._changed_timer.start()
 
     def _change_state(self, state: str) -> bool:
@@ -307,7 +301,7 @@ class RunStatus(QObject):
             return False  # the event was sent before the stop
         if state in _ENDED and self.register_operation:
             return False  # the result of the operation follows
-        if state in _OUTCOMES and self.in_slots:
+        if state == "done" or (state == "stopped" and self.in_slots):
             return False  # the verdicts follow
         self.state = state
         return True

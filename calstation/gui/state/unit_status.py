@@ -6,10 +6,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from calstation.physics import GROUPS, INDEX, PARAMETERS
+from calstation.records import Verdict
 from calstation.results import Result
 from calstation.sequencer import (
     Event,
     Fault,
+    Finalized,
     Message,
     Settled,
     StageEnded,
@@ -18,7 +20,6 @@ from calstation.sequencer import (
     StageStarted,
     StateChanged,
     StepStarted,
-    Verdict,
 )
 
 #: Messages that are shown again with the verdict.
@@ -100,21 +101,21 @@ class UnitStatus:
     #: Values of a register transfer interrupted before this run that requires a decision, or None.
     transfer: Mapping[str, Any] | None = None
     fault: Fault | None = None  #: Fault that ended one of several units, its own or the table's.
-    verdict: Verdict | None = None
+    finalized: Finalized | None = None
     result: Result | None = None  #: Result with the verdict.
 
     @property
-    def outcome(self) -> str:
-        """Outcome as in the result; "" while the unit takes part in the run."""
+    def verdict(self) -> Verdict | None:
+        """Verdict about the unit; None while it takes part in the run."""
         if self.fault is not None:
-            return "fault"
-        return "" if self.verdict is None else self.verdict.outcome
+            return Verdict.FAULT
+        return None if self.finalized is None else self.finalized.verdict
 
     @property
     def unfinished(self) -> bool:
         """Whether a stop or fault of the whole run ended it before it passed, failed, or left by its own fault."""
         left = self.fault is not None and bool(self.fault.slot)
-        return not left and self.outcome not in ("passed", "failed")
+        return not left and (self.verdict is None or not self.verdict.judged)
 
     @property
     def stage(self) -> StageState | None:
@@ -156,10 +157,10 @@ class UnitStatus:
             case Fault():
                 self.fault = event if self.slot else None
                 self._end_stage("fault")
-            case Verdict():
-                self.verdict, self.result = event, Result.from_json(event.result)
-                if event.outcome in ("stopped", "fault"):
-                    self._end_stage(event.outcome)
+            case Finalized():
+                self.finalized, self.result = event, Result.from_json(event.result)
+                if event.verdict in (Verdict.STOPPED, Verdict.FAULT):
+                    self._end_stage(event.verdict)
                 if self.slot and (self.fault is None or not self.fault.slot):
                     # it may have passed before a fault of the table, or have a fault since its run was closed
                     self.fault = None if self.result.fault is None else Fault.of(self.result.fault)
@@ -193,7 +194,7 @@ class UnitStatus:
 
     def _mark_failed(self, result: Result) -> None:
         """Mark the stages that produced failing values, unless later stages would have improved them."""
-        if not result.judged:
+        if not result.verdict.judged:
             return
         for stage in self.stages:
             if stage.state == "good" and stage.name in result.failed_stages:

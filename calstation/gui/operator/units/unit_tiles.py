@@ -65,7 +65,7 @@ class UnitTiles(QWidget):
         run = self._run
         if unit.fault is not None:
             return "caution", f"{term('badge', 'fault')}: {fault_text(unit.fault).text}"
-        if unit.outcome:
+        if unit.verdict is not None:
             shown = run.shown_of(unit)
             return KINDS.get(shown, "none"), term("badge", shown)
         if run.state == "stopping":

@@ -1,0 +1,74 @@
+"""The verdict follows from the judgement and the end of the run; the result JSON and the next action follow from it."""
+
+from typing import Any
+
+import pytest
+
+from calstation.config import ProductConfig, library, load_product
+from calstation.judgement import End, advice, verdict_of
+from calstation.records import Verdict
+from calstation.results import Result
+
+RESULT: dict[str, Any] = {"unit": {"serial": "SN-1"}, "stages": [], "parameters": {}, "log": {"file": "a.h5"}}
+
+
+@pytest.mark.parametrize(
+    ("passed", "partial", "verdict"),
+    [
+        (True, False, Verdict.PASSED),
+        (True, True, Verdict.PARTIAL),
+        (False, False, Verdict.FAILED),
+        (False, True, Verdict.FAILED),
+        (None, False, Verdict.UNDETERMINED),
+        (None, True, Verdict.UNDETERMINED),
+    ],
+)
+def test_completed_run_has_the_verdict_of_its_values(passed: bool | None, partial: bool, verdict: Verdict) -> None:
+    assert verdict_of(End.COMPLETED, passed, partial=partial) is verdict
+    assert verdict.passed is passed
+    assert verdict.judged
+
+
+@pytest.mark.parametrize("end", [End.STOPPED, End.FAULT, End.INCOMPLETE])
+@pytest.mark.parametrize("passed", [True, False, None])
+def test_run_that_did_not_reach_its_end_never_passes(end: End, passed: bool | None) -> None:
+    verdict = verdict_of(end, passed, partial=False)
+    assert (verdict.value, verdict.passed, verdict.judged) == (end.value, False, False)
+
+
+@pytest.mark.parametrize("verdict", [verdict for verdict in Verdict if verdict is not Verdict.UNDETERMINED])
+def test_verdict_is_read_back_from_the_result_json(verdict: Verdict) -> None:
+    partial = verdict is Verdict.PARTIAL
+    row = {**RESULT, "schema": "calstation.result/1", "outcome": verdict.outcome, "passed": verdict.passed}
+    assert Result.from_json({**row, "partial": partial}).verdict is verdict
+
+
+@pytest.mark.parametrize("passed", [True, False, None])
+def test_log_that_was_solved_again_has_a_verdict(passed: bool | None) -> None:
+    row = {**RESULT, "schema": "calstation.result/1", "outcome": "resolved", "passed": passed, "partial": False}
+    assert Result.from_json(row).verdict.passed is passed
+
+
+@pytest.fixture
+def product() -> ProductConfig:
+    """A product whose units are set aside after the third failure."""
+    loaded = load_product(library.find("products", "nav_a"))[1]
+    return loaded.model_copy(update={"advice": ["reseat", "repeat"], "attempts_allowed": 3})
+
+
+@pytest.mark.parametrize(
+    ("verdict", "failures", "resumable", "action"),
+    [
+        (Verdict.PASSED, 0, True, None),
+        (Verdict.PARTIAL, 0, False, None),
+        (Verdict.FAILED, 1, True, "reseat"),
+        (Verdict.FAILED, 2, False, "repeat"),
+        (Verdict.FAILED, 3, False, "set_aside"),
+        (Verdict.FAULT, 0, True, "resume"),
+        (Verdict.STOPPED, 2, False, "repeat"),
+    ],
+)
+def test_next_action_follows_from_the_verdict(
+    product: ProductConfig, verdict: Verdict, failures: int, resumable: bool, action: str | None
+) -> None:
+    assert advice(product, verdict, failures, resumable=resumable) == action
