@@ -3,7 +3,8 @@
 from dataclasses import replace
 from math import radians
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from pkgutil import iter_modules
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -47,6 +48,13 @@ def _right_angled(orientation: str) -> str:
     unit_axes(orientation)  # raises ValueError
     return orientation
 
+
+#: Names of the protocols of simulated units, the modules of `bench.imu.units`.
+IMU_PROTOCOLS = tuple(module.name for module in iter_modules([str(Path(__file__).parent / "imu" / "units")]))
+if TYPE_CHECKING:
+    ImuProtocolName = str
+else:
+    ImuProtocolName = Literal[IMU_PROTOCOLS]
 
 ParameterName = Annotated[str, AfterValidator(_known)]
 
@@ -141,7 +149,7 @@ class BenchConfig(BaseModel):
 
     table_protocol: Literal["modbus", "drives", "imu_link", "atl", "acl", "mn", "hand", "gimbal"] = "modbus"
     table_transport: Literal["tcp", "rtu"] = "tcp"
-    imu_protocol: Literal["framed", "modbus", "vectornav"] = "framed"
+    imu_protocol: ImuProtocolName = "framed"
     imu_transport: Literal["socket", "pty"] = "socket"
     behind_registers: bool = False
     latency_s: NonNegative = 0.002

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from calstation.bench.config import BenchConfig, Order
-from calstation.bench.imu import SAMPLES as VECTORNAV
-from calstation.bench.imu import DspUnit, ImuUnit, StreamFaults, VectorNavUnit, burnt_cycles
+from calstation.bench.imu import UNITS, StreamFaults, burnt_cycles
 from calstation.bench.table import Clocks, Fault, GimbalDrive, TableMachine, TableRegisters
 from calstation.bench.truth import (
     BodyMotion,
@@ -22,9 +21,6 @@ from calstation.bench.truth import (
 )
 
 TABLE_MODEL = "bench-table"
-
-#: Classes of units by protocol.
-UNITS = {"framed": ImuUnit, "modbus": DspUnit, "vectornav": VectorNavUnit}
 
 _FAULTS = {
     "drive_fault": Fault.DRIVE,
@@ -91,7 +87,6 @@ class LiveBench:
             self._stream = SensorStream(self.truth.imu, self.truth.table, stream_seed, rate=rate, begin=begin)
         self._latency, self._jitter = config.latency_s, config.jitter_s
         self._orders = sorted(config.orders, key=lambda order: order.at)
-        self.faults = StreamFaults(self._random)
         self.now = 0.0
         self.executed: list[str] = []
         self.on_link: Callable[[Order], None] = lambda order: None
@@ -114,8 +109,7 @@ class LiveBench:
             self.unit.calibrate(imu.error_model())
         if config.table_protocol == "imu_link":
             self.unit.axes = self.registers
-        if isinstance(self.unit, VectorNavUnit):
-            self.faults.frame_size = VECTORNAV.itemsize
+        self.faults = StreamFaults(self._random, self.unit.frame_size)
 
     @property
     def gimbal(self) -> GimbalStream:

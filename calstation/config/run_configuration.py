@@ -440,7 +440,7 @@ def _check_baud(setup: RunConfiguration) -> None:
     if serial is None or "baud" not in serial.model_fields_set or port.startswith(SOCKETS):
         return
     try:
-        for frame in setup.imu.frames:
+        for frame in setup.imu.frames.values():
             check_baud(serial, frame, setup.imu.stream.sample_rate_hz)
     except EntryError as exc:  # the error contains the entry of the profile
         raise EntryError(exc.code, "imu", "serial", "baud", **exc.values) from None

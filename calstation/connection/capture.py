@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from calstation.devices.imu import FrameDecoder, SampleCount
+from calstation.devices.imu import FrameDecoder, SampleCount, frame_decoder
 from calstation.devices.profiles import ImuProfile, load_imu_profile, span
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
@@ -41,7 +41,7 @@ def import_capture(source: Path, target: Path, imu: Path, meta_file: Path | None
     data = {} if meta_file is None else read_toml(meta_file, InputError)
     has_site = "site" in data
     meta = validate(RecordingMeta, _completed(data, profile, source, site), meta_file or source, InputError)
-    decoder = FrameDecoder(profile.frame, profile.commands)
+    decoder = frame_decoder(profile)
     facts = write_log(target, meta.log_meta, _blocks(source, profile, decoder, meta.stage))
     return Capture(facts, has_site, decoder.crc_errors, decoder.skipped)
 

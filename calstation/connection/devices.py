@@ -253,4 +253,4 @@ def table_profile(setup: RunConfiguration) -> TableProfile:
 def imu_profile(setup: RunConfiguration) -> ImuProfile:
     """Return the IMU's profile with the station's timeout."""
     timeout = setup.station.imu.timeout_s
-    return setup.imu if timeout is None else setup.imu.with_timeout(timeout)
+    return setup.imu if timeout is None else setup.imu.with_commands(timeout_s=timeout)

@@ -193,7 +193,7 @@ def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool
     """Return whether frames of a profile arrive on a port with these settings; False if it cannot be opened."""
     try:
         with closing(SerialLink(port, settings, "imu")) as link:
-            return len(FrameDecoder(profile.frame, profile.commands).feed(listen(link, LISTEN)).frames) > 0
+            return len(FrameDecoder(profile.frame).feed(listen(link, LISTEN)).frames) > 0
     except CalstationError:
         return False
 

@@ -55,7 +55,7 @@ class ImuTest:
         except DeviceFaultError as exc:
             yield self._failed(exc)
             return
-        if setup.imu.protocol == "stream":
+        if not setup.imu.has_commands:
             yield Finding("cannot_tell", "info")
         else:
             yield Finding("identified", "ok", asdict(identity))
@@ -95,7 +95,7 @@ class ImuTest:
         expected = profile.stream.sample_rate_hz
         values: dict[str, Value] = {"expected": expected, "measured": len(seq) / elapsed}
         if not len(seq):
-            if profile.protocol != "stream":
+            if profile.has_commands:
                 yield Finding("no_stream", "error", values)
             elif not imu.stats.frames:
                 yield self._unanswered("")
@@ -159,7 +159,7 @@ class ImuTest:
             return Finding("silent", "error", values)
         if stats.frames:
             return Finding("one_way", "error", values)
-        size = FrameDecoder(profile.frame, profile.commands).size
+        size = FrameDecoder(profile.frame).size
         if stats.crc_errors * size > _WRONG_CHECKS * stats.bytes:
             return Finding("wrong_checks", "error", {**values, "kind": profile.frame.crc.kind})
         return Finding("no_frames", "error", values, "" if line else "no_frames_server")

@@ -72,7 +72,7 @@ def read_unit(
         )
     if parts is None:
         raise DeviceFaultError("connection.samples_lost")
-    return ImuOutput(meta, [_block(parts)], setup.after_registers, named=setup.imu.protocol != "stream")
+    return ImuOutput(meta, [_block(parts)], setup.after_registers, named=setup.imu.has_commands)
 
 
 def _with_recorded_unit(path: Path, meta: LogMeta, setup: RunConfiguration) -> RunConfiguration:

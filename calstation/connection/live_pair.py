@@ -208,7 +208,7 @@ def open_pair(
         if isinstance(clock, BenchClock):
             clock.attach(lambda: {place: unit.imu.received for place, unit in enumerate(units)})
         primary = setup.primary.imu
-        held = units[0].imu.read_registers() if primary.registers and primary.protocol != "stream" else {}
+        held = units[0].imu.read_registers() if primary.registers else {}
         meta = setup.log_meta(serials, held)
         fits = stack.enter_context(ThreadPoolExecutor(1, "fit"))
         session = PairSession(meta, folder, setup.primary.sources["station"].path, fits.submit)

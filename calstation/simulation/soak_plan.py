@@ -3,12 +3,15 @@
 import random
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
+from calstation.bench.imu import UNITS
 from calstation.config import DEFAULT_PRODUCT, DEFAULT_STATION, RunRequest, library
+from calstation.devices.profiles import load_table_profile
 from calstation.schema import read_toml
 from calstation.simulation.fault_plan import CAPTURES
 
@@ -18,20 +21,31 @@ _SHORT: dict[str, Any] = {
     "warm_up": {"time_s": 0.0},
     "schedule": {"rate": {"turns": 1, "dwell_s": 2.0, **_QUICK}, "six_position": {"dwell_s": 6.0, **_QUICK}},
 }
-_MEMS = {"bench_grade": "mems", "limits": "mems_c"}
 
-#: Devices of the station: weight in the random draw, changes to the station file, changes to the product file.
-DEVICES: Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]] = {
-    "Modbus TCP, frames": (8, {}, {}),
-    "Modbus RTU": (1, {"bench": {"table_transport": "rtu"}}, {}),
-    "two drives": (1, {"table": {"profile": "cia402_drives"}}, {}),
-    "ATL": (1, {"table": {"profile": "aerosmith_atl"}}, {}),
-    "ACL": (1, {"table": {"profile": "acutronic_acl"}}, {}),
-    "MN": (1, {"table": {"profile": "mn_ascii"}}, {}),
-    "indexing unit": (1, {"table": {"profile": "indexing_unit"}}, {}),
-    "VN-100": (1, {}, {"imu": "vectornav_vn100", **_MEMS}),
-    "DSP by Modbus": (1, {}, {"imu": "dsp_modbus", **_MEMS}),
-}
+#: Name of the default devices, a table over Modbus TCP and a framed unit.
+_DEFAULT_DEVICES = "default"
+
+
+@cache
+def devices() -> Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]]:
+    """Return devices of the station by name: weight in the random draw, changes to the station and the product file.
+
+    Besides the default devices, these are every other shipped table with two driven axes, and the unit of every other
+    protocol.
+    """
+    found: dict[str, tuple[int, dict[str, Any], dict[str, Any]]] = {
+        _DEFAULT_DEVICES: (8, {}, {}),
+        "Modbus RTU": (1, {"bench": {"table_transport": "rtu"}}, {}),
+    }
+    for path in sorted((library.shipped_folder() / "tables").glob("*.toml")):
+        table = load_table_profile(path)
+        if path.stem != "bench" and not table.by_hand and table.gimbal is None:
+            found[path.stem] = (1, {"table": {"profile": path.stem}}, {})
+    for protocol, unit in UNITS.items():
+        if protocol != "framed":
+            found[unit.profile] = (1, {}, {"imu": unit.profile, "bench_grade": "mems", "limits": "mems_c"})
+    return found
+
 
 #: Faults (kind, value) that a run survives: with only these, the run of a good unit must end with a verdict.
 MILD: tuple[tuple[str, float | None], ...] = (
@@ -92,13 +106,13 @@ _LATEST_TIME = 20.0
 
 @dataclass(frozen=True)
 class Planned:
-    """One run of a soak test: the seed of its bench, its faults (kind, value), and a key of `DEVICES`."""
+    """One run of a soak test: the seed of its bench, its faults (kind, value), and a key of `devices()`."""
 
     number: int
     seed: int
     faulty_unit: bool
     faults: tuple[tuple[str, float | None], ...]
-    devices: str = "Modbus TCP, frames"
+    devices: str = _DEFAULT_DEVICES
 
 
 def plans(runs: int, seed: int) -> Iterator[Planned]:
@@ -114,15 +128,15 @@ def plans(runs: int, seed: int) -> Iterator[Planned]:
                 drawn.shuffle(deck)
             faults.append(deck.pop())
         seed_of_run, faulty = drawn.randrange(2**31), drawn.random() < 0.1
-        (devices,) = drawn.choices(list(DEVICES), [often for often, _, _ in DEVICES.values()])
-        yield Planned(number, seed_of_run, faulty, tuple(faults), devices)
+        (chosen,) = drawn.choices(list(devices()), [weight for weight, _, _ in devices().values()])
+        yield Planned(number, seed_of_run, faulty, tuple(faults), chosen)
 
 
 def write_request(planned: Planned, folder: Path, stages: tuple[str, ...]) -> RunRequest:
     """Write the station, product and fault-plan files of a run; return the request that uses them."""
     drawn = random.Random(planned.seed)
     (folder / "bench").mkdir(parents=True, exist_ok=True)
-    _, other_station, other_product = DEVICES[planned.devices]
+    _, other_station, other_product = devices()[planned.devices]
     station = read_toml(library.shipped_folder() / "stations" / f"{DEFAULT_STATION}.toml")
     station |= {name: section for name, section in other_station.items() if name != "bench"}
     station["bench"] = {

@@ -7,22 +7,20 @@ import numpy as np
 import pytest
 
 from calstation.bench.config import BenchConfig
+from calstation.bench.imu import UNITS
 from calstation.bench.imu.correction import Requantiser
-from calstation.bench.imu.unit import CORRECTED, STREAM, WRITE
-from calstation.bench.live import UNITS
+from calstation.bench.imu.unit import CORRECTED
+from calstation.bench.imu.units.framed import STREAM, WRITE
 from calstation.bench.truth.imu import StreamOutput
-from calstation.devices.codecs.frame_checks import check_bytes
-from calstation.devices.codecs.numbers import number
 from calstation.devices.imu.drivers import open_imu
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.streamed_imu import ImuRefusalError
-from calstation.devices.imu.vectornav_imu import line
 from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.physics.parameters import PARAMETERS
+from tests.devices.powered_unit import shipped, write_directly
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
-PROFILES = {"framed": "bench_mems", "modbus": "dsp_modbus", "vectornav": "vectornav_vn100"}
 _RNG = np.random.default_rng(3)
 SIZES = {"bias": 1e-2, "scale": 3e-3, "misalign": 3e-3, "quadratic": 1e-5, "inner_lever": 0.02}
 ERRORS = {p.name: float(_RNG.normal() * next((v for k, v in SIZES.items() if k in p.group), 0.0)) for p in PARAMETERS}
@@ -48,45 +46,21 @@ def measured(errors, rate, force):
     return np.hstack([gyro, accel])
 
 
-@pytest.mark.parametrize("protocol", PROFILES)
+@pytest.mark.parametrize("protocol", UNITS)
 def test_output_is_the_true_motion_if_registers_hold_the_true_errors(protocol):
-    profile = load_imu_profile(IMUS / f"{PROFILES[protocol]}.toml")
+    profile = shipped(protocol)
     entries = RegisterMap(tuple(profile.registers))
     registers = {n: v for n, v in ERRORS.items() if n in entries.parameters}
     unit = UNITS[protocol](BenchConfig(serial="SN-7"))
     unit.scale = np.repeat([1e-7, 1e-6], 3)
     unit.increments = False
-    fill(unit, profile, entries, registers)
+    write_directly(unit, profile, {**dict.fromkeys(entries.parameters, 0.0), **registers})
     rng = np.random.default_rng(4)
     rate, force = rng.normal(size=(40, 3)), 9.8 * rng.normal(size=(40, 3))
     counts = measured(entries.rounded(registers), rate, force) / unit.scale
     values = unit.correction().applied(counts * unit.scale)
     np.testing.assert_allclose(values[:, :3], rate, atol=2e-6)
     np.testing.assert_allclose(values[:, 3:], force, atol=2e-5)
-
-
-def fill(unit, profile, entries, registers):
-    """Write the registers by the unit's own commands."""
-    check_cancelled = unit.conversation()
-    numbers = entries.encode({**dict.fromkeys(entries.parameters, 0.0), **registers})
-    for entry in entries.entries:
-        kind = number(entry.type)
-        if profile.protocol == "vectornav":
-            values = ",".join(f"{v:.9G}" for v in numbers[entry.key])
-            assert b"VNERR" not in b"".join(check_cancelled(line(f"VNWRG,{entry.address},{values}", "xor8"), 1.0))
-            continue
-        order = entry.byte_order or ("big" if profile.modbus else "little")
-        body = b"".join(kind.pack(v, order, entry.word_order) for v in numbers[entry.key])
-        if profile.protocol == "framed":
-            head = struct.pack("<HB", entry.address, len(body) // 4)
-            unit.answer(WRITE, head + body, 1.0)
-            continue
-        for request in (
-            bytes([1, 6]) + struct.pack(">HH", 23, entry.page),
-            bytes([1, 16]) + struct.pack(">HHB", entry.address, len(body) // 2, len(body)) + body,
-        ):
-            (reply,) = check_cancelled(request + check_bytes("crc16_modbus", request, "little"), 1.0)
-            assert not reply[1] & 0x80
 
 
 def test_increments_accumulate_no_rounding_error():
@@ -111,9 +85,9 @@ def test_carried_rounding_error_does_not_depend_on_the_resolution():
     assert np.abs(drift).max() < 0.51
 
 
-@pytest.mark.parametrize("protocol", PROFILES)
+@pytest.mark.parametrize("protocol", UNITS)
 def test_driver_switches_the_stream_type_without_reading_old_samples(start_bench, protocol):
-    profile = load_imu_profile(IMUS / f"{PROFILES[protocol]}.toml").with_timeout(2.0)
+    profile = shipped(protocol).with_commands(timeout_s=2.0)
     settings = {"grade": "mems", "imu_protocol": protocol, "output": profile.stream.output}
     with start_bench(serial="SN-000042", clock_drift_ppm=0.0, **settings) as bench:
         imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "imu"), profile, "")

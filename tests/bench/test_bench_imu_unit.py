@@ -9,14 +9,15 @@ from hypothesis import strategies as st
 
 from calstation.bench.config import BenchConfig
 from calstation.bench.imu.frames import COMMAND_SYNC, STREAM, CommandParser, crc16, pack, stream_frames
-from calstation.bench.imu.unit import BOOT_TIME, FLASH_TIME, ImuUnit
+from calstation.bench.imu.unit import BOOT_TIME
+from calstation.bench.imu.units.framed import FLASH_TIME, FramedUnit
 from calstation.bench.truth.imu import StreamOutput
 
 IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM_OP, ERROR = 1, 2, 3, 4, 5, 6, 255
 
 
 def unit(**changes):
-    return ImuUnit(BenchConfig(**{"serial": "SN-7", "warm_up_c": 0.0, "ambient_c": 21.5, **changes}))
+    return FramedUnit(BenchConfig(**{"serial": "SN-7", "warm_up_c": 0.0, "ambient_c": 21.5, **changes}))
 
 
 def reply(op, payload):

@@ -45,7 +45,7 @@ def test_late_table_response_is_not_taken_for_limits_or_angles(start_bench):
 @pytest.mark.long
 @pytest.mark.parametrize("transport", ["socket", "pty"])
 def test_late_imu_response_is_not_taken_for_other_registers(start_bench, transport):
-    profile = load_imu_profile(DATA / "imus" / "dsp_modbus.toml").with_timeout(TIMEOUT)
+    profile = load_imu_profile(DATA / "imus" / "dsp_modbus.toml").with_commands(timeout_s=TIMEOUT)
     entries = RegisterMap(tuple(profile.registers))
     wanted = entries.rounded({n: 1e-4 * (1 + i / 7) for i, n in enumerate(entries.parameters)})
     with start_bench(grade="mems", imu_protocol="modbus", imu_transport=transport, serial="SN-000042") as bench:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from calstation.bench.config import BenchConfig
-from calstation.bench.imu.unit import MODEL
+from calstation.bench.imu.units.framed import MODEL
 from calstation.bench.links.table_modbus import BAUD, UNIT
 from calstation.bench.live import TABLE_MODEL
 from calstation.bench.truth.grades import GRADES

@@ -8,14 +8,16 @@ import pytest
 from fastcrc import crc16
 
 from calstation.bench.config import BenchConfig
-from calstation.bench.imu.modbus_dsp import DspUnit, crc16_modbus
-from calstation.bench.imu.vectornav import SAMPLES, VectorNavUnit, check_line
+from calstation.bench.imu import UNITS
+from calstation.bench.imu.units.modbus import crc16_modbus
+from calstation.bench.imu.units.vectornav import SAMPLES, check_line
 from calstation.bench.truth.imu import StreamOutput
 from calstation.devices.imu.drivers import open_imu
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.streamed_imu import ImuRefusalError
 from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.profiles.imu import load_imu_profile
+from tests.devices.powered_unit import shipped
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 PLAIN = "1,0,0,0,1,0,0,0,1,0,0,0"
@@ -48,7 +50,7 @@ def test_checksums_match_the_manufacturers_examples():
 
 
 def test_vectornav_replies_match_the_protocol():
-    unit = Unit(VectorNavUnit)
+    unit = Unit(UNITS["vectornav"])
     assert unit.lines("VNRRG,1", "VNRRG,03") == ["VNRRG,01,VN-100T", "VNRRG,03,SN-7"]
     ones = ",".join(f"{float(v):+.6E}" for v in PLAIN.split(","))
     assert unit.lines("VNRRG,25", "VNRRG,84") == [f"VNRRG,25,{ones}", f"VNRRG,84,{ones}"]
@@ -61,7 +63,7 @@ def test_vectornav_replies_match_the_protocol():
 
 
 def test_vectornav_registers_survive_a_reset_only_after_a_commit():
-    unit = Unit(VectorNavUnit)
+    unit = Unit(UNITS["vectornav"])
     write = "VNWRG,84,1.00012345,0.5,0,0,1,0,0,0,1,1E-3,-2E-3,3E-3"
     assert unit.lines(write) == [write]
     unit.lines("VNRST")
@@ -72,7 +74,7 @@ def test_vectornav_registers_survive_a_reset_only_after_a_commit():
 
 
 def test_vectornav_sample_frame_matches_the_protocol():
-    unit = Unit(VectorNavUnit)
+    unit = Unit(UNITS["vectornav"])
     unit.unit.scale = np.array([1e-3] * 3 + [1e-2] * 3)
     output = StreamOutput(np.array([[1.0, 2, 3, 4, 5, 981]]), np.array([False]))
     assert unit.unit.frames(output, np.array([1.0])) == b"", "silent until commanded to stream"
@@ -87,7 +89,7 @@ def test_vectornav_sample_frame_matches_the_protocol():
 
 
 def test_dsp_replies_match_the_protocol():
-    unit = Unit(DspUnit)
+    unit = Unit(UNITS["modbus"])
     assert unit.rtu(1, 3, 0, 0, 0, 8)[3:19] == b"bench-dsp".ljust(16, b"\0")
     assert unit.rtu(1, 3, 0, 100, 0, 1)[:3] == b"\x01\x83\x02", "page 0 has no registers there"
     assert unit.rtu(1, 6, 0, 23, 0, 1)[:6] == b"\x01\x06\x00\x17\x00\x01"
@@ -101,7 +103,7 @@ def test_dsp_replies_match_the_protocol():
 
 def test_dsp_registers_survive_a_reset_only_after_a_commit(tmp_path):
     file = tmp_path / "flash.bin"
-    unit = Unit(DspUnit, flash_file=file)
+    unit = Unit(UNITS["modbus"], flash_file=file)
     for body in ((1, 6, 0, 23, 0, 1), (1, 6, 0, 100, 7, 7)):
         unit.rtu(*body)
     unit.rtu(1, 6, 0, 22, 0xA5, 0xA5)
@@ -110,12 +112,12 @@ def test_dsp_registers_survive_a_reset_only_after_a_commit(tmp_path):
     unit.rtu(1, 6, 0, 100, 7, 7)
     unit.rtu(1, 6, 0, 21, 0x5A, 0x5A)
     assert [unit.rtu(1, 3, 0, 21, 0, 1)[3:5] for _ in range(2)] == [b"\x5a\x5a", b"\0\0"]
-    again = Unit(DspUnit, flash_file=file)
+    again = Unit(UNITS["modbus"], flash_file=file)
     again.rtu(1, 6, 0, 23, 0, 1)
     assert again.rtu(1, 3, 0, 100, 0, 1)[3:5] == b"\x07\x07"
 
 
-@pytest.mark.parametrize("kind", [VectorNavUnit, DspUnit])
+@pytest.mark.parametrize("kind", UNITS.values(), ids=UNITS)
 def test_unit_survives_arbitrary_bytes(kind):
     unit = Unit(kind)
     random = np.random.default_rng(5)
@@ -123,15 +125,12 @@ def test_unit_survives_arbitrary_bytes(kind):
         unit(bytes(random.integers(0, 256, 50, dtype=np.uint8)) + b"\x01\x10\x00$VN*\r\n,\x01\x03")
 
 
-PROTOCOLS = {"vectornav": ("vectornav_vn100", "rate"), "modbus": ("dsp_modbus", "increment")}
-
-
 @pytest.mark.long
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("protocol", UNITS)
 @pytest.mark.parametrize("transport", ["socket", "pty"])
 def test_driver_reads_and_writes_registers_and_streams(start_bench, protocol, transport):
-    name, output = PROTOCOLS[protocol]
-    profile = load_imu_profile(IMUS / f"{name}.toml").with_timeout(2.0)
+    profile = shipped(protocol).with_commands(timeout_s=2.0)
+    output = profile.stream.output
     entries = RegisterMap(tuple(profile.registers))
     settings = {"grade": "mems", "imu_protocol": protocol, "imu_transport": transport, "output": output}
     with start_bench(serial="SN-000042", clock_drift_ppm=0.0, **settings) as bench:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from test_frames import reply_frame, stream_frame
 
-from calstation.devices.imu.framed_imu import FramedImu
+from calstation.devices.imu.drivers.framed import FramedImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.devices.interfaces import OtherModelError
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile

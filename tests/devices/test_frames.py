@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from calstation.devices.codecs.frame_checks import CRC_WIDTHS, check_bytes
 from calstation.devices.codecs.packets import Reply
-from calstation.devices.imu.frames import FrameDecoder, command_frame
+from calstation.devices.imu.drivers import frame_decoder
+from calstation.devices.imu.drivers.framed import command_frame
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 
 DATA = Path(__file__).parents[2] / "data"
@@ -35,7 +36,7 @@ def reply_frame(op: int, payload: bytes) -> bytes:
 
 
 def decode(profile: ImuProfile, parts: list[bytes]) -> tuple[bytes, list[Reply], int, int]:
-    decoder = FrameDecoder(profile.frame, profile.commands)
+    decoder = frame_decoder(profile)
     frames, replies = b"", []
     for part in parts:
         decoded = decoder.feed(part)
@@ -45,7 +46,7 @@ def decode(profile: ImuProfile, parts: list[bytes]) -> tuple[bytes, list[Reply],
 
 
 def test_frame_is_decoded_by_its_profile(profile: ImuProfile) -> None:
-    decoder = FrameDecoder(profile.frame, profile.commands)
+    decoder = frame_decoder(profile)
     data = stream_frame(65535, [1, -2, 3, -(2**31), 5, 2**31 - 1]) + stream_frame(0, [0] * 6, -512, 3)
     counter, counts, temperature, status = decoder.samples(decoder.feed(data).frames)
     assert counter.tolist() == [65535, 0]
@@ -125,7 +126,7 @@ def test_bytes_outside_frames_are_counted(profile: ImuProfile) -> None:
 
 
 def test_decoding_at_2_khz_uses_a_fraction_of_a_core(profile: ImuProfile) -> None:
-    decoder = FrameDecoder(profile.frame, profile.commands)
+    decoder = frame_decoder(profile)
     stream = b"".join(stream_frame(i, [i, -i, 0, 1, 2, 98000]) for i in range(20_000))
     begin = time.process_time()
     count = 0

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from rtu_server import RtuServer
 
-from calstation.devices.imu.modbus_imu import ModbusImu
+from calstation.devices.imu.drivers.modbus import ModbusImu
 from calstation.devices.links.modbus_link import ModbusLink, ModbusRefusalError
 from calstation.devices.links.modbus_rtu import Barriers, RtuRequest
 from calstation.devices.links.serial_link import SerialLink

@@ -11,15 +11,15 @@ from fastcrc import crc16
 from test_framed_imu import ScriptedLink
 from test_frames import stream_frame
 
-from calstation.devices.imu.modbus_imu import ModbusImu
+from calstation.devices.imu.drivers.modbus import ModbusImu
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
+from calstation.devices.profiles import ModbusProtocol
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
-from calstation.devices.profiles.imu_sections import ModbusUnitSection
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code
 
-PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "dsp_modbus.toml").with_timeout(0.4)
+PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "dsp_modbus.toml").with_commands(timeout_s=0.4)
 MAP = RegisterMap(tuple(PROFILE.registers))
 Pair = tuple[bytes, bytes]
 
@@ -52,7 +52,7 @@ IDENTITY = [
 ]
 
 
-def section(profile: ImuProfile) -> ModbusUnitSection:
+def section(profile: ImuProfile) -> ModbusProtocol:
     assert profile.modbus is not None
     return profile.modbus
 

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from calstation.bench.config import BenchConfig
-from calstation.bench.imu.unit import ImuUnit
+from calstation.bench.imu import UNITS
 from calstation.bench.table.axes import Axes
 from calstation.bench.table.cia402_drives import Drive, drives
 from calstation.bench.table.machine import Clocks, Power, TableLimits, TableMachine
 from calstation.bench.table.registers import TableRegisters
 from calstation.bench.table.text import LANGUAGES
 from calstation.bench.truth.drive import EncoderTruth, TableDrive
-from calstation.devices.imu.framed_imu import FramedImu
+from calstation.devices.imu.drivers.framed import FramedImu
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.devices.table.modbus_table import ModbusTable
@@ -113,7 +113,7 @@ class Line:
 
     def __init__(self, far: FakeDevice) -> None:
         self._far = far
-        unit = ImuUnit(BenchConfig(serial="SN-1"))
+        unit = UNITS["framed"](BenchConfig(serial="SN-1"))
         unit.axes = far.registers()
         self._hear = unit.conversation()
         self._replies: SimpleQueue[bytes] = SimpleQueue()
@@ -137,7 +137,7 @@ def driver(name: str, far: FakeDevice) -> Iterator[RegisterTable | TextTable]:
     """Run the driver of the profile on a link to `far`."""
     profile = load_table_profile(DATA / "tables" / f"{name}.toml")
     if profile.protocol == "imu_link":
-        imu_profile = load_imu_profile(DATA / "imus" / "bench_nav.toml").with_timeout(WITHIN)
+        imu_profile = load_imu_profile(DATA / "imus" / "bench_nav.toml").with_commands(timeout_s=WITHIN)
         table: RegisterTable | TextTable = SharedTable(
             FramedImu(Line(far), imu_profile),  # type: ignore[arg-type]
             profile,

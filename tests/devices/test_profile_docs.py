@@ -11,10 +11,11 @@ import pytest
 from pydantic import BaseModel
 
 from calstation.devices.codecs.frame_checks import CHECK_WIDTHS, CRC_WIDTHS
-from calstation.devices.imu.frames import FrameDecoder, command_frame
+from calstation.devices.imu.drivers.framed import command_frame
+from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.profiles import OPS
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
-from calstation.devices.profiles.imu_sections import OPS
 from calstation.devices.profiles.table import TableProfile
 from calstation.devices.profiles.table_registers import (
     COMMANDS,

@@ -9,7 +9,7 @@ import pytest
 from rtu_server import RtuServer
 from test_late_answers import pageless
 
-from calstation.devices.imu.modbus_imu import ModbusImu
+from calstation.devices.imu.drivers.modbus import ModbusImu
 from calstation.devices.imu.register_transfer import transfer
 from calstation.devices.imu.registered_imu import markable, marked
 from calstation.devices.imu.registers import RegisterMap

@@ -13,8 +13,8 @@ from test_framed_imu import ScriptedLink, request
 from test_frames import reply_frame, stream_frame
 from test_modbus_table import image, long
 
-from calstation.devices.imu.drivers import SilentImu
-from calstation.devices.imu.framed_imu import FramedImu
+from calstation.devices.imu.drivers.framed import FramedImu
+from calstation.devices.imu.drivers.stream import SilentImu
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import load_table_profile

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from test_framed_imu import ScriptedLink
 
-from calstation.devices.imu.drivers import SilentImu
+from calstation.devices.imu.drivers.stream import SilentImu
 from calstation.devices.profiles.imu import load_imu_profile
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"

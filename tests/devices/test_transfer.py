@@ -10,7 +10,7 @@ import pytest
 from calstation.devices.imu.register_transfer import Closing, Holds, Step, finish, recognise, restore, transfer
 from calstation.devices.interfaces import ImuIdentity, LinkStats, SampleBatch
 from calstation.errors import ConfigurationError, DeviceFaultError
-from tests.devices.dsp import MAP, NAMES, SERIAL, Unit
+from tests.devices.powered_unit import MAP, NAMES, SERIAL, Unit
 from tests.helpers import raises_code
 
 OLD = float(np.float32(0.001))

@@ -11,15 +11,17 @@ import pytest
 from fastcrc import crc16
 from test_framed_imu import ScriptedLink
 
+from calstation.devices.imu.drivers.vectornav import VectorNavImu, line
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.streamed_imu import ImuRefusalError
-from calstation.devices.imu.vectornav_imu import VectorNavImu, line
 from calstation.devices.interfaces import OtherModelError
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code
 
-PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "vectornav_vn100.toml").with_timeout(0.15)
+PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "vectornav_vn100.toml").with_commands(
+    timeout_s=0.15
+)
 MAP = RegisterMap(tuple(PROFILE.registers))
 PLAIN = "1,0,0,0,1,0,0,0,1,0,0,0"
 

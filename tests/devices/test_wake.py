@@ -3,25 +3,21 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 import pytest
 
 from calstation.bench.config import BenchConfig
+from calstation.bench.imu import UNITS, ImuUnit
 from calstation.bench.imu.frames import REPLY_SYNC, crc16, pack, stream_frames
-from calstation.bench.imu.modbus_dsp import DspUnit
-from calstation.bench.imu.unit import ImuUnit
-from calstation.bench.imu.vectornav import VectorNavUnit
 from calstation.config import library
 from calstation.devices.imu.drivers import open_imu
 from calstation.devices.imu.streamed_imu import StreamedImu
 from calstation.devices.interfaces import ImuIdentity, NoFramesError, OtherModelError
-from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
+from calstation.devices.profiles.imu import load_imu_profile
 from calstation.errors import DeviceFaultError
+from tests.devices.powered_unit import shipped
 from tests.helpers import raises_code
-
-UNITS: dict[str, type[ImuUnit]] = {"bench_nav": ImuUnit, "dsp_modbus": DspUnit, "vectornav_vn100": VectorNavUnit}
 
 
 def read_for(imu: StreamedImu, seconds: float) -> None:
@@ -65,17 +61,11 @@ class BootingLink:
     def close(self) -> None: ...
 
 
-def quick(name: str, reset_timeout_s: float = 30.0) -> ImuProfile:
-    profile = load_imu_profile(library.shipped_folder() / "imus" / f"{name}.toml").with_timeout(0.4)
-    section = {"bench_nav": "commands", "dsp_modbus": "modbus", "vectornav_vn100": "vectornav"}[name]
-    patience = {"reset_timeout_s": reset_timeout_s}
-    return profile.model_copy(update={section: getattr(profile, section).model_copy(update=patience)})
-
-
 @contextmanager
-def driver(name: str, **more: Any) -> Iterator[tuple[StreamedImu, BootingLink]]:
-    link = BootingLink(UNITS[name](BenchConfig(serial="SN-7")))
-    imu = open_imu(link, quick(name, **more), "SN-7")  # type: ignore[arg-type]
+def driver(protocol: str, reset_timeout_s: float = 30.0) -> Iterator[tuple[StreamedImu, BootingLink]]:
+    link = BootingLink(UNITS[protocol](BenchConfig(serial="SN-7")))
+    profile = shipped(protocol).with_commands(timeout_s=0.4, reset_timeout_s=reset_timeout_s)
+    imu = open_imu(link, profile, "SN-7")  # type: ignore[arg-type]
     try:
         yield imu, link
     finally:
@@ -84,10 +74,10 @@ def driver(name: str, **more: Any) -> Iterator[tuple[StreamedImu, BootingLink]]:
 
 @pytest.mark.long
 @pytest.mark.parametrize("corrected", [False, True])
-@pytest.mark.parametrize("name", UNITS)
-def test_restarting_unit_is_queried_until_it_responds_and_streams(name: str, corrected: bool) -> None:
+@pytest.mark.parametrize("protocol", UNITS)
+def test_restarting_unit_is_queried_until_it_responds_and_streams(protocol: str, corrected: bool) -> None:
     heard: list[bool] = []
-    with driver(name) as (imu, link):
+    with driver(protocol) as (imu, link):
         imu.start(corrected=corrected)
         link.restart(lost=2)
         assert not link.unit.corrected
@@ -98,9 +88,9 @@ def test_restarting_unit_is_queried_until_it_responds_and_streams(name: str, cor
     assert len(heard) > 1
 
 
-@pytest.mark.parametrize("name", UNITS)
-def test_unresponsive_unit_is_reported_within_the_restart_timeout(name: str) -> None:
-    with driver(name, reset_timeout_s=0.2) as (imu, link):
+@pytest.mark.parametrize("protocol", UNITS)
+def test_unresponsive_unit_is_reported_within_the_restart_timeout(protocol: str) -> None:
+    with driver(protocol, reset_timeout_s=0.2) as (imu, link):
         imu.start()
         link.restart(lost=10**6)
         with raises_code(DeviceFaultError, "imu.answer_not_framed"):
@@ -108,9 +98,9 @@ def test_unresponsive_unit_is_reported_within_the_restart_timeout(name: str) -> 
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", UNITS)
-def test_cancellation_is_checked_between_two_queries(name: str) -> None:
-    with driver(name) as (imu, link):
+@pytest.mark.parametrize("protocol", UNITS)
+def test_cancellation_is_checked_between_two_queries(protocol: str) -> None:
+    with driver(protocol) as (imu, link):
         imu.start()
         link.restart(lost=10**6)
         calls: list[int] = []
@@ -125,7 +115,7 @@ def test_cancellation_is_checked_between_two_queries(name: str) -> None:
 
 
 def test_unsolicited_bytes_do_not_count_as_a_wrong_baud_rate() -> None:
-    with driver("vectornav_vn100") as (imu, link):
+    with driver("vectornav") as (imu, link):
         imu.start()
         # As it leaves the factory: lines of text that no frame of the profile is among.
         link.restart(lost=0, says=b"$VNYMR,+006.271,+000.031,-002.000,+01.0640,-00.2531,+03.0614*65\r\n")
@@ -136,7 +126,7 @@ def test_unsolicited_bytes_do_not_count_as_a_wrong_baud_rate() -> None:
 
 
 def test_different_model_is_reported_immediately() -> None:
-    with driver("bench_nav") as (imu, link):
+    with driver("framed") as (imu, link):
         link.unit.answer = lambda op, payload, time: pack(REPLY_SYNC, op, b"other;SN-7;1")  # type: ignore[method-assign]
         with raises_code(OtherModelError, "imu.other_model"):
             imu.wake(lambda: None)
@@ -144,7 +134,7 @@ def test_different_model_is_reported_immediately() -> None:
 
 def test_a_unit_without_commands_cannot_be_queried() -> None:
     profile = load_imu_profile(library.shipped_folder() / "imus" / "stim300.toml")
-    imu = open_imu(BootingLink(ImuUnit(BenchConfig(serial="SN-7"))), profile, "SN-7")  # type: ignore[arg-type]
+    imu = open_imu(BootingLink(UNITS["framed"](BenchConfig(serial="SN-7"))), profile, "SN-7")  # type: ignore[arg-type]
     try:
         assert imu.wake(lambda: None) is None
     finally:
@@ -152,7 +142,7 @@ def test_a_unit_without_commands_cannot_be_queried() -> None:
 
 
 def test_a_counter_restart_is_counted_in_the_link_statistics() -> None:
-    with driver("bench_nav") as (imu, link):
+    with driver("framed") as (imu, link):
         for counters in ([5000, 5001], [0, 1]):
             frames = imu.stats.frames
             link.send(stream_frames(np.array(counters), np.zeros((2, 6)), 20.0, np.zeros(2, np.int64)))

@@ -8,6 +8,7 @@ import pytest
 from calstation.devices.links.modbus_link import ModbusLink, ModbusRefusalError
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.sequencer.events import StepStarted
+from calstation.simulation.soak_plan import devices
 from tests.connection.fake_links import server, tcp_pdu
 from tests.faults.conftest import FaultRuns, fault
 from tests.helpers import sampled
@@ -44,7 +45,7 @@ def test_a_fault_of_the_table_stops_the_run(
     ("profile", "stopped"),
     sampled(
         5,
-        ["cia402_drives", "indexing_unit", "aerosmith_atl", "acutronic_acl", "mn_ascii"],
+        [name for name, (_, station, _) in devices().items() if "table" in station],
         [
             ("stall", None, ("fault", "then run calstation table reset")),
             ("drive_fault", None, ("fault", "then run calstation table reset")),

@@ -13,7 +13,7 @@ from calstation.devices.imu.register_transfer import Closing, Holds, finish, rec
 from calstation.errors import CalstationError
 from calstation.records import checked_lines
 from calstation.registers import journal as register_journal
-from tests.devices.dsp import KINDS, SERIAL, PowerLost, Supply, Unit, registers
+from tests.devices.powered_unit import SERIAL, UNITS, PowerLost, Supply, Unit, registers
 from tests.helpers import sampled
 
 pytestmark = pytest.mark.long
@@ -21,11 +21,11 @@ pytestmark = pytest.mark.long
 SIZES = {"gyro_bias": 1e-5, "accel_bias": 1e-2, "accel_quadratic": 1e-6, "inner_lever": 1e-2}
 
 
-def values(kind: str, factor: float) -> dict[str, float]:
+def values(protocol: str, factor: float) -> dict[str, float]:
     """Return a value for every register of a type of unit, rounded as the unit stores it."""
-    names = registers(KINDS[kind]).parameters
+    names = registers(protocol).parameters
     values = {n: factor * (i + 1) * (-1) ** i * SIZES.get(n.rsplit("_", 1)[0], 1e-5) for i, n in enumerate(names)}
-    return registers(KINDS[kind]).rounded(values)
+    return registers(protocol).rounded(values)
 
 
 class Station:
@@ -47,16 +47,16 @@ def _journal_under_power(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checked_lines, "_write", write_while_powered)
     # The cut is at a byte of these files, not of a real disk: nothing need wait for one, nor for a busy flash.
     monkeypatch.setattr("os.fsync", lambda handle: None)
-    monkeypatch.setattr("calstation.devices.imu.modbus_imu.POLL", 0.0)
+    monkeypatch.setattr("calstation.devices.imu.drivers.modbus.POLL", 0.0)
 
 
 class Factory:
     """A unit, a folder of runs, and a common supply that can fail at any byte."""
 
-    def __init__(self, folder: Path, kind: str) -> None:
-        self.unit = Unit(folder / "flash.bin", kind=KINDS[kind])
-        self.kind = kind
-        self.map = registers(KINDS[kind])
+    def __init__(self, folder: Path, protocol: str) -> None:
+        self.unit = Unit(folder / "flash.bin", protocol=protocol)
+        self.protocol = protocol
+        self.map = registers(protocol)
         self.runs = folder
 
     def begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> register_journal.Transfer:
@@ -113,20 +113,20 @@ class Factory:
 
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("stride", [61, pytest.param(1, marks=pytest.mark.exhaustive)])
-@pytest.mark.parametrize("kind", KINDS)
-def test_power_cut_at_any_byte_is_recovered(tmp_path: Path, kind: str, stride: int) -> None:
-    first, second = values(kind, 1.0), values(kind, -2.5)
+@pytest.mark.parametrize("protocol", UNITS)
+def test_power_cut_at_any_byte_is_recovered(tmp_path: Path, protocol: str, stride: int) -> None:
+    first, second = values(protocol, 1.0), values(protocol, -2.5)
     start = tmp_path / "start"
     start.mkdir()
-    Factory(start, kind).write(first)
-    whole = Factory(_copy(start, "whole"), kind)
+    Factory(start, protocol).write(first)
+    whole = Factory(_copy(start, "whole"), protocol)
     length = whole.write(second)
     assert whole.has_registers(second)
     assert not whole.has_registers(first)
     assert whole.unit.cycles == register_journal.cycles(whole.runs, SERIAL) == 2
     seen = set()
     for cut in range(0, length, stride):
-        factory = Factory(_copy(start, str(cut)), kind)
+        factory = Factory(_copy(start, str(cut)), protocol)
         factory.write(second, cut)
         factory.check(first)
         entry = register_journal.interrupted(factory.runs, SERIAL)
@@ -141,7 +141,7 @@ def test_power_cut_at_any_byte_is_recovered(tmp_path: Path, kind: str, stride: i
 
 
 @pytest.mark.timeout(1200)
-@pytest.mark.parametrize("kind", sampled(3, KINDS))
+@pytest.mark.parametrize("protocol", sampled(3, UNITS))
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     first=st.floats(0.0, 1.0),
@@ -150,13 +150,13 @@ def test_power_cut_at_any_byte_is_recovered(tmp_path: Path, kind: str, stride: i
 )
 def test_repeated_power_cuts_during_recovery_are_recovered(
     tmp_path_factory: pytest.TempPathFactory,
-    kind: str,
+    protocol: str,
     first: float,
     further: list[tuple[str, float]],
     last: str,
 ) -> None:
-    factory = Factory(tmp_path_factory.mktemp("cuts"), kind)
-    before, new = values(kind, 1.0), values(kind, -2.5)
+    factory = Factory(tmp_path_factory.mktemp("cuts"), protocol)
+    before, new = values(protocol, 1.0), values(protocol, -2.5)
     length = factory.write(before)
     factory.write(new, round(first * length))
     for choice, share in further:

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from calstation.bench.imu import UNITS
 from calstation.errors import ConfigurationError
 from calstation.registers import journal as register_journal
 from calstation.sequencer.events import Message
@@ -17,15 +18,14 @@ from tests.site_folder import PRODUCT
 
 pytestmark = pytest.mark.long
 
-IMUS = ("bench_nav", "dsp_modbus", "vectornav_vn100")
+IMUS = tuple(unit.profile for unit in UNITS.values())
 LOOSE = {"within": 2e-2, "sigma_below": 1e-2}
 
 
 def with_imu(fault_runs: FaultRuns, imu: str) -> FaultRuns:
     """Return runs with a unit of another protocol."""
-    if imu != "bench_nav":
-        limits = {"gyro_scale": LOOSE, "accel_scale": LOOSE}
-        fault_runs.product = {**PRODUCT, "imu": imu, "bench_grade": "mems", "limits": limits}
+    limits = {"gyro_scale": LOOSE, "accel_scale": LOOSE}
+    fault_runs.product = {**PRODUCT, "imu": imu, "bench_grade": "mems", "limits": limits}
     return fault_runs
 
 
@@ -50,7 +50,7 @@ def repeated_captures(ran: Ran) -> int:
 
 
 @pytest.mark.parametrize(
-    ("imu", "reason"), [("bench_nav", "gap"), ("dsp_modbus", "gap"), ("vectornav_vn100", "no_data")]
+    ("imu", "reason"), [("bench_mems", "gap"), ("dsp_modbus", "gap"), ("vectornav_vn100", "no_data")]
 )
 def test_a_restart_during_a_stage_repeats_the_step(fault_runs: FaultRuns, imu: str, reason: str) -> None:
     ran = with_imu(fault_runs, imu).run(*restart("rate", 6.0))

@@ -8,16 +8,14 @@ from pathlib import Path
 import file_targets
 
 from calstation.devices.codecs.numbers import number
-from calstation.devices.codecs.packets import ReplyKind
+from calstation.devices.imu import frame_decoder
 from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.sample_count import SampleCount
-from calstation.devices.imu.vectornav_imu import LineReply
 from calstation.devices.links.modbus_rtu import RtuReply, replies
 from calstation.devices.links.text_link import Checked, Plain, Prompted
 from calstation.devices.profiles.frame import FrameSection
 from calstation.devices.profiles.imu import load_imu_profile
-from calstation.devices.profiles.imu_sections import CommandSection
 from calstation.devices.profiles.table import load_table_profile
 from calstation.errors import DeviceFaultError
 
@@ -47,13 +45,7 @@ def decoder(name: str) -> tuple[FrameDecoder, FrameSection]:
     """Return a new decoder of a shipped profile, or of the text format."""
     if name == "text":
         return FrameDecoder(TEXT), TEXT
-    profile = IMUS[name]
-    replies: CommandSection | ReplyKind | None = profile.commands
-    if profile.modbus is not None:
-        replies = RtuReply(profile.modbus.unit)
-    elif profile.vectornav is not None:
-        replies = LineReply(profile.vectornav)
-    return FrameDecoder(profile.frame, replies), profile.frame
+    return frame_decoder(IMUS[name]), IMUS[name].frame
 
 
 def stream(name: str, data: bytes) -> None:
@@ -96,8 +88,8 @@ def numbers(data: bytes) -> None:
             for order in ("big", "little"):
                 found.unpack(data, order)  # type: ignore[arg-type]
     floats = [float(v) for v in data[:24]]
-    for name in ("vectornav_vn100", "dsp_modbus", "bench_nav"):
-        entries = RegisterMap(tuple(IMUS[name].registers))
+    for profile in IMUS.values():
+        entries = RegisterMap(tuple(profile.registers))
         held = {
             e.key: [floats[i % len(floats)] if floats else 0.0 for i in range(len(e.names))] for e in entries.entries
         }

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.devices.imu.frames import FrameDecoder
+from calstation.devices.imu import frame_decoder
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.profiles.imu import ImuProfile
 from calstation.devices.profiles.table import TableProfile
@@ -81,7 +81,7 @@ def test_profile_is_loaded_or_refused_with_the_invalid_entry(path: Path, data: s
     assert loaded is not None or message.startswith("profile.toml: ")
     assert "\n" not in message
     if isinstance(loaded, ImuProfile):
-        FrameDecoder(loaded.frame, loaded.commands).feed(loaded.frame.sync_bytes + bytes(200))
+        frame_decoder(loaded).feed(loaded.frame.sync_bytes + bytes(200))
         entries = RegisterMap(tuple(loaded.registers))
         with suppress(DeviceFaultError):
             entries.rounded(dict.fromkeys(entries.parameters, 0.0))

@@ -5,25 +5,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calstation.bench.imu import UNITS
 from calstation.physics.parameters import NAMES
 from calstation.registers.verification import AppliedRegisters, compare
 from tests.helpers import sampled
 from tests.registers.verification_scene import GRADES, Captures, profile, profile_data, recording
 
-UNITS = {
-    "framed": ("bench_nav", "increment"),
-    "modbus": ("dsp_modbus", "increment"),
-    "vectornav": ("vectornav_vn100", "rate"),
-}
-
 
 def failed_comparisons(protocol: str, grade: str, seed: int, changed: Any = None, larger: float = 1.0) -> list[str]:
     """Return the failed comparisons after the true parameters were written with a (changed) profile."""
-    name, output = UNITS[protocol]
-    data = profile_data(name)
+    data = profile_data(protocol)
     if changed is not None:
         changed(data)
-    captures = Captures(protocol, recording(grade, seed, output, larger))
+    captures = Captures(protocol, recording(grade, seed, data["stream"]["output"], larger))
     values = dict(zip(NAMES, captures.bench.parameters.tolist(), strict=True))
     return [check.name for check in captures.verified(profile(data), values) if not check.passed]
 
@@ -159,7 +153,7 @@ def test_verification_detects_errors_of_the_stated_size() -> None:
     }
     captures = Captures("framed", recording("nav", 1, "increment"))
     values = dict(zip(NAMES, captures.bench.parameters.tolist(), strict=True))
-    right = profile(profile_data("bench_nav"))
+    right = profile(profile_data("framed"))
     assert all(check.passed for check in captures.verified(right, values))
     reference, own = captures.capture(corrected=False), captures.capture(corrected=True)
     for name in NAMES:

@@ -1,23 +1,17 @@
 """A simulated unit whose registers are written by a possibly wrong profile, with captures before and after."""
 
-import struct
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from calstation.bench.config import BenchConfig
-from calstation.bench.imu.unit import WRITE, ImuUnit
-from calstation.bench.live import UNITS
+from calstation.bench.imu import UNITS
 from calstation.bench.truth.simulate import BenchTruth, Simulator
-from calstation.devices.codecs.frame_checks import check_bytes
-from calstation.devices.codecs.numbers import number
+from calstation.config import library
 from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.imu.vectornav_imu import line
 from calstation.devices.profiles.imu import ImuProfile
 from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
 from calstation.physics.arrays import FloatArray
@@ -25,11 +19,11 @@ from calstation.physics.motion import Dwell
 from calstation.physics.parameters import NAMES, PARAMETERS
 from calstation.physics.table import JointLimits, TableGeometry
 from calstation.registers.verification import AppliedRegisters, VerificationCheck, verify_output
-from calstation.schema import validate
+from calstation.schema import read_toml, validate
 from calstation.sequencer.capture import SHORT_REST, mean_at_rest
 from calstation.sequencer.verification_path import Turned, VerificationData, verification_path
+from tests.devices.powered_unit import write_directly
 
-IMUS = Path(__file__).parents[2] / "data" / "imus"
 GRADES = ("nav", "tactical", "mems")
 LIMITS = JointLimits((-19.0, -19.0), (19.0, 19.0), (2.0, 2.0), (3.0, 3.0))
 GEOMETRY = TableGeometry(limits=LIMITS)
@@ -38,10 +32,9 @@ REPEATABILITY = np.deg2rad(0.0005)
 RATE = 200.0
 
 
-def profile_data(name: str) -> dict[str, Any]:
-    """Return the data of a shipped profile, to be changed."""
-    data: dict[str, Any] = tomllib.loads((IMUS / f"{name}.toml").read_text(encoding="utf-8"))
-    return data
+def profile_data(protocol: str) -> dict[str, Any]:
+    """Return the data of the shipped profile of a protocol, to be changed."""
+    return read_toml(library.find("imus", UNITS[protocol].profile))
 
 
 def profile(data: dict[str, Any]) -> ImuProfile:
@@ -134,32 +127,10 @@ class Captures:
         """Write values by a profile, capture before and after, and compare."""
         entries = RegisterMap(tuple(wrong.registers))
         meant = entries.rounded({name: values[name] for name in entries.parameters})
-        fill(self.unit, wrong, entries.encode(meant))
+        write_directly(self.unit, wrong, meant)
         reference = self.capture(corrected=False)
         fresh = replace(self.capture(corrected=True), reference=reference)
         prior = np.diag([(0.0 if p.group == "outer_lever" else 1e-5) ** 2 for p in PARAMETERS])
         left = [0.0 if name in entries.parameters else values[name] for name in NAMES]
         covariance = prior + np.diag(np.square(left))
         return verify_output(fresh, AppliedRegisters(meant), covariance, self.context, REPEATABILITY)
-
-
-def fill(unit: ImuUnit, wrong: ImuProfile, numbers: Mapping[int, list[float]]) -> None:
-    """Write numbers to registers by the unit's own commands, with the types and byte orders of the entries."""
-    check_cancelled = unit.conversation()
-    for entry in wrong.registers:
-        kind = number(entry.type)
-        if wrong.protocol == "vectornav":
-            values_text = ",".join(f"{value:.9G}" for value in numbers[entry.key])
-            assert b"VNERR" not in b"".join(check_cancelled(line(f"VNWRG,{entry.address},{values_text}", "xor8"), 1.0))
-            continue
-        order = entry.byte_order or ("big" if wrong.modbus else "little")
-        body = b"".join(kind.pack(value, order, entry.word_order) for value in numbers[entry.key])
-        if wrong.protocol == "framed":
-            unit.answer(WRITE, struct.pack("<HB", entry.address, len(body) // 4) + body, 1.0)
-            continue
-        for request in (
-            bytes([1, 6]) + struct.pack(">HH", 23, entry.page),
-            bytes([1, 16]) + struct.pack(">HHB", entry.address, len(body) // 2, len(body)) + body,
-        ):
-            (reply,) = check_cancelled(request + check_bytes("crc16_modbus", request, "little"), 1.0)
-            assert not reply[1] & 0x80

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from calstation.config.request import RunRequest
-from calstation.devices.imu.framed_imu import FramedImu
+from calstation.devices.imu import FramedImu
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.records.log import open_log
 from calstation.results.history import History

@@ -16,7 +16,7 @@ from calstation.physics import INDEX
 from calstation.results import Result
 from calstation.simulation.fault_plan import KINDS
 from calstation.simulation.soak_judge import Judged, _bench_report, _keeps_axes_on, _set_up, _wrong
-from calstation.simulation.soak_plan import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, plans, write_request
+from calstation.simulation.soak_plan import OTHER_FAULTS, STAGE_FAULTS, Planned, devices, plans, write_request
 from calstation.simulation.soak_series import Soak
 from tests.check_rows import check_row
 
@@ -136,7 +136,7 @@ def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, RunConfigurati
         name: load_configuration(
             write_request(replace(GOOD, devices=name), tmp_path_factory.mktemp(f"devices{k}"), ("rate",))
         )
-        for k, name in enumerate(DEVICES)
+        for k, name in enumerate(devices())
     }
 
 
@@ -144,14 +144,14 @@ def test_only_tables_without_a_watchdog_may_keep_axes_on_after_a_killed_engine(
     setups: dict[str, RunConfiguration],
 ) -> None:
     kept_on = {name for name, setup in setups.items() if _keeps_axes_on(setup.table)}
-    assert kept_on == {"two drives", "ATL", "ACL", "MN"}
+    assert kept_on == {"cia402_drives", "aerosmith_atl", "acutronic_acl", "mn_ascii"}
 
 
 def test_fault_that_a_device_cannot_have_is_not_counted(setups: dict[str, RunConfiguration]) -> None:
     for kind, without in (
-        ("watchdog_off", {"two drives", "ATL", "ACL", "MN"}),
-        ("never_ready", {"VN-100"}),
+        ("watchdog_off", {"cia402_drives", "aerosmith_atl", "acutronic_acl", "mn_ascii"}),
+        ("never_ready", {"vectornav_vn100"}),
         ("wrong_unit", set()),
     ):
         assert {name for name, setup in setups.items() if not _set_up(kind, setup)} == without, kind
-    assert not _set_up("stall", setups["ATL"])
+    assert not _set_up("stall", setups["aerosmith_atl"])

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from calstation.bench.imu.frames import STREAM
 from calstation.bench.truth import StreamOutput
 
 #: Number of random bytes inserted before a frame.
@@ -19,9 +18,8 @@ class StreamFaults:
     the first gyro channel saturates or is NaN. Channel number `frozen` repeats its last value until `frozen_until`.
     """
 
-    def __init__(self, random: np.random.Generator) -> None:
-        self._random = random
-        self.frame_size = STREAM.itemsize
+    def __init__(self, random: np.random.Generator, frame_size: int) -> None:
+        self._random, self._frame_size = random, frame_size
         self.counts = dict.fromkeys(
             ("corrupt_frames", "drop_frames", "duplicate_frames", "reorder_frames", "noise_bytes"), 0
         )
@@ -52,7 +50,7 @@ class StreamFaults:
             return b""
         if time < self.until["garble_imu"]:
             return self._random.bytes(len(data))
-        counts, size = self.counts, self.frame_size
+        counts, size = self.counts, self._frame_size
         if not any(counts.values()):
             return data
         frames = [data[i : i + size] for i in range(0, len(data), size)]

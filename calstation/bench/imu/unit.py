@@ -1,49 +1,41 @@
 """The IMU's processor: identity, calibration registers with a flash image, power-up, stream frames."""
 
-import struct
+from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import ClassVar
 
 import numpy as np
 
 from calstation.bench.config import BenchConfig
 from calstation.bench.imu.correction import Correction, Requantiser
 from calstation.bench.imu.flash import Flash, PowerCut
-from calstation.bench.imu.frames import READY, REPLY_SYNC, SATURATED, CommandParser, pack, stream_frames
-from calstation.bench.table import SIZE, WRITABLE, OutOfRange, Refusal, TableRegisters
+from calstation.bench.imu.frames import READY, SATURATED, STREAM, stream_frames
+from calstation.bench.table import TableRegisters
 from calstation.bench.truth import StreamOutput
 from calstation.physics import FloatArray
-
-MODEL = "bench-imu"
-FIRMWARE = "1.0.0"
 
 #: Number of calibration registers, float32.
 REGISTERS = 30
 
-# Registers: gyro bias b from 0, gyro matrix M 3, accel bias 12, accel matrix 15, quadratic K 24, inner levers 27. The
-# corrected stream removes these errors: measured = (I + M) true + b, plus K force² for the accelerometers.
-
-IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM, READ_WORDS, WRITE_WORDS, ERROR = 1, 2, 3, 4, 5, 6, 7, 8, 0xFF
-BAD_OP, BAD_ADDRESS, FLASH_BUSY, BAD_STATE, BAD_VALUE = 1, 2, 3, 4, 5
-
 #: States of the stream: off, raw sensor output, or corrected by the registers.
 OFF, RAW, CORRECTED = 0, 1, 2
 
-#: Device time for which the flash is busy after a commit, s.
-FLASH_TIME = 0.2
-#: Largest number of commands that a busy flash refuses, because virtual time may not advance between them.
-FLASH_REFUSALS = 3
 #: Device time for which the unit is silent after power-up or reset, s.
 BOOT_TIME = 0.1
 
 
-class ImuUnit:
-    """Replies to commands and converts samples to frames; all times are device time, s.
+class ImuUnit(ABC):
+    """Base of the units of all protocols: replies to commands and converts samples to frames; times in s, device time.
 
     `scale` is the size of a count, rad/s and m/s², shape (6,). `axes` contains the registers of the table's axes if
     they are accessed over the unit's line. `fails_writing` and `fails_committing` are the numbers of bytes written to
     registers or flash before the power fails briefly; None for no power failure.
     """
 
+    #: Shipped IMU profile that describes a unit of grade mems.
+    profile: ClassVar[str]
+    #: Size of a frame of the stream, bytes.
+    frame_size = STREAM.itemsize
     #: Size of the flash content, bytes.
     flash_bytes = 4 * REGISTERS
 
@@ -55,7 +47,6 @@ class ImuUnit:
         self.increments = config.output == "increment"
         self.fails_writing: int | None = None
         self.fails_committing: int | None = None
-        self._busy_until, self._refusals = -np.inf, 0
         self.streaming = True
         self._start(0.0)
 
@@ -106,7 +97,6 @@ class ImuUnit:
 
     def restart(self, time: float) -> None:
         """Reload the registers from flash, restart the counter at 0, and set the ready bit after the ready time."""
-        self._busy_until = -np.inf
         self._start(time)
 
     def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:
@@ -137,92 +127,6 @@ class ImuUnit:
             levers=held[27:30],
         )
 
+    @abstractmethod
     def conversation(self) -> Callable[[bytes, float], list[bytes]]:
         """Return a parser for one connection, which converts received bytes and device time to replies in order."""
-        parser = CommandParser()
-        return lambda data, time: [self.answer(op, payload, time) for op, payload in parser.feed(data)]
-
-    def answer(self, op: int, payload: bytes, time: float) -> bytes:
-        """Return the reply frame to one command at `time`, s; empty if the power fails."""
-        handlers = {READ: self._read, WRITE: self._write, COMMIT: self._commit, STREAM: self._stream}
-        if self.axes is not None:
-            handlers |= {READ_WORDS: self._read_words, WRITE_WORDS: self._write_words}
-        try:
-            if op == IDENTIFY:
-                result: bytes | int = f"{MODEL};{self._serial};{FIRMWARE}".encode("ascii", "replace")
-            elif op == RESET:
-                self.restart(time)
-                result = b"\x00"
-            else:
-                result = handlers[op](payload, time) if op in handlers else BAD_OP
-        except PowerCut:
-            self.restart(time)
-            return b""
-        if isinstance(result, int):
-            return pack(REPLY_SYNC, ERROR, bytes([result]))
-        return pack(REPLY_SYNC, op, result)
-
-    def _read(self, payload: bytes, time: float) -> bytes | int:
-        if len(payload) != 3:
-            return BAD_ADDRESS
-        address, count = struct.unpack("<HB", payload)
-        if count == 0 or address + count > REGISTERS:
-            return BAD_ADDRESS
-        return payload + self.registers[address : address + count].astype("<f4").tobytes()
-
-    def _write(self, payload: bytes, time: float) -> bytes | int:
-        if len(payload) < 3:
-            return BAD_ADDRESS
-        address, count = struct.unpack("<HB", payload[:3])
-        if count == 0 or address + count > REGISTERS or len(payload) != 3 + 4 * count:
-            return BAD_ADDRESS
-        if self._burning(time):
-            return FLASH_BUSY
-        self._draw_power(len(payload))
-        self.registers[address : address + count] = np.frombuffer(payload[3:], dtype="<f4")
-        return payload[:3]
-
-    def _burning(self, time: float) -> bool:
-        self._refusals -= time < self._busy_until
-        return time < self._busy_until and self._refusals >= 0
-
-    def _read_words(self, payload: bytes, time: float) -> bytes | int:
-        assert self.axes is not None
-        if len(payload) != 3:
-            return BAD_ADDRESS
-        address, count = struct.unpack("<HB", payload)
-        if count == 0 or count > 126 or address + count > SIZE:
-            return BAD_ADDRESS
-        self.axes.refresh()
-        return payload + struct.pack(f"<{count}H", *self.axes.words[address : address + count])
-
-    def _write_words(self, payload: bytes, time: float) -> bytes | int:
-        assert self.axes is not None
-        if len(payload) < 5:
-            return BAD_ADDRESS
-        address, count = struct.unpack("<HB", payload[:3])
-        writable = {first + i for first, size in WRITABLE for i in range(size)}
-        if len(payload) != 3 + 2 * count or not writable.issuperset(range(address, address + count)):
-            return BAD_ADDRESS
-        try:
-            self.axes.write(address, list(struct.unpack(f"<{count}H", payload[3:])))
-        except OutOfRange:
-            return BAD_VALUE
-        except Refusal:
-            return BAD_STATE
-        return payload[:3]
-
-    def _commit(self, payload: bytes, time: float) -> bytes | int:
-        if self._burning(time):
-            return FLASH_BUSY
-        self._busy_until, self._refusals = time + FLASH_TIME, FLASH_REFUSALS
-        self._burn()
-        return struct.pack("<BI", 0, self.flash.cycles)
-
-    def _stream(self, payload: bytes, time: float) -> bytes | int:
-        if len(payload) != 1:
-            return BAD_ADDRESS
-        if payload[0] not in (OFF, RAW, CORRECTED):
-            return BAD_VALUE
-        self.streaming, self.corrected = payload[0] != OFF, payload[0] == CORRECTED
-        return payload

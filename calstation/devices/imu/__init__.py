@@ -3,8 +3,7 @@
 Stations are opened by `connection`.
 """
 
-from calstation.devices.imu.drivers import open_imu
-from calstation.devices.imu.framed_imu import FramedImu
+from calstation.devices.imu.drivers import FramedImu, frame_decoder, open_imu
 from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.register_transfer import (
     Closing,
@@ -20,6 +19,7 @@ from calstation.devices.imu.register_transfer import (
     restore,
     transfer,
 )
+from calstation.devices.imu.registered_imu import RegisteredImu
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu

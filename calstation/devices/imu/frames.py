@@ -6,14 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calstation.devices.codecs import CRC_WIDTHS, PacketKind, Reply, ReplyKind, check_bytes
+from calstation.devices.codecs import PacketKind, Reply, ReplyKind
 from calstation.devices.imu.binary_frames import BinaryFrame, Columns
 from calstation.devices.imu.sample_count import whole_ticks
 from calstation.devices.imu.text_frames import TextFrame
-from calstation.devices.profiles import CHANNELS, STATUS_WORDS, CommandSection, FrameSection, hex_bytes
+from calstation.devices.profiles import CHANNELS, STATUS_WORDS, FrameSection
 from calstation.physics import BoolArray, FloatArray, IntArray
-
-_REPLY_HEADER = 2  # op, payload length
 
 
 @dataclass(frozen=True)
@@ -64,10 +62,10 @@ class FrameDecoder:
     since_frame : bytes skipped since the last valid packet
     """
 
-    def __init__(self, frame: FrameSection, commands: "CommandSection | ReplyKind | None" = None) -> None:
+    def __init__(self, frame: FrameSection, replies: ReplyKind | None = None) -> None:
         self._frame: BinaryFrame | TextFrame = TextFrame(frame) if frame.format == "text" else BinaryFrame(frame)
-        self._replies = CommandReply(commands, frame) if isinstance(commands, CommandSection) else commands
-        kinds: list[PacketKind] = [self._frame, *([self._replies] if self._replies else [])]
+        self._replies = replies
+        kinds: list[PacketKind] = [self._frame, *([replies] if replies else [])]
         # If one sync begins another, the longer one is tried first.
         self._kinds = sorted(kinds, key=lambda kind: -len(kind.sync))
         self._fields = {f.name: f for f in frame.fields}
@@ -185,32 +183,3 @@ class _Search:
             if sync.startswith(self._buffer[begin:]):
                 return begin
         return end
-
-
-class CommandReply:
-    """Replies of the framed link: sync | op u8 | n u8 | n bytes | checksum over op to payload."""
-
-    def __init__(self, commands: CommandSection, frame: FrameSection) -> None:
-        self.sync = hex_bytes(commands.reply_sync)
-        self._crc, self._width = commands.crc, CRC_WIDTHS[commands.crc]
-        self._order = frame.byte_order
-
-    def size(self, buffer: bytes, start: int) -> int | None:
-        header = len(self.sync)
-        if len(buffer) - start < header + _REPLY_HEADER:
-            return None
-        return header + _REPLY_HEADER + buffer[start + header + 1] + self._width
-
-    def is_valid(self, packet: bytes) -> bool:
-        body = packet[len(self.sync) : -self._width]
-        return check_bytes(self._crc, body, self._order) == packet[-self._width :]
-
-    def reply(self, packet: bytes) -> Reply:
-        body = packet[len(self.sync) : -self._width]
-        return Reply(body[0], body[_REPLY_HEADER:])
-
-
-def command_frame(commands: CommandSection, frame: FrameSection, op: int, payload: bytes) -> bytes:
-    """Return the bytes of a request: sync, op, length, payload, checksum."""
-    body = bytes([op, len(payload)]) + payload
-    return hex_bytes(commands.request_sync) + body + check_bytes(commands.crc, body, frame.byte_order)

@@ -12,12 +12,12 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
-from calstation.devices.codecs import SENSORS, ReplyKind, matrix_slots, number
+from calstation.devices.codecs import SENSORS, matrix_slots, number
 from calstation.devices.imu.registers import RegisterMap, alike
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
 from calstation.devices.links import SerialLink
-from calstation.devices.profiles import CommandSection, ImuProfile, RegisterEntry
+from calstation.devices.profiles import ImuProfile, ImuProtocol, RegisterEntry
 from calstation.errors import DeviceFaultError
 
 T = TypeVar("T")
@@ -30,15 +30,14 @@ ATTEMPTS = 3
 
 
 class RegisteredImu(StreamedImu):
-    """An IMU whose registers are accessed by commands on its link; `replies` is the kind of its reply packets.
+    """An IMU whose registers are accessed by commands on its link.
 
-    Timeouts are taken from `profile.command_times`, host time in s.
+    Timeouts are taken from the section of its protocol, host time in s.
     """
 
-    def __init__(self, link: SerialLink, profile: ImuProfile, replies: CommandSection | ReplyKind) -> None:
-        super().__init__(link, profile, replies)
-        times = profile.command_times
-        assert times is not None
+    def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
+        super().__init__(link, profile, serial)
+        times = profile.section_of(ImuProtocol)
         self._registers = RegisterMap(tuple(profile.registers))
         self._commit_timeout, self._reset_timeout = times.commit_timeout_s, times.reset_timeout_s
         self._streaming = False

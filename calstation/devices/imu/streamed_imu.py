@@ -15,7 +15,7 @@ from calstation.devices.imu.frames import FrameDecoder, Samples
 from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.interfaces import Imu, LinkStats, NoFramesError, SampleBatch
 from calstation.devices.links import QUIET, SerialLink, Unanswered
-from calstation.devices.profiles import CommandSection, FrameSection, ImuProfile
+from calstation.devices.profiles import FrameSection, ImuProfile
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text
 
@@ -56,13 +56,17 @@ class Question(Generic[T_co]):
 
 
 class StreamedImu(Imu):
-    """An IMU on a port: `read` returns samples, `exchange` sends commands."""
+    """An IMU on a port: `read` returns samples, `exchange` sends commands.
 
-    def __init__(self, link: SerialLink, profile: ImuProfile, replies: CommandSection | ReplyKind | None) -> None:
+    `serial` is the serial number given by the operator, for a unit that does not report its own.
+    """
+
+    def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
         self._link = link
         self._profile = profile
-        self._kind, self._decoder_frame = replies, profile.frame
-        self._decoder = FrameDecoder(profile.frame, replies)
+        self._serial = serial
+        self._decoder_frame = profile.frame
+        self._decoder = FrameDecoder(profile.frame, self.reply_kind(profile))
         self._count = SampleCount(profile.frame)
         self._arrived: queue.SimpleQueue[tuple[Samples, float]] = queue.SimpleQueue()
         self._replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
@@ -74,6 +78,11 @@ class StreamedImu(Imu):
         self._frames = self._bytes = 0
         self._thread = threading.Thread(target=self._serve, name="imu-link", daemon=True)
         self._thread.start()
+
+    @staticmethod
+    def reply_kind(profile: ImuProfile) -> ReplyKind | None:
+        """Return the kind of packets that reply to commands; None if the unit accepts no commands."""
+        return None
 
     @property
     def stats(self) -> LinkStats:
@@ -193,7 +202,7 @@ class StreamedImu(Imu):
     def _expect(self, frame: FrameSection) -> None:
         """Decode samples from these frames from now on, and discard those received before the last reply."""
         if frame is not self._decoder_frame:
-            before, decoder = self._decoder, FrameDecoder(frame, self._kind)
+            before, decoder = self._decoder, FrameDecoder(frame, self.reply_kind(self._profile))
             decoder.crc_errors, decoder.skipped = before.crc_errors, before.skipped
             self._decoder, self._decoder_frame = decoder, frame
         while not self._arrived.empty():

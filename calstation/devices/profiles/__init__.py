@@ -6,14 +6,17 @@ The files are found and edited by `config`.
 from calstation.devices.profiles.entries import hex_bytes
 from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, CrcSection, FrameField, FrameSection, Span, span
 from calstation.devices.profiles.imu import ImuProfile, check_baud, load_imu_profile
-from calstation.devices.profiles.imu_sections import (
+from calstation.devices.profiles.imu_protocols import (
     OPS,
-    CommandSection,
-    StatusSection,
+    PROTOCOLS,
+    FramedProtocol,
+    ImuProtocol,
+    ModbusProtocol,
     TextRegisters,
-    VectorNavSection,
+    VectorNavProtocol,
     WordCommand,
 )
+from calstation.devices.profiles.imu_sections import StatusSection
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import TableProfile, load_table_profile

@@ -1,34 +1,23 @@
 """IMU profiles (`data/imus`): stream frame, commands, register map, noise and priors, validated as a whole."""
 
-from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from itertools import combinations
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, create_model, field_validator, model_validator
 
 from calstation.devices.codecs import number
-from calstation.devices.profiles.entries import LAST_ADDRESS, ModelName, hex_bytes
+from calstation.devices.profiles.entries import ModelName
 from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, FrameSection, check_samples, span
-from calstation.devices.profiles.imu_sections import (
-    CommandSection,
-    CommandTimes,
-    CorrectedSection,
-    ModbusUnitSection,
-    NoiseSection,
-    StatusSection,
-    StreamSection,
-    VectorNavSection,
-)
+from calstation.devices.profiles.imu_protocols import PROTOCOLS, ImuProtocol
+from calstation.devices.profiles.imu_sections import CorrectedSection, NoiseSection, StatusSection, StreamSection
 from calstation.devices.profiles.registers import RegisterEntry, check_registers
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.physics import GROUPS, NAMES, PARAMETERS, EffectName, FloatArray, entry_of
-from calstation.schema import EntryError, StrictModel, entry, load_once, near_miss
+from calstation.schema import EntryError, KeyPath, StrictModel, entry, load_once, near_miss
 
-#: The section that each protocol requires.
-_SECTIONS = {"framed": "commands", "modbus": "modbus", "vectornav": "vectornav"}
+P = TypeVar("P", bound=ImuProtocol)
 
 #: Shortest period of the counter, s: the loss of a whole period is detected with the host's clock, relative to which
 #: samples arrive a few hundredths of a second early or late.
@@ -56,12 +45,25 @@ class Stability(StrictModel):
     year: float | None = Field(default=None, ge=0)
 
 
-class ImuProfile(StrictModel):
+if TYPE_CHECKING:
+
+    class _ProtocolSections(StrictModel):
+        protocol: str
+
+else:  # the sections are fields, so that errors name them as in the file
+    _ProtocolSections = create_model(
+        "_ProtocolSections",
+        __base__=StrictModel,
+        protocol=(Literal["stream", *PROTOCOLS], "framed"),
+        **{protocol.section: (protocol | None, None) for protocol in PROTOCOLS.values()},
+    )
+
+
+class ImuProfile(_ProtocolSections):
     """A type of IMU, with all data that its driver, the register transfer and the solvers need.
 
     model : text that the unit's own model name must contain
-    protocol : command protocol: framed, with `[commands]`; modbus, with `[modbus]`; vectornav, with `[vectornav]`; or
-        stream, without commands
+    protocol : command protocol, a name in `PROTOCOLS`, with its section; or stream, without commands
     without_register : parameters and groups for which the unit has no register
     flash_cycles_max : number of commits that its data sheet allows
     stability : change of the parameters from power-up to power-up and over time
@@ -71,14 +73,10 @@ class ImuProfile(StrictModel):
 
     name: str
     model: ModelName
-    protocol: Literal["framed", "modbus", "vectornav", "stream"] = "framed"
     link: SerialSettings
     stream: StreamSection
     frame: FrameSection
     status: StatusSection = StatusSection()
-    commands: CommandSection | None = None
-    modbus: ModbusUnitSection | None = None
-    vectornav: VectorNavSection | None = None
     corrected: CorrectedSection | None = None
     flash_cycles_max: int | None = Field(default=None, ge=1)
     noise: NoiseSection
@@ -109,16 +107,14 @@ class ImuProfile(StrictModel):
         """Set the protocol's default span (addresses per number) for register entries without a span."""
         if not isinstance(data, dict) or not isinstance(data.get("registers"), list):
             return data
-        protocol = data.get("protocol")
-        if protocol not in ("vectornav", "modbus"):
-            return data
+        name = data.get("protocol")
+        protocol = PROTOCOLS.get(name, ImuProtocol) if isinstance(name, str) else ImuProtocol
         entries = []
         for given in data["registers"]:
             entry = given
             if isinstance(given, dict) and "span" not in given:
                 with suppress(ValueError, TypeError):  # an unknown type is reported by the entry itself
-                    width = number(given.get("type", "f32")).width
-                    entry = {**given, "span": max(1, width // 2) if protocol == "modbus" else 0}
+                    entry = {**given, "span": protocol.address_span(number(given.get("type", "f32")).width)}
             entries.append(entry)
         return {**data, "registers": entries}
 
@@ -128,63 +124,65 @@ class ImuProfile(StrictModel):
         return sorted((r.at_row(i) for i, r in enumerate(registers)), key=lambda r: r.key)
 
     @model_validator(mode="after")
-    def _section_of_protocol(self) -> "ImuProfile":
+    def _whole(self) -> "ImuProfile":
         own = f'protocol = "{self.protocol}"'
-        for protocol, section in _SECTIONS.items():
-            present = getattr(self, section) is not None
-            if self.protocol == protocol and not present:
-                raise EntryError("profile.needed_by", section, owner=own)
-            if self.protocol != protocol and present:
-                raise EntryError("profile.not_with", section, other=own)
-        if self.protocol == "stream" and self.registers:
+        for name, protocol in PROTOCOLS.items():
+            present = getattr(self, protocol.section) is not None
+            if self.protocol == name and not present:
+                raise EntryError("profile.needed_by", protocol.section, owner=own)
+            if self.protocol != name and present:
+                raise EntryError("profile.not_with", protocol.section, other=own)
+        commands = self.protocol_section
+        if commands is None and self.registers:
             raise EntryError("profile.not_with", "registers", other=own)
-        return self
-
-    @model_validator(mode="after")
-    def _register_map(self) -> "ImuProfile":
-        pages = self.modbus is not None and self.modbus.page is not None
-        for register in self.registers:
-            if self.protocol == "modbus" and number(register.type).width % 2:
-                place = ("registers", register.row, "type")
-                raise EntryError("profile.not_whole_registers", *place, type=register.type)
+        if self.corrected is not None:
+            self._check_corrected(self.corrected, own)
+        for place, frame in self.frames.items():
+            self._check_frame(frame, *place)
+        if commands is not None:
+            commands.check_profile(self)
+        pages = commands is not None and commands.has_pages
         check_registers(self.registers, self.prior_sigmas(), self.without_register, pages=pages)
-        if self.modbus is not None:
-            check_modbus_map(self.modbus, self.registers)
         return self
 
-    @model_validator(mode="after")
-    def _streams(self) -> "ImuProfile":
-        self._check_stream(self.frame, "frame")
-        if self.corrected is None:
-            return self
-        switch = None if self.modbus is None else self.modbus.stream
-        raw: tuple[int, ...] | None = (0, 1) if self.protocol == "framed" else None
-        if switch is not None:
-            raw = switch.values
-        check_corrected(self.corrected, self.protocol, self.stream.order, raw)
-        if self.corrected.frame is not None:
+    def _check_corrected(self, section: CorrectedSection, own: str) -> None:
+        commands = self.protocol_section
+        if self.stream.order == "after_registers":
+            raise EntryError("profile.not_with", "corrected", other='stream.order = "after_registers"')
+        if commands is None:
+            raise EntryError("profile.not_with", "corrected", other=own)
+        given = {name for name in ("stream", "start") if getattr(section, name) not in (None, [])}
+        if commands.corrected_entry not in given:
+            raise EntryError("profile.needed_by", "corrected", commands.corrected_entry, owner=own)
+        for name in given - {commands.corrected_entry}:
+            raise EntryError("profile.not_with", "corrected", name, other=own)
+        if section.stream is not None:
+            raw = commands.raw_stream
+            if raw is None:
+                raise EntryError("profile.needed_by", commands.section, "stream", owner="corrected.stream")
+            if section.stream in raw:
+                raise EntryError("profile.stream_value_of_raw", "corrected", "stream", value=section.stream)
+        if section.frame is not None:
             with entry("corrected", "frame"):
-                check_samples(self.corrected.frame)
-            self._check_stream(self.corrected.frame, "corrected", "frame")
-        return self
+                check_samples(section.frame)
 
-    def _check_stream(self, frame: FrameSection, *place: str) -> None:
+    def _check_frame(self, frame: FrameSection, *place: str) -> None:
+        """Check status bits, baud rate and counter of a frame."""
         rate, name = self.stream.sample_rate_hz, ".".join(place)
         check_status(self.status, frame, name)
         if "baud" in self.link.model_fields_set:
             check_baud(self.link, frame, rate, name)
-        with entry(*place):
-            check_wrap(frame, rate)
-            if self.protocol == "vectornav":
-                check_nanoseconds(frame, rate)
-            if self.commands is not None:
-                check_sync(frame, hex_bytes(self.commands.reply_sync))
+        seconds = frame.counter_period / rate
+        if seconds < SHORTEST_WRAP:
+            counter = frame.named("counter")
+            at: KeyPath = (*place, "fields", frame.fields.index(counter), "type")
+            raise EntryError("profile.counter_too_short", *at, type=counter.type, seconds=seconds, rate=rate)
 
     @property
-    def frames(self) -> tuple[FrameSection, ...]:
-        """The frames of all streams that the unit can send."""
+    def frames(self) -> dict[tuple[str, ...], FrameSection]:
+        """The frames of all streams that the unit can send, by their place in the profile."""
         own = self.corrected.frame if self.corrected is not None else None
-        return (self.frame,) if own is None else (self.frame, own)
+        return {("frame",): self.frame} | ({} if own is None else {("corrected", "frame"): own})
 
     @property
     def quantised_stream(self) -> StreamSection:
@@ -197,22 +195,34 @@ class ImuProfile(StrictModel):
         return self.stream.model_copy(update=found)
 
     @property
-    def timeout_s(self) -> float:
-        """Reply timeout, host time in s."""
-        return 1.0 if self.command_times is None else self.command_times.timeout_s
+    def protocol_section(self) -> ImuProtocol | None:
+        """The section of the command protocol; None for a unit without commands."""
+        protocol = PROTOCOLS.get(self.protocol)
+        return None if protocol is None else getattr(self, protocol.section)
 
     @property
-    def command_times(self) -> CommandTimes | None:
-        """The section of the command protocol; None for a unit without commands."""
-        return self.commands or self.modbus or self.vectornav
+    def has_commands(self) -> bool:
+        """Whether the unit accepts commands; otherwise it only streams."""
+        return self.protocol_section is not None
 
-    def with_timeout(self, seconds: float) -> "ImuProfile":
-        """Return the profile with another reply timeout, host time in s."""
-        name = _SECTIONS.get(self.protocol)
-        if name is None:
-            return self
-        section = getattr(self, name).model_copy(update={"timeout_s": seconds})
-        return self.model_copy(update={name: section})
+    def section_of(self, kind: type[P]) -> P:
+        """Return the section of the command protocol `kind`. Raises TypeError if the unit has another protocol."""
+        section = self.protocol_section
+        if not isinstance(section, kind):
+            raise TypeError(f"{self.name} has protocol {self.protocol!r}")
+        return section
+
+    @property
+    def timeout_s(self) -> float:
+        """Reply timeout, host time in s."""
+        return 1.0 if self.protocol_section is None else self.protocol_section.timeout_s
+
+    def with_commands(self, **entries: Any) -> "ImuProfile":
+        """Return the profile with other entries in the section of its protocol, if it has one."""
+        section = self.protocol_section
+        return (
+            self if section is None else self.model_copy(update={section.section: section.model_copy(update=entries)})
+        )
 
     def prior_sigmas(self) -> dict[str, float]:
         """Return the prior standard deviation, SI, of each parameter that has a prior, by name."""
@@ -252,99 +262,6 @@ def check_baud(settings: SerialSettings, frame: FrameSection, rate: float, name:
     if needed > settings.baud:
         values = {"frame": name, "size": size, "rate": rate, "needed": needed}
         raise EntryError("profile.baud_too_low", "link", "baud", baud=settings.baud, **values)
-
-
-def check_nanoseconds(frame: FrameSection, rate: float) -> None:
-    """Check that a VectorNav's clock in nanoseconds agrees with its sample rate."""
-    counter = frame.named("counter")
-    expected = 1e9 / rate
-    if counter.per_sample != 1.0 and abs(counter.per_sample - expected) > 1e-3 * expected:
-        place = ("fields", frame.fields.index(counter), "per_sample")
-        raise EntryError("profile.clock_rate", *place, value=counter.per_sample, rate=rate, expected=expected)
-
-
-def check_wrap(frame: FrameSection, rate: float) -> None:
-    """Check that the counter's period is long enough to detect lost samples."""
-    seconds = frame.counter_period / rate
-    if seconds < SHORTEST_WRAP:
-        counter = frame.named("counter")
-        place = ("fields", frame.fields.index(counter), "type")
-        raise EntryError("profile.counter_too_short", *place, type=counter.type, seconds=seconds, rate=rate)
-
-
-def check_sync(frame: FrameSection, reply_sync: bytes) -> None:
-    """Check that frames can be distinguished from replies."""
-    sync = frame.sync_bytes
-    if sync.startswith(reply_sync) or reply_sync.startswith(sync):
-        raise EntryError("profile.sync_of_replies", "sync")
-
-
-def check_corrected(section: CorrectedSection, protocol: str, order: str, raw: tuple[int, ...] | None) -> None:
-    """Check that `[corrected]` is consistent with the protocol and the stream order of its profile.
-
-    raw : values that switch the raw stream on and off; None if the link has no such switch
-    """
-    if order == "after_registers":
-        raise EntryError("profile.not_with", "corrected", other='stream.order = "after_registers"')
-    if protocol == "stream":
-        raise EntryError("profile.not_with", "corrected", other='protocol = "stream"')
-    needed, other = ("start", "stream") if protocol == "vectornav" else ("stream", "start")
-    if not _is_set(section, needed):
-        raise EntryError("profile.needed_by", "corrected", needed, owner=f'protocol = "{protocol}"')
-    if _is_set(section, other):
-        raise EntryError("profile.not_with", "corrected", other, other=f'protocol = "{protocol}"')
-    if section.stream is None:
-        return
-    if raw is None:
-        raise EntryError("profile.needed_by", "modbus", "stream", owner="corrected.stream")
-    if section.stream in raw:
-        raise EntryError("profile.stream_value_of_raw", "corrected", "stream", value=section.stream)
-    if protocol == "framed" and section.stream > 0xFF:
-        raise EntryError("entry.out_of_range", "corrected", "stream", value=section.stream, low=2, high=255)
-
-
-def _is_set(section: CorrectedSection, name: str) -> bool:
-    return getattr(section, name) not in (None, [])
-
-
-def check_modbus_map(section: ModbusUnitSection, entries: Sequence[RegisterEntry]) -> None:
-    """Check that the unit's own registers and its calibration registers do not overlap.
-
-    Commands and the page register exist on every page, so calibration registers must not overlap them on any page.
-    """
-    own, written = section.ranges, section.written
-    for name, (begin, end) in own.items():
-        if end - 1 > LAST_ADDRESS:
-            raise EntryError("profile.past_last_address", "modbus", name, address=begin, last=end - 1)
-    for (a, at), (b, other) in combinations(own.items(), 2):
-        distinguished = a in written and b in written  # by the written value
-        if not distinguished and at[0] < other[1] and other[0] < at[1]:
-            values = {"mine": _span(*other), "other": f"modbus.{a}", "at": _span(*at)}
-            raise EntryError("profile.registers_overlap", "modbus", b, **values)
-    for a, b in combinations(written, 2):
-        if own[a] == own[b] and set(written[a]) & set(written[b]):
-            raise EntryError("profile.same_write", "modbus", b, other=f"modbus.{a}")
-    for command in ("commit", "reset"):
-        order = getattr(section, command)
-        if order.done == order.value:
-            raise EntryError("profile.done_at_once", "modbus", command, "done", value=order.done)
-    for register in entries:
-        with entry("registers", register.row):
-            _check_span(register, own)
-
-
-def _check_span(register: RegisterEntry, own: Mapping[str, tuple[int, int]]) -> None:
-    needed = number(register.type).width // 2
-    if register.span != needed:
-        raise EntryError("profile.span", "span", value=register.span, type=register.type, needed=needed)
-    for name, (begin, end) in own.items():
-        if register.address < end and begin < register.end:
-            values = {"mine": register.label, "other": f"modbus.{name}", "at": _span(begin, end)}
-            raise EntryError("profile.registers_overlap", "address", **values)
-
-
-def _span(begin: int, end: int) -> str:
-    return f"{begin}" if end - begin == 1 else f"{begin}-{end - 1}"
 
 
 def load_imu_profile(path: Path) -> ImuProfile:

@@ -1,54 +1,31 @@
-"""A simulated unit on an in-memory serial line with a power supply that can fail at any byte."""
+"""A simulated unit of any protocol on an in-memory serial line with a power supply that can fail at any byte."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.imu.frames import crc16
-from calstation.bench.imu.modbus_dsp import DspUnit
-from calstation.bench.imu.unit import ImuUnit
-from calstation.bench.imu.vectornav import VectorNavUnit
+from calstation.bench import BenchConfig
+from calstation.bench.imu import UNITS, ImuUnit
 from calstation.config import library
-from calstation.devices.imu.framed_imu import FramedImu
-from calstation.devices.imu.modbus_imu import ModbusImu
-from calstation.devices.imu.registered_imu import RegisteredImu
-from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu import RegisteredImu, RegisterMap
+from calstation.devices.imu.drivers import driver
 from calstation.devices.imu.streamed_imu import Question
-from calstation.devices.imu.vectornav_imu import VectorNavImu
-from calstation.devices.links.serial_link import PortLostError
-from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
+from calstation.devices.links import PortLostError
+from calstation.devices.profiles import ImuProfile, load_imu_profile
 
 T = TypeVar("T")
 
 SERIAL = "SN-000042"
+#: Parameters stored in the registers of a framed unit in these tests, for speed.
 NAMES = ("gyro_bias_x", "gyro_bias_y", "gyro_bias_z", "accel_bias_x", "accel_bias_y", "accel_bias_z")
 
 
-@dataclass(frozen=True)
-class Kind:
-    """A type of unit with its driver, its shipped profile and the profile section of its commands.
-
-    names : parameters stored in its registers, () for all parameters of the profile
-    """
-
-    unit: type[ImuUnit]
-    driver: type[RegisteredImu]
-    profile: str
-    section: str
-    names: tuple[str, ...] = ()
-
-
-FRAMED = Kind(ImuUnit, FramedImu, "bench_nav", "commands", NAMES)
-KINDS = {
-    "framed": FRAMED,
-    "VN-100": Kind(VectorNavUnit, VectorNavImu, "vectornav_vn100", "vectornav"),
-    "DSP by Modbus, paged": Kind(DspUnit, ModbusImu, "dsp_modbus", "modbus"),
-}
+def shipped(protocol: str) -> ImuProfile:
+    """Return the shipped profile that describes the simulated unit of a protocol."""
+    return load_imu_profile(library.shipped_folder() / "imus" / f"{UNITS[protocol].profile}.toml")
 
 
 class PowerLost(BaseException):
@@ -122,29 +99,28 @@ class Wire:
 
 
 @cache
-def profile(timeout_s: float = 0.5, kind: Kind = FRAMED) -> ImuProfile:
-    """Return the shipped profile with the registers of `kind`."""
-    shipped = load_imu_profile(library.shipped_folder() / "imus" / f"{kind.profile}.toml")
-    entries = [entry for entry in shipped.registers if not kind.names or entry.parameters[0] in kind.names]
-    times = {"timeout_s": timeout_s, "commit_timeout_s": timeout_s}
-    section = getattr(shipped, kind.section).model_copy(update=times)
-    return shipped.model_copy(update={"registers": entries, kind.section: section})
+def profile(timeout_s: float = 0.5, protocol: str = "framed") -> ImuProfile:
+    """Return a shipped profile with short timeouts."""
+    found = shipped(protocol)
+    entries = [entry for entry in found.registers if protocol != "framed" or entry.parameters[0] in NAMES]
+    quick = found.with_commands(timeout_s=timeout_s, commit_timeout_s=timeout_s)
+    return quick.model_copy(update={"registers": entries})
 
 
 @cache
-def registers(kind: Kind = FRAMED) -> RegisterMap:
-    """Return the register map of a type of unit."""
-    return RegisterMap(tuple(profile(kind=kind).registers))
+def registers(protocol: str = "framed") -> RegisterMap:
+    """Return the register map of the unit of a protocol."""
+    return RegisterMap(tuple(profile(protocol=protocol).registers))
 
 
 MAP = registers()
 
 
 @cache
-def direct(driver: type[RegisteredImu]) -> type[RegisteredImu]:
-    """Return the driver class without its thread: every command is answered or lost before the next one."""
+def direct(protocol: str) -> type[RegisteredImu]:
+    """Return a driver class without its thread: every command is answered or lost before the next one."""
 
-    class Direct(driver):  # type: ignore[misc, valid-type]
+    class Direct(driver(protocol)):  # type: ignore[misc]
         def _serve(self) -> None: ...
 
         def exchange(self, question: Question[T], **more: Any) -> T:
@@ -162,23 +138,29 @@ def direct(driver: type[RegisteredImu]) -> type[RegisteredImu]:
     return Direct
 
 
+def write_directly(unit: ImuUnit, profile: ImuProfile, values: Mapping[str, float]) -> None:
+    """Write values to the registers of a unit as a profile describes them, by the commands of its protocol."""
+    imu = direct(profile.protocol)(Wire(unit, Supply()), profile)  # type: ignore[arg-type]
+    imu.write_registers(values)
+    imu.close()
+
+
 class Unit:
     """A unit with its flash in a file; each `powered` context is a power-up with a driver on its wire."""
 
-    def __init__(self, flash: Path, banks: int = 2, kind: Kind = FRAMED) -> None:
-        self._flash, self._banks, self._kind = flash, banks, kind
-        crc16(b"")  # compiled here and not while an answer is waited for
+    def __init__(self, flash: Path, banks: int = 2, protocol: str = "framed") -> None:
+        self._flash, self._banks, self._protocol = flash, banks, protocol
 
     @contextmanager
     def powered(self, supply: Supply | None = None, timeout_s: float = 0.5) -> Iterator[RegisteredImu]:
         """Power the unit up and yield its driver."""
-        with self._driven(self._kind.driver, supply or Supply(), timeout_s) as imu:
+        with self._driven(driver(self._protocol), supply or Supply(), timeout_s) as imu:
             yield imu
 
     @contextmanager
     def directly(self, supply: Supply) -> Iterator[RegisteredImu]:
         """Do the same without the driver's thread, for thousands of power-ups."""
-        with self._driven(direct(self._kind.driver), supply, 0.5) as imu:
+        with self._driven(direct(self._protocol), supply, 0.5) as imu:
             yield imu
 
     @property
@@ -193,13 +175,13 @@ class Unit:
         return self._boot().flash.cycles
 
     @contextmanager
-    def _driven(self, driver: Any, supply: Supply, timeout_s: float) -> Iterator[RegisteredImu]:
+    def _driven(self, kind: Any, supply: Supply, timeout_s: float) -> Iterator[RegisteredImu]:
         unit = self.unit = self._boot()
-        imu: RegisteredImu = driver(Wire(unit, supply), profile(timeout_s, self._kind))
+        imu: RegisteredImu = kind(Wire(unit, supply), profile(timeout_s, self._protocol))
         try:
             yield imu
         finally:
             imu.close()
 
     def _boot(self) -> ImuUnit:
-        return self._kind.unit(BenchConfig(serial=SERIAL, flash_file=self._flash, flash_banks=self._banks))
+        return UNITS[self._protocol](BenchConfig(serial=SERIAL, flash_file=self._flash, flash_banks=self._banks))

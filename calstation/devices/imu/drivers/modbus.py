@@ -5,12 +5,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from calstation.devices.codecs import ByteOrder, Reply, WordOrder, number, register_text
+from calstation.devices.codecs import ByteOrder, Reply, ReplyKind, WordOrder, number, register_text
 from calstation.devices.imu.registered_imu import ATTEMPTS, POLL, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Question
 from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.links import ACKNOWLEDGED, NOT_YET, REFUSED, RtuReply, RtuRequest, SerialLink
-from calstation.devices.profiles import ImuProfile, RegisterEntry, TextRegisters, WordCommand
+from calstation.devices.profiles import ImuProfile, ModbusProtocol, RegisterEntry, TextRegisters, WordCommand
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
 
@@ -21,12 +21,15 @@ _MAX_REGISTERS = 120
 class ModbusImu(RegisteredImu):
     """Driver of an IMU on a link, as described by its profile."""
 
-    def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
-        assert profile.modbus is not None
-        section = self._section = profile.modbus
+    def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
+        section = self._section = profile.section_of(ModbusProtocol)
         self._texts = [text for text in (section.model, section.serial, section.firmware) if text is not None]
         self._word = 0
-        super().__init__(link, profile, RtuReply(section.unit))
+        super().__init__(link, profile)
+
+    @staticmethod
+    def reply_kind(profile: ImuProfile) -> ReplyKind:
+        return RtuReply(profile.section_of(ModbusProtocol).unit)
 
     def _switch_on(self, *, corrected: bool) -> None:
         stream, section = self._section.stream, self._profile.corrected if corrected else None
@@ -162,3 +165,6 @@ def _question(request: RtuRequest) -> Question[bytes]:
         return reply.payload if mine else None
 
     return Question(request.frame, request.signature, take)
+
+
+DRIVER = ModbusImu

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 
-from calstation.devices.codecs import CHECK_WIDTHS, Reply, check_function, number
+from calstation.devices.codecs import CHECK_WIDTHS, Reply, ReplyKind, check_function, number
 from calstation.devices.imu.registered_imu import ATTEMPTS, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuRefusalError, Question
 from calstation.devices.imu.text_frames import TextLine
 from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.links import SerialLink
-from calstation.devices.profiles import CrcSection, FrameSection, ImuProfile, RegisterEntry, VectorNavSection
+from calstation.devices.profiles import CrcSection, FrameSection, ImuProfile, RegisterEntry, VectorNavProtocol
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
 
@@ -21,7 +21,7 @@ _IDENTITY = (1, 3, 4)
 class LineReply(TextLine):
     """Lines that reply to commands; implements `packets.ReplyKind`."""
 
-    def __init__(self, section: VectorNavSection) -> None:
+    def __init__(self, section: VectorNavProtocol) -> None:
         crc = CrcSection(kind=section.check, start=1)
         super().__init__(FrameSection(format="text", sync="$VN", fields=[], crc=crc, max_size=_MAX_REPLY_SIZE))
 
@@ -39,10 +39,13 @@ def line(words: str, check: str) -> bytes:
 class VectorNavImu(RegisteredImu):
     """Driver of a VectorNav IMU on a link. A register entry is one register of the unit with all its fields."""
 
-    def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
-        assert profile.vectornav is not None
-        self._section = profile.vectornav
-        super().__init__(link, profile, LineReply(self._section))
+    def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
+        self._section = profile.section_of(VectorNavProtocol)
+        super().__init__(link, profile)
+
+    @staticmethod
+    def reply_kind(profile: ImuProfile) -> ReplyKind:
+        return LineReply(profile.section_of(VectorNavProtocol))
 
     def _switch_on(self, *, corrected: bool) -> None:
         section = self._profile.corrected if corrected else None
@@ -112,3 +115,6 @@ def _meaning(fields: list[str]) -> Text:
         value = -1
     kind = value if known(f"imu.vectornav_{value}") else "other"
     return Text.of(f"imu.vectornav_{kind}", number=code)
+
+
+DRIVER = VectorNavImu

@@ -25,7 +25,7 @@ from calstation.bench.imu.flash import PowerCut
 from calstation.bench.imu.unit import CORRECTED, OFF, RAW, ImuUnit
 
 MODEL, FIRMWARE = "bench-dsp", "2.0"
-UNIT = 1
+UNIT_NUMBER = 1
 STREAM, COMMIT, RESET, PAGE = 20, 21, 22, 23
 COMMIT_WORD, RESET_WORD = 0x5A5A, 0xA5A5
 
@@ -55,6 +55,7 @@ def crc16_modbus(data: bytes) -> bytes:
 class DspUnit(ImuUnit):
     """A unit with Modbus registers; see the module docstring."""
 
+    profile = "dsp_modbus"
     flash_bytes = 2 * sum(count for _, count in PAGES.values())
 
     def _start(self, time: float) -> None:
@@ -95,9 +96,9 @@ class DspUnit(ImuUnit):
 
     def _answer_rtu(self, function: int, data: bytes, time: float) -> bytes:
         try:
-            body = bytes([UNIT, function]) + self._execute(function, data, time)
+            body = bytes([UNIT_NUMBER, function]) + self._execute(function, data, time)
         except _Refused as refused:
-            body = bytes([UNIT, function | 0x80, refused.code])
+            body = bytes([UNIT_NUMBER, function | 0x80, refused.code])
         except PowerCut:
             self.restart(time)
             return b""
@@ -183,10 +184,13 @@ def _request_size(data: bytes) -> int | None:
     """Return the size of the request at the start of `data`; None if not known yet, 0 if there is no request."""
     if len(data) < 2:
         return None
-    if data[0] != UNIT or data[1] not in (READ, WRITE, WRITE_MANY):
+    if data[0] != UNIT_NUMBER or data[1] not in (READ, WRITE, WRITE_MANY):
         return 0
     if data[1] != WRITE_MANY:
         return 8
     if len(data) < 7:
         return None
     return 9 + data[6] if data[6] == 2 * int.from_bytes(data[4:6], "big") else 0
+
+
+UNIT = DspUnit

@@ -45,6 +45,9 @@ def check_line(words: str) -> int:
 class VectorNavUnit(ImuUnit):
     """A unit with the VN-100 protocol; see the module docstring. Its output must be a rate."""
 
+    profile = "vectornav_vn100"
+    frame_size = SAMPLES.itemsize
+
     def _start(self, time: float) -> None:
         super()._start(time)
         self.streaming = bool(self.registers[REGISTERS - 1])
@@ -170,3 +173,6 @@ class VectorNavUnit(ImuUnit):
             return BAD_VALUE
         self.streaming, self.corrected = mode == 1, wanted == _COMPENSATED_OUTPUT
         return "VNWRG," + ",".join(words)
+
+
+UNIT = VectorNavUnit

@@ -3,18 +3,47 @@
 import struct
 from collections.abc import Iterator
 
-from calstation.devices.codecs import Reply, number
-from calstation.devices.imu.frames import command_frame
+from calstation.devices.codecs import CRC_WIDTHS, Reply, ReplyKind, check_bytes, number
 from calstation.devices.imu.registered_imu import ATTEMPTS, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Question
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
 from calstation.devices.links import SerialLink
-from calstation.devices.profiles import OPS, ImuProfile, RegisterEntry
+from calstation.devices.profiles import OPS, FramedProtocol, FrameSection, ImuProfile, RegisterEntry, hex_bytes
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
 
+_REPLY_HEADER = 2  # op, payload length
 _VALUES_PER_TRANSFER = 32
 _PAYLOAD = 255
+
+
+class CommandReply:
+    """Replies of the framed link: sync | op u8 | n u8 | n bytes | checksum over op to payload."""
+
+    def __init__(self, commands: FramedProtocol, frame: FrameSection) -> None:
+        self.sync = hex_bytes(commands.reply_sync)
+        self._crc, self._width = commands.crc, CRC_WIDTHS[commands.crc]
+        self._order = frame.byte_order
+
+    def size(self, buffer: bytes, start: int) -> int | None:
+        header = len(self.sync)
+        if len(buffer) - start < header + _REPLY_HEADER:
+            return None
+        return header + _REPLY_HEADER + buffer[start + header + 1] + self._width
+
+    def is_valid(self, packet: bytes) -> bool:
+        body = packet[len(self.sync) : -self._width]
+        return check_bytes(self._crc, body, self._order) == packet[-self._width :]
+
+    def reply(self, packet: bytes) -> Reply:
+        body = packet[len(self.sync) : -self._width]
+        return Reply(body[0], body[_REPLY_HEADER:])
+
+
+def command_frame(commands: FramedProtocol, frame: FrameSection, op: int, payload: bytes) -> bytes:
+    """Return the bytes of a request: sync, op, length, payload, checksum."""
+    body = bytes([op, len(payload)]) + payload
+    return hex_bytes(commands.request_sync) + body + check_bytes(commands.crc, body, frame.byte_order)
 
 
 class FramedImu(RegisteredImu):
@@ -23,10 +52,13 @@ class FramedImu(RegisteredImu):
     Register requests consist of address u16, count u8 and, for writes, the numbers.
     """
 
-    def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
-        assert profile.commands is not None
-        self._commands = profile.commands
-        super().__init__(link, profile, profile.commands)
+    def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
+        self._commands = profile.section_of(FramedProtocol)
+        super().__init__(link, profile)
+
+    @staticmethod
+    def reply_kind(profile: ImuProfile) -> ReplyKind:
+        return CommandReply(profile.section_of(FramedProtocol), profile.frame)
 
     def read_words(self, address: int, count: int) -> list[int]:
         """Read words, 0 to 65535, of the system's own axes; `timeout_s` for each attempt. Raises DeviceFaultError."""
@@ -133,3 +165,6 @@ class FramedImu(RegisteredImu):
             return Text.of(code_, meaning=own)
         usual = not self._commands.errors and known(f"imu.framed_{code}")
         return Text.of(f"imu.framed_{code if usual else 'other'}", number=code)
+
+
+DRIVER = FramedImu

@@ -1,0 +1,129 @@
+"""Protocol "framed": commands and replies in the bench's own frames, see `frames`.
+
+Registers: gyro bias b from 0, gyro matrix M 3, accel bias 12, accel matrix 15, quadratic K 24, inner levers 27. The
+corrected stream removes these errors: measured = (I + M) true + b, plus K force² for the accelerometers.
+"""
+
+import struct
+from collections.abc import Callable
+
+import numpy as np
+
+from calstation.bench.imu.flash import PowerCut
+from calstation.bench.imu.frames import REPLY_SYNC, CommandParser, pack
+from calstation.bench.imu.unit import CORRECTED, OFF, RAW, REGISTERS, ImuUnit
+from calstation.bench.table import SIZE, WRITABLE, OutOfRange, Refusal
+
+MODEL = "bench-imu"
+FIRMWARE = "1.0.0"
+
+IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM, READ_WORDS, WRITE_WORDS, ERROR = 1, 2, 3, 4, 5, 6, 7, 8, 0xFF
+BAD_OP, BAD_ADDRESS, FLASH_BUSY, BAD_STATE, BAD_VALUE = 1, 2, 3, 4, 5
+
+#: Device time for which the flash is busy after a commit, s.
+FLASH_TIME = 0.2
+#: Largest number of commands that a busy flash refuses, because virtual time may not advance between them.
+FLASH_REFUSALS = 3
+
+
+class FramedUnit(ImuUnit):
+    """A unit with the bench's own commands; it may also give access to the table's axes."""
+
+    profile = "bench_mems"
+
+    def _start(self, time: float) -> None:
+        super()._start(time)
+        self._busy_until, self._refusals = -np.inf, 0
+
+    def conversation(self) -> Callable[[bytes, float], list[bytes]]:
+        """Return a parser for one connection, which converts received bytes and device time to replies in order."""
+        parser = CommandParser()
+        return lambda data, time: [self.answer(op, payload, time) for op, payload in parser.feed(data)]
+
+    def answer(self, op: int, payload: bytes, time: float) -> bytes:
+        """Return the reply frame to one command at `time`, s; empty if the power fails."""
+        handlers = {READ: self._read, WRITE: self._write, COMMIT: self._commit, STREAM: self._stream}
+        if self.axes is not None:
+            handlers |= {READ_WORDS: self._read_words, WRITE_WORDS: self._write_words}
+        try:
+            if op == IDENTIFY:
+                result: bytes | int = f"{MODEL};{self._serial};{FIRMWARE}".encode("ascii", "replace")
+            elif op == RESET:
+                self.restart(time)
+                result = b"\x00"
+            else:
+                result = handlers[op](payload, time) if op in handlers else BAD_OP
+        except PowerCut:
+            self.restart(time)
+            return b""
+        if isinstance(result, int):
+            return pack(REPLY_SYNC, ERROR, bytes([result]))
+        return pack(REPLY_SYNC, op, result)
+
+    def _read(self, payload: bytes, time: float) -> bytes | int:
+        if len(payload) != 3:
+            return BAD_ADDRESS
+        address, count = struct.unpack("<HB", payload)
+        if count == 0 or address + count > REGISTERS:
+            return BAD_ADDRESS
+        return payload + self.registers[address : address + count].astype("<f4").tobytes()
+
+    def _write(self, payload: bytes, time: float) -> bytes | int:
+        if len(payload) < 3:
+            return BAD_ADDRESS
+        address, count = struct.unpack("<HB", payload[:3])
+        if count == 0 or address + count > REGISTERS or len(payload) != 3 + 4 * count:
+            return BAD_ADDRESS
+        if self._burning(time):
+            return FLASH_BUSY
+        self._draw_power(len(payload))
+        self.registers[address : address + count] = np.frombuffer(payload[3:], dtype="<f4")
+        return payload[:3]
+
+    def _burning(self, time: float) -> bool:
+        self._refusals -= time < self._busy_until
+        return time < self._busy_until and self._refusals >= 0
+
+    def _read_words(self, payload: bytes, time: float) -> bytes | int:
+        assert self.axes is not None
+        if len(payload) != 3:
+            return BAD_ADDRESS
+        address, count = struct.unpack("<HB", payload)
+        if count == 0 or count > 126 or address + count > SIZE:
+            return BAD_ADDRESS
+        self.axes.refresh()
+        return payload + struct.pack(f"<{count}H", *self.axes.words[address : address + count])
+
+    def _write_words(self, payload: bytes, time: float) -> bytes | int:
+        assert self.axes is not None
+        if len(payload) < 5:
+            return BAD_ADDRESS
+        address, count = struct.unpack("<HB", payload[:3])
+        writable = {first + i for first, size in WRITABLE for i in range(size)}
+        if len(payload) != 3 + 2 * count or not writable.issuperset(range(address, address + count)):
+            return BAD_ADDRESS
+        try:
+            self.axes.write(address, list(struct.unpack(f"<{count}H", payload[3:])))
+        except OutOfRange:
+            return BAD_VALUE
+        except Refusal:
+            return BAD_STATE
+        return payload[:3]
+
+    def _commit(self, payload: bytes, time: float) -> bytes | int:
+        if self._burning(time):
+            return FLASH_BUSY
+        self._busy_until, self._refusals = time + FLASH_TIME, FLASH_REFUSALS
+        self._burn()
+        return struct.pack("<BI", 0, self.flash.cycles)
+
+    def _stream(self, payload: bytes, time: float) -> bytes | int:
+        if len(payload) != 1:
+            return BAD_ADDRESS
+        if payload[0] not in (OFF, RAW, CORRECTED):
+            return BAD_VALUE
+        self.streaming, self.corrected = payload[0] != OFF, payload[0] == CORRECTED
+        return payload
+
+
+UNIT = FramedUnit

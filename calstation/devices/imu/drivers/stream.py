@@ -1,0 +1,31 @@
+"""Driver of IMUs that only stream."""
+
+from collections.abc import Callable, Mapping
+
+from calstation.devices.imu.streamed_imu import StreamedImu
+from calstation.devices.interfaces import ImuIdentity
+
+
+class SilentImu(StreamedImu):
+    """An IMU that only streams: it accepts no commands, has no registers and cannot be identified."""
+
+    def start(self, *, corrected: bool = False) -> None: ...
+
+    def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> None:
+        """Reset only the noise count, because a unit that has restarted resumes its stream automatically."""
+        self._forget_noise()
+
+    def identify(self) -> ImuIdentity:
+        return ImuIdentity(self._profile.model, self._serial, "")
+
+    def read_registers(self) -> dict[str, float]:
+        return {}
+
+    def write_registers(self, values: Mapping[str, float]) -> None: ...
+
+    def commit(self) -> None: ...
+
+    def reset(self) -> None: ...
+
+
+DRIVER = SilentImu

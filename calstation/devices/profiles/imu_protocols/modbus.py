@@ -1,0 +1,142 @@
+"""Protocol "modbus": registers over Modbus RTU on the line of the stream."""
+
+from collections.abc import Mapping
+from itertools import combinations
+from typing import TYPE_CHECKING, ClassVar
+
+from pydantic import Field
+
+from calstation.devices.codecs import ByteOrder, WordOrder, number
+from calstation.devices.profiles.entries import LAST_ADDRESS, Address, Word
+from calstation.devices.profiles.imu_protocols.base import ImuProtocol
+from calstation.devices.profiles.registers import RegisterEntry
+from calstation.schema import EntryError, StrictModel, entry
+
+if TYPE_CHECKING:
+    from calstation.devices.profiles.imu import ImuProfile
+
+
+class TextRegisters(StrictModel):
+    """ASCII text in holding registers, two characters in each, high byte first."""
+
+    address: Address
+    words: int = Field(ge=1, le=64)
+
+
+class WordCommand(StrictModel):
+    """A command given by writing a value to a holding register.
+
+    done : value of the register once the command is done; if absent, the reply to the write confirms it
+    """
+
+    address: Address
+    value: Word
+    done: Word | None = None
+
+
+class StreamSwitch(StrictModel):
+    """The holding register that switches the stream; off : value during register access, if the unit requires it."""
+
+    address: Address
+    on: Word
+    off: Word | None = None
+
+    @property
+    def values(self) -> tuple[int, ...]:
+        return (self.on,) if self.off is None else (self.on, self.off)
+
+
+class ModbusProtocol(ImuProtocol):
+    """`[modbus]`: the unit's registers over Modbus RTU, on the line of its stream. Addresses are 0-based.
+
+    model, serial, firmware : text registers; byte_order, word_order : orders in the calibration registers
+    page : register that selects the page; commit, reset, stream : the registers of these commands
+    """
+
+    section: ClassVar[str] = "modbus"
+
+    unit: int = Field(ge=1, le=247)
+    model: TextRegisters
+    serial: TextRegisters
+    firmware: TextRegisters | None = None
+    byte_order: ByteOrder = "big"
+    word_order: WordOrder | None = None
+    page: Address | None = None
+    commit: WordCommand
+    reset: WordCommand
+    stream: StreamSwitch | None = None
+
+    @staticmethod
+    def address_span(width: int) -> int:
+        return max(1, width // 2)
+
+    @property
+    def has_pages(self) -> bool:
+        return self.page is not None
+
+    @property
+    def raw_stream(self) -> tuple[int, ...] | None:
+        return None if self.stream is None else self.stream.values
+
+    @property
+    def ranges(self) -> dict[str, tuple[int, int]]:
+        """Address ranges [first, last + 1) of everything except the calibration registers, by name."""
+        found = {}
+        for text in ("model", "serial", "firmware"):
+            if (registers := getattr(self, text)) is not None:
+                found[text] = (registers.address, registers.address + registers.words)
+        for command in ("commit", "reset", "stream"):
+            if (register := getattr(self, command)) is not None:
+                found[command] = (register.address, register.address + 1)
+        if self.page is not None:
+            found["page"] = (self.page, self.page + 1)
+        return found
+
+    @property
+    def written(self) -> dict[str, tuple[int, ...]]:
+        """Values that each command writes to its register; the value distinguishes commands that share a register."""
+        switch = {} if self.stream is None else {"stream": self.stream.values}
+        return {"commit": (self.commit.value,), "reset": (self.reset.value,), **switch}
+
+    def check_profile(self, profile: "ImuProfile") -> None:
+        """Check that the unit's own registers and its calibration registers do not overlap.
+
+        Commands and the page register exist on every page, so calibration registers must not overlap them on any page.
+        """
+        own, written = self.ranges, self.written
+        for name, (begin, end) in own.items():
+            if end - 1 > LAST_ADDRESS:
+                raise EntryError("profile.past_last_address", "modbus", name, address=begin, last=end - 1)
+        for (a, at), (b, other) in combinations(own.items(), 2):
+            distinguished = a in written and b in written  # by the written value
+            if not distinguished and at[0] < other[1] and other[0] < at[1]:
+                values = {"mine": _span(*other), "other": f"modbus.{a}", "at": _span(*at)}
+                raise EntryError("profile.registers_overlap", "modbus", b, **values)
+        for a, b in combinations(written, 2):
+            if own[a] == own[b] and set(written[a]) & set(written[b]):
+                raise EntryError("profile.same_write", "modbus", b, other=f"modbus.{a}")
+        for name, command in (("commit", self.commit), ("reset", self.reset)):
+            if command.done == command.value:
+                raise EntryError("profile.done_at_once", "modbus", name, "done", value=command.done)
+        for register in profile.registers:
+            with entry("registers", register.row):
+                _check_register(register, own)
+
+
+def _check_register(register: RegisterEntry, own: Mapping[str, tuple[int, int]]) -> None:
+    width = number(register.type).width
+    if width % 2:
+        raise EntryError("profile.not_whole_registers", "type", type=register.type)
+    if register.span != width // 2:
+        raise EntryError("profile.span", "span", value=register.span, type=register.type, needed=width // 2)
+    for name, (begin, end) in own.items():
+        if register.address < end and begin < register.end:
+            values = {"mine": register.label, "other": f"modbus.{name}", "at": _span(begin, end)}
+            raise EntryError("profile.registers_overlap", "address", **values)
+
+
+def _span(begin: int, end: int) -> str:
+    return f"{begin}" if end - begin == 1 else f"{begin}-{end - 1}"
+
+
+PROTOCOL = ModbusProtocol
