@@ -1,7 +1,6 @@
 """Process that monitors a station's IMUs on one body for the window."""
 
 import logging
-import multiprocessing
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -17,7 +16,7 @@ from calstation.connection.live_pair import LivePair, open_pair
 from calstation.errors import CalstationError, StoppedError
 from calstation.estimation.common import SampleBlock
 from calstation.estimation.pairs import Alignment, PairWatch, WatchEvent, check_values
-from calstation.jobs import PipeReader, spawn_process
+from calstation.jobs import ChildProcess
 from calstation.results import PairProgress
 from calstation.results.plots import CorrectedTrace, CorrectedTraceBuilder, StoredPairFile, stored_pairs
 
@@ -52,12 +51,7 @@ class PairProcess:
     """A process that monitors the IMUs of a station; only `close` blocks."""
 
     def __init__(self, request: RunRequest) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._connection, there = context.Pipe()
-        self._process = context.Process(target=_serve, args=(there, request), name="calstation watch")
-        spawn_process(self._process)
-        there.close()
-        self._reader = PipeReader(self._connection)
+        self._process = ChildProcess("watch", _serve, request)
         self.ended = False
 
     def poll(self) -> list[PairStatus | CalstationError]:
@@ -65,7 +59,7 @@ class PairProcess:
         found: list[PairStatus | CalstationError] = []
         while not self.ended:
             try:
-                found.append(self._reader.take())
+                found.append(self._process.take())
             except Empty:
                 break
             except EOFError:
@@ -74,16 +68,12 @@ class PairProcess:
 
     def send(self, command: WatchCommand) -> None:
         """Request a check or the end of the process; ignored if the process has ended."""
-        with suppress(OSError):
-            self._connection.send(command)
+        self._process.send(command)
 
     def close(self) -> None:
         """End the watch and wait until its ports are closed."""
         self.send("stop")
-        self._process.join(_CLOSES_WITHIN)
-        if self._process.is_alive():
-            self._process.kill()
-        self._reader.close()
+        self._process.end(_CLOSES_WITHIN)
 
 
 class _Reports:

@@ -1,4 +1,4 @@
 """Background jobs of the window, with progress, in a process that can be killed; runs use a separate engine."""
 
-from calstation.jobs.process import PipeReader, spawn_process
+from calstation.jobs.process import ChildProcess
 from calstation.jobs.queue import Job, JobQueue, ProgressCallback

@@ -1,11 +1,12 @@
-"""Start child processes, and read their messages without blocking."""
+"""Child processes that exchange messages with their owner, who never blocks on them."""
 
+import multiprocessing
 import pickle
 import signal
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from queue import Full, Queue
@@ -17,15 +18,8 @@ _POLL_INTERVAL = 0.1
 #: Largest number of unread messages; beyond it, the pipe fills up and its writer blocks.
 _MAX_MESSAGES = 1000
 
-
-def spawn_process(process: BaseProcess) -> None:
-    """Start a spawned process whose target is in a module of this package.
-
-    The process ignores Ctrl-C, because its owner sends a stop command instead. It does not import the caller's main
-    module, as multiprocessing normally does: a plain script that opens the window must not open it twice.
-    """
-    with _ignoring_interrupts(), _without_main():
-        process.start()
+#: Time allowed for a killed process to exit, host time, s.
+_KILLED_WITHIN = 5.0
 
 
 @contextmanager
@@ -62,7 +56,7 @@ class PipeReader:
     """
 
     def __init__(self, connection: "Connection[Any, Any]") -> None:
-        self._connection = connection
+        self.connection = connection
         self._messages: Queue[bytes | None] = Queue(_MAX_MESSAGES)
         self._lock = threading.Lock()
         self._closing = self._ended = self._at_end = False
@@ -87,20 +81,20 @@ class PipeReader:
         with self._lock:
             self._closing = True
             if self._ended:
-                self._connection.close()
+                self.connection.close()
 
     def _read(self) -> None:
         try:
             while not self._closing:
-                if self._connection.poll(_POLL_INTERVAL):
-                    self._put(self._connection.recv_bytes())
+                if self.connection.poll(_POLL_INTERVAL):
+                    self._put(self.connection.recv_bytes())
         except (EOFError, OSError):
             self._put(None)
         finally:
             with self._lock:
                 self._ended = True
                 if self._closing:
-                    self._connection.close()
+                    self.connection.close()
 
     def _put(self, message: bytes | None) -> None:
         while not self._closing:
@@ -109,3 +103,36 @@ class PipeReader:
             except Full:
                 continue
             return
+
+
+class ChildProcess(PipeReader):
+    """A spawned process and the pipe to it; its messages are read with `take`, and only `end` waits.
+
+    `target`, a function at the top level of a module, is called in the process with its end of the pipe and `args`. The
+    process ignores Ctrl-C, because its owner sends a stop command instead. It does not import the caller's main module,
+    as multiprocessing normally does: a plain script that opens the window must not open it twice.
+    """
+
+    def __init__(self, name: str, target: Callable[..., None], *args: Any, daemon: bool = False) -> None:
+        context = multiprocessing.get_context("spawn")
+        here, there = context.Pipe()
+        self.process: BaseProcess = context.Process(
+            target=target, args=(there, *args), name=f"calstation {name}", daemon=daemon
+        )
+        with _ignoring_interrupts(), _without_main():
+            self.process.start()
+        there.close()
+        super().__init__(here)
+
+    def send(self, message: Any) -> None:
+        """Send a message; ignored if the process has ended."""
+        with suppress(OSError):
+            self.connection.send(message)
+
+    def end(self, within: float) -> None:
+        """Close the pipe, and wait at most `within` s of host time for the end of the process; then kill it."""
+        self.close()
+        self.process.join(within)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join(_KILLED_WITHIN)

@@ -1,7 +1,6 @@
 """Background jobs: one preloaded process executes them in order and can be killed during a job."""
 
 import logging
-import multiprocessing
 import pickle
 import signal
 import threading
@@ -17,7 +16,7 @@ from typing import Any, Literal, Protocol
 
 from calstation import applog
 from calstation.errors import CalstationError
-from calstation.jobs.process import PipeReader, spawn_process
+from calstation.jobs.process import ChildProcess
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 
@@ -114,9 +113,7 @@ class JobQueue:
         self._warm_up = warm_up
         self._waiting: deque[Job] = deque()
         self._running: Job | None = None
-        self._process: BaseProcess | None = None
-        self._connection: Connection[Any, Any] | None = None
-        self._pipe_reader: PipeReader | None = None
+        self._worker: ChildProcess | None = None
         self._ready = False
         self._dying: list[BaseProcess] = []
         self._closed = False
@@ -152,12 +149,12 @@ class JobQueue:
             return
         self._dying = [process for process in self._dying if process.is_alive()]
         self._take()
-        if self._ready and self._running is None and self._process is not None and not self._process.is_alive():
+        if self._ready and self._running is None and self._worker is not None and not self._worker.process.is_alive():
             self._on_worker_exit()
-        if self._waiting and self._process is None:
+        if self._waiting and self._worker is None:
             self._start()
-        if self._waiting and self._ready and self._running is None:
-            self._send(self._waiting.popleft())
+        if self._waiting and self._ready and self._running is None and self._worker is not None:
+            self._send(self._worker, self._waiting.popleft())
 
     def cancel(self, job: Job) -> bool:
         """Cancel a job; see `Job.cancel`."""
@@ -192,9 +189,9 @@ class JobQueue:
             process.join(max(0.0, deadline - time.monotonic()))
 
     def _take(self) -> None:
-        while self._pipe_reader is not None:
+        while self._worker is not None:
             try:
-                message = self._pipe_reader.take()
+                message = self._worker.take()
             except Empty:
                 return
             except (EOFError, OSError):
@@ -217,10 +214,9 @@ class JobQueue:
             else:
                 job._end("failed", error=values[0])
 
-    def _send(self, job: Job) -> None:
-        assert self._connection is not None
+    def _send(self, worker: ChildProcess, job: Job) -> None:
         try:
-            self._connection.send_bytes(job._call)
+            worker.connection.send_bytes(job._call)
         except OSError:  # the worker died while idle: the job is sent to the next one
             self._waiting.appendleft(job)
             self._on_worker_exit()
@@ -231,9 +227,9 @@ class JobQueue:
     def _on_worker_exit(self) -> None:
         """Fail the running job of a process that died, or the first waiting job if the process never became ready."""
         code = None
-        if self._process is not None:
-            self._process.join(0.02)
-            code = self._process.exitcode
+        if self._worker is not None:
+            self._worker.process.join(0.02)
+            code = self._worker.process.exitcode
         job = self._running
         if job is None and not self._ready and self._waiting:
             job = self._waiting.popleft()
@@ -242,21 +238,15 @@ class JobQueue:
             job._end("failed", error=CalstationError("program.worker_ended", exit_code=code))
 
     def _start(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        here, there = context.Pipe()
-        process = context.Process(target=_serve, args=(there, self._warm_up), name="calstation worker", daemon=True)
-        spawn_process(process)
-        there.close()
-        self._process, self._connection, self._pipe_reader = process, here, PipeReader(here)
+        self._worker = ChildProcess("worker", _serve, self._warm_up, daemon=True)
         self._ready = False
 
     def _kill(self) -> None:
-        if self._pipe_reader is not None:
-            self._pipe_reader.close()
-        if self._process is not None:
-            self._process.kill()
-            self._dying.append(self._process)
-        self._process = self._connection = self._pipe_reader = self._running = None
+        if self._worker is not None:
+            self._worker.close()
+            self._worker.process.kill()
+            self._dying.append(self._worker.process)
+        self._worker = self._running = None
         self._ready = False
 
 

@@ -1,22 +1,19 @@
 """Executes runs and register operations in a separate process, which receives commands and sends events."""
 
 import logging
-import multiprocessing
 import signal
 import sys
 import time
 import traceback
 from collections.abc import Iterator
-from contextlib import suppress
 from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
 from queue import Empty
 from typing import TYPE_CHECKING, Any
 
 from calstation import __version__, applog
 from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.jobs import PipeReader, spawn_process
+from calstation.jobs import ChildProcess
 from calstation.runs.channel import BEAT, Channel
 from calstation.sequencer import Command, Control, Event, Fault, Finalized, Settled, StopReason, from_json
 
@@ -42,8 +39,6 @@ STUCK_AFTER = 10.0
 #: Maximum time that `close` waits for the engine's safe stop and its result, s.
 _CLOSES_WITHIN = 60.0
 
-_KILLED_WITHIN = 5.0
-
 #: Kind of a `Fault` that is a programming error; its text is the traceback.
 INTERNAL = "internal"
 
@@ -57,10 +52,8 @@ class Engine:
     `ended`, `poll` returns no more events.
     """
 
-    def __init__(self, process: BaseProcess, connection: "Connection[Any, Any]", units: int = 1) -> None:
-        self.process = process
-        self._connection = connection
-        self._pipe_reader = PipeReader(connection)
+    def __init__(self, child: ChildProcess, units: int = 1) -> None:
+        self._child, self.process = child, child.process
         self._begun = False
         self._missing = units
         self.ended = False
@@ -71,12 +64,8 @@ class Engine:
     @classmethod
     def start(cls, request: RunRequest | RegisterOperation, hooks: "type[RunHooks] | None" = None) -> "Engine":
         """Start a run, with `hooks`, or a register operation in a new process."""
-        context = multiprocessing.get_context("spawn")
-        here, there = context.Pipe()
-        process = context.Process(target=_engine, args=(there, request, hooks), name="calstation engine")
-        spawn_process(process)
-        there.close()
-        return cls(process, here, sum(map(bool, request.serials)) or 1 if isinstance(request, RunRequest) else 1)
+        units = sum(map(bool, request.serials)) or 1 if isinstance(request, RunRequest) else 1
+        return cls(ChildProcess("engine", _engine, request, hooks), units)
 
     @property
     def _has_ending(self) -> bool:
@@ -122,17 +111,14 @@ class Engine:
         `alive` becomes False when the process has ended.
         """
         self.ended = True
-        self._pipe_reader.close()
+        self._child.close()
         if self._frozen:
             self.process.kill()
 
     def close(self, within: float = _CLOSES_WITHIN) -> None:
         """Hang up and wait at most `within` s for the safe stop and the result; then kill the process."""
         self.hang_up()
-        self.process.join(within)
-        if self.process.is_alive():
-            self.process.kill()
-            self.process.join(_KILLED_WITHIN)
+        self._child.end(within)
 
     def __enter__(self) -> "Engine":
         return self
@@ -146,7 +132,7 @@ class Engine:
         received = False
         while not self.ended:
             try:
-                message = self._pipe_reader.take(0.0 if received else wait)
+                message = self._child.take(0.0 if received else wait)
             except Empty:
                 break
             except EOFError:
@@ -172,8 +158,7 @@ class Engine:
 
     def _send(self, text: str) -> None:
         if not self.ended:
-            with suppress(OSError):
-                self._connection.send(text)
+            self._child.send(text)
 
     def _becomes_frozen(self, received: bool, frozen_after: float) -> bool:
         """Return whether the engine has just become frozen; only time during which this listener polled counts."""

@@ -113,7 +113,7 @@ def test_killed_worker_fails_only_its_job(job_queue: JobQueue) -> None:
 
 def test_idle_worker_that_is_killed_is_replaced(job_queue: JobQueue) -> None:
     ended(job_queue.submit(works.add, 1))
-    process = job_queue._process
+    process = job_queue._worker.process
     assert process is not None
     process.kill()
     process.join(PATIENCE)
@@ -125,7 +125,7 @@ def test_closing_ends_all_jobs_and_the_worker(tmp_path: Path) -> None:
     running = job_queue.submit(works.wait, tmp_path / "started", tmp_path / "go")
     waiting = job_queue.submit(works.add, 1)
     until(lambda: running.poll() == "running")
-    process = job_queue._process
+    process = job_queue._worker.process
     assert process is not None
     job_queue.close()
     job_queue.close()
@@ -151,7 +151,7 @@ def test_worker_ends_when_its_window_is_killed(tmp_path: Path, state: str) -> No
         f"    if {state!r} == 'idle':\n"
         f"        Path({str(tmp_path / 'go')!r}).touch()\n"
         "        while job.poll() != 'done':\n            time.sleep(0.01)\n"
-        "    print('here', shop._process.pid, flush=True)\n"
+        "    print('here', shop._worker.process.pid, flush=True)\n"
         "    time.sleep(1000)\n",
         encoding="utf-8",
     )

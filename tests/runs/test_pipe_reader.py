@@ -1,6 +1,5 @@
 """Messages of another process are read without waiting for the rest of an incomplete message."""
 
-import multiprocessing
 import os
 import signal
 import struct
@@ -14,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from calstation.jobs.process import PipeReader
+from calstation.jobs.process import ChildProcess, PipeReader
 from calstation.runs.engine import Engine
 from calstation.sequencer.events import Event, Fault, Message, to_json
 
@@ -31,12 +30,7 @@ def freeze_in_mid_message(there: "Connection[Any, Any]") -> None:
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
 def test_engine_frozen_within_a_message_does_not_block_the_reader() -> None:
-    context = multiprocessing.get_context("spawn")
-    here, there = context.Pipe()
-    process = context.Process(target=freeze_in_mid_message, args=(there,))
-    process.start()
-    there.close()
-    engine = Engine(process, here)
+    engine = Engine(ChildProcess("frozen", freeze_in_mid_message))
     events: list[Event] = []
     deadline = time.monotonic() + PATIENCE
     while not any(isinstance(event, Fault) for event in events):
@@ -48,7 +42,7 @@ def test_engine_frozen_within_a_message_does_not_block_the_reader() -> None:
     assert isinstance(fault, Fault)
     assert fault.code == "run.engine_silent"
     engine.hang_up()
-    process.join(PATIENCE)
+    engine.process.join(PATIENCE)
     assert not engine.alive
 
 
