@@ -244,7 +244,7 @@ class RunConfiguration:
         settings: dict[str, Any] = {
             "grade": self.product.bench_grade,
             "serial": self.request.serial,
-            "table_protocol": "drives" if table.map.inner_apart else table.protocol,
+            "table_protocol": "drives" if table.two_drives else table.protocol,
             "imu_protocol": self.imu.protocol,
             "sample_rate_hz": stream.sample_rate_hz,
             "output": stream.output,

@@ -146,7 +146,7 @@ def driver(name: str, far: FakeDevice) -> Iterator[RegisterTable | TextTable]:
         yield table
         table.close()
         return
-    answer = modbus(far, profile.map.inner_apart) if profile.protocol == "modbus" else text(far, profile.protocol)
+    answer = modbus(far, profile.two_drives) if profile.protocol == "modbus" else text(far, profile.protocol)
     with server(answer) as place:
         port = f"tcp://{place}"
         quick = with_short_timeout(profile)

@@ -20,5 +20,5 @@ from calstation.devices.profiles.imu_sections import StatusSection
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import TableProfile, load_table_profile
-from calstation.devices.profiles.table_registers import JOINTS, RATE_COMMAND, ModbusRegister
+from calstation.devices.profiles.table_registers import JOINTS, ModbusRegister, StatusBit
 from calstation.devices.profiles.text import CheckedLines, Flag, TextSection

@@ -1,12 +1,21 @@
 """Entry types that are used in several sections of profiles."""
 
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator, Field
 
 from calstation.schema import EntryError
 
 LAST_ADDRESS = 0xFFFF
+
+T = TypeVar("T")
+
+
+def require(value: T, is_valid: object, code: str) -> T:
+    """Return a value, or raise EntryError with a code if it is not valid."""
+    if not is_valid:
+        raise EntryError(code, value=value)
+    return value
 
 
 def hex_bytes(text: str) -> bytes:
@@ -22,18 +31,6 @@ def _check_hexadecimal(text: str) -> str:
     return text
 
 
-def _check_scale(scale: float) -> float:
-    if scale == 0.0:
-        raise EntryError("profile.scale_zero")
-    return scale
-
-
-def _check_model(model: str) -> str:
-    if not model.strip():
-        raise EntryError("profile.model_blank")
-    return model
-
-
 #: Address of a 16-bit register or a register entry, 0-based.
 Address = Annotated[int, Field(ge=0, le=LAST_ADDRESS)]
 
@@ -43,8 +40,13 @@ Word = Annotated[int, Field(ge=0, le=0xFFFF)]
 #: Bytes in hexadecimal.
 HexText = Annotated[str, AfterValidator(_check_hexadecimal)]
 
+#: One or more bytes in hexadecimal.
+SyncText = Annotated[str, AfterValidator(lambda text: require(text, hex_bytes(text), "profile.no_sync_bytes"))]
+
 #: A factor other than 0.
-Scale = Annotated[float, AfterValidator(_check_scale)]
+Scale = Annotated[float, AfterValidator(lambda scale: require(scale, scale != 0.0, "profile.scale_zero"))]
 
 #: Text that a device's own model name must contain.
-ModelName = Annotated[str, Field(min_length=1), AfterValidator(_check_model)]
+ModelName = Annotated[
+    str, Field(min_length=1), AfterValidator(lambda model: require(model, model.strip(), "profile.model_blank"))
+]

@@ -280,10 +280,7 @@ class FrameSection(StrictModel):
             return self
         if "byte_order" not in self.model_fields_set:
             raise EntryError("entry.missing", "byte_order")
-        for i, f in enumerate(self.fields):
-            if f.prefix or f.base != 10:
-                name = "prefix" if f.prefix else "base"
-                raise EntryError("profile.belongs_to", "fields", i, name, owner='format = "text"')
+        self._refuse_in_fields("profile.belongs_to", "prefix", "base", owner='format = "text"')
         self._check_header()
         if self.items is not None:
             self._check_items(self.items)
@@ -299,10 +296,14 @@ class FrameSection(StrictModel):
             raise EntryError("profile.text_without_end", "tail")
         if self.crc.start > len(self.sync_bytes) + 1:
             raise EntryError("profile.check_after_sync", "crc", "start", value=self.crc.start)
+        self._refuse_in_fields("profile.not_with", "item", "word_order", other='format = "text"')
+
+    def _refuse_in_fields(self, code: str, *names: str, **values: str) -> None:
+        """Raise EntryError with a code for the first field with one of these entries."""
         for i, f in enumerate(self.fields):
-            for name in ("item", "word_order"):
-                if getattr(f, name) is not None:
-                    raise EntryError("profile.not_with", "fields", i, name, other='format = "text"')
+            for name in names:
+                if getattr(f, name) != FrameField.model_fields[name].default:
+                    raise EntryError(code, "fields", i, name, **values)
 
     def _check_header(self) -> None:
         """Check that sync, length and id do not overlap, and that the checksum is within the frame."""
@@ -331,22 +332,18 @@ class FrameSection(StrictModel):
         ordered = sorted(self.positions(), key=lambda position: (position[0].item or "", position[1]))
         for (first, _, end), (second, begin, _) in pairwise(ordered):
             if first.item == second.item and begin < end:
-                place = ("fields", self.fields.index(second), "at")
-                raise EntryError("profile.fields_overlap", *place, other=first.name, byte=begin)
+                at = ("fields", self.fields.index(second), "at")
+                raise EntryError("profile.fields_overlap", *at, other=first.name, byte=begin)
 
     def _check_plain(self) -> None:
         if self.length is not None and self.length.extended:
-            for i, f in enumerate(self.fields):
-                if f.at is not None:
-                    raise EntryError("profile.not_with", "fields", i, "at", other="length.extended")
+            self._refuse_in_fields("profile.not_with", "at", other="length.extended")
+        self._refuse_in_fields("profile.belongs_to", "item", owner="items")
         end = self.body
-        for i, f in enumerate(self.fields):
-            if f.item is not None:
-                raise EntryError("profile.belongs_to", "fields", i, "item", owner="items")
-            begin = end if f.at is None else f.at
+        for i, (_, begin, stop) in enumerate(self.positions()):
             if begin < end:
                 raise EntryError("profile.field_order", "fields", i, "at", value=begin, last=end - 1)
-            end = begin + f.width
+            end = stop
         if end + self.crc.size + len(self.tail_bytes) > self.max_size:
             raise EntryError("profile.fields_too_long", "fields", size=end, limit=self.max_size)
 

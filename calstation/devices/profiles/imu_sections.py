@@ -4,15 +4,14 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from calstation.devices.profiles.entries import Word
+from calstation.devices.profiles.entries import Word, require
 from calstation.devices.profiles.frame import FrameSection
-from calstation.schema import EntryError, StrictModel
+from calstation.schema import StrictModel
 
 
 def _check_command_line(line: str) -> str:
-    if not line or not line.isascii() or not line.isprintable() or set(line) & set("$*"):
-        raise EntryError("profile.not_a_command_line", value=line)
-    return line
+    is_plain = line and line.isascii() and line.isprintable() and not set(line) & set("$*")
+    return require(line, is_plain, "profile.not_a_command_line")
 
 
 #: Command line of a VectorNav, without $ and checksum.

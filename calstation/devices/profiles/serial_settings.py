@@ -1,10 +1,11 @@
 """Settings of a serial port: defaults in a profile, or the values of a station in its file."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field
 
-from calstation.schema import EntryError, StrictModel
+from calstation.devices.profiles.entries import require
+from calstation.schema import StrictModel
 
 
 class SerialSettings(StrictModel):
@@ -13,15 +14,10 @@ class SerialSettings(StrictModel):
     baud: int = Field(default=115200, ge=50, le=12_000_000)
     data_bits: Literal[5, 6, 7, 8] = 8
     parity: Literal["N", "E", "O", "M", "S"] = "N"
-    stop_bits: float = 1
+    stop_bits: Annotated[
+        float, AfterValidator(lambda bits: require(bits, bits in (1, 1.5, 2), "profile.stop_bits"))
+    ] = 1
     write_timeout_s: float = Field(default=1.0, gt=0, le=60)
-
-    @field_validator("stop_bits")
-    @classmethod
-    def _stop_bits(cls, bits: float) -> float:
-        if bits not in (1, 1.5, 2):
-            raise EntryError("profile.stop_bits", value=bits)
-        return bits
 
     @property
     def line(self) -> str:

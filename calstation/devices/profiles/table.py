@@ -10,11 +10,32 @@ from pydantic import Field, field_validator, model_validator
 from calstation.devices.profiles.entries import ModelName
 from calstation.devices.profiles.gimbal import GimbalSection
 from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table_registers import JOINTS, Bit, JointSection, ModbusRegister, TableMap, Writes
+from calstation.devices.profiles.table_registers import (
+    JOINTS,
+    JointSection,
+    ModbusRegister,
+    StatusBits,
+    TableCommands,
+    TableMap,
+)
 from calstation.devices.profiles.text import TextSection
 from calstation.errors import ConfigurationError
 from calstation.physics import AXES, GimbalJoints, JointLimits, TableGeometry
 from calstation.schema import EntryError, StrictModel, load_once
+
+#: Section that each protocol requires.
+_SECTIONS = {
+    "modbus": "modbus",
+    "imu_link": "imu_link",
+    "atl": "text",
+    "acl": "text",
+    "mn": "text",
+    "gimbal": "gimbal",
+    "hand": None,
+}
+
+#: Entry of `[text]` that frames the lines of a protocol.
+_FRAMING = {"atl": "prompt", "mn": "checked"}
 
 #: Largest rounding of an angle in a text line, in standard deviations of the encoder.
 _MAX_ROUNDING = 3.0
@@ -92,7 +113,7 @@ class TableProfile(StrictModel):
 
     name: str
     model: ModelName
-    protocol: Literal["modbus", "imu_link", "atl", "acl", "mn", "hand", "gimbal"]
+    protocol: Literal["modbus", "imu_link", "atl", "acl", "mn", "gimbal", "hand"]
     outer_axis: list[float] = Field(min_length=3, max_length=3)
     inner_axis: list[float] = Field(min_length=3, max_length=3)
     outer_lever: Literal["estimated", "fixed"]
@@ -106,8 +127,8 @@ class TableProfile(StrictModel):
     faults: dict[str, str]
     modbus: ModbusSection | None = None
     imu_link: ImuLinkSection | None = None
-    status_bits: dict[str, Bit] = Field(default_factory=dict)
-    commands: dict[str, Writes] = Field(default_factory=dict)
+    status_bits: StatusBits | None = None
+    commands: TableCommands | None = None
     registers: dict[str, ModbusRegister] = Field(default_factory=dict)
     text: TextSection | None = None
     gimbal: GimbalSection | None = None
@@ -130,10 +151,10 @@ class TableProfile(StrictModel):
     def _whole(self) -> "TableProfile":
         if abs(float(np.dot(self.outer_axis, self.inner_axis))) > 0.5:
             raise EntryError("profile.axes_too_close")
-        needed = self.protocol if self.protocol in ("modbus", "imu_link", "hand", "gimbal") else "text"
-        if not self.by_hand and getattr(self, needed) is None:
+        needed = _SECTIONS[self.protocol]
+        if needed is not None and getattr(self, needed) is None:
             raise EntryError("profile.needed_by", needed, owner=self._own_protocol)
-        for section in ("modbus", "imu_link", "text", "gimbal"):
+        for section in filter(None, _SECTIONS.values()):
             if section != needed and getattr(self, section) is not None:
                 self._refuse(section)
         self._check_middle()
@@ -179,7 +200,7 @@ class TableProfile(StrictModel):
         raise EntryError("profile.not_with", *place, other=self._own_protocol)
 
     def _check_text(self, text: TextSection) -> None:
-        for protocol, key in (("atl", "prompt"), ("mn", "checked")):
+        for protocol, key in _FRAMING.items():
             if self.protocol == protocol and not getattr(text, key):
                 raise EntryError("profile.needed_by", "text", key, owner=self._own_protocol)
             if self.protocol != protocol and getattr(text, key):
@@ -199,8 +220,14 @@ class TableProfile(StrictModel):
             else register.model_copy(update={"word_order": order})
             for name, register in self.registers.items()
         }
-        apart = self.modbus is not None and self.modbus.inner_unit is not None
-        return TableMap(registers, self.status_bits, self.commands, apart)
+        if self.status_bits is None or self.commands is None:
+            raise EntryError("entry.missing", "commands" if self.status_bits else "status_bits")
+        return TableMap(registers, self.status_bits, self.commands, self.two_drives)
+
+    @property
+    def two_drives(self) -> bool:
+        """Whether each axis has a drive with its own registers."""
+        return self.modbus is not None and self.modbus.inner_unit is not None
 
     @property
     def by_hand(self) -> bool:
@@ -210,9 +237,8 @@ class TableProfile(StrictModel):
     @property
     def serial(self) -> SerialSettings:
         """Serial port settings, unless the station has its own."""
-        if self.lines is not None:
-            return self.lines.serial
-        return self.modbus.serial if self.modbus is not None else SerialSettings()
+        section = self.lines or self.modbus
+        return section.serial if section is not None else SerialSettings()
 
     @property
     def timeout_s(self) -> float:
@@ -230,17 +256,14 @@ class TableProfile(StrictModel):
 
         Raises ConfigurationError if the inner axis's drive has the same unit number.
         """
-        if self.lines is not None:
-            changed = {"timeout_s": timeout_s} if timeout_s is not None else {}
-            name = "text" if self.gimbal is None else "gimbal"
-            return self.model_copy(update={name: self.lines.model_copy(update=changed)})
-        if self.modbus is None:
+        section, name = self.lines or self.modbus, _SECTIONS[self.protocol]
+        if section is None or name is None:
             return self
-        if unit is not None and unit == self.modbus.inner_unit:
+        if self.modbus is not None and unit is not None and unit == self.modbus.inner_unit:
             raise ConfigurationError("table.unit_of_inner_drive", unit=unit)
-        given = {"timeout_s": timeout_s, "unit": unit}
-        modbus = self.modbus.model_copy(update={k: v for k, v in given.items() if v is not None})
-        return self.model_copy(update={"modbus": modbus})
+        given = {"timeout_s": timeout_s, "unit": None if self.modbus is None else unit}
+        changed = section.model_copy(update={key: value for key, value in given.items() if value is not None})
+        return self.model_copy(update={name: changed})
 
     def check_endless(self, watchdog: float, rates: tuple[float, float], acceleration: float) -> None:
         """Check that the table may rotate at these rates (outer, inner, rad/s) and acceleration, rad/s², until stopped.

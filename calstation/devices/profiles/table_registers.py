@@ -20,18 +20,24 @@ JOINTS = ("outer", "inner")
 #: Registers of the table, or of each axis's own drive.
 DRIVE_REGISTERS = ("model", "controlword", "statusword", "fault")
 OPTIONAL_DRIVE_REGISTERS = ("serial", "interlock", "watchdog", "heartbeat", "command", "mode", "status2")
-JOINT_REGISTERS = ("position", "rate", "target", "target_rate", "acceleration")
-#: Travel as set in the table; the rate of continuous rotation, if it is not `target_rate`.
+#: Registers of a joint, and the limit of the joint that each must be able to represent. `low` and `high` are the travel
+#: as set in the table, `turn_rate` is the rate of continuous rotation if it is not `target_rate`.
+JOINT_REGISTERS = {
+    "position": "travel",
+    "rate": "rate",
+    "target": "travel",
+    "target_rate": "rate",
+    "acceleration": "acceleration",
+    "low": "travel",
+    "high": "travel",
+    "turn_rate": "rate",
+}
 OPTIONAL_JOINT_REGISTERS = ("low", "high", "turn_rate")
+#: Registers of joints that are not negative; all others have the sign of the position.
+MAGNITUDES = ("target_rate", "acceleration")
 TEXTS = ("model", "serial")
 #: Registers without a unit: integers without a scale.
 WORDS = ("controlword", "statusword", "fault", "interlock", "heartbeat", "command", "mode", "status2")
-STATUS_BITS = ("enabled", "fault", "settled", "homed")
-#: `quick_stop` is 0 during a quick stop, `remote` is 0 under local control, `limit` is 1 at a limit.
-OPTIONAL_BITS = ("moving", "interlock", "quick_stop", "remote", "limit")
-COMMANDS = ("move", "stop", "home")
-#: Optional command: rotate continuously at the target rates.
-RATE_COMMAND = "rate"
 #: Registers that a command may write.
 WRITTEN = ("command", "controlword", "mode", "turn_rate", "target_rate")
 
@@ -135,6 +141,32 @@ Bit = Annotated[StatusBit, BeforeValidator(_as_bit)]
 Writes = Annotated[list[dict[str, int]], BeforeValidator(_as_writes), Field(min_length=1)]
 
 
+class StatusBits(StrictModel):
+    """`[status_bits]`: sources of the flags.
+
+    quick_stop : 0 during a quick stop; remote : 0 under local control; limit : 1 at a limit
+    """
+
+    enabled: Bit
+    fault: Bit
+    settled: Bit
+    homed: Bit
+    moving: Bit | None = None
+    interlock: Bit | None = None
+    quick_stop: Bit | None = None
+    remote: Bit | None = None
+    limit: Bit | None = None
+
+
+class TableCommands(StrictModel):
+    """`[commands]`: register values that each command writes; rate : rotate continuously at the target rates."""
+
+    move: Writes
+    stop: Writes
+    home: Writes
+    rate: Writes | None = None
+
+
 class JointSection(StrictModel):
     """`[outer]`, `[inner]`: travel in degrees, largest rate and acceleration in °/s and °/s²."""
 
@@ -160,15 +192,15 @@ class TableMap:
     """
 
     registers: Mapping[str, ModbusRegister]
-    bits: Mapping[str, StatusBit]
-    commands: Mapping[str, Sequence[Mapping[str, int]]]
+    bits: StatusBits
+    commands: TableCommands
     inner_apart: bool
 
     def names(self, name: str) -> tuple[str, ...]:
         """Return the names of a register: one, one for each axis, or none."""
         if name in self.registers:
             return (name,)
-        return tuple(own for own in _of_joints(name) if own in self.registers)
+        return tuple(joint_name for joint_name in _of_joints(name) if joint_name in self.registers)
 
     def turning(self) -> tuple[str, ...]:
         """Return the registers that set the rates of continuous rotation, outer and inner."""
@@ -187,30 +219,27 @@ class TableMap:
         self._check_faults(faults)
 
     def _check_names(self) -> None:
-        known = [own for name in JOINT_REGISTERS + OPTIONAL_JOINT_REGISTERS for own in _of_joints(name)]
-        for name in DRIVE_REGISTERS + OPTIONAL_DRIVE_REGISTERS:
-            known += [name, *_of_joints(name)]
+        of_drives = DRIVE_REGISTERS + OPTIONAL_DRIVE_REGISTERS
+        known = [*of_drives, *(name for plain in (*of_drives, *JOINT_REGISTERS) for name in _of_joints(plain))]
         for name in self.registers:
             if name not in known:
                 raise EntryError("entry.unknown", "registers", name, remedy=near_miss(name, known))
-        for name in (f"{joint}_{name}" for joint in JOINTS for name in JOINT_REGISTERS):
-            if name not in self.registers:
-                raise EntryError("entry.missing", "registers", name)
-        for name in DRIVE_REGISTERS + OPTIONAL_DRIVE_REGISTERS:
-            own = [joint_name for joint_name in _of_joints(name) if joint_name in self.registers]
-            if name in self.registers and own:
-                raise EntryError("profile.same_register_twice", "registers", own[0], other=name)
-            if len(own) == 1:
-                other = next(joint_name for joint_name in _of_joints(name) if joint_name not in own)
-                raise EntryError("profile.needed_by", "registers", other, owner=f"registers.{own[0]}")
-            if name in DRIVE_REGISTERS and name not in self.registers and not own:
-                raise EntryError("profile.drive_register_missing", "registers", name, name=name)
-            if name in DRIVE_REGISTERS and self.inner_apart and name in self.registers:
-                raise EntryError("profile.one_register_of_two_drives", "registers", name, name=name)
-        for joint in JOINTS:
-            for name, other in ((f"{joint}_low", f"{joint}_high"), (f"{joint}_high", f"{joint}_low")):
-                if name in self.registers and other not in self.registers:
-                    raise EntryError("profile.needed_by", "registers", other, owner=f"registers.{name}")
+        for plain in (*JOINT_REGISTERS, *of_drives):
+            present = [name for name in _of_joints(plain) if name in self.registers]
+            missing = [name for name in _of_joints(plain) if name not in present]
+            if missing and plain in JOINT_REGISTERS and plain not in OPTIONAL_JOINT_REGISTERS:
+                raise EntryError("entry.missing", "registers", missing[0])
+            if present and plain in self.registers:
+                raise EntryError("profile.same_register_twice", "registers", present[0], other=plain)
+            if present and missing:
+                raise EntryError("profile.needed_by", "registers", missing[0], owner=f"registers.{present[0]}")
+            if plain in DRIVE_REGISTERS and not present and plain not in self.registers:
+                raise EntryError("profile.drive_register_missing", "registers", plain, name=plain)
+            if plain in DRIVE_REGISTERS and plain in self.registers and self.inner_apart:
+                raise EntryError("profile.one_register_of_two_drives", "registers", plain, name=plain)
+        for name, other in (("outer_low", "outer_high"), ("outer_high", "outer_low")):
+            if name in self.registers and other not in self.registers:
+                raise EntryError("profile.needed_by", "registers", other, owner=f"registers.{name}")
 
     def _check_overlaps(self) -> None:
         drives: dict[bool, list[tuple[str, ModbusRegister]]] = {}
@@ -234,50 +263,40 @@ class TableMap:
                 raise EntryError("profile.register_is_word", "registers", name)
 
     def _check_bits(self) -> None:
-        for name in STATUS_BITS:
-            if name not in self.bits:
-                raise EntryError("entry.missing", "status_bits", name)
-        known = STATUS_BITS + OPTIONAL_BITS
         seen: dict[tuple[str, int], str] = {}
-        for name, bit in self.bits.items():
-            place = ("status_bits", name)
-            if name not in known:
-                raise EntryError("entry.unknown", *place, remedy=near_miss(name, known))
+        for name in StatusBits.model_fields:
+            bit: StatusBit | None = getattr(self.bits, name)
+            key_path = ("status_bits", name)
+            if bit is None:
+                continue
             if bit.bit is None:
                 if name != "homed" or not bit.always:
-                    raise EntryError("profile.only_homed_is_constant", *place)
+                    raise EntryError("profile.only_homed_is_constant", *key_path)
                 continue
             registers = self.names(bit.word)
             if not registers:
-                raise EntryError("profile.needs_register", *place, register=bit.word)
+                raise EntryError("profile.needs_register", *key_path, register=bit.word)
             width = min(8 * self.registers[register].number.width for register in registers)
             if bit.bit >= width:
-                raise EntryError("entry.out_of_range", *place, value=bit.bit, low=0, high=width - 1)
+                raise EntryError("entry.out_of_range", *key_path, value=bit.bit, low=0, high=width - 1)
             if other := seen.get((bit.word, bit.bit)):
-                raise EntryError("profile.same_bit", *place, other=other, bit=bit.bit)
+                raise EntryError("profile.same_bit", *key_path, other=other, bit=bit.bit)
             seen[bit.word, bit.bit] = name
-        if "interlock" in self.bits and self.names("interlock"):
+        if self.bits.interlock is not None and self.names("interlock"):
             raise EntryError("profile.interlock_twice", "status_bits", "interlock")
 
     def _check_commands(self) -> None:
-        for name in COMMANDS:
-            if name not in self.commands:
-                raise EntryError("entry.missing", "commands", name)
-        known = (*COMMANDS, RATE_COMMAND)
-        for name, writes in self.commands.items():
-            if name not in known:
-                raise EntryError("entry.unknown", "commands", name, remedy=near_miss(name, known))
-            for write in writes:
-                for register, value in write.items():
-                    with entry("commands", name):
-                        self._check_write(register, value)
-        for (a, first), (b, second) in combinations(self.commands.items(), 2):
-            if list(first) == list(second):
+        commands = {name: writes for name, writes in self.commands if writes is not None}
+        for name, writes in commands.items():
+            for register, value in (item for write in writes for item in write.items()):
+                with entry("commands", name):
+                    self._check_write(register, value)
+        for (a, first), (b, second) in combinations(commands.items(), 2):
+            if first == second:
                 raise EntryError("profile.same_write", "commands", b, other=f"commands.{a}")
-        if RATE_COMMAND in self.commands:
-            for name in self.turning():
-                if self.registers[name].bounds[0] >= 0.0:
-                    raise EntryError("profile.turn_rate_unsigned", "registers", name, "type")
+        for name in self.turning() if self.commands.rate is not None else ():
+            if self.registers[name].bounds[0] >= 0.0:
+                raise EntryError("profile.turn_rate_unsigned", "registers", name, "type")
 
     def _check_write(self, register: str, value: int) -> None:
         if register not in WRITTEN:
@@ -292,51 +311,42 @@ class TableMap:
 
     def _check_ranges(self, axes: Sequence[JointSection], encoder_sigma: float) -> None:
         for joint, axis in zip(JOINTS, axes, strict=True):
-            for name in ("position", "target", "low", "high"):
-                if held := self._narrower(f"{joint}_{name}", axis.low_deg, axis.high_deg):
-                    place = ("registers", f"{joint}_{name}")
-                    raise EntryError("profile.narrower_than_travel", *place, joint=joint, **held)
-            for name in ("rate", "turn_rate", "target_rate"):
-                low = 0.0 if name == "target_rate" else -axis.max_rate_dps
-                if held := self._narrower(f"{joint}_{name}", low, axis.max_rate_dps):
-                    place = ("registers", f"{joint}_{name}")
-                    raise EntryError("profile.narrower_than_rate", *place, joint=joint, **held)
-            name = f"{joint}_acceleration"
-            if held := self._narrower(name, 0.0, axis.max_acceleration_dps2):
-                raise EntryError("profile.narrower_than_acceleration", "registers", name, joint=joint, **held)
+            rate, acceleration = axis.max_rate_dps, axis.max_acceleration_dps2
+            limits = {
+                "travel": (axis.low_deg, axis.high_deg),
+                "rate": (-rate, rate),
+                "acceleration": (-acceleration, acceleration),
+            }
+            for plain, limit in JOINT_REGISTERS.items():
+                name, (low, high) = f"{joint}_{plain}", limits[limit]
+                low = 0.0 if plain in MAGNITUDES else low
+                register = self.registers.get(name)
+                least, most = (low, high) if register is None else register.bounds
+                if register is not None and (low < least or high > most):
+                    values = {"type": register.type, "scale": register.scale, "least": least, "most": most}
+                    code = f"profile.narrower_than_{limit}"
+                    raise EntryError(code, "registers", name, joint=joint, low=low, high=high, **values)
             for name in (f"{joint}_position", f"{joint}_target"):
                 step = self.registers[name].step
                 if step > _MAX_STEP * encoder_sigma:
                     raise EntryError("profile.angle_too_coarse", "registers", name, step=step, sigma=encoder_sigma)
 
-    def _narrower(self, name: str, low: float, high: float) -> dict[str, str | float]:
-        """Return the values of the message if a register cannot represent `low` to `high`, else an empty dict."""
-        register = self.registers.get(name)
-        if register is None:
-            return {}
-        least, most = register.bounds
-        if least <= low and high <= most:
-            return {}
-        return {"type": register.type, "scale": register.scale, "least": least, "most": most, "low": low, "high": high}
-
     def _check_signs(self) -> None:
         """Check that angles are sent and read in the same sense, and that magnitudes are not negative."""
-        for joint in JOINTS:
-            position = self.registers[f"{joint}_position"]
-            signed = [f"{joint}_{name}" for name in ("target", "rate", "turn_rate", "low", "high")]
-            unsigned = [f"{joint}_{name}" for name in ("target_rate", "acceleration")]
-            if RATE_COMMAND in self.commands:
-                signed += [name for name in self.turning() if name.startswith(joint)]
-            for name in unsigned:
-                scale = self.registers[name].scale
-                if scale < 0.0:
-                    raise EntryError("profile.negative_magnitude", "registers", name, "scale", scale=scale)
-            for name in signed:
-                register = self.registers.get(name)
-                if register is not None and register.scale * position.scale <= 0.0:
-                    code = "profile.turn_rate_needed" if name in unsigned else "profile.opposite_sense"
-                    values = {"scale": register.scale, "other": f"registers.{joint}_position", "its": position.scale}
-                    raise EntryError(code, "registers", name, "scale", joint=joint, **values)
+        turning = self.turning() if self.commands.rate is not None else ()
+        for name in (f"{joint}_{plain}" for joint in JOINTS for plain in JOINT_REGISTERS):
+            register = self.registers.get(name)
+            if register is None:
+                continue
+            joint, _, plain = name.partition("_")
+            key_path, scale = ("registers", name, "scale"), register.scale
+            if plain in MAGNITUDES and scale < 0.0:
+                raise EntryError("profile.negative_magnitude", *key_path, scale=scale)
+            position = self.registers[f"{joint}_position"].scale
+            if scale * position <= 0.0 and (plain not in MAGNITUDES or name in turning):
+                code = "profile.turn_rate_needed" if plain in MAGNITUDES else "profile.opposite_sense"
+                other = f"registers.{joint}_position"
+                raise EntryError(code, *key_path, joint=joint, scale=scale, other=other, its=position)
 
     def _check_watchdog(self) -> None:
         for name in self.names("watchdog"):

@@ -18,7 +18,6 @@ _VALUES = {"move": ("angle", "rate", "acceleration"), "rate": ("rate", "accelera
 #: Pairs of commands that may send the same lines.
 _MAY_BE_ALIKE = ({"disable", "stop"}, {"disable", "reset"}, {"stop", "reset"})
 _NEVER_ALWAYS = ("fault", "moving", "settled")
-_FLAGS = ("enabled", "homed", "moving", "settled", "fault", "interlock", "remote")
 
 
 class CommandLines(StrictModel):
@@ -134,6 +133,18 @@ class Flag(StrictModel):
         return self
 
 
+class Flags(StrictModel):
+    """`[text.flags]`: sources of the status flags."""
+
+    enabled: Flag
+    homed: Flag
+    fault: Flag
+    moving: Flag | None = None
+    settled: Flag | None = None
+    interlock: Flag | None = None
+    remote: Flag | None = None
+
+
 class CheckedLines(StrictModel):
     """`checked`: commands and replies are HEAD body MARK checksum.
 
@@ -180,7 +191,7 @@ class TextSection(StrictModel):
     serial: SerialSettings = SerialSettings(baud=9600)
     commands: CommandLines
     queries: dict[str, Query]
-    flags: dict[str, Flag]
+    flags: Flags
 
     @field_validator("axes")
     @classmethod
@@ -202,9 +213,6 @@ class TextSection(StrictModel):
         self._check_flags()
         if self.flush is not None and self.flush not in self.queries:
             raise EntryError("profile.no_such_query", "flush", **self._unknown_query(self.flush))
-        for name in ("enabled", "homed", "fault"):
-            if name not in self.flags:
-                raise EntryError("entry.missing", "flags", name)
         return self
 
     def _check_queries(self) -> None:
@@ -232,21 +240,22 @@ class TextSection(StrictModel):
 
     def _check_flags(self) -> None:
         seen: dict[tuple[str | None, str, int | str | None], str] = {}
-        for name, flag in self.flags.items():
-            place = ("flags", name)
-            if name not in _FLAGS:
-                raise EntryError("entry.unknown", *place, remedy=near_miss(name, _FLAGS))
+        for name in Flags.model_fields:
+            flag: Flag | None = getattr(self.flags, name)
+            key_path = ("flags", name)
+            if flag is None:
+                continue
             if flag.query is None:
                 if name in _NEVER_ALWAYS:
-                    raise EntryError("profile.flag_cannot_be_constant", *place)
+                    raise EntryError("profile.flag_cannot_be_constant", *key_path)
                 continue
             if flag.query not in self.queries:
-                raise EntryError("profile.no_such_query", *place, **self._unknown_query(flag.query))
+                raise EntryError("profile.no_such_query", *key_path, **self._unknown_query(flag.query))
             if flag.group not in self.queries[flag.query].groups:
-                raise EntryError("profile.no_such_group", *place, query=flag.query, group=flag.group)
+                raise EntryError("profile.no_such_group", *key_path, query=flag.query, group=flag.group)
             source = (flag.query, flag.group, flag.matches if flag.bit is None else flag.bit)
             if other := seen.get(source):
-                raise EntryError("profile.same_flag", *place, other=other)
+                raise EntryError("profile.same_flag", *key_path, other=other)
             seen[source] = name
 
     def _unknown_query(self, name: str) -> dict[str, str | Text]:

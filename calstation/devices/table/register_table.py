@@ -15,7 +15,7 @@ from calstation.devices.interfaces import (
     TableIdentity,
     TableStatus,
 )
-from calstation.devices.profiles import JOINTS, RATE_COMMAND, ModbusRegister, TableProfile
+from calstation.devices.profiles import JOINTS, ModbusRegister, StatusBit, TableProfile
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import snap_angles
 from calstation.physics import JointLimits
@@ -142,14 +142,14 @@ class RegisterTable(Table):
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
         """Rotate both joints at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
-        if RATE_COMMAND not in self._profile.commands:
+        if self._map.commands.rate is None:
             raise ConfigurationError("table.no_rate_command")
         self._profile.check_endless(self.status().watchdog, (outer, inner), acceleration)
         values = [
             {turning: rate, f"{joint}_acceleration": acceleration}
             for joint, turning, rate in zip(JOINTS, self._map.turning(), (outer, inner), strict=True)
         ]
-        self._command(RATE_COMMAND, values)
+        self._command("rate", values)
 
     def stop(self) -> None:
         """Decelerate both axes to rest, or the remaining one if the drive of the other is lost."""
@@ -177,7 +177,7 @@ class RegisterTable(Table):
 
     def _flags(self, name: str, value: Mapping[str, float]) -> list[bool]:
         """Return a flag for each drive; empty if the profile has no source for it."""
-        bit = self._profile.status_bits.get(name)
+        bit: StatusBit | None = getattr(self._map.bits, name)
         if bit is None:
             return []
         if bit.bit is None:
@@ -198,7 +198,7 @@ class RegisterTable(Table):
         return "limit" if any(self._flags("limit", value)) else None
 
     def _writes(self, command: str) -> list[tuple[str, int]]:
-        return [write for writes in self._profile.commands[command] for write in writes.items()]
+        return [write for writes in getattr(self._map.commands, command) for write in writes.items()]
 
     def _on_both(self, writes: list[tuple[str, int]]) -> None:
         """Write to every drive that replies, then raise the first DeviceFaultError, if any."""

@@ -193,7 +193,7 @@ class TextTable(Table):
 
     def _flags(self, name: str, answers: Answers) -> list[bool]:
         """Return a flag for each axis; empty if the profile has no source for it."""
-        flag = self._text.flags.get(name)
+        flag: Flag | None = getattr(self._text.flags, name)
         if flag is None:
             return []
         if flag.query is None:

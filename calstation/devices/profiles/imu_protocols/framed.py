@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 from pydantic import Field, field_validator
 
 from calstation.devices.codecs import CRC_WIDTHS, check_code
-from calstation.devices.profiles.entries import HexText, hex_bytes
+from calstation.devices.profiles.entries import SyncText, hex_bytes
 from calstation.devices.profiles.imu_protocols.base import ImuProtocol
 from calstation.schema import EntryError, entry, near_miss
 
@@ -38,8 +38,8 @@ class FramedProtocol(ImuProtocol):
 
     section: ClassVar[str] = "commands"
 
-    request_sync: HexText
-    reply_sync: HexText
+    request_sync: SyncText
+    reply_sync: SyncText
     crc: str
     ops: dict[str, int] = Field(default_factory=dict)
     errors: dict[str, str] = Field(default_factory=dict)
@@ -67,13 +67,6 @@ class FramedProtocol(ImuProtocol):
                 if int(code) > 0xFF:
                     raise EntryError("entry.out_of_range", value=code, low=0, high=255)
         return errors
-
-    @field_validator("request_sync", "reply_sync")
-    @classmethod
-    def _sync(cls, sync: str) -> str:
-        if not hex_bytes(sync):
-            raise EntryError("profile.no_sync_bytes")
-        return sync
 
     @field_validator("crc")
     @classmethod
