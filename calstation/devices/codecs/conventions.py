@@ -61,8 +61,12 @@ def offset_slots(sensor: str) -> tuple[str, ...]:
     return tuple(f"{sensor}_offset_{axis}" for axis in AXES)
 
 
+def _slots(sensor: str) -> tuple[str, ...]:
+    return matrix_slots(sensor) + offset_slots(sensor)
+
+
 #: Names that register entries may contain in addition to the parameters themselves.
-SLOTS: tuple[str, ...] = tuple(name for sensor in SENSORS for name in (*matrix_slots(sensor), *offset_slots(sensor)))
+SLOTS: tuple[str, ...] = tuple(name for sensor in SENSORS for name in _slots(sensor))
 
 
 @cache
@@ -80,59 +84,49 @@ def parameter_of(name: str) -> str | None:
 def to_registers(
     sensor: str, values: Mapping[str, float], slots: Iterable[str], matrix: Convention, offset: Convention
 ) -> dict[str, float]:
-    """Convert parameters by contract name, SI, to the values of a sensor's slots; those without a slot count as 0."""
+    """Convert parameters to the values of a sensor's slots.
+
+    Parameters
+    ----------
+    sensor : gyro or accel
+    values : parameters by contract name, SI
+    slots : slots of the unit's registers; parameters without a slot count as 0
+    matrix, offset : conventions of the registers of the matrix and the offset
+    """
     present = set(slots)
-    held = {slot: parameter_of(slot) for slot in present}
-    error = np.eye(3)
-    bias = np.zeros(3)
-    for slot, name in held.items():
-        if name is None:
-            continue
-        element = slot.rsplit("_", 1)[1]
-        if slot in matrix_slots(sensor):
-            error[AXES.index(element[0]), AXES.index(element[1])] += values[name]
-        else:
-            bias[AXES.index(element)] = values[name]
+    names = {slot: parameter_of(slot) for slot in _slots(sensor)}
+    parameters = np.array([values[name] if name and slot in present else 0.0 for slot, name in names.items()])
+    error, bias = np.eye(3) + parameters[:9].reshape(3, 3), parameters[9:]
     correction = _inverse(error)
     stored = correction if matrix.matrix == "correction" else error
     if not matrix.identity:
         stored = (stored - np.eye(3)) * (-1.0 if matrix.negated else 1.0)
     shift = bias if offset.offset == "before" else correction @ bias
     shift = -shift if offset.added else shift
-    every = dict(zip(matrix_slots(sensor), stored.ravel().tolist(), strict=True))
-    every |= dict(zip(offset_slots(sensor), shift.tolist(), strict=True))
-    return {slot: every[slot] for slot in present}
+    contents = zip(names, (*stored.ravel().tolist(), *shift.tolist()), strict=True)
+    return {slot: content for slot, content in contents if slot in present}
 
 
-def from_registers(sensor: str, held: Mapping[str, float], matrix: Convention, offset: Convention) -> dict[str, float]:
+def from_registers(
+    sensor: str, contents: Mapping[str, float], matrix: Convention, offset: Convention
+) -> dict[str, float]:
     """Convert the values of a sensor's slots to parameters, SI; NaN if the matrix cannot be inverted.
 
     Raises DeviceFaultError if an accelerometer's matrix is not lower triangular, as the error model requires.
     """
     stored = np.zeros((3, 3)) if not matrix.identity else np.eye(3)
     for i, slot in enumerate(matrix_slots(sensor)):
-        if slot in held:
-            stored[i // 3, i % 3] = held[slot]
+        stored[i // 3, i % 3] = contents.get(slot, stored[i // 3, i % 3])
     if not matrix.identity:
         stored = np.eye(3) + stored * (-1.0 if matrix.negated else 1.0)
     error = _inverse(stored) if matrix.matrix == "correction" else stored
     if sensor == "accel" and np.any(np.abs(np.triu(error, 1)) > _TRIANGULAR):
         raise DeviceFaultError("imu.matrix_not_triangular")
-    shift = np.array([held.get(slot, 0.0) for slot in offset_slots(sensor)])
+    shift = np.array([contents.get(slot, 0.0) for slot in offset_slots(sensor)])
     shift = -shift if offset.added else shift
     bias = shift if offset.offset == "before" or not np.any(shift) else error @ shift
-    found: dict[str, float] = {}
-    for slot in held:
-        name = parameter_of(slot)
-        if name is None:
-            continue
-        element = slot.rsplit("_", 1)[1]
-        if slot in matrix_slots(sensor):
-            i, j = AXES.index(element[0]), AXES.index(element[1])
-            found[name] = float(error[i, j] - (1.0 if i == j else 0.0))
-        else:
-            found[name] = float(bias[AXES.index(element)])
-    return found
+    parameters = zip(_slots(sensor), (*(error - np.eye(3)).ravel().tolist(), *bias.tolist()), strict=True)
+    return {name: value for slot, value in parameters if slot in contents and (name := parameter_of(slot))}
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:

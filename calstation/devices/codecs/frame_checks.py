@@ -13,19 +13,10 @@ from numpy.typing import NDArray
 CheckFunction = Callable[[bytes], int]
 
 
-def _xor(data: bytes) -> int:
-    return int(np.bitwise_xor.reduce(np.frombuffer(data, np.uint8)))
-
-
 def _fletcher(data: bytes) -> int:
     """Return Fletcher's checksum modulo 256: the sum of the bytes, then the sum of all partial sums."""
     values = np.frombuffer(data, np.uint8).astype(np.int64)
     return (int(values.sum()) & 0xFF) << 8 | int(values @ np.arange(len(values), 0, -1)) & 0xFF
-
-
-def _crc32_novatel(data: bytes) -> int:
-    """Return the CRC-32 with initial value and final XOR 0, computed by undoing the inversions of zlib's CRC-32."""
-    return zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 
 _CRCS: dict[str, tuple[int, CheckFunction]] = {
@@ -34,13 +25,14 @@ _CRCS: dict[str, tuple[int, CheckFunction]] = {
     "crc16_modbus": (2, crc16.modbus),
     "crc32": (4, crc32.iso_hdlc),
     "crc32_mpeg2": (4, crc32.mpeg_2),
-    "crc32_novatel": (4, _crc32_novatel),
+    # initial value and final XOR 0: the inversions of zlib's CRC-32 are undone
+    "crc32_novatel": (4, lambda data: zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF),
 }
 _SUMS: dict[str, tuple[int, CheckFunction]] = {
     "sum8": (1, lambda data: sum(data) & 0xFF),
     "sum8_to_zero": (1, lambda data: -sum(data) & 0xFF),
     "sum16": (2, lambda data: sum(data) & 0xFFFF),
-    "xor8": (1, _xor),
+    "xor8": (1, lambda data: int(np.bitwise_xor.reduce(np.frombuffer(data, np.uint8)))),
     "fletcher16": (2, _fletcher),
 }
 _CHECKS = {**_CRCS, **_SUMS}
@@ -59,6 +51,7 @@ def check_bytes(kind: str, data: bytes, byte_order: Literal["little", "big"]) ->
 
 
 def check_function(kind: str) -> CheckFunction:
+    """Return the function that computes a kind of checksum."""
     return _CHECKS[kind][1]
 
 
@@ -73,8 +66,10 @@ def parametric_crc(
     width : number of bits, 8 to 32 in steps of 8
     polynomial : coefficients without the leading 1, highest power first
     initial : content of the CRC register before the first byte
-    reflect_in, reflect_out : whether the bits of each input byte, or of the result, are reversed
+    reflect_in : whether the bits of each input byte are reversed
+    reflect_out : whether the bits of the result are reversed
     final_xor : value that is XORed with the result
+
     """
     top, mask = 1 << (width - 1), (1 << width) - 1
     table = np.empty(256, np.int64)

@@ -62,13 +62,13 @@ class Number:
         """Return the representable value nearest to `value`; raises ValueError if `value` is out of range."""
         if self.kind == "f":
             if not abs(value) <= self.bounds[1]:
-                raise ValueError(f"{value:g} cannot be held")
+                raise ValueError(f"{value:g} cannot be represented")
             return float(np.float32(value)) if self.width == 4 else float(value)
         return self._integer(value) * 2.0**-self.fraction
 
     def _integer(self, value: float) -> int:
         if not np.isfinite(value):
-            raise ValueError(f"{value} cannot be held")
+            raise ValueError(f"{value} cannot be represented")
         raw = round(value * 2.0**self.fraction)
         low, high = self.raw_bounds
         if not low <= raw <= high:
@@ -120,16 +120,16 @@ class Number:
 
     def _positions(self, byte_order: ByteOrder, word_order: WordOrder | None) -> list[int]:
         """Return the positions of the bytes on the wire, most significant first."""
-        places = list(range(self.width))
+        positions = list(range(self.width))
         if word_order == "fraction_first":
             split = self.fraction // 8
-            whole, fraction = places[split:], places[:split]
+            whole, fraction = positions[split:], positions[:split]
             return [*whole, *fraction] if byte_order == "big" else [*whole[::-1], *fraction[::-1]]
         if byte_order == "big" and word_order == "little":
-            return [p for k in range(self.width - 2, -1, -2) for p in places[k : k + 2]]
+            return [p for k in range(self.width - 2, -1, -2) for p in positions[k : k + 2]]
         if byte_order == "little" and word_order == "big":
-            return [p for k in range(0, self.width, 2) for p in places[k : k + 2][::-1]]
-        return places if byte_order == "big" else places[::-1]
+            return [p for k in range(0, self.width, 2) for p in positions[k : k + 2][::-1]]
+        return positions if byte_order == "big" else positions[::-1]
 
 
 @cache

@@ -33,14 +33,11 @@ class BinaryFrame:
         self._id = hex_bytes(frame.id.value) if frame.id else b""
         self._positions = [(f, at) for f, at, _ in frame.positions() if not f.is_spare]
         #: Smallest size of a frame in bytes.
-        self.shortest = self._shortest()
+        self.shortest = frame.min_size()
+        if frame.length is not None:
+            header = max(len(self.sync), frame.length.at + number(frame.length.type).width)
+            self.shortest = header + self._check_size + len(self._tail)
         self._layouts: dict[tuple[int, bytes], Layout] = {}
-
-    def _shortest(self) -> int:
-        trailer = self._check_size + len(self._tail)
-        if self._frame.length is None:
-            return max((end for _, _, end in self._frame.positions()), default=self._frame.body) + trailer
-        return max(len(self.sync), self._frame.length.at + number(self._frame.length.type).width) + trailer
 
     def size(self, buffer: bytes, start: int) -> int | None:
         length = self._frame.length
@@ -66,7 +63,7 @@ class BinaryFrame:
         check = int.from_bytes(packet[end : end + self._check_size], self._check_order)
         if self._check(packet[self._frame.crc.start : end]) != check:
             return False
-        return self._frame.items is None or not self.is_sample(packet) or self._walk(packet) is not None
+        return not self.is_sample(packet) or self._walk(packet) is not None
 
     def is_sample(self, packet: bytes) -> bool:
         """Return whether a valid packet has the id of sample frames."""
@@ -89,17 +86,14 @@ class BinaryFrame:
 
     def _layout_key(self, packet: bytes) -> tuple[int, bytes]:
         """Return the key of a packet's layout; packets with equal keys have their numbers at the same bytes."""
-        if self._frame.items is None:
-            return len(packet), b""
-        heads = self._walk(packet) or []
-        width = self._frame.items.header
-        return len(packet), b"".join(packet[at - width : at] for _, at, _ in heads)
+        width = 0 if self._frame.items is None else self._frame.items.header
+        return len(packet), b"".join(packet[at - width : at] for _, at, _ in self._walk(packet) or ())
 
     def _layout(self, packet: bytes, key: tuple[int, bytes]) -> "Layout":
         layout = self._layouts.get(key)
         if layout is None:
             layout = Layout(len(packet), self._find(packet), self._frame.byte_order)
-            if len(self._layouts) < _LAYOUTS_KEPT:
+            if len(self._layouts) < _MAX_LAYOUTS:
                 self._layouts[key] = layout
         return layout
 
@@ -111,12 +105,12 @@ class BinaryFrame:
         items: dict[bytes, tuple[int, int]] = {}
         for name, at, size in self._walk(packet) or []:
             items.setdefault(name, (at, size))
-        places = []
+        positions = []
         for f, at in self._positions:
             begin, size = items.get(hex_bytes(f.item or ""), (0, 0))
             if at + f.width <= size:
-                places.append((f, begin + at))
-        return places
+                positions.append((f, begin + at))
+        return positions
 
     def _extra(self, packet: bytes) -> int:
         """Return the number of bytes by which an extended length shifts the data after it."""
@@ -130,12 +124,13 @@ class BinaryFrame:
     def _walk(self, packet: bytes) -> list[tuple[bytes, int, int]] | None:
         """Return id, data start and data size of every item, or None if the items do not fill the packet exactly."""
         items = self._frame.items
-        assert items is not None
+        if items is None:
+            return []
         start = items.at + self._extra(packet)
         end = len(packet) - len(self._tail) - self._check_size
         widths = (number(items.id).width, number(items.length).width)
         id_at, length_at = (0, widths[0]) if items.order == "id length" else (widths[1], 0)
-        found = []
+        walked = []
         while start < end:
             data = start + items.header
             if data > end:
@@ -144,18 +139,18 @@ class BinaryFrame:
             size = int.from_bytes(stated, self._frame.byte_order) - (items.header if items.counts_header else 0)
             if size < 0 or data + size > end:
                 return None
-            found.append((packet[start + id_at : start + id_at + widths[0]], data, size))
+            walked.append((packet[start + id_at : start + id_at + widths[0]], data, size))
             start = data + size
-        return found
+        return walked
 
 
 class Layout:
     """Positions of the numbers in packets of one size."""
 
-    def __init__(self, size: int, places: list[tuple[FrameField, int]], byte_order: ByteOrder) -> None:
+    def __init__(self, size: int, positions: list[tuple[FrameField, int]], byte_order: ByteOrder) -> None:
         self._size = size
         self._order: ByteOrder = byte_order
-        native = [(f, at, number(f.type).native(byte_order, f.word_order)) for f, at in places]
+        native = [(f, at, number(f.type).native(byte_order, f.word_order)) for f, at in positions]
         self._plain = np.dtype(
             {
                 "names": [f.name for f, _, kind in native if kind is not None],
@@ -170,19 +165,19 @@ class Layout:
     def read(self, packets: bytes) -> dict[str, Column]:
         rows = np.frombuffer(packets, self._plain)
         with np.errstate(invalid="ignore"):  # a signalling NaN is treated like any NaN
-            found: dict[str, Column] = {
+            columns: dict[str, Column] = {
                 name: rows[name].astype(np.int64) if self._whole[name] else rows[name].astype(np.float64)
                 for name in self._plain.names or ()
             }
         if self._odd:
             table = np.frombuffer(packets, np.uint8).reshape(-1, self._size)
             for f, at, kind in self._odd:
-                found[f.name] = kind.column(table[:, at : at + f.width], self._order, f.word_order)
-        return found
+                columns[f.name] = kind.column(table[:, at : at + f.width], self._order, f.word_order)
+        return columns
 
 
 #: Largest number of stored layouts, so that noise with a matching checksum cannot fill the memory.
-_LAYOUTS_KEPT = 256
+_MAX_LAYOUTS = 256
 
 
 def _nothing(f: FrameField, count: int) -> Column:

@@ -23,7 +23,7 @@ from calstation.errors import DeviceFaultError
 _MAX_PASSES = 8
 
 #: Rounding error of the conversion to and from a matrix, for number types that resolve it.
-_LEAST = {"f64": 1e-12}
+_CONVERSION_ERROR = {"f64": 1e-12}
 
 
 @dataclass(frozen=True)
@@ -35,31 +35,31 @@ class RegisterMap:
     @cached_property
     def parameters(self) -> tuple[str, ...]:
         """Contract names of all parameters that have a register."""
-        held = (parameter_of(name) for entry in self.entries for name in entry.names)
-        return tuple(name for name in held if name)
+        names = (parameter_of(name) for entry in self.entries for name in entry.names)
+        return tuple(name for name in names if name)
 
     def encode(self, values: Mapping[str, float]) -> dict[int, list[float]]:
         """Return the numbers to store in each entry, by entry key; raises DeviceFaultError if a value does not fit."""
-        held = self._held(values)
+        contents = self._contents(values)
         return {
-            entry.key: [_fitted(entry, i, held.get(name, 0.0)) for i, name in enumerate(entry.names)]
+            entry.key: [_fitted(entry, i, contents.get(name, 0.0)) for i, name in enumerate(entry.names)]
             for entry in self.entries
         }
 
     def decode(self, registers: Mapping[int, list[float]]) -> dict[str, float]:
         """Convert numbers by entry key to SI parameters; raises DeviceFaultError if they do not fit the error model."""
-        held = {
+        contents = {
             name: registers[entry.key][i] * entry.scale
             for entry in self.entries
             for i, name in enumerate(entry.names)
             if name
         }
-        found = {name: value for name, value in held.items() if name not in SLOTS}
+        values = {name: value for name, value in contents.items() if name not in SLOTS}
         for sensor in SENSORS:
-            own = {slot: held[slot] for slot in self._slots(sensor)}
-            if own:
-                found |= from_registers(sensor, own, *self._conventions(sensor))
-        return {name: found[name] for name in self.parameters}
+            slots = {slot: contents[slot] for slot in self._slots(sensor)}
+            if slots:
+                values |= from_registers(sensor, slots, *self._conventions(sensor))
+        return {name: values[name] for name in self.parameters}
 
     def rounded(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the values as rounded by the registers, SI; raises DeviceFaultError like `encode`."""
@@ -70,60 +70,67 @@ class RegisterMap:
                 break
         return now
 
-    def differing(self, wanted: Mapping[str, float], found: Mapping[str, float]) -> list[str]:
+    def differing(self, required: Mapping[str, float], values: Mapping[str, float]) -> list[str]:
         """Return the parameters whose registers read back differently from the values written.
 
         In entries without a tolerance, every bit must agree: −0 differs from 0, but any NaN (erased) equals any other.
+
+        Parameters
+        ----------
+        required : values written, SI
+        values : values read back, SI
+
         """
-        suspects = [n for n, value in wanted.items() if n not in found or not _same(found[n], value)]
+        suspects = [name for name, value in required.items() if name not in values or not _same(values[name], value)]
         if not suspects:
             return []
-        want, have = self._held(_or_nan(wanted, self)), self._held(_or_nan(found, self))
+        unknown = dict.fromkeys(self.parameters, math.nan)
+        written, read = self._contents({**unknown, **required}), self._contents({**unknown, **values})
         wrong = []
         for entry in self.entries:
             for name in filter(None, entry.names):
                 parameter = parameter_of(name)
-                if parameter in suspects and not _near(entry, want[name], have[name], name in SLOTS):
+                if parameter in suspects and not _near(entry, written[name], read[name], name in SLOTS):
                     wrong.append(parameter)
-        mapped = set(self.parameters)
-        return [name for name in suspects if name in wrong or name not in mapped]
+        return [name for name in suspects if name in wrong or name not in unknown]
 
     def address(self, name: str) -> int:
         """Return the register address of a parameter."""
         for entry in self.entries:
-            for i, held in enumerate(entry.names):
-                if name in (held, parameter_of(held)):
+            for i, content in enumerate(entry.names):
+                if name in (content, parameter_of(content)):
                     return entry.address_of(i)
         raise KeyError(name)
 
     def stored(self, values: Mapping[str, float]) -> list[tuple[int, str, str]]:
         """Return address, parameter and hexadecimal content (high byte first) of each register of `values`."""
-        complete = {**dict.fromkeys(self.parameters, 0.0), **values}
-        numbers, rows = self.encode(complete), []
-        for entry in self.entries:
-            for i, (name, held) in enumerate(zip(entry.names, numbers[entry.key], strict=True)):
-                parameter = parameter_of(name)
-                if parameter and parameter in values:
-                    rows.append((entry.address_of(i), parameter, number(entry.type).pack(held, "big").hex().upper()))
-        return rows
+        numbers = self.encode({**dict.fromkeys(self.parameters, 0.0), **values})
+        return [
+            (entry.address_of(i), parameter, number(entry.type).pack(content, "big").hex().upper())
+            for entry in self.entries
+            for i, (name, content) in enumerate(zip(entry.names, numbers[entry.key], strict=True))
+            if (parameter := parameter_of(name)) and parameter in values
+        ]
 
-    def _held(self, values: Mapping[str, float]) -> dict[str, float]:
-        held = {n: values[n] for entry in self.entries for n in entry.names if n and n not in SLOTS}
+    def _contents(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the SI value of each name in the registers, of parameters or slots."""
+        names = (name for entry in self.entries for name in entry.names)
+        contents = {name: values[name] for name in names if name and name not in SLOTS}
         for sensor in SENSORS:
-            if own := self._slots(sensor):
-                held |= to_registers(sensor, values, own, *self._conventions(sensor))
-        return held
+            if slots := self._slots(sensor):
+                contents |= to_registers(sensor, values, slots, *self._conventions(sensor))
+        return contents
 
     def _slots(self, sensor: str) -> list[str]:
         known = {name for entry in self.entries for name in entry.names}
         return [slot for slot in (*matrix_slots(sensor), *offset_slots(sensor)) if slot in known]
 
     def _conventions(self, sensor: str) -> tuple[Convention, Convention]:
-        found = []
-        for slots in (matrix_slots(sensor), offset_slots(sensor)):
-            entry = next((e for e in self.entries if set(slots) & set(e.names)), None)
-            found.append(entry.effective_convention if entry else Convention())
-        return found[0], found[1]
+        matrix, offset = (
+            next((e.effective_convention for e in self.entries if set(slots) & set(e.names)), Convention())
+            for slots in (matrix_slots(sensor), offset_slots(sensor))
+        )
+        return matrix, offset
 
 
 def _fitted(entry: RegisterEntry, index: int, value: float) -> float:
@@ -133,37 +140,34 @@ def _fitted(entry: RegisterEntry, index: int, value: float) -> float:
         return 0.0
     low, high = entry.range
     try:
-        held = kind.nearest(value / entry.scale)
+        stored = kind.nearest(value / entry.scale)
         # Compare stored numbers, so that a value at the edge of the range still fits after it is read back.
         edges = sorted(kind.nearest(edge / entry.scale) for edge in (low, high))
-        if not edges[0] <= held <= edges[1]:
+        if not edges[0] <= stored <= edges[1]:
             raise ValueError
     except ValueError:
         address = entry.address_of(index)
         raise DeviceFaultError(
             "imu.value_beyond_register", name=name, value=value, address=address, low=low, high=high
         ) from None
-    return held
+    return stored
 
 
-def _near(entry: RegisterEntry, wanted: float, found: float, converted: bool) -> bool:
-    least = _LEAST.get(entry.type, 0.0) if converted or entry.scale != 1.0 else 0.0
-    if math.isnan(wanted) or math.isnan(found):
-        return math.isnan(wanted) and math.isnan(found)
-    if tolerance := max(entry.tolerance, least):
-        return abs(wanted - found) <= tolerance
+def _near(entry: RegisterEntry, written: float, read: float, converted: bool) -> bool:
+    if math.isnan(written) or math.isnan(read):
+        return math.isnan(written) and math.isnan(read)
+    rounding = _CONVERSION_ERROR.get(entry.type, 0.0) if converted or entry.scale != 1.0 else 0.0
+    if tolerance := max(entry.tolerance, rounding):
+        return abs(written - read) <= tolerance
     kind = number(entry.type)
-    return _same(kind.nearest(wanted / entry.scale), kind.nearest(found / entry.scale))
+    return _same(kind.nearest(written / entry.scale), kind.nearest(read / entry.scale))
 
 
 def alike(numbers: Sequence[float], others: Sequence[float]) -> bool:
+    """Return whether all numbers agree in every bit."""
     return all(_same(a, b) for a, b in zip(numbers, others, strict=True))
 
 
 def _same(a: float, b: float) -> bool:
     """Return whether two numbers agree in every bit; any NaN equals any other."""
     return (a == b and math.copysign(1.0, a) == math.copysign(1.0, b)) or (math.isnan(a) and math.isnan(b))
-
-
-def _or_nan(values: Mapping[str, float], map_: RegisterMap) -> dict[str, float]:
-    return {name: values.get(name, float("nan")) for name in map_.parameters}

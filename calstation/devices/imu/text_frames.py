@@ -62,17 +62,17 @@ class TextFrame(TextLine):
         """Return the numbers of valid lines; other text is marked absent, with the value 0 or NaN."""
         begin = len(self.sync) + 1
         rows = [self.body(p)[begin:].decode("ascii", "replace").split(self._separator) for p in packets]
-        found = Columns({}, {})
+        columns = Columns({}, {})
         for f in self._fields:
             numbers = np.array([_parsed(row, self.column_of[f.name], f) for row in rows], np.float64)
             present = np.isfinite(numbers)
             if number(f.type).whole:
                 present &= np.abs(numbers) < _EXACT
-                found.values[f.name] = np.where(present, numbers, 0.0).astype(np.int64)
+                columns.values[f.name] = np.where(present, numbers, 0.0).astype(np.int64)
             else:
-                found.values[f.name] = numbers
-            found.present[f.name] = present
-        return found
+                columns.values[f.name] = numbers
+            columns.present[f.name] = present
+        return columns
 
 
 def _parsed(row: list[str], column: int, f: FrameField) -> float:
