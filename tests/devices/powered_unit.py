@@ -12,8 +12,7 @@ from calstation.bench.imu import UNITS, ImuUnit
 from calstation.config import library
 from calstation.devices.imu import RegisteredImu, RegisterMap
 from calstation.devices.imu.drivers import driver
-from calstation.devices.imu.streamed_imu import Question
-from calstation.devices.links import PortLostError
+from calstation.devices.links import PortLostError, Question
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 
 T = TypeVar("T")

@@ -15,9 +15,8 @@ from rtu_server import RtuServer
 
 from calstation.devices.imu.drivers.modbus import ModbusImu
 from calstation.devices.links.modbus_link import ModbusLink, ModbusRefusalError
-from calstation.devices.links.modbus_rtu import Barriers, RtuRequest
+from calstation.devices.links.modbus_rtu import RefusedError, RtuLine, RtuRequest, RtuUnit
 from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.links.unanswered import Unanswered
 from calstation.devices.profiles.imu import ImuProfile
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import load_table_profile
@@ -189,15 +188,16 @@ def test_tcp_response_with_another_transaction_number_is_discarded() -> None:
 
 
 def test_synchronising_read_has_a_distinct_length() -> None:
-    barriers, due = Barriers(), Unanswered()
-    barriers.asked(1, 17, 4)
-    barriers.asked(1, 0, 8)
-    due.add(RtuRequest.read(1, 30, 4).signature)
+    unit = RtuUnit(RtuLine("NONE", TIMEOUT, SerialSettings()), 1)
+    unit.lengths |= {4: 17, 8: 0}
+    waiting = unit.dialogue.unanswered
+    waiting.append(RtuRequest.read(1, 30, 4).question(RefusedError).signature)
     seen = []
     for _ in range(20):
-        read = barriers.next(1, due)
-        assert read.signature not in due
-        due.add(read.signature)
-        seen.append(read.begins[0] // 2)
+        question = unit.dialogue.other_question()
+        assert question is not None
+        assert question.signature not in waiting
+        waiting.append(question.signature)
+        seen.append(question.signature[1][0] // 2)
     assert seen[:8] == [8, 1, 2, 3, 5, 6, 7, 4], "all lengths before one is used again"
-    assert len(due) == 8
+    assert len(waiting) == 8

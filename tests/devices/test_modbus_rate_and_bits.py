@@ -56,7 +56,8 @@ def test_continuous_rotation_outside_the_profile_limits_is_refused(rates: tuple[
 
 
 def test_profile_without_a_rate_command_is_reported() -> None:
-    without: TableProfile = quick().model_copy(update={"commands": {"move": 1, "stop": 2, "home": 3}})
+    profile = quick()
+    without: TableProfile = profile.model_copy(update={"commands": profile.commands.model_copy(update={"rate": None})})
     with table([], without) as (driver, _), raises_code(ConfigurationError, "table.no_rate_command"):
         driver.rate(0.1, 0.0, 0.1)
 
@@ -91,6 +92,6 @@ def test_quick_stop_is_a_fault_only_while_the_axes_should_be_enabled() -> None:
 
 
 def test_bits_missing_from_the_profile_are_ignored() -> None:
-    named = {name: bit for name, bit in quick().status_bits.items() if name not in ("remote", "limit", "quick_stop")}
-    with table([polled(0x1C07)], quick().model_copy(update={"status_bits": named})) as (driver, _):
+    bits = quick().status_bits.model_copy(update=dict.fromkeys(("remote", "limit", "quick_stop")))
+    with table([polled(0x1C07)], quick().model_copy(update={"status_bits": bits})) as (driver, _):
         assert driver.status().fault is None

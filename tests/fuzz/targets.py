@@ -100,7 +100,7 @@ def numbers(data: bytes) -> None:
 def rtu(data: bytes) -> None:
     """Search for Modbus responses in arbitrary bytes: each is valid and follows the previous one without overlap."""
     kind, place = RtuReply(1), 0
-    for reply, end in replies(1, data, 0):
+    for reply, end in replies(1, data):
         begin = end - len(reply.payload) - 4
         assert begin >= place
         assert kind.is_valid(data[begin:end])

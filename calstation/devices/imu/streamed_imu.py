@@ -3,10 +3,8 @@
 import queue
 import threading
 import time
-from collections.abc import Callable, Hashable, Iterator
-from contextlib import suppress
-from dataclasses import dataclass
-from typing import Generic, TypeVar, cast
+from collections.abc import Iterator
+from typing import TypeVar, cast
 
 import numpy as np
 
@@ -14,7 +12,7 @@ from calstation.devices.codecs import Reply, ReplyKind
 from calstation.devices.imu.frames import FrameDecoder, Samples
 from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.interfaces import Imu, LinkStats, NoFramesError, SampleBatch
-from calstation.devices.links import QUIET, SerialLink, Unanswered
+from calstation.devices.links import Dialogue, Question, Refusal, SerialLink
 from calstation.devices.profiles import FrameSection, ImuProfile
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text
@@ -26,10 +24,9 @@ _WAIT = 0.02
 _NOISE_FRAMES, _NOISE_SECONDS = 40, 2.0
 
 T = TypeVar("T")
-T_co = TypeVar("T_co", covariant=True)
 
 
-class ImuRefusalError(DeviceFaultError):
+class ImuRefusalError(DeviceFaultError, Refusal):
     """The unit refuses a command."""
 
     @property
@@ -39,20 +36,6 @@ class ImuRefusalError(DeviceFaultError):
 
 class ImuBusyError(ImuRefusalError):
     """The unit cannot execute a command yet: its flash is busy, or it is still starting."""
-
-
-@dataclass(frozen=True)
-class Question(Generic[T_co]):
-    """A command that expects a reply.
-
-    request : bytes to send
-    signature : key of its reply; replies with equal signatures could be mistaken for each other
-    take : returns the content of a reply, or None if it belongs to another command; raises ImuRefusalError
-    """
-
-    request: bytes
-    signature: Hashable
-    take: Callable[[Reply], T_co | None]
 
 
 class StreamedImu(Imu):
@@ -71,7 +54,9 @@ class StreamedImu(Imu):
         self._arrived: queue.SimpleQueue[tuple[Samples, float]] = queue.SimpleQueue()
         self._replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
         self._outbox: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        self._unanswered = Unanswered()
+        self._dialogue = Dialogue(
+            self._outbox.put, self._receive, self._other_questions, lambda reply, signature, refusal: refusal
+        )
         self._asking = threading.Lock()
         self._closing = threading.Event()
         self._failure: DeviceFaultError | None = None
@@ -118,82 +103,28 @@ class StreamedImu(Imu):
         self._link.close()
 
     def exchange(self, question: Question[T], *, timeout: float, attempts: int, urgent: bool = False) -> T:
-        """Send a command and wait for its reply, `timeout` s of host time in each attempt.
-
-        A late reply could be mistaken for the reply to the next command. A command whose reply has the signature of one
-        that may still arrive is therefore sent only after the unit has replied to a question with another signature. An
-        `urgent` command must not wait and may be sent twice: it is sent immediately, and again if needed.
+        """Send a command up to `attempts` times and wait for its reply, each time for `timeout` s of host time.
 
         Raises DeviceFaultError if no acceptable reply arrives or the link is lost.
         """
         with self._asking:
             for attempt in range(attempts):
-                if question.signature in self._unanswered and not (urgent and attempt):
-                    if urgent:
-                        self._outbox.put(question.request)
-                        self._unanswered.add(question.signature)
-                    self._listen_until_quiet(timeout)
-                    if not self._between(timeout):
-                        continue
-                taken = self._attempt(question, timeout)
-                if taken is not None:
-                    return taken
+                self._check()
+                content = self._dialogue.ask(question, timeout, urgent=urgent, again=urgent and attempt > 0)
+                if content is not None:
+                    return content
         raise self._no_answer(timeout)
 
     def _other_questions(self) -> Iterator[Question[object]]:
         """Yield questions that any unit of this kind replies to, with different signatures."""
         return iter(())
 
-    def _between(self, timeout: float) -> bool:
-        """Ask a question to which no late reply can belong; return whether its reply arrives.
-
-        After this reply, no late reply can arrive.
-        """
-        while True:
-            for question in self._other_questions():
-                if question.signature not in self._unanswered:
-                    try:
-                        return self._attempt(question, timeout) is not None
-                    except ImuRefusalError:
-                        return True
-            if not self._unanswered:
-                return True
-            self._unanswered.forget_oldest()
-
-    def _attempt(self, question: Question[T], timeout: float) -> T | None:
-        """Send a command once; return None if no reply arrives in time."""
-        self._check()
-        while not self._replies.empty():
-            self._replies.get()
-        self._outbox.put(question.request)
-        deadline = time.monotonic() + timeout
-        while (left := deadline - time.monotonic()) > 0:
-            try:
-                reply = self._replies.get(timeout=min(left, 0.1))
-            except queue.Empty:
-                self._check()
-                continue
-            try:
-                taken = question.take(reply)
-            except ImuRefusalError:
-                if set(self._unanswered) <= {question.signature}:
-                    self._unanswered.answered(question.signature)
-                    raise
-                # It may refuse an older command; replies to commands before that one can no longer arrive.
-                self._unanswered.forget_oldest()
-                continue
-            if taken is not None:
-                self._unanswered.answered(question.signature)
-                return taken
-        self._unanswered.add(question.signature)
-        return None
-
-    def _listen_until_quiet(self, timeout: float) -> None:
-        """Wait until replies cease, but at most `timeout` s, because some units send unsolicited ones."""
-        deadline = time.monotonic() + timeout
-        with suppress(queue.Empty):
-            while time.monotonic() < deadline:
-                self._replies.get(timeout=QUIET)
+    def _receive(self, wait: float) -> list[Reply] | None:
+        try:
+            return [self._replies.get(wait > 0.0, min(wait, 0.1))]
+        except queue.Empty:
+            self._check()
+            return None
 
     @property
     def lost(self) -> bool:

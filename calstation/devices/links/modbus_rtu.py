@@ -1,20 +1,18 @@
-"""Modbus RTU on a serial line: requests, replies found in the received bytes, and recognition of late replies.
+"""Modbus RTU on a serial line: requests, and replies in the received bytes.
 
 An RTU reply does not identify its request ("Modbus over Serial Line" V1.02, 2.5), so a late one looks like the reply to
-the next request. Unanswered requests are therefore recorded, and a request whose reply would look like one that may
-still arrive is sent only after a read of another length has been answered.
+the next request. Replies to reads of different lengths differ, which ends this uncertainty (`dialogue`).
 """
 
 import struct
 import time
-from collections.abc import Hashable, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from typing import cast
 
 from calstation.devices.codecs import Reply, check_bytes
+from calstation.devices.links.dialogue import Dialogue, Question, Refusal
 from calstation.devices.links.serial_link import PortLostError, SerialLink
-from calstation.devices.links.unanswered import QUIET, Unanswered
 from calstation.devices.profiles import SerialSettings
 from calstation.messages import Text
 
@@ -23,15 +21,8 @@ READ, WRITE, WRITE_MANY, REFUSED = 0x03, 0x06, 0x10, 0x80
 #: Largest size of a reply frame, bytes.
 LARGEST = 260
 
-#: Largest number of received bytes that are searched for late replies.
-_MAX_SEARCHED = 16 * LARGEST
-
 #: Silence between two frames, character times.
 _FRAME_GAP = 3.5
-
-
-#: Properties that identify a reply: unit, function, and the beginning of its data.
-Signature = tuple[int, int, bytes]
 
 
 class UnansweredError(Exception):
@@ -42,7 +33,7 @@ class UnansweredError(Exception):
         self.reason = reason
 
 
-class RefusedError(Exception):
+class RefusedError(Refusal):
     """The device replied with a Modbus exception of this number."""
 
     def __init__(self, number: int) -> None:
@@ -102,65 +93,18 @@ class RtuRequest:
         return body + check_bytes("crc16_modbus", body, "little")
 
     @property
-    def signature(self) -> Signature:
-        """Signature of the reply, by which it can be mistaken for others."""
-        return self.unit, self.function, self.begins
-
-    @property
     def address(self) -> int:
         return int.from_bytes(self.payload[:2], "big")
 
-    def data_of(self, reply: Reply, unanswered: Unanswered) -> bytes | None:
-        """Return the reply's data, or None if it belongs to an older request, which is removed; raises RefusedError."""
-        if reply.op == self.function and reply.payload.startswith(self.begins):
-            unanswered.answered(self.signature)
-            return reply.payload
-        refused = [signature for signature in unanswered if _refuses(reply, signature)]
-        if reply.op == self.function | REFUSED and set(refused) <= {self.signature}:
-            unanswered.answered(self.signature)
-            raise RefusedError(reply.payload[0])
-        mark_answered(reply, unanswered)
-        return None
+    def question(self, refusal: Callable[[int], Refusal]) -> Question[bytes]:
+        """Return the question answered by the data of the reply; `refusal` makes an error of a Modbus exception."""
 
+        def take(reply: Reply) -> bytes | None:
+            if reply.op == self.function | REFUSED:
+                raise refusal(reply.payload[0])
+            return reply.payload if reply.op == self.function and reply.payload.startswith(self.begins) else None
 
-def mark_answered(reply: Reply, unanswered: Unanswered) -> None:
-    """Remove the oldest unanswered request to which an unexpected reply can belong, and those before it."""
-    unanswered.late(lambda signature: _refuses(reply, signature) or _answers(reply, signature))
-
-
-def _answers(reply: Reply, signature: Hashable) -> bool:
-    _, function, begins = cast(Signature, signature)
-    return reply.op == function and reply.payload.startswith(begins)
-
-
-def _refuses(reply: Reply, signature: Hashable) -> bool:
-    return reply.op == cast(Signature, signature)[1] | REFUSED
-
-
-class Barriers:
-    """Reads whose replies differ in length from all replies that may still arrive.
-
-    Lengths that were already read are preferred to shorter parts of the longest one, which a device might refuse.
-    """
-
-    def __init__(self) -> None:
-        self._asked: dict[int, dict[int, int]] = {}
-
-    def asked(self, unit: int, address: int, count: int) -> None:
-        """Record a read of these registers."""
-        self._asked.setdefault(unit, {}).setdefault(count, address)
-
-    def next(self, unit: int, unanswered: Unanswered) -> RtuRequest:
-        """Return the read to send; if replies of all lengths may still arrive, the oldest one is no longer expected."""
-        asked = self._asked.get(unit, {1: 0})
-        longest = max(asked)
-        counts = [*asked, *(count for count in range(1, max(longest, 2) + 1) if count not in asked)]
-        reads = [RtuRequest.read(unit, asked.get(count, asked[longest]), count) for count in counts]
-        while True:
-            for read in reads:
-                if read.signature not in unanswered:
-                    return read
-            unanswered.forget_oldest()
+        return Question(self.frame, (self.function, self.begins), take)
 
 
 class RtuLine:
@@ -174,8 +118,7 @@ class RtuLine:
         self._port, self._timeout, self._settings = port, timeout, settings
         self._gap = _FRAME_GAP * (2 + settings.data_bits + settings.stop_bits) / settings.baud
         self._link: SerialLink | None = None
-        self._unanswered: dict[int, Unanswered] = {}
-        self._barriers = Barriers()
+        self._units: dict[int, RtuUnit] = {}
         self._last = 0.0
 
     @property
@@ -194,7 +137,7 @@ class RtuLine:
 
     def read(self, unit: int, address: int, count: int) -> list[int]:
         """Read holding registers. Raises UnansweredError, RefusedError, or PortLostError after closing the port."""
-        self._barriers.asked(unit, address, count)
+        self._unit(unit).lengths.setdefault(count, address)
         data = self._ask(RtuRequest.read(unit, address, count))
         return list(struct.unpack(f">{count}H", data[1 : 1 + 2 * count]))
 
@@ -204,51 +147,12 @@ class RtuLine:
         repeat : the write, e.g. a stop, may be sent twice; it is sent immediately even if late replies may still arrive
         again : the same write was sent just before; the reply to either one confirms it
         """
-        request = RtuRequest.write(unit, address, values)
-        unanswered = self._unanswered.setdefault(unit, Unanswered())
-        if repeat and not again and request.signature in unanswered:
-            self._send(request.frame)
-            unanswered.add(request.signature)
-        self._ask(request, again)
+        self._ask(RtuRequest.write(unit, address, values), urgent=repeat, again=again)
 
-    def _ask(self, request: RtuRequest, again: bool = False) -> bytes:
-        unanswered = self._unanswered.setdefault(request.unit, Unanswered())
-        if request.signature in unanswered and not again:
-            self._listen_until_quiet(request.unit, unanswered)
-        if request.signature in unanswered and not again:
-            with suppress(RefusedError):  # a refusal is also a reply
-                self._exchange(self._barriers.next(request.unit, unanswered), unanswered)
-        return self._exchange(request, unanswered)
-
-    def _exchange(self, request: RtuRequest, unanswered: Unanswered) -> bytes:
-        self._listen_until_quiet(request.unit, unanswered, 0.0)
-        self._send(request.frame)
-        deadline = time.monotonic() + self._timeout
-        received, start, others = b"", 0, False
-        while (left := deadline - time.monotonic()) > 0:
-            received += self._receive(left)
-            for reply, end in replies(request.unit, received, start):
-                start, others = end, True
-                data = request.data_of(reply, unanswered)
-                if data is not None:
-                    return data
-            received, start = received[max(start, len(received) - LARGEST) :], 0
-        unanswered.add(request.signature)
-        raise UnansweredError(Text("modbus.other_answer" if others else "modbus.no_answer"))
-
-    def _listen_until_quiet(self, unit: int, unanswered: Unanswered, quiet: float = QUIET) -> None:
-        """Receive late replies until the line is quiet, for at most the reply timeout."""
-        deadline = time.monotonic() + self._timeout
-        received = b""
-        while time.monotonic() < deadline and (data := self._receive(quiet)):
-            received = (received + data)[-_MAX_SEARCHED:]
-        for reply, _ in replies(unit, received, 0):
-            mark_answered(reply, unanswered)
-
-    def _receive(self, wait: float) -> bytes:
-        assert self._link is not None
+    def receive(self, wait: float) -> bytes:
+        """Return the bytes that arrive, waiting at most `wait` s, host time. Raises PortLostError like `read`."""
         try:
-            data = self._link.read(wait)
+            data = self._opened().read(wait)
         except PortLostError:
             self.close()
             raise
@@ -256,20 +160,80 @@ class RtuLine:
             self.received, self._last = data, time.monotonic()
         return data
 
-    def _send(self, data: bytes) -> None:
-        assert self._link is not None
+    def send(self, data: bytes) -> None:
+        """Send a frame after the silence that ends the previous one. Raises PortLostError like `read`."""
         time.sleep(max(0.0, self._last + self._gap - time.monotonic()))
         try:
-            self._link.write(data)
+            self._opened().write(data)
         except PortLostError:
             self.close()
             raise
         self._last = time.monotonic()
 
+    def _opened(self) -> SerialLink:
+        if self._link is None:
+            raise UnansweredError(Text("modbus.link_gone"))
+        return self._link
 
-def replies(unit: int, received: bytes, start: int) -> Iterator[tuple[Reply, int]]:
-    """Yield a unit's valid replies in the bytes from `start` on, each with the index after it."""
-    kind = RtuReply(unit)
+    def _unit(self, number: int) -> "RtuUnit":
+        return self._units.setdefault(number, RtuUnit(self, number))
+
+    def _ask(self, request: RtuRequest, *, urgent: bool = False, again: bool = False) -> bytes:
+        unit = self._unit(request.unit)
+        data = unit.dialogue.ask(request.question(RefusedError), self._timeout, urgent=urgent, again=again)
+        if data is None:
+            raise UnansweredError(Text("modbus.other_answer" if unit.has_replied else "modbus.no_answer"))
+        return data
+
+
+class RtuUnit:
+    """The dialogue with one unit on a line.
+
+    lengths : address of the first read of each number of registers, by this number
+    has_replied : whether any valid reply has arrived since the last request
+    """
+
+    def __init__(self, line: RtuLine, number: int) -> None:
+        self._line, self._number = line, number
+        self._received = b""
+        self.lengths: dict[int, int] = {}
+        self.has_replied = False
+        self.dialogue = Dialogue(self._send, self._receive, self._other_questions, self._may_belong)
+
+    def _send(self, data: bytes) -> None:
+        self._received, self.has_replied = b"", False
+        self._line.send(data)
+
+    def _receive(self, wait: float) -> list[Reply] | None:
+        data = self._line.receive(wait)
+        if not data:
+            return None
+        received = self._received + data
+        found = list(replies(self._number, received))
+        end = found[-1][1] if found else 0
+        self._received = received[max(end, len(received) - LARGEST) :]
+        self.has_replied |= bool(found)
+        return [reply for reply, _ in found]
+
+    def _other_questions(self) -> Iterator[Question[bytes]]:
+        """Yield reads of different lengths.
+
+        Lengths that were already read are preferred to shorter parts of the longest one, which a device might refuse.
+        """
+        lengths = self.lengths or {1: 0}
+        longest = max(lengths)
+        for count in (*lengths, *range(1, max(longest, 2) + 1)):
+            yield RtuRequest.read(self._number, lengths.get(count, lengths[longest]), count).question(RefusedError)
+
+    @staticmethod
+    def _may_belong(reply: Reply, signature: Hashable, refusal: bool) -> bool:
+        function, begins = cast(tuple[int, bytes], signature)
+        return reply.op == function | REFUSED or (reply.op == function and reply.payload.startswith(begins))
+
+
+def replies(unit: int, received: bytes) -> Iterator[tuple[Reply, int]]:
+    """Yield a unit's valid replies in received bytes, each with the index after it."""
+    kind, start = RtuReply(unit), 0
     while 0 <= (start := received.find(kind.sync, start)) < len(received):
         size = kind.size(received, start)
         packet = received[start : start + size] if size else b""

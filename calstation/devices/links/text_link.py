@@ -4,8 +4,8 @@ import re
 import time
 
 from calstation.devices.codecs import check_function, quoted_text
+from calstation.devices.links.dialogue import QUIET
 from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.links.unanswered import QUIET
 from calstation.devices.profiles import CheckedLines, SerialSettings, TextSection
 from calstation.errors import DeviceFaultError
 

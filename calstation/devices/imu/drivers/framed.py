@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 from calstation.devices.codecs import CRC_WIDTHS, Reply, ReplyKind, check_bytes, number
 from calstation.devices.imu.registered_imu import ATTEMPTS, RegisteredImu
-from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Question
+from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
-from calstation.devices.links import SerialLink
+from calstation.devices.links import Question, SerialLink
 from calstation.devices.profiles import OPS, FramedProtocol, FrameSection, ImuProfile, RegisterEntry, hex_bytes
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known

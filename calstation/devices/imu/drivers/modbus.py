@@ -5,11 +5,11 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from calstation.devices.codecs import ByteOrder, Reply, ReplyKind, WordOrder, number, register_text
+from calstation.devices.codecs import ByteOrder, ReplyKind, WordOrder, number, register_text
 from calstation.devices.imu.registered_imu import ATTEMPTS, POLL, RegisteredImu
-from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Question
+from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.devices.interfaces import ImuIdentity
-from calstation.devices.links import ACKNOWLEDGED, NOT_YET, REFUSED, RtuReply, RtuRequest, SerialLink
+from calstation.devices.links import ACKNOWLEDGED, NOT_YET, Question, RtuReply, RtuRequest, SerialLink
 from calstation.devices.profiles import ImuProfile, ModbusProtocol, RegisterEntry, TextRegisters, WordCommand
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
@@ -154,17 +154,13 @@ class ModbusBusyError(ImuBusyError):
 
 def _question(request: RtuRequest) -> Question[bytes]:
 
-    def take(reply: Reply) -> bytes | None:
-        if reply.op == request.function | REFUSED:
-            number = reply.payload[0]
-            kind = number if known(f"imu.modbus_{number}") else "other"
-            reason = Text.of(f"imu.modbus_{kind}", number=number)
-            error = ModbusBusyError if number in NOT_YET else ImuRefusalError
-            raise error("imu.register_refused", address=request.address, number=number, reason=reason)
-        mine = reply.op == request.function and reply.payload.startswith(request.begins)
-        return reply.payload if mine else None
+    def refusal(number: int) -> ImuRefusalError:
+        kind = number if known(f"imu.modbus_{number}") else "other"
+        reason = Text.of(f"imu.modbus_{kind}", number=number)
+        error = ModbusBusyError if number in NOT_YET else ImuRefusalError
+        return error("imu.register_refused", address=request.address, number=number, reason=reason)
 
-    return Question(request.frame, request.signature, take)
+    return request.question(refusal)
 
 
 DRIVER = ModbusImu

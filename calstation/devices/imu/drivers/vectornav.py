@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 from calstation.devices.codecs import CHECK_WIDTHS, Reply, ReplyKind, check_function, number
 from calstation.devices.imu.registered_imu import ATTEMPTS, RegisteredImu
-from calstation.devices.imu.streamed_imu import ImuRefusalError, Question
+from calstation.devices.imu.streamed_imu import ImuRefusalError
 from calstation.devices.imu.text_frames import TextLine
 from calstation.devices.interfaces import ImuIdentity
-from calstation.devices.links import SerialLink
+from calstation.devices.links import Question, SerialLink
 from calstation.devices.profiles import CrcSection, FrameSection, ImuProfile, RegisterEntry, VectorNavProtocol
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
