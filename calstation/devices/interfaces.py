@@ -32,6 +32,8 @@ class NoFramesError(DeviceFaultError):
 
 @dataclass(frozen=True)
 class TableIdentity:
+    """Model and serial number that a table reports."""
+
     model: str
     serial: str
 
@@ -119,6 +121,8 @@ class Gimbal(Table, Protocol):
 
 @dataclass(frozen=True)
 class ImuIdentity:
+    """Model, serial number and firmware that a unit reports."""
+
     model: str
     serial: str
     firmware: str

@@ -50,7 +50,11 @@ def test_port_of_a_manual_rig_is_refused(profile: TableProfile) -> None:
 
 @pytest.mark.parametrize(
     ("section", "value"),
-    [("commands", {"move": 1, "stop": 2, "home": 3}), ("link_loss_stop_s", 1.0), ("modbus", {"unit": 1, "timeout_s": 1})],
+    [
+        ("commands", {"move": 1, "stop": 2, "home": 3}),
+        ("link_loss_stop_s", 1.0),
+        ("modbus", {"unit": 1, "timeout_s": 1}),
+    ],
 )
 def test_entries_of_a_motorised_table_are_refused(section: str, value: object) -> None:
     with pytest.raises(ConfigurationError) as caught:

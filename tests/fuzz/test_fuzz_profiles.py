@@ -110,8 +110,8 @@ class Zeros:
 
 def check_obeys(profile: TableProfile) -> None:
     """Assert that a loaded profile supports all commands that it allows."""
-    inner = Zeros() if profile.map.inner_apart else None
-    table = RegisterTable(Zeros(), profile, 16, inner)
+    inner = Zeros() if profile.two_drives else None
+    table = RegisterTable(Zeros(), profile, inner)
     limits = profile.geometry().limits
     table.status()
     for command in (table.enable, table.home, table.stop, table.heartbeat, table.reset_fault, table.disable):

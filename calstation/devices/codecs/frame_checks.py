@@ -69,7 +69,6 @@ def parametric_crc(
     reflect_in : whether the bits of each input byte are reversed
     reflect_out : whether the bits of the result are reversed
     final_xor : value that is XORed with the result
-
     """
     top, mask = 1 << (width - 1), (1 << width) - 1
     table = np.empty(256, np.int64)

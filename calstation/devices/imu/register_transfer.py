@@ -124,9 +124,9 @@ def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, floa
     if recognise(imu, entry, registers) is Holds.OLD:
         entry.close(Closing.KEPT)
         return dict(entry.old)
-    found = put_back(imu, registers, entry).found
+    registers_read = put_back(imu, registers, entry).found
     entry.close(Closing.RESTORED)
-    return found
+    return registers_read
 
 
 def put_back(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
@@ -141,34 +141,34 @@ def recognise(imu: Imu, entry: Entry, registers: RegisterMap) -> Holds:
     Raises DeviceFaultError if another unit replies or the link fails.
     """
     check_serial(imu, entry.serial)
-    found = flash_registers(imu)
-    if not registers.differing(entry.new, found):
+    registers_read = flash_registers(imu)
+    if not registers.differing(entry.new, registers_read):
         return Holds.NEW
-    return Holds.NEITHER if registers.differing(entry.old, found) else Holds.OLD
+    return Holds.NEITHER if registers.differing(entry.old, registers_read) else Holds.OLD
 
 
 def check_serial(imu: Imu, serial: str) -> None:
     """Raise DeviceFaultError if another unit is on the link."""
-    found = imu.identify().serial
-    if found != serial:
-        raise DeviceFaultError("imu.other_unit", found=found, serial=serial)
+    answered = imu.identify().serial
+    if answered != serial:
+        raise DeviceFaultError("imu.other_unit", found=answered, serial=serial)
 
 
-def _put(imu: Imu, registers: RegisterMap, entry: Entry, wanted: Mapping[str, float]) -> Transferred:
+def _put(imu: Imu, registers: RegisterMap, entry: Entry, required: Mapping[str, float]) -> Transferred:
     try:
-        imu.write_registers(wanted)
-        _compare(registers, wanted, imu.read_registers(), restarted=False)
+        imu.write_registers(required)
+        _compare(registers, required, imu.read_registers(), restarted=False)
         entry.note(Step.WRITTEN)
         entry.note(Step.COMMITTING)
         imu.commit()
         entry.note(Step.COMMITTED)
         imu.reset()
-        found = imu.read_registers()
-        _compare(registers, wanted, found, restarted=True)
+        registers_read = imu.read_registers()
+        _compare(registers, required, registers_read, restarted=True)
         entry.note(Step.RESTARTED)
     except CalstationError as error:
         raise _explained(imu, registers, entry, error) from error
-    return Transferred(entry, found)
+    return Transferred(entry, registers_read)
 
 
 def _explained(imu: Imu, registers: RegisterMap, entry: Entry, error: CalstationError) -> CalstationError:
@@ -186,9 +186,9 @@ def _explained(imu: Imu, registers: RegisterMap, entry: Entry, error: Calstation
 
 
 def _compare(
-    registers: RegisterMap, wanted: Mapping[str, float], found: Mapping[str, float], *, restarted: bool
+    registers: RegisterMap, required: Mapping[str, float], registers_read: Mapping[str, float], *, restarted: bool
 ) -> None:
-    for name in registers.differing(wanted, found):
-        values = {"name": name, "found": found.get(name, float("nan")), "wanted": wanted[name]}
+    for name in registers.differing(required, registers_read):
+        values = {"name": name, "found": registers_read.get(name, float("nan")), "wanted": required[name]}
         code = "imu.restarted_differently" if restarted else "imu.reads_back_differently"
         raise DeviceFaultError(code, address=registers.address(name), **values)

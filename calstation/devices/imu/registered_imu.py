@@ -47,8 +47,8 @@ class RegisteredImu(StreamedImu):
         self._switch_on(corrected=corrected)
         self._streaming = True
         section = self._profile.corrected
-        own = section.frame if section is not None and corrected else None
-        self._expect(own or self._profile.frame)
+        frame = section.frame if section is not None and corrected else None
+        self._expect(frame or self._profile.frame)
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity:
         """Identify the unit, see `Imu.wake`.
@@ -156,12 +156,12 @@ class RegisteredImu(StreamedImu):
             if mark is None:
                 return True
             with self._quiet():
-                found = self._read_entry(mark.entry)
+                numbers = self._read_entry(mark.entry)
         except DeviceFaultError:
             if self.lost or last:
                 raise
             return False
-        if not alike(mark.shown, found):
+        if not alike(mark.shown, numbers):
             return True
         if last:
             with suppress(DeviceFaultError), self._quiet():
@@ -231,8 +231,8 @@ def marked(entry: RegisterEntry, before: Sequence[float]) -> list[float]:
     numbers = list(before)
     for i in free:
         low, high = (edge / entry.scale for edge in entry.range)
-        held = before[i] if before[i] == before[i] else low
-        numbers[i] = kind.nearest(max((low + p * (high - low) for p in _FRACTIONS), key=lambda v: abs(v - held)))
+        current = before[i] if before[i] == before[i] else low
+        numbers[i] = kind.nearest(max((low + p * (high - low) for p in _FRACTIONS), key=lambda v: abs(v - current)))
     return numbers
 
 

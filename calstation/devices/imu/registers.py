@@ -79,7 +79,6 @@ class RegisterMap:
         ----------
         required : values written, SI
         values : values read back, SI
-
         """
         suspects = [name for name, value in required.items() if name not in values or not _same(values[name], value)]
         if not suspects:

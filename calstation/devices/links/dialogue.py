@@ -48,7 +48,6 @@ class Dialogue:
     other_questions : yields questions that the device replies to, with different signatures
     may_belong : returns whether a reply may belong to a question with a signature; the last argument is True if the
         question asked last takes it for a refusal
-
     """
 
     def __init__(
@@ -72,7 +71,6 @@ class Dialogue:
         timeout : host time for a reply, s
         urgent : the command, e.g. a stop, may be sent twice; it is sent immediately even if late replies may arrive
         again : the same command was asked just before; the reply to either one confirms it
-
         """
         if question.signature in self.unanswered and not again:
             if urgent:

@@ -2,8 +2,9 @@
 
 import logging
 import time
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Literal, TypeVar
 
 from pymodbus.client import ModbusTcpClient
 from pymodbus.exceptions import ModbusException, ModbusIOException
@@ -85,31 +86,33 @@ class ModbusLink:
         Raises ModbusRefusalError if the device refuses, NoAnswerError if it does not reply.
         """
         at = {"unit": self._unit if unit is None else unit, "address": address, "last": address + count - 1}
-        try:
+        with self._explained("read", at):
             return self._transfer(lambda again: self._carrier.read(at["unit"], address, count), _ATTEMPTS)
-        except RefusedError as exc:
-            reason = exception_text(exc.number)
-            raise ModbusRefusalError("table.read_refused", **at, number=exc.number, reason=reason) from exc
-        except UnansweredError as exc:
-            raise NoAnswerError("table.read_unanswered", **at, port=self._port, reason=exc.reason) from exc
 
     def write(self, address: int, values: list[int], repeat: bool = True, unit: int | None = None) -> None:
         """Write registers of the same units as `read`; repeat a lost transfer only if `repeat`. Raises like `read`."""
         at = {"unit": self._unit if unit is None else unit, "address": address}
         attempts = _ATTEMPTS if repeat else 1
-        try:
+        with self._explained("write", at):
             self._transfer(
                 lambda again: self._carrier.write(at["unit"], address, values, repeat=repeat, again=again), attempts
             )
-        except RefusedError as exc:
-            reason = exception_text(exc.number)
-            raise ModbusRefusalError("table.write_refused", **at, number=exc.number, reason=reason) from exc
-        except UnansweredError as exc:
-            raise NoAnswerError("table.write_unanswered", **at, port=self._port, reason=exc.reason) from exc
 
     def close(self) -> None:
         """Close the link; never raises."""
         self._carrier.close()
+
+    @contextmanager
+    def _explained(self, action: Literal["read", "write"], at: Mapping[str, int]) -> Iterator[None]:
+        """Raise the errors of a transfer at some registers as ModbusRefusalError or NoAnswerError."""
+        try:
+            yield
+        except RefusedError as exc:
+            code = "table.read_refused" if action == "read" else "table.write_refused"
+            raise ModbusRefusalError(code, **at, number=exc.number, reason=exception_text(exc.number)) from exc
+        except UnansweredError as exc:
+            code = "table.read_unanswered" if action == "read" else "table.write_unanswered"
+            raise NoAnswerError(code, **at, port=self._port, reason=exc.reason) from exc
 
     def _transfer(self, transfer: Callable[[bool], T], attempts: int) -> T:
         """Execute a transfer. Raises RefusedError, or UnansweredError once all attempts have failed."""

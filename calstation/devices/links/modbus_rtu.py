@@ -209,11 +209,11 @@ class RtuUnit:
         if not data:
             return None
         received = self._received + data
-        found = list(replies(self._number, received))
-        end = found[-1][1] if found else 0
+        parsed = list(replies(self._number, received))
+        end = parsed[-1][1] if parsed else 0
         self._received = received[max(end, len(received) - LARGEST) :]
-        self.has_replied |= bool(found)
-        return [reply for reply, _ in found]
+        self.has_replied |= bool(parsed)
+        return [reply for reply, _ in parsed]
 
     def _other_questions(self) -> Iterator[Question[bytes]]:
         """Yield reads of different lengths.

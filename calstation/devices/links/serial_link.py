@@ -74,11 +74,11 @@ class SerialLink:
     def close(self) -> None:
         """Close the port; never raises."""
         # pyserial drops a socket without closing it if the remote end has closed it.
-        held = getattr(self._serial, "_socket", None)
+        connection = getattr(self._serial, "_socket", None)
         with suppress(*LINK_ERRORS):
             self._serial.close()
-        if held is not None:
-            held.close()
+        if connection is not None:
+            connection.close()
 
     def _lost(self, exc: BaseException) -> PortLostError:
         return PortLostError("link.lost", device=self.device, port=self.port, reason=link_reason(exc))

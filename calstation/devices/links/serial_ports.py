@@ -62,8 +62,8 @@ def resolve(port: str, device: str) -> str:
         if len(alike) > 1 and "@" not in port:
             raise DeviceFaultError("link.ambiguous", device=device, port=port, count=len(alike), choice=choice)
         raise DeviceFaultError("link.not_plugged_in", device=device, port=port, choice=choice)
-    found = [f"{f.usb} ({f.device})" for f in ports if f.usb]
-    raise DeviceFaultError("link.no_adapter", device=device, port=port, found=found)
+    adapters = [f"{f.usb} ({f.device})" for f in ports if f.usb]
+    raise DeviceFaultError("link.no_adapter", device=device, port=port, found=adapters)
 
 
 def _listed() -> list[ListPortInfo]:
@@ -78,13 +78,13 @@ def _names(port: ListPortInfo, listed: Sequence[ListPortInfo]) -> tuple[str, ...
     """
     alike = [p for p in listed if p.serial_number and p.serial_number == port.serial_number]
     location = _location(port)
-    own = [p for p in alike if _location(p) == location]
+    ports = [p for p in alike if _location(p) == location]
     # Ports of one adapter appear and disappear together, so their order identifies them.
-    which = f"/{own.index(port) + 1}" if len(own) > 1 else ""
+    which = f"/{ports.index(port) + 1}" if len(ports) > 1 else ""
     names = []
-    if own and len(own) == len(alike) and (location or len(own) == 1):
+    if ports and len(ports) == len(alike) and (location or len(ports) == 1):
         names.append(f"{USB}{port.serial_number}{which}")
-    if own and location:
+    if ports and location:
         names.append(f"{USB}{port.serial_number}@{location}{which}")
     return tuple(names)
 

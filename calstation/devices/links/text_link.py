@@ -180,7 +180,7 @@ class TextLink:
         self._new = False
         return True
 
-    def _send(self, line: str) -> None:
+    def _send(self, line: str) -> SerialLink:
         link = self._link = self._link or self._open()
         wait = self._section.gap_s - (time.monotonic() - self._last_sent)
         if wait > 0.0:
@@ -194,28 +194,27 @@ class TextLink:
             raise
         finally:
             self._last_sent = time.monotonic()
+        return link
 
     def _exchange(self, line: str, answer: re.Pattern[str] | None, only: bool = False) -> str | None:
         """Send a line and return its reply, or None if none arrives in time.
 
         only : accept only replies that match `answer`; otherwise another reply is accepted if no matching one arrives
         """
-        self._send(line)
-        link = self._link
-        assert link is not None
+        link = self._send(line)
         deadline = time.monotonic() + self._section.timeout_s
         other: str | None = None
         received = b""
-        while (left := deadline - time.monotonic()) > 0 and len(received) < _MAX_REPLY_SIZE:
+        while (remaining := deadline - time.monotonic()) > 0 and len(received) < _MAX_REPLY_SIZE:
             try:
-                data = link.read(left)
+                data = link.read(remaining)
             except DeviceFaultError:
                 self._drop()
                 raise
             received += data
             self.received = data or self.received
-            while (found := self._framing.reply(line, received)) is not None:
-                text, received = found
+            while (taken := self._framing.reply(line, received)) is not None:
+                text, received = taken
                 if only:
                     if answer is not None and answer.search(text):
                         return text

@@ -109,10 +109,8 @@ class CrcSection(StrictModel):
             for name in sorted(self.model_fields_set - fixed):
                 raise EntryError("profile.belongs_to", name, owner='kind = "crc"')
             return self
-        for name in ("width", "polynomial"):
-            if not getattr(self, name):
-                raise EntryError("profile.needed_by", name, owner='kind = "crc"')
-        assert self.width is not None
+        if not self.width or not self.polynomial:
+            raise EntryError("profile.needed_by", "polynomial" if self.width else "width", owner='kind = "crc"')
         for name in ("polynomial", "initial", "final_xor"):
             if getattr(self, name) >> self.width:
                 raise EntryError("profile.too_many_bits", name, value=getattr(self, name), bits=self.width)
@@ -237,37 +235,37 @@ class FrameSection(StrictModel):
     def positions(self) -> list[tuple[FrameField, int, int]]:
         """Return each field with its byte range [first, last + 1), in the frame or in its item."""
         ends: dict[str, int] = {}
-        found = []
+        positions = []
         for f in self.fields:
             key = f.item or ""
             begin = ends.get(key, 0 if key else self.body) if f.at is None else f.at
             ends[key] = begin + f.width
-            found.append((f, begin, ends[key]))
-        return found
+            positions.append((f, begin, ends[key]))
+        return positions
 
     def min_size(self, names: Collection[str] = ()) -> int:
         """Return the smallest size in bytes of a frame with the fields of these names, or with all fields."""
-        wanted = {f.name for f in self.fields if f.name in names or not names}
+        counted = {f.name for f in self.fields if f.name in names or not names}
         trailer = self.crc.size + len(self.tail_bytes)
         if self.format == "text":  # digit and separator per field, mark, two digits per checksum byte
             return len(self.sync_bytes) + 2 * len(self.fields) + 1 + self.crc.size + trailer
         if self.items is None:
-            ends = [end for f, _, end in self.positions() if f.name in wanted or self.length is None]
+            ends = [end for f, _, end in self.positions() if f.name in counted or self.length is None]
             return max(ends, default=self.body) + trailer
         ends_of: dict[str, int] = {}
         for f, _, end in self.positions():
-            if f.name in wanted:
+            if f.name in counted:
                 ends_of[f.item or ""] = max(end, ends_of.get(f.item or "", 0))
         return self.items.at + sum(self.items.header + end for end in ends_of.values()) + trailer
 
     def _header(self) -> dict[str, tuple[int, int]]:
         """Return the byte ranges [first, last + 1) of sync, length and id."""
-        found = {"sync": (0, len(self.sync_bytes))}
+        ranges = {"sync": (0, len(self.sync_bytes))}
         if self.length is not None:
-            found["length"] = (self.length.at, self.length.at + number(self.length.type).width)
+            ranges["length"] = (self.length.at, self.length.at + number(self.length.type).width)
         if self.id is not None:
-            found["id"] = (self.id.at, self.id.at + len(hex_bytes(self.id.value)))
-        return found
+            ranges["id"] = (self.id.at, self.id.at + len(hex_bytes(self.id.value)))
+        return ranges
 
     @model_validator(mode="after")
     def _consistent(self) -> "FrameSection":

@@ -125,37 +125,37 @@ class ImuProfile(_ProtocolSections):
 
     @model_validator(mode="after")
     def _whole(self) -> "ImuProfile":
-        own = f'protocol = "{self.protocol}"'
+        owner = f'protocol = "{self.protocol}"'
         for name, protocol in PROTOCOLS.items():
             present = getattr(self, protocol.section) is not None
             if self.protocol == name and not present:
-                raise EntryError("profile.needed_by", protocol.section, owner=own)
+                raise EntryError("profile.needed_by", protocol.section, owner=owner)
             if self.protocol != name and present:
-                raise EntryError("profile.not_with", protocol.section, other=own)
+                raise EntryError("profile.not_with", protocol.section, other=owner)
         commands = self.protocol_section
         if commands is None and self.registers:
-            raise EntryError("profile.not_with", "registers", other=own)
+            raise EntryError("profile.not_with", "registers", other=owner)
         if self.corrected is not None:
-            self._check_corrected(self.corrected, own)
-        for place, frame in self.frames.items():
-            self._check_frame(frame, *place)
+            self._check_corrected(self.corrected, owner)
+        for key_path, frame in self.frames.items():
+            self._check_frame(frame, *key_path)
         if commands is not None:
             commands.check_profile(self)
         pages = commands is not None and commands.has_pages
         check_registers(self.registers, self.prior_sigmas(), self.without_register, pages=pages)
         return self
 
-    def _check_corrected(self, section: CorrectedSection, own: str) -> None:
+    def _check_corrected(self, section: CorrectedSection, owner: str) -> None:
         commands = self.protocol_section
         if self.stream.order == "after_registers":
             raise EntryError("profile.not_with", "corrected", other='stream.order = "after_registers"')
         if commands is None:
-            raise EntryError("profile.not_with", "corrected", other=own)
+            raise EntryError("profile.not_with", "corrected", other=owner)
         given = {name for name in ("stream", "start") if getattr(section, name) not in (None, [])}
         if commands.corrected_entry not in given:
-            raise EntryError("profile.needed_by", "corrected", commands.corrected_entry, owner=own)
+            raise EntryError("profile.needed_by", "corrected", commands.corrected_entry, owner=owner)
         for name in given - {commands.corrected_entry}:
-            raise EntryError("profile.not_with", "corrected", name, other=own)
+            raise EntryError("profile.not_with", "corrected", name, other=owner)
         if section.stream is not None:
             raw = commands.raw_stream
             if raw is None:
@@ -166,33 +166,33 @@ class ImuProfile(_ProtocolSections):
             with entry("corrected", "frame"):
                 check_samples(section.frame)
 
-    def _check_frame(self, frame: FrameSection, *place: str) -> None:
+    def _check_frame(self, frame: FrameSection, *key_path: str) -> None:
         """Check status bits, baud rate and counter of a frame."""
-        rate, name = self.stream.sample_rate_hz, ".".join(place)
+        rate, name = self.stream.sample_rate_hz, ".".join(key_path)
         check_status(self.status, frame, name)
         if "baud" in self.link.model_fields_set:
             check_baud(self.link, frame, rate, name)
         seconds = frame.counter_period / rate
         if seconds < SHORTEST_WRAP:
             counter = frame.named("counter")
-            at: KeyPath = (*place, "fields", frame.fields.index(counter), "type")
+            at: KeyPath = (*key_path, "fields", frame.fields.index(counter), "type")
             raise EntryError("profile.counter_too_short", *at, type=counter.type, seconds=seconds, rate=rate)
 
     @property
     def frames(self) -> dict[tuple[str, ...], FrameSection]:
         """The frames of all streams that the unit can send, by their place in the profile."""
-        own = self.corrected.frame if self.corrected is not None else None
-        return {("frame",): self.frame} | ({} if own is None else {("corrected", "frame"): own})
+        corrected = self.corrected.frame if self.corrected is not None else None
+        return {("frame",): self.frame} | ({} if corrected is None else {("corrected", "frame"): corrected})
 
     @property
     def quantised_stream(self) -> StreamSection:
         """The stream with the quantisation that follows from the frame: one count if not otherwise specified."""
-        steps, found = span(self.frame).step, {}
+        steps, changes = span(self.frame).step, {}
         for sensor, step in (("gyro", steps[:3].max()), ("accel", steps[3:].max())):
             if getattr(self.stream, f"{sensor}_quantisation") is None and step != 1.0:
                 known = float(step) if np.isfinite(step) else 0.0
-                found[f"{sensor}_quantisation"] = known * getattr(self.stream, f"{sensor}_lsb")
-        return self.stream.model_copy(update=found)
+                changes[f"{sensor}_quantisation"] = known * getattr(self.stream, f"{sensor}_lsb")
+        return self.stream.model_copy(update=changes)
 
     @property
     def protocol_section(self) -> ImuProtocol | None:
@@ -226,18 +226,18 @@ class ImuProfile(_ProtocolSections):
 
     def prior_sigmas(self) -> dict[str, float]:
         """Return the prior standard deviation, SI, of each parameter that has a prior, by name."""
-        found = {p.name: entry_of(self.prior, p.name) for p in PARAMETERS}
-        return {name: prior.sigma for name, prior in found.items() if prior is not None}
+        priors = {p.name: entry_of(self.prior, p.name) for p in PARAMETERS}
+        return {name: prior.sigma for name, prior in priors.items() if prior is not None}
 
     def change_sigmas(self, years: float) -> FloatArray:
         """Return the standard deviation, SI, shape (30,), of each parameter's change over a power-up and some years."""
         priors = self.prior_sigmas()
         changes = []
         for parameter in PARAMETERS:
-            found = entry_of(self.stability, parameter.name) or Stability()
+            stability = entry_of(self.stability, parameter.name) or Stability()
             prior = priors.get(parameter.name, parameter.prior_sigma)
-            power_up = _POWER_UP * prior if found.power_up is None else found.power_up
-            year = _YEAR * prior if found.year is None else found.year
+            power_up = _POWER_UP * prior if stability.power_up is None else stability.power_up
+            year = _YEAR * prior if stability.year is None else stability.year
             changes.append(np.hypot(power_up, year * np.sqrt(years)))
         return np.array(changes)
 

@@ -152,15 +152,15 @@ def check_registers(
     ordered = sorted(entries, key=lambda e: e.key)
     for a, b in pairwise(ordered):
         if a.page == b.page and b.address < a.end:
-            place = ("registers", b.row, "address")
+            key_path = ("registers", b.row, "address")
             other = field_name(("registers", a.row))
-            raise EntryError("profile.registers_overlap", *place, mine=b.label, other=other, at=a.label)
+            raise EntryError("profile.registers_overlap", *key_path, mine=b.label, other=other, at=a.label)
     seen: dict[str, RegisterEntry] = {}
     for register in ordered:
         for name in filter(None, register.names):
             if name in seen:
-                place = ("registers", register.row, "parameters")
-                raise EntryError("profile.parameter_twice", *place, name=name, other=seen[name].label)
+                key_path = ("registers", register.row, "parameters")
+                raise EntryError("profile.parameter_twice", *key_path, name=name, other=seen[name].label)
             seen[name] = register
     for sensor in SENSORS:
         _check_sensor(sensor, seen)
@@ -220,22 +220,22 @@ def _check_sensor(sensor: str, seen: Mapping[str, RegisterEntry]) -> None:
     slots = matrix or offset
     if not slots:
         return
-    place = ("registers", seen[slots[0]].row)
-    held = {parameter_of(slot) for slot in matrix_slots(sensor) + offset_slots(sensor)}
-    direct = [name for name in NAMES if name in seen and name in held]
+    key_path = ("registers", seen[slots[0]].row)
+    parameters = {parameter_of(slot) for slot in matrix_slots(sensor) + offset_slots(sensor)}
+    direct = [name for name in NAMES if name in seen and name in parameters]
     if direct:
-        raise EntryError("profile.parameter_and_matrix", *place, name=direct[0], slot=slots[0])
+        raise EntryError("profile.parameter_and_matrix", *key_path, name=direct[0], slot=slots[0])
     for alike in (matrix, offset):
         for slot in alike[1:]:
             if seen[slot].effective_convention != seen[alike[0]].effective_convention:
-                raise EntryError("profile.two_conventions", *place, "convention", other=seen[slot].label)
+                raise EntryError("profile.two_conventions", *key_path, "convention", other=seen[slot].label)
     if matrix and offset:
         _check_agreement(seen[matrix[0]], seen[offset[0]])
     pairs = {slot.rsplit("_", 1)[1] for slot in matrix}
     if pairs and pairs not in _MATRICES:
-        raise EntryError("profile.matrix_incomplete", *place, sensor=sensor, present=sorted(pairs))
+        raise EntryError("profile.matrix_incomplete", *key_path, sensor=sensor, present=sorted(pairs))
     if offset and len(offset) < 3:
-        raise EntryError("profile.offset_incomplete", *place, sensor=sensor)
+        raise EntryError("profile.offset_incomplete", *key_path, sensor=sensor)
 
 
 def _check_agreement(matrix: RegisterEntry, offset: RegisterEntry) -> None:
@@ -246,23 +246,23 @@ def _check_agreement(matrix: RegisterEntry, offset: RegisterEntry) -> None:
     ):
         stated = register.convention.model_fields_set if register.convention else set()
         for name in fields:
-            mine, its = (getattr(entry_.effective_convention, name) for entry_ in (register, other))
-            if name in stated and mine != its:
-                place = ("registers", register.row, "convention", name)
-                raise EntryError("profile.convention_contradicts", *place, value=mine, other=other.label, its=its)
+            value, its = (getattr(entry_.effective_convention, name) for entry_ in (register, other))
+            if name in stated and value != its:
+                key_path = ("registers", register.row, "convention", name)
+                raise EntryError("profile.convention_contradicts", *key_path, value=value, other=other.label, its=its)
 
 
 def _check_missing(seen: set[str], without: Sequence[str]) -> None:
-    held = {parameter_of(name) for name in seen}
+    parameters = {parameter_of(name) for name in seen}
     for i, name in enumerate(without):
         if name not in NAMES and name not in GROUPS:
             remedy = near_miss(name, NAMES + GROUPS)
             raise EntryError("entry.unknown_parameter", "without_register", i, name=name, remedy=remedy)
-        inside = [p.name for p in PARAMETERS if name in (p.name, p.group) and p.name in held]
+        inside = [p.name for p in PARAMETERS if name in (p.name, p.group) and p.name in parameters]
         if inside:
             raise EntryError("profile.has_register", "without_register", i, name=inside[0])
-    if not held:
+    if not parameters:
         return
     for p in PARAMETERS:
-        if p.name not in held and p.group != _NEVER_IN_REGISTERS and not {p.name, p.group} & set(without):
+        if p.name not in parameters and p.group != _NEVER_IN_REGISTERS and not {p.name, p.group} & set(without):
             raise EntryError("profile.parameter_without_register", "registers", name=p.name, group=p.group)

@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -42,6 +42,9 @@ _MAX_ROUNDING = 3.0
 
 #: Relative tolerance of a rate or acceleration at its limit.
 _ROUNDING = 1e-9
+
+
+S = TypeVar("S", bound=StrictModel)
 
 
 class ImuLinkSection(StrictModel):
@@ -192,12 +195,19 @@ class TableProfile(StrictModel):
         """The section with the lines of text; None for other protocols."""
         return self.text or self.gimbal
 
+    def section_of(self, kind: type[S]) -> S:
+        """Return the section of the protocol. Raises TypeError if it has another type."""
+        section = getattr(self, _SECTIONS[self.protocol] or "", None)
+        if not isinstance(section, kind):
+            raise TypeError(f"{self.name} has protocol {self.protocol!r}")
+        return section
+
     @property
     def _own_protocol(self) -> str:
         return f'protocol = "{self.protocol}"'
 
-    def _refuse(self, *place: str) -> None:
-        raise EntryError("profile.not_with", *place, other=self._own_protocol)
+    def _refuse(self, *key_path: str) -> None:
+        raise EntryError("profile.not_with", *key_path, other=self._own_protocol)
 
     def _check_text(self, text: TextSection) -> None:
         for protocol, key in _FRAMING.items():

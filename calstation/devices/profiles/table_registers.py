@@ -248,9 +248,9 @@ class TableMap:
         for drive in drives.values():
             for (first, a), (second, b) in pairwise(drive):
                 if b.address < a.end:
-                    place = ("registers", second, "address")
+                    key_path = ("registers", second, "address")
                     values = {"mine": str(b), "other": f"registers.{first}", "at": str(a)}
-                    raise EntryError("profile.registers_overlap", *place, **values)
+                    raise EntryError("profile.registers_overlap", *key_path, **values)
 
     def _check_types(self) -> None:
         for name, register in self.registers.items():

@@ -38,10 +38,10 @@ class CommandLines(StrictModel):
     @model_validator(mode="after")
     def _can_be_sent(self) -> "CommandLines":
         lines = {name: getattr(self, name) for name in type(self).model_fields if getattr(self, name)}
-        for name, own in lines.items():
+        for name, command_lines in lines.items():
             values = _VALUES.get(name, ())
             named: set[str] = set()
-            for i, line in enumerate(own):
+            for i, line in enumerate(command_lines):
                 with entry(name, i):
                     named |= _check_line(line, values)
             if values:
@@ -68,7 +68,7 @@ def _check_line(line: str, values: Sequence[str]) -> set[str]:
         parts = list(Formatter().parse(line))
     except ValueError:
         raise EntryError("profile.single_brace", value=line) from None
-    found = set()
+    braces = set()
     for _, name, form, conversion in parts:
         if name is None:
             continue
@@ -77,11 +77,11 @@ def _check_line(line: str, values: Sequence[str]) -> set[str]:
             otherwise = Text.of("entry.choose_from", names=known)
             remedy = near_miss(name, known, otherwise)
             raise EntryError("profile.unknown_brace", value=line, name=f"{{{written}}}", remedy=remedy)
-        found.add(name)
-    for name in sorted(found & set(values)):
-        if "axis" not in found:
+        braces.add(name)
+    for name in sorted(braces & set(values)):
+        if "axis" not in braces:
             raise EntryError("profile.value_without_axis", value=line, name=name)
-    return found
+    return braces
 
 
 class Query(StrictModel):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from calstation.devices.interfaces import Gimbal, TableStatus
-from calstation.devices.profiles import SerialSettings, TableProfile
+from calstation.devices.profiles import GimbalSection, SerialSettings, TableProfile
 from calstation.devices.table.text_table import TextTable
 from calstation.errors import ConfigurationError
 
@@ -14,9 +14,8 @@ class GimbalTable(TextTable, Gimbal):
     """Driver of a gimbal on a serial port or `tcp://host:port`; it is commanded in turns, not in moves to angles."""
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
-        assert profile.gimbal is not None
         super().__init__(port, profile, serial)
-        self._section = profile.gimbal
+        self._section = profile.section_of(GimbalSection)
 
     def status(self) -> TableStatus:
         """Poll the state; the angles of a two-axis table are NaN."""

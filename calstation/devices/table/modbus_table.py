@@ -1,7 +1,7 @@
 """Driver of a two-axis table on Modbus, over TCP or RTU."""
 
 from calstation.devices.links import ModbusLink
-from calstation.devices.profiles import SerialSettings, TableProfile
+from calstation.devices.profiles import ModbusSection, SerialSettings, TableProfile
 from calstation.devices.table.register_table import RegisterTable
 from calstation.errors import DeviceFaultError
 
@@ -10,11 +10,10 @@ class ModbusTable(RegisterTable):
     """Driver of a table on a port, `tcp://host:port` or a serial port for RTU."""
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
-        modbus = profile.modbus
-        assert modbus is not None
+        modbus = profile.section_of(ModbusSection)
         link = ModbusLink(port, modbus.unit, modbus.timeout_s, serial or modbus.serial)
         inner = None if modbus.inner_unit is None else OtherUnit(link, modbus.inner_unit)
-        super().__init__(link, profile, modbus.gap, inner)
+        super().__init__(link, profile, inner)
         self._port = port
         self._texts: dict[str, str] = {}
         link.greet = self._greet
@@ -25,9 +24,9 @@ class ModbusTable(RegisterTable):
 
     def _greet(self) -> None:
         for name, expected in self._texts.items():
-            found = super()._text(name)
-            if found != expected:
-                raise DeviceFaultError("table.other_table", port=self._port, found=found, expected=expected)
+            text = super()._text(name)
+            if text != expected:
+                raise DeviceFaultError("table.other_table", port=self._port, found=text, expected=expected)
 
 
 class OtherUnit:

@@ -15,7 +15,7 @@ from calstation.devices.interfaces import (
     TableIdentity,
     TableStatus,
 )
-from calstation.devices.profiles import JOINTS, ModbusRegister, StatusBit, TableProfile
+from calstation.devices.profiles import JOINTS, ImuLinkSection, ModbusRegister, StatusBit, TableProfile
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import snap_angles
 from calstation.physics import JointLimits
@@ -63,23 +63,21 @@ def _words(register: ModbusRegister, raw: float) -> list[int]:
 class RegisterTable(Table):
     """Driver of a table as described by its profile. Moves are absolute, so a repeated transfer does not add motion.
 
-    gap : unused registers that may be read along with used ones
     inner : link to the inner axis's own drive, if it has one
     """
 
-    def __init__(self, link: RegisterLink, profile: TableProfile, gap: int, inner: RegisterLink | None = None) -> None:
-        section = profile.modbus or profile.imu_link
-        assert section is not None
+    def __init__(self, link: RegisterLink, profile: TableProfile, inner: RegisterLink | None = None) -> None:
+        section = profile.section_of(ImuLinkSection)
         self._link, self._inner = link, inner
         self._profile, self._map = profile, profile.map
         self._rest_rate = section.rest_rate_dps
         self._powered = False
-        self._polled = [own for name in _POLLED for own in self._map.names(name)]
+        self._polled = [register_name for name in _POLLED for register_name in self._map.names(name)]
         self._spans = [
             (drive, *span)
             for drive in (link, inner)
             if drive is not None
-            for span in _spans([self._map.registers[n] for n in self._polled if self._drive(n) is drive], gap)
+            for span in _spans([self._map.registers[n] for n in self._polled if self._drive(n) is drive], section.gap)
         ]
         self._limits = profile.geometry().limits
 
@@ -204,27 +202,27 @@ class RegisterTable(Table):
         """Write to every drive that replies, then raise the first DeviceFaultError, if any."""
         lost: dict[int, DeviceFaultError] = {}
         for name, raw in writes:
-            for own in self._map.names(name):
-                drive = id(self._drive(own))
+            for register_name in self._map.names(name):
+                drive = id(self._drive(register_name))
                 if drive in lost:
                     continue
                 try:
-                    self._put_one(own, raw)
+                    self._put_one(register_name, raw)
                 except DeviceFaultError as exc:
                     lost[drive] = exc
         if lost:
             raise next(iter(lost.values()))
 
     def _put(self, name: str, raw: int, repeat: bool = True) -> None:
-        for own in self._map.names(name):
-            self._put_one(own, raw, repeat)
+        for register_name in self._map.names(name):
+            self._put_one(register_name, raw, repeat)
 
-    def _put_one(self, own: str, raw: int, repeat: bool = True) -> None:
-        register = self._map.registers[own]
-        self._drive(own).write(register.address, _words(register, raw), repeat)
+    def _put_one(self, register_name: str, raw: int, repeat: bool = True) -> None:
+        register = self._map.registers[register_name]
+        self._drive(register_name).write(register.address, _words(register, raw), repeat)
 
     def _command(self, command: str, values: Sequence[Mapping[str, float]] = (), repeat: bool = True) -> None:
-        for words in [self._encoded(own) for own in values]:
+        for words in [self._encoded(register_name) for register_name in values]:
             self._write_together(words)
         for name, raw in self._writes(command):
             self._put(name, raw, repeat)

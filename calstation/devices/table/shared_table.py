@@ -44,6 +44,4 @@ class SharedTable(RegisterTable):
             if owned:
                 imu.close()
             raise ConfigurationError("table.imu_without_words", profile=profile.name)
-        section = profile.imu_link
-        assert section is not None
-        super().__init__(ImuWords(imu, owned=owned), profile, section.gap)
+        super().__init__(ImuWords(imu, owned=owned), profile)

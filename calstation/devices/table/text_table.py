@@ -15,7 +15,7 @@ from calstation.devices.interfaces import (
     TableStatus,
 )
 from calstation.devices.links import TextLink, UnlikeAnswerError
-from calstation.devices.profiles import JOINTS, Flag, SerialSettings, TableProfile
+from calstation.devices.profiles import JOINTS, Flag, SerialSettings, TableProfile, TextSection
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import snap_angles
 from calstation.physics import FloatArray, JointLimits
@@ -28,8 +28,7 @@ class TextTable(Table):
     """Driver of a table on a serial port or `tcp://host:port`; moves are absolute, homing is not repeated."""
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
-        assert profile.lines is not None
-        self._profile, self._text = profile, profile.lines
+        self._profile, self._text = profile, profile.section_of(TextSection)
         self._link = TextLink(port, self._text, serial or self._text.serial)
         self._patterns = {name: re.compile(query.answer) for name, query in self._text.queries.items()}
         self._limits = profile.geometry().limits
@@ -112,8 +111,8 @@ class TextTable(Table):
         named = {f"{j}_{name}": both[i] for name, both in numbers.items() for i, j in enumerate(JOINTS)}
         for line in lines:
             for joint, axis in enumerate(self._text.axes if "{axis}" in line else [""]):
-                own = {name: both[joint] for name, both in numbers.items()}
-                self._link.command(line.format(axis=axis, **own, **named), repeat)
+                axis_numbers = {name: both[joint] for name, both in numbers.items()}
+                self._link.command(line.format(axis=axis, **axis_numbers, **named), repeat)
 
     def _number(self, value: float) -> str:
         text = f"{value:.{self._text.decimals}f}"

@@ -16,8 +16,8 @@ from calstation.devices.profiles import ImuProfile
 @cache
 def driver(protocol: str) -> type[StreamedImu]:
     """Return the driver class of a protocol."""
-    found: type[StreamedImu] = import_module(f"{__name__}.{protocol}").DRIVER
-    return found
+    kind: type[StreamedImu] = import_module(f"{__name__}.{protocol}").DRIVER
+    return kind
 
 
 def open_imu(link: SerialLink, profile: ImuProfile, serial: str) -> StreamedImu:

@@ -159,10 +159,10 @@ class FramedImu(RegisteredImu):
         return Question(request, (op, begins), take)
 
     def _meaning(self, code: int) -> Text:
-        own = self._commands.errors.get(str(code))
-        if own is not None:
+        meaning = self._commands.errors.get(str(code))
+        if meaning is not None:
             code_ = "imu.framed_own_busy" if code in self._commands.busy_codes else "imu.framed_own"
-            return Text.of(code_, meaning=own)
+            return Text.of(code_, meaning=meaning)
         usual = not self._commands.errors and known(f"imu.framed_{code}")
         return Text.of(f"imu.framed_{code if usual else 'other'}", number=code)
 

@@ -102,8 +102,8 @@ class VectorNavImu(RegisteredImu):
         return Question(line(words, self._section.check), signature, take)
 
 
-def _same_register(found: list[str], asked: list[str]) -> bool:
-    return not asked or (bool(found) and found[0].lstrip("0") == asked[0].lstrip("0"))
+def _same_register(fields: list[str], expected: list[str]) -> bool:
+    return not expected or (bool(fields) and fields[0].lstrip("0") == expected[0].lstrip("0"))
 
 
 def _meaning(fields: list[str]) -> Text:

@@ -86,10 +86,10 @@ class FramedProtocol(ImuProtocol):
     def check_profile(self, profile: "ImuProfile") -> None:
         """Check that frames can be distinguished from replies, and that a stream is selected by one byte."""
         reply_sync = hex_bytes(self.reply_sync)
-        for place, frame in profile.frames.items():
+        for key_path, frame in profile.frames.items():
             sync = frame.sync_bytes
             if sync.startswith(reply_sync) or reply_sync.startswith(sync):
-                raise EntryError("profile.sync_of_replies", *place, "sync")
+                raise EntryError("profile.sync_of_replies", *key_path, "sync")
         stream = profile.corrected.stream if profile.corrected is not None else None
         if stream is not None and stream > 0xFF:
             raise EntryError("entry.out_of_range", "corrected", "stream", value=stream, low=2, high=255)

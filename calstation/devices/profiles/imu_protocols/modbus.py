@@ -81,16 +81,16 @@ class ModbusProtocol(ImuProtocol):
     @property
     def ranges(self) -> dict[str, tuple[int, int]]:
         """Address ranges [first, last + 1) of everything except the calibration registers, by name."""
-        found = {}
+        ranges = {}
         for text in ("model", "serial", "firmware"):
             if (registers := getattr(self, text)) is not None:
-                found[text] = (registers.address, registers.address + registers.words)
+                ranges[text] = (registers.address, registers.address + registers.words)
         for command in ("commit", "reset", "stream"):
             if (register := getattr(self, command)) is not None:
-                found[command] = (register.address, register.address + 1)
+                ranges[command] = (register.address, register.address + 1)
         if self.page is not None:
-            found["page"] = (self.page, self.page + 1)
-        return found
+            ranges["page"] = (self.page, self.page + 1)
+        return ranges
 
     @property
     def written(self) -> dict[str, tuple[int, ...]]:
@@ -103,33 +103,33 @@ class ModbusProtocol(ImuProtocol):
 
         Commands and the page register exist on every page, so calibration registers must not overlap them on any page.
         """
-        own, written = self.ranges, self.written
-        for name, (begin, end) in own.items():
+        ranges, written = self.ranges, self.written
+        for name, (begin, end) in ranges.items():
             if end - 1 > LAST_ADDRESS:
                 raise EntryError("profile.past_last_address", "modbus", name, address=begin, last=end - 1)
-        for (a, at), (b, other) in combinations(own.items(), 2):
+        for (a, at), (b, other) in combinations(ranges.items(), 2):
             distinguished = a in written and b in written  # by the written value
             if not distinguished and at[0] < other[1] and other[0] < at[1]:
                 values = {"mine": _span(*other), "other": f"modbus.{a}", "at": _span(*at)}
                 raise EntryError("profile.registers_overlap", "modbus", b, **values)
         for a, b in combinations(written, 2):
-            if own[a] == own[b] and set(written[a]) & set(written[b]):
+            if ranges[a] == ranges[b] and set(written[a]) & set(written[b]):
                 raise EntryError("profile.same_write", "modbus", b, other=f"modbus.{a}")
         for name, command in (("commit", self.commit), ("reset", self.reset)):
             if command.done == command.value:
                 raise EntryError("profile.done_at_once", "modbus", name, "done", value=command.done)
         for register in profile.registers:
             with entry("registers", register.row):
-                _check_register(register, own)
+                _check_register(register, ranges)
 
 
-def _check_register(register: RegisterEntry, own: Mapping[str, tuple[int, int]]) -> None:
+def _check_register(register: RegisterEntry, ranges: Mapping[str, tuple[int, int]]) -> None:
     width = number(register.type).width
     if width % 2:
         raise EntryError("profile.not_whole_registers", "type", type=register.type)
     if register.span != width // 2:
         raise EntryError("profile.span", "span", value=register.span, type=register.type, needed=width // 2)
-    for name, (begin, end) in own.items():
+    for name, (begin, end) in ranges.items():
         if register.address < end and begin < register.end:
             values = {"mine": register.label, "other": f"modbus.{name}", "at": _span(begin, end)}
             raise EntryError("profile.registers_overlap", "address", **values)

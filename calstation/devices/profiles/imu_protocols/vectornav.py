@@ -36,10 +36,10 @@ class VectorNavProtocol(ImuProtocol):
         """Check that the clock in nanoseconds agrees with the sample rate."""
         rate = profile.stream.sample_rate_hz
         expected = 1e9 / rate
-        for place, frame in profile.frames.items():
+        for key_path, frame in profile.frames.items():
             counter = frame.named("counter")
             if counter.per_sample != 1.0 and abs(counter.per_sample - expected) > 1e-3 * expected:
-                at: KeyPath = (*place, "fields", frame.fields.index(counter), "per_sample")
+                at: KeyPath = (*key_path, "fields", frame.fields.index(counter), "per_sample")
                 raise EntryError("profile.clock_rate", *at, value=counter.per_sample, rate=rate, expected=expected)
 
 
