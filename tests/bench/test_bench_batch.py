@@ -5,11 +5,12 @@ import itertools
 import numpy as np
 import pytest
 
-from calstation.bench.config import BenchConfig, Order
+from calstation.bench import BenchConfig, Order
 from calstation.bench.imu.frames import STREAM
 from calstation.bench.live import LiveBench
-from calstation.bench.table.machine import Fault
-from calstation.bench.truth.table import EARTH_RATE, unit_axes
+from calstation.bench.table import Fault
+from calstation.bench.truth import unit_axes
+from calstation.bench.truth.table import EARTH_RATE
 from calstation.errors import ConfigurationError
 from calstation.physics import NAMES
 from calstation.schema import validate

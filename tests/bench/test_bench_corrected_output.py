@@ -6,18 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.bench.config import BenchConfig
+from calstation.bench import BenchConfig
 from calstation.bench.imu import UNITS
 from calstation.bench.imu.correction import Requantiser
 from calstation.bench.imu.unit import CORRECTED
 from calstation.bench.imu.units.framed import STREAM, WRITE
-from calstation.bench.truth.imu import StreamOutput
+from calstation.bench.truth import StreamOutput
+from calstation.devices.imu import ImuRefusalError, RegisterMap
 from calstation.devices.imu.drivers import open_imu
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.imu.streamed_imu import ImuRefusalError
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.imu import load_imu_profile
-from calstation.physics.parameters import PARAMETERS
+from calstation.devices.links import SerialLink
+from calstation.devices.profiles import load_imu_profile
+from calstation.physics import PARAMETERS
 from tests.devices.powered_unit import shipped, write_directly
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"

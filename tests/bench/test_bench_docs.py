@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import get_args
 
-from calstation.bench.config import BenchConfig, OrderName
+from calstation.bench import BenchConfig, OrderName
 from calstation.bench.truth import Effects
 from calstation.simulation.fault_plan import HOST, KINDS, SET_UP
 

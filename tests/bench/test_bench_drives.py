@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.bench.table.cia402_drives import drives
-from calstation.bench.table.machine import Clocks, Fault, NotPermitted, OutOfRange, TableLimits, TableMachine
-from calstation.bench.truth.drive import EncoderTruth, TableDrive
-from calstation.devices.profiles.table import load_table_profile
-from calstation.devices.table.modbus_table import ModbusTable
-from calstation.devices.table.register_table import RegisterTable
+from calstation.bench.table import Clocks, Fault, OutOfRange, TableLimits, TableMachine, drives
+from calstation.bench.table.machine import NotPermitted
+from calstation.bench.truth import EncoderTruth, TableDrive
+from calstation.devices.profiles import load_table_profile
+from calstation.devices.table import ModbusTable, RegisterTable
 from calstation.errors import ConfigurationError, DeviceFaultError
 from tests.helpers import raises_code
 

@@ -5,15 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.effects import Changes, Effects
-from calstation.bench.truth.imu import StreamOutput
+from calstation.bench import BenchConfig
+from calstation.bench.truth import Effects, SensorStream, Simulator, StreamOutput
+from calstation.bench.truth.effects import Changes
 from calstation.bench.truth.kinematics import JointProfile
-from calstation.bench.truth.simulate import Simulator
-from calstation.bench.truth.stream import SensorStream
 from calstation.errors import ConfigurationError
-from calstation.physics.motion import Dwell, Move
-from calstation.physics.parameters import COUNT, INDEX, NAMES
+from calstation.physics import COUNT, INDEX, NAMES, Dwell, Move
 from calstation.schema import validate
 from tests.helpers import complaint, raises_code
 

@@ -3,13 +3,22 @@
 import numpy as np
 import pytest
 
+from calstation.bench.truth import (
+    Field,
+    HandStream,
+    ManualRig,
+    Mounting,
+    SensorStream,
+    TableTruth,
+    around,
+    draw_imu,
+    push,
+    record,
+    rotation,
+)
 from calstation.bench.truth.free_motion import Course, FreeMotion, Link, Pulse, tremor
-from calstation.bench.truth.free_unit import Field, Mounting, ideal_increments
-from calstation.bench.truth.grades import draw_imu
+from calstation.bench.truth.free_unit import ideal_increments
 from calstation.bench.truth.kinematics import JointProfile
-from calstation.bench.truth.manual_rig import HandStream, ManualRig, around, push, record
-from calstation.bench.truth.stream import SensorStream
-from calstation.bench.truth.table import TableTruth, rotation
 
 ZERO = np.zeros(3)
 

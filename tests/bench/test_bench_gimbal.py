@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from calstation.bench.truth.gimbal import GimbalBench, attitude, joint_rates
-from calstation.bench.truth.grades import draw_imu
-from calstation.physics.parameters import group_matrix
+from calstation.bench.truth import GimbalBench, draw_imu
+from calstation.bench.truth.gimbal import attitude, joint_rates
+from calstation.physics import group_matrix
 
 ORDER = np.array([2, 0, 1])
 RATE = np.deg2rad(30.0)

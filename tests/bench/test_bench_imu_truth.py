@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from table_truth import rotation_states, table_attitude
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.imu import ImuTruth, digitise, true_increments
+from calstation.bench import BenchConfig
+from calstation.bench.truth import ImuTruth, TableTruth
+from calstation.bench.truth.imu import digitise, true_increments
 from calstation.bench.truth.kinematics import JointProfile
-from calstation.bench.truth.table import TableTruth
-from calstation.physics.parameters import COUNT, INDEX
+from calstation.physics import COUNT, INDEX
 
 LATITUDE = np.deg2rad(34.25)
 PLAIN = TableTruth(LATITUDE, 400.0)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.bench.truth.drive import EncoderTruth, TableDrive
+from calstation.bench.truth import EncoderTruth, TableDrive
 from calstation.bench.truth.kinematics import DRIVE_FREQUENCY, SETTLED, JointProfile
 
 RATE, ACCELERATION = np.deg2rad(20.0), np.deg2rad(50.0)

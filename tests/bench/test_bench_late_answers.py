@@ -6,13 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calstation.devices.imu import RegisterMap
 from calstation.devices.imu.drivers import open_imu
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.imu import load_imu_profile
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table import load_table_profile
-from calstation.devices.table.modbus_table import ModbusTable
+from calstation.devices.links import SerialLink
+from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
+from calstation.devices.table import ModbusTable
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
 

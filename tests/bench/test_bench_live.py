@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from calstation.bench.config import BenchConfig, Order
+from calstation.bench import BenchConfig, Order
 from calstation.bench.imu.frames import STREAM, crc16
 from calstation.bench.imu.unit import BOOT_TIME
 from calstation.bench.live import LiveBench
-from calstation.bench.table.machine import Fault
-from calstation.bench.truth.simulate import Simulator
-from calstation.physics.motion import Dwell, Move
+from calstation.bench.table import Fault
+from calstation.bench.truth import Simulator
+from calstation.physics import Dwell, Move
 
 
 def bench(**changes):

@@ -4,16 +4,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from calstation.bench.truth.imu import ImuTruth
+from calstation.bench.truth import INSTABILITY_TIMES, ImuTruth, SensorStream, TableTruth, instability_variance
 from calstation.bench.truth.kinematics import JointProfile
-from calstation.bench.truth.noise import (
-    INSTABILITY_TIMES,
-    instability_variance,
-    vibration_frequency,
-)
-from calstation.bench.truth.stream import SensorStream
-from calstation.bench.truth.table import TableTruth
-from calstation.physics.parameters import COUNT
+from calstation.bench.truth.noise import vibration_frequency
+from calstation.physics import COUNT
 
 
 def instability_covariance(instability, lag):

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from calstation.bench.config import BenchConfig
+from calstation.bench import BenchConfig
 from calstation.bench.imu.units.framed import MODEL
-from calstation.bench.links.table_modbus import BAUD, UNIT
+from calstation.bench.links import UNIT
+from calstation.bench.links.table_modbus import BAUD
 from calstation.bench.live import TABLE_MODEL
-from calstation.bench.truth.grades import GRADES
+from calstation.bench.truth import GRADES
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 

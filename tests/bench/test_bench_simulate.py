@@ -6,11 +6,9 @@ from itertools import count
 import numpy as np
 import pytest
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.grades import GRADES
-from calstation.bench.truth.simulate import Simulator
-from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
-from calstation.physics.parameters import COUNT, PARAMETERS
+from calstation.bench import BenchConfig
+from calstation.bench.truth import GRADES, Simulator
+from calstation.physics import COUNT, PARAMETERS, Dwell, Finish, Move, Prepare, RoundEnd
 
 RATE, ACCELERATION = np.deg2rad(30.0), np.deg2rad(60.0)
 

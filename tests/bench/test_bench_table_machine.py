@@ -3,16 +3,9 @@
 import numpy as np
 import pytest
 
-from calstation.bench.table.machine import (
-    SETTLING_TIME,
-    Fault,
-    NotPermitted,
-    OutOfRange,
-    Power,
-    TableLimits,
-    TableMachine,
-)
-from calstation.bench.truth.drive import EncoderTruth, TableDrive
+from calstation.bench.table import Fault, OutOfRange, Power, TableLimits, TableMachine
+from calstation.bench.table.machine import SETTLING_TIME, NotPermitted
+from calstation.bench.truth import EncoderTruth, TableDrive
 
 RATES, ACCELERATIONS = (0.5, 0.5), (1.0, 1.0)
 PERFECT = EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0)

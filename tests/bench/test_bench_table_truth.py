@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from table_truth import rotation_states, table_attitude
 
-from calstation.bench.truth.table import EARTH_RATE, TableTruth, normal_gravity
+from calstation.bench.truth import TableTruth, normal_gravity
+from calstation.bench.truth.table import EARTH_RATE
 
 LATITUDE = np.deg2rad(34.25)
 PERFECT = TableTruth(LATITUDE, 400.0, azimuth=np.deg2rad(37.0))

@@ -6,14 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.bench.table.axes import Axes
-from calstation.bench.table.machine import Clocks, Fault, TableLimits, TableMachine
-from calstation.bench.table.text import LANGUAGES
-from calstation.bench.truth.drive import EncoderTruth, TableDrive
-from calstation.devices.interfaces import UNKNOWN_FAULT
-from calstation.devices.links.text_link import TextRefusalError
-from calstation.devices.profiles.table import load_table_profile
-from calstation.devices.table.text_table import TextTable
+from calstation.bench.table import LANGUAGES, Axes, Clocks, Fault, TableLimits, TableMachine
+from calstation.bench.truth import EncoderTruth, TableDrive
+from calstation.devices import UNKNOWN_FAULT
+from calstation.devices.links import TextRefusalError
+from calstation.devices.profiles import load_table_profile
+from calstation.devices.table import TextTable
 
 TABLES = Path(__file__).parents[2] / "data" / "tables"
 PROFILES = {"atl": "aerosmith_atl", "acl": "acutronic_acl", "mn": "mn_ascii"}

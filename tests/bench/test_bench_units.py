@@ -7,16 +7,15 @@ import numpy as np
 import pytest
 from fastcrc import crc16
 
-from calstation.bench.config import BenchConfig
+from calstation.bench import BenchConfig
 from calstation.bench.imu import UNITS
 from calstation.bench.imu.units.modbus import crc16_modbus
 from calstation.bench.imu.units.vectornav import SAMPLES, check_line
-from calstation.bench.truth.imu import StreamOutput
+from calstation.bench.truth import StreamOutput
+from calstation.devices.imu import ImuRefusalError, RegisterMap
 from calstation.devices.imu.drivers import open_imu
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.imu.streamed_imu import ImuRefusalError
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.links import SerialLink
+from calstation.devices.profiles import load_imu_profile
 from tests.devices.powered_unit import shipped
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"

@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from calstation.bench.links.lines import open_raw
-from calstation.config.station import StationConfig
-from calstation.connection.link_test import LinkTestRequest
-from calstation.devices.codecs.frame_checks import check_bytes
-from calstation.messages.finding import Finding
-from calstation.messages.rendering import render
+from calstation.config import StationConfig
+from calstation.connection import LinkTestRequest
+from calstation.devices.codecs import check_bytes
+from calstation.messages import Finding, render
 from calstation.schema import validate
 
 #: Where nothing listens; of each process of tests another, for a port has one owner.

@@ -11,13 +11,10 @@ import pytest
 import tomli_w
 from serial.tools import list_ports
 
-from calstation.config import library
-from calstation.config.request import RunRequest
-from calstation.connection import table_reset
-from calstation.connection.link_test import check_imu_link, check_table_link
-from calstation.connection.table_reset import read_table, reset_table
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.config import RunRequest, library
+from calstation.connection import check_imu_link, check_table_link, read_table, reset_table, table_reset
+from calstation.devices.links import SerialLink
+from calstation.devices.profiles import SerialSettings
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.messages import Report
 from calstation.runs.run import execute

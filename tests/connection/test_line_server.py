@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.connection.line_server import LineServer
+from calstation.connection import LineServer
 from calstation.errors import ConfigurationError
 from tests.helpers import raises_code
 

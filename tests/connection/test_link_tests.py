@@ -11,22 +11,21 @@ import pytest
 import tomli_w
 from serial.tools import list_ports
 
+from calstation.config import confirmation_key, load_station
 from calstation.config.library import find
-from calstation.config.site_check import confirmation_key
-from calstation.config.station import load_station
-from calstation.connection import identify as who_answers
-from calstation.connection.compatibility import incompatibilities
-from calstation.connection.link_test import (
+from calstation.connection import (
     LinkTestRequest,
     check_imu_link,
     check_table_link,
     discover_ports,
+    incompatibilities,
     link_test_configuration,
 )
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.connection import identify as who_answers
+from calstation.devices.links import SerialLink
+from calstation.devices.profiles import SerialSettings
 from calstation.errors import ConfigurationError
-from calstation.messages.finding import Finding, Report
+from calstation.messages import Finding, Report
 from tests.connection import fake_links as wires
 from tests.connection.fake_links import FakeImu, FakeTable, english_texts, order, rtu, server, silent, terminal
 

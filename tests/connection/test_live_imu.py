@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from calstation.config import library
-from calstation.connection.live_imu import OtherUnit, apply_to_unit
-from calstation.physics.parameters import NAMES
-from calstation.records.log import read_truth, truth_path
-from calstation.results.plots.compensation import Applied
-from calstation.simulation.recordings import record_on_bench
+from calstation.connection import OtherUnit, apply_to_unit
+from calstation.physics import NAMES
+from calstation.records import read_truth, truth_path
+from calstation.results.plots import Applied
+from calstation.simulation import record_on_bench
 from tests.helpers import ignore_progress
 from tests.site_folder import behind_registers
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from calstation.connection import live_pair
-from calstation.connection.live_pair import LivePair, _Unit
-from calstation.devices.interfaces import ImuIdentity, OtherModelError
+from calstation.connection import LivePair, live_pair
+from calstation.connection.live_pair import _Unit
+from calstation.devices import ImuIdentity, OtherModelError
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code
 

@@ -13,11 +13,9 @@ import tomli_w
 from serial.tools import list_ports
 
 from calstation.cli.app import run_app
-from calstation.config.request import RunRequest
-from calstation.connection import port_lock
-from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link
+from calstation.config import RunRequest
+from calstation.connection import LinkTestRequest, check_imu_link, check_table_link, port_lock, read_table, reset_table
 from calstation.connection.port_lock import lock_ports
-from calstation.connection.table_reset import read_table, reset_table
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.registers.unit_registers import read_unit
 from calstation.runs.run import execute

@@ -10,7 +10,6 @@ from calstation.config.request import RunRequest
 from calstation.config.run_configuration import RunConfiguration, prepare_run
 from calstation.config.station import StationConfig
 from calstation.connection.devices import endpoints
-from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link
 from calstation.errors import ConfigurationError
 from tests.helpers import raises_code
 from tests.site_folder import STATION, SiteFolder

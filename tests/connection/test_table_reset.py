@@ -10,14 +10,20 @@ import pytest
 import tomli_w
 
 from calstation.cli.app import run_app
-from calstation.connection import table_reset
+from calstation.connection import (
+    BenchClock,
+    LinkTestRequest,
+    TableReset,
+    TableState,
+    link_test_configuration,
+    read_table,
+    reset_table,
+    table_reset,
+)
 from calstation.connection.bench_process import BenchHost
-from calstation.connection.clock import BenchClock
 from calstation.connection.devices import open_table
-from calstation.connection.link_test import LinkTestRequest, link_test_configuration
-from calstation.connection.table_reset import TableReset, TableState, read_table, reset_table
 from calstation.errors import DeviceFaultError
-from calstation.sequencer.guard import check_power
+from calstation.sequencer import check_power
 from tests.connection.fake_links import SITE, FakeTable, order, server, tcp_pdu
 from tests.helpers import ignore_progress, raises_code
 

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 import tomli_w
 
+from calstation.connection import check_imu_link
 from calstation.connection.imu_test import diagnose_text
-from calstation.connection.link_test import check_imu_link
-from calstation.devices.codecs.frame_checks import check_function
-from calstation.devices.profiles.frame import FrameSection
-from calstation.messages.finding import Finding
+from calstation.devices.codecs import check_function
+from calstation.devices.profiles import FrameSection
+from calstation.messages import Finding
 from tests.connection.fake_links import english_texts, order, silent, terminal
 from tests.helpers import ignore_progress
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from calstation.devices.imu import FrameDecoder
 from calstation.devices.imu.binary_frames import Columns
-from calstation.devices.imu.frames import FrameDecoder, Frames
+from calstation.devices.imu.frames import Frames
 from calstation.devices.profiles import FrameSection
 
 

@@ -13,9 +13,8 @@ from decoding import decode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calstation.devices.imu.sample_count import SampleCount
-from calstation.devices.profiles.frame import FrameSection
-from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
+from calstation.devices.imu import SampleCount
+from calstation.devices.profiles import FrameSection, ImuProfile, load_imu_profile
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 CAPTURES = Path(__file__).parents[3] / "shared" / "data" / "real" / "serial_captures"

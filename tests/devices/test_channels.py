@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from calstation.config import library
-from calstation.devices.profiles.frame import CHANNELS, FrameSection, span
-from calstation.devices.profiles.imu import ImuProfile
+from calstation.devices.profiles import CHANNELS, FrameSection, ImuProfile, span
 from calstation.schema import problems_of
 
 

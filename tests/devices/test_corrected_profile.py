@@ -12,7 +12,7 @@ from test_modbus_imu import write
 from test_vectornav_imu import driver as vectornav
 from test_vectornav_imu import pair
 
-from calstation.devices.profiles.imu import ImuProfile
+from calstation.devices.profiles import ImuProfile
 from calstation.errors import ConfigurationError
 from calstation.schema import validate
 from tests.helpers import complaint

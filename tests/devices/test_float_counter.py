@@ -7,9 +7,9 @@ import pytest
 from decoding import decode
 from novatel import novatel_check, novatel_line
 
-from calstation.devices.imu.sample_count import SampleCount
-from calstation.devices.profiles.frame import FrameSection, check_samples
-from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.imu import SampleCount
+from calstation.devices.profiles import FrameSection, load_imu_profile
+from calstation.devices.profiles.frame import check_samples
 from calstation.schema import EntryError
 
 FRAME = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "novatel_rawimu.toml").frame

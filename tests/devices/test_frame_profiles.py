@@ -8,9 +8,8 @@ import pytest
 from decoding import decode
 from fastcrc import crc16
 
-from calstation.devices.imu.frames import FrameDecoder
-from calstation.devices.imu.sample_count import SampleCount
-from calstation.devices.profiles.frame import FrameSection
+from calstation.devices.imu import FrameDecoder, SampleCount
+from calstation.devices.profiles import FrameSection
 from calstation.schema import problems_of
 from tests.devices.editing import edited
 

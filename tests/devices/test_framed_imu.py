@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from test_frames import reply_frame, stream_frame
 
-from calstation.devices.imu.drivers.framed import FramedImu
-from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
-from calstation.devices.interfaces import OtherModelError
-from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
+from calstation.devices import OtherModelError
+from calstation.devices.imu import ImuBusyError, ImuRefusalError
+from calstation.devices.imu.drivers import FramedImu
+from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code
 

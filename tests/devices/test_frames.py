@@ -11,11 +11,10 @@ from fastcrc import crc16
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.devices.codecs.frame_checks import CRC_WIDTHS, check_bytes
-from calstation.devices.codecs.packets import Reply
+from calstation.devices.codecs import CRC_WIDTHS, Reply, check_bytes
 from calstation.devices.imu.drivers import frame_decoder
 from calstation.devices.imu.drivers.framed import command_frame
-from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
+from calstation.devices.profiles import ImuProfile, load_imu_profile
 
 DATA = Path(__file__).parents[2] / "data"
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from calstation.config import library
-from calstation.devices.profiles.table import TableProfile, load_table_profile
-from calstation.devices.table.drivers import ManualTable, open_table
+from calstation.devices.profiles import TableProfile, load_table_profile
+from calstation.devices.table import ManualTable, open_table
 from calstation.errors import ConfigurationError
 from calstation.schema import read_toml, validate
 from tests.helpers import complaint, raises_code

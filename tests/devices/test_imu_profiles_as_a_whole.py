@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import tomli_w
 
-from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles import load_imu_profile
 from calstation.errors import ConfigurationError
 from tests.devices.editing import edited
 from tests.helpers import complaint

@@ -14,13 +14,10 @@ import pytest
 from rtu_server import RtuServer
 
 from calstation.devices.imu.drivers.modbus import ModbusImu
-from calstation.devices.links.modbus_link import ModbusLink, ModbusRefusalError
-from calstation.devices.links.modbus_rtu import RefusedError, RtuLine, RtuRequest, RtuUnit
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.imu import ImuProfile
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table import load_table_profile
-from calstation.devices.table.modbus_table import ModbusTable
+from calstation.devices.links import ModbusLink, ModbusRefusalError, RtuRequest, SerialLink
+from calstation.devices.links.modbus_rtu import RefusedError, RtuLine, RtuUnit
+from calstation.devices.profiles import ImuProfile, SerialSettings, load_table_profile
+from calstation.devices.table import ModbusTable
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code
 

@@ -7,8 +7,8 @@ import threading
 
 import pytest
 
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.devices.links import SerialLink
+from calstation.devices.profiles import SerialSettings
 from calstation.errors import CalstationError, DeviceFaultError
 from tests.helpers import raises_code
 

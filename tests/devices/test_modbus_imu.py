@@ -11,11 +11,9 @@ from fastcrc import crc16
 from test_framed_imu import ScriptedLink
 from test_frames import stream_frame
 
+from calstation.devices.imu import ImuBusyError, ImuRefusalError, RegisterMap
 from calstation.devices.imu.drivers.modbus import ModbusImu
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
-from calstation.devices.profiles import ModbusProtocol
-from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
+from calstation.devices.profiles import ImuProfile, ModbusProtocol, load_imu_profile
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from test_modbus_table import image, long, quick, read, table, write
 
-from calstation.devices.interfaces import UNKNOWN_FAULT
-from calstation.devices.profiles.table import TableProfile
+from calstation.devices import UNKNOWN_FAULT
+from calstation.devices.profiles import TableProfile
 from calstation.errors import ConfigurationError
 from tests.helpers import raises_code
 

@@ -13,9 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.devices.profiles.table import TableProfile, load_table_profile
-from calstation.devices.profiles.table_registers import ModbusRegister
-from calstation.devices.table.modbus_table import ModbusTable
+from calstation.devices.profiles import ModbusRegister, TableProfile, load_table_profile
+from calstation.devices.table import ModbusTable
 from calstation.devices.table.register_table import decode, encode
 from calstation.errors import ConfigurationError, DeviceFaultError
 from tests.helpers import raises_code

@@ -11,21 +11,23 @@ from queue import Empty, SimpleQueue
 import numpy as np
 import pytest
 
-from calstation.bench.config import BenchConfig
+from calstation.bench import BenchConfig
 from calstation.bench.imu import UNITS
-from calstation.bench.table.axes import Axes
-from calstation.bench.table.cia402_drives import Drive, drives
-from calstation.bench.table.machine import Clocks, Power, TableLimits, TableMachine
-from calstation.bench.table.registers import TableRegisters
-from calstation.bench.table.text import LANGUAGES
-from calstation.bench.truth.drive import EncoderTruth, TableDrive
-from calstation.devices.imu.drivers.framed import FramedImu
-from calstation.devices.profiles.imu import load_imu_profile
-from calstation.devices.profiles.table import TableProfile, load_table_profile
-from calstation.devices.table.modbus_table import ModbusTable
-from calstation.devices.table.register_table import RegisterTable
-from calstation.devices.table.shared_table import SharedTable
-from calstation.devices.table.text_table import TextTable
+from calstation.bench.table import (
+    LANGUAGES,
+    Axes,
+    Clocks,
+    Drive,
+    Power,
+    TableLimits,
+    TableMachine,
+    TableRegisters,
+    drives,
+)
+from calstation.bench.truth import EncoderTruth, TableDrive
+from calstation.devices.imu.drivers import FramedImu
+from calstation.devices.profiles import TableProfile, load_imu_profile, load_table_profile
+from calstation.devices.table import ModbusTable, RegisterTable, SharedTable, TextTable
 from tests.connection.fake_links import server, tcp_pdu
 
 DATA = Path(__file__).parents[2] / "data"

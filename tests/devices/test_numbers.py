@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.devices.codecs.frame_checks import CHECK_WIDTHS, check_bytes, check_function, parametric_crc
-from calstation.devices.codecs.numbers import check_orders, number
+from calstation.devices.codecs import CHECK_WIDTHS, check_bytes, check_function, check_orders, number, parametric_crc
 from calstation.schema import EntryError
 from tests.helpers import raises_code
 

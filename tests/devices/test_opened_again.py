@@ -9,8 +9,8 @@ from rtu_server import RtuServer
 from serial.tools import list_ports
 from test_modbus_table import image, quick
 
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.table.modbus_table import ModbusTable
+from calstation.devices.profiles import SerialSettings
+from calstation.devices.table import ModbusTable
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code
 

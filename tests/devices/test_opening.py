@@ -6,8 +6,8 @@ import socket
 import pytest
 import serial
 
-from calstation.devices.links.opening import host_and_port, why_not
-from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.devices.links import host_and_port, why_not
+from calstation.devices.profiles import SerialSettings
 
 SETTINGS = SerialSettings()
 

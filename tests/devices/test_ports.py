@@ -7,11 +7,8 @@ from types import SimpleNamespace
 import pytest
 from serial.tools import list_ports
 
-from calstation.devices.links.modbus_link import ModbusLink
-from calstation.devices.links.opening import why_not
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.links.serial_ports import found_ports, resolve
-from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.devices.links import ModbusLink, SerialLink, found_ports, resolve, why_not
+from calstation.devices.profiles import SerialSettings
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code
 

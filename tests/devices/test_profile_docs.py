@@ -10,19 +10,15 @@ from typing import Annotated, Any, Union, get_args, get_origin
 import pytest
 from pydantic import BaseModel
 
-from calstation.devices.codecs.frame_checks import CHECK_WIDTHS, CRC_WIDTHS
+from calstation.devices.codecs import CHECK_WIDTHS, CRC_WIDTHS
+from calstation.devices.imu import FrameDecoder, RegisterMap
 from calstation.devices.imu.drivers.framed import command_frame
-from calstation.devices.imu.frames import FrameDecoder
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.profiles import OPS
-from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
-from calstation.devices.profiles.table import TableProfile
+from calstation.devices.profiles import OPS, ImuProfile, ModbusRegister, TableProfile, load_imu_profile
 from calstation.devices.profiles.table_registers import (
     DRIVE_REGISTERS,
     JOINT_REGISTERS,
     OPTIONAL_DRIVE_REGISTERS,
     WRITTEN,
-    ModbusRegister,
 )
 
 ROOT = Path(__file__).parents[2]

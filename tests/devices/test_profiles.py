@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
-from calstation.devices.profiles.table import TableProfile, load_table_profile
+from calstation.devices.profiles import ImuProfile, TableProfile, load_imu_profile, load_table_profile
 from calstation.errors import ConfigurationError
 from tests.helpers import complaint
 

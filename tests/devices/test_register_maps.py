@@ -10,13 +10,11 @@ import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.devices.codecs.conventions import Convention, from_registers, matrix_slots, offset_slots, to_registers
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.profiles.imu import load_imu_profile
-from calstation.devices.profiles.registers import RegisterEntry
+from calstation.devices.codecs import Convention, from_registers, matrix_slots, offset_slots, to_registers
+from calstation.devices.imu import RegisterMap
+from calstation.devices.profiles import RegisterEntry, load_imu_profile
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
+from calstation.physics import GROUPS, NAMES, PARAMETERS, compensate, compensation
 from tests.devices.editing import edited
 from tests.helpers import complaint, raises_code
 

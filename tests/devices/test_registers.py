@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.imu import RegisterMap
+from calstation.devices.profiles import load_imu_profile
 from calstation.errors import DeviceFaultError
-from calstation.physics.parameters import NAMES
+from calstation.physics import NAMES
 from tests.helpers import raises_code
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "bench_nav.toml")

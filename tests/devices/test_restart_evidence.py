@@ -9,12 +9,11 @@ import pytest
 from rtu_server import RtuServer
 from test_late_answers import pageless
 
+from calstation.devices.imu import RegisterMap, transfer
 from calstation.devices.imu.drivers.modbus import ModbusImu
-from calstation.devices.imu.register_transfer import transfer
 from calstation.devices.imu.registered_imu import markable, marked
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.registers import RegisterEntry
+from calstation.devices.links import SerialLink
+from calstation.devices.profiles import RegisterEntry
 from calstation.errors import DeviceFaultError
 from tests.devices.test_transfer import Noted
 from tests.helpers import raises_code

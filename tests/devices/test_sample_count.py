@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.config import library
-from calstation.devices.imu.sample_count import SampleCount
-from calstation.devices.profiles.frame import FrameSection
-from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.imu import SampleCount
+from calstation.devices.profiles import FrameSection, load_imu_profile
 
 FRAME = load_imu_profile(library.shipped_folder() / "imus" / "bench_nav.toml").frame
 CLOCKS = {

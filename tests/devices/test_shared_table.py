@@ -13,13 +13,10 @@ from test_framed_imu import ScriptedLink, request
 from test_frames import reply_frame, stream_frame
 from test_modbus_table import image, long
 
-from calstation.devices.imu.drivers.framed import FramedImu
+from calstation.devices.imu.drivers import FramedImu
 from calstation.devices.imu.drivers.stream import SilentImu
-from calstation.devices.profiles.imu import load_imu_profile
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table import load_table_profile
-from calstation.devices.table.drivers import open_table
-from calstation.devices.table.shared_table import SharedTable
+from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
+from calstation.devices.table import SharedTable, open_table
 from calstation.errors import ConfigurationError, DeviceFaultError
 from tests.helpers import raises_code
 

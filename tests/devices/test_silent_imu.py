@@ -6,7 +6,7 @@ from pathlib import Path
 from test_framed_imu import ScriptedLink
 
 from calstation.devices.imu.drivers.stream import SilentImu
-from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles import load_imu_profile
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 DATAGRAM = bytes.fromhex(

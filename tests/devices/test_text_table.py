@@ -15,10 +15,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.devices.interfaces import UNKNOWN_FAULT, OtherModelError
-from calstation.devices.links.text_link import Checked, Plain, Prompted, TextRefusalError
-from calstation.devices.profiles.table import TableProfile, load_table_profile
-from calstation.devices.table.text_table import TextTable
+from calstation.devices import UNKNOWN_FAULT, OtherModelError
+from calstation.devices.links import TextRefusalError
+from calstation.devices.links.text_link import Checked, Plain, Prompted
+from calstation.devices.profiles import TableProfile, load_table_profile
+from calstation.devices.table import TextTable
 from calstation.errors import ConfigurationError, DeviceFaultError
 from tests.helpers import raises_code
 

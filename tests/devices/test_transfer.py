@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.devices.imu.register_transfer import Closing, Holds, Step, finish, recognise, restore, transfer
-from calstation.devices.interfaces import ImuIdentity, LinkStats, SampleBatch
+from calstation.devices import ImuIdentity, LinkStats, SampleBatch
+from calstation.devices.imu import Closing, Holds, Step, finish, recognise, restore, transfer
 from calstation.errors import ConfigurationError, DeviceFaultError
 from tests.devices.powered_unit import MAP, NAMES, SERIAL, Unit
 from tests.helpers import raises_code

@@ -11,11 +11,10 @@ import pytest
 from fastcrc import crc16
 from test_framed_imu import ScriptedLink
 
+from calstation.devices import OtherModelError
+from calstation.devices.imu import ImuRefusalError, RegisterMap
 from calstation.devices.imu.drivers.vectornav import VectorNavImu, line
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.imu.streamed_imu import ImuRefusalError
-from calstation.devices.interfaces import OtherModelError
-from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
+from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code
 

@@ -7,14 +7,14 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from calstation.bench.config import BenchConfig
+from calstation.bench import BenchConfig
 from calstation.bench.imu import UNITS, ImuUnit
 from calstation.bench.imu.frames import REPLY_SYNC, crc16, pack, stream_frames
 from calstation.config import library
+from calstation.devices import ImuIdentity, NoFramesError, OtherModelError
+from calstation.devices.imu import StreamedImu
 from calstation.devices.imu.drivers import open_imu
-from calstation.devices.imu.streamed_imu import StreamedImu
-from calstation.devices.interfaces import ImuIdentity, NoFramesError, OtherModelError
-from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles import load_imu_profile
 from calstation.errors import DeviceFaultError
 from tests.devices.powered_unit import shipped
 from tests.helpers import raises_code

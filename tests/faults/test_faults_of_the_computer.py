@@ -16,7 +16,6 @@ from calstation.runs.engine import Engine
 from calstation.runs.incomplete import finish_incomplete
 from calstation.sequencer.events import Event, Fault, Finalized, Message, StageEnded, StepStarted
 from calstation.simulation.fault_plan import FaultPlan, load_fault_plan
-from calstation.simulation.hooks import BenchHooks
 from tests.faults.conftest import FaultRuns, fault
 from tests.helpers import raises_code
 

@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
-from calstation.devices.links.modbus_link import ModbusLink, ModbusRefusalError
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.sequencer.events import StepStarted
+from calstation.devices.links import ModbusLink, ModbusRefusalError
+from calstation.devices.profiles import SerialSettings
+from calstation.sequencer import StepStarted
 from calstation.simulation.soak_plan import devices
 from tests.connection.fake_links import server, tcp_pdu
 from tests.faults.conftest import FaultRuns, fault

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from calstation.errors import ConfigurationError
-from calstation.records.log import open_log
+from calstation.records import open_log
 from calstation.registers import journal as register_journal
-from calstation.results.resolving import resolve
+from calstation.results import resolve
 from calstation.runs.resume import resumable
-from calstation.sequencer.events import Message, StepStarted, Trace
+from calstation.sequencer import Message, StepStarted, Trace
 from tests.faults.conftest import SERIAL, FaultRuns, fault
 from tests.helpers import complaint, sampled
 from tests.site_folder import PRODUCT, QUICK

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.records.log import open_log
-from calstation.results.resolving import resolve
-from calstation.sequencer.events import Event, StepStarted
+from calstation.records import open_log
+from calstation.results import resolve
+from calstation.sequencer import Event, StepStarted
 from tests.faults.conftest import FaultRuns, Ran, fault
 
 pytestmark = pytest.mark.long

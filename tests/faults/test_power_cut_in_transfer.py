@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calstation.devices.imu.register_transfer import Closing, Holds, finish, recognise, restore, transfer
+from calstation.devices.imu import Closing, Holds, finish, recognise, restore, transfer
 from calstation.errors import CalstationError
 from calstation.records import checked_lines
 from calstation.registers import journal as register_journal

@@ -8,7 +8,7 @@ import pytest
 from calstation.bench.imu import UNITS
 from calstation.errors import ConfigurationError
 from calstation.registers import journal as register_journal
-from calstation.sequencer.events import Message
+from calstation.sequencer import Message
 from calstation.simulation.fault_plan import load_fault_plan
 from tests.faults.conftest import SERIAL, FaultRuns, Ran
 from tests.helpers import sampled

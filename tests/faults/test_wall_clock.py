@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from calstation.errors import ConfigurationError
-from calstation.records.log import open_log
+from calstation.records import open_log
 from calstation.registers import journal as register_journal
 from calstation.results.history import History
 from calstation.runs.engine import Engine

@@ -13,12 +13,10 @@ from typing import Any
 import numpy as np
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.records.log import open_log
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
+from calstation.estimation.common import SampleBlock
+from calstation.records import LogMeta, RawLogWriter, open_log
 from calstation.registers import journal as register_journal
-from calstation.results.history import History
+from calstation.results import History
 
 META = LogMeta.model_validate(
     {

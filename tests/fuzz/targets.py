@@ -7,16 +7,12 @@ from pathlib import Path
 
 import file_targets
 
-from calstation.devices.codecs.numbers import number
-from calstation.devices.imu import frame_decoder
-from calstation.devices.imu.frames import FrameDecoder
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.imu.sample_count import SampleCount
-from calstation.devices.links.modbus_rtu import RtuReply, replies
+from calstation.devices.codecs import number
+from calstation.devices.imu import FrameDecoder, RegisterMap, SampleCount, frame_decoder
+from calstation.devices.links import RtuReply
+from calstation.devices.links.modbus_rtu import replies
 from calstation.devices.links.text_link import Checked, Plain, Prompted
-from calstation.devices.profiles.frame import FrameSection
-from calstation.devices.profiles.imu import load_imu_profile
-from calstation.devices.profiles.table import load_table_profile
+from calstation.devices.profiles import FrameSection, load_imu_profile, load_table_profile
 from calstation.errors import DeviceFaultError
 
 DATA = Path(__file__).parents[2] / "data"

@@ -10,12 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.devices.imu import frame_decoder
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.profiles.imu import ImuProfile
-from calstation.devices.profiles.table import TableProfile
-from calstation.devices.profiles.text import TextSection
-from calstation.devices.table.register_table import RegisterTable
+from calstation.devices.imu import RegisterMap, frame_decoder
+from calstation.devices.profiles import ImuProfile, TableProfile, TextSection
+from calstation.devices.table import RegisterTable
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.schema import validate
 

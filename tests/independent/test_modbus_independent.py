@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.devices.links.modbus_link import ModbusLink, ModbusRefusalError
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table import load_table_profile
-from calstation.devices.table.modbus_table import ModbusTable
+from calstation.devices.links import ModbusLink, ModbusRefusalError
+from calstation.devices.profiles import SerialSettings, load_table_profile
+from calstation.devices.table import ModbusTable
 
 SOURCE = Path(__file__).with_name("modbus_server.c")
 PROFILE = load_table_profile(Path(__file__).parents[2] / "data" / "tables" / "bench.toml").at_place(2.0, None)

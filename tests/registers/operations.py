@@ -5,10 +5,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from calstation import errors
-from calstation.config.request import RegisterOperation, RunRequest
-from calstation.registers.operation import run_operation
-from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Fault, Message, Settled, StepStarted
+from calstation.config import RegisterOperation, RunRequest
+from calstation.registers import run_operation
+from calstation.sequencer import Control, Event, Fault, Message, Settled, StepStarted
 
 
 @dataclass

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
-from calstation.estimation.gimbal.iteration import drift_matrix
-from calstation.physics.parameters import COUNT
-from calstation.registers.verification import AppliedRegisters, verify_output
-from calstation.sequencer.verification_path import TurnDrift, VerificationData
+from calstation.estimation.common import ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.gimbal import drift_matrix
+from calstation.physics import COUNT
+from calstation.registers import AppliedRegisters, verify_output
+from calstation.sequencer import TurnDrift, VerificationData
 
 NAMES = ("gyro_misalign_yx", "gyro_misalign_zx")
 TRUE = 1e-3

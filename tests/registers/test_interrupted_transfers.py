@@ -14,6 +14,7 @@ from calstation.connection.imu_session import open_imu_session
 from calstation.devices.imu.register_transfer import transfer
 from calstation.devices.imu.registers import RegisterMap
 from calstation.errors import DeviceFaultError, InputError
+from calstation.registers import UnitRegisters, read_unit
 from calstation.registers import journal as register_journal
 from calstation.registers.unit_registers import UnitRegisters, read_unit
 from calstation.runs.run import execute

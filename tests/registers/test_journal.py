@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.devices.imu.register_transfer import Closing, Step
+from calstation.devices.imu import Closing, Step
 from calstation.errors import ConfigurationError
-from calstation.records.checked_lines import append_line
+from calstation.records import append_line
 from calstation.registers import journal
 from tests.helpers import raises_code
 

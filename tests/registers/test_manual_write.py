@@ -9,9 +9,10 @@ import pytest
 
 from calstation.cli.app import run_app
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
+from calstation.registers import UnitRegisters, read_unit, wanted_registers
 from calstation.registers.journal import FOLDER, history
-from calstation.registers.unit_registers import UnitRegisters, compose, read_unit, wanted_registers
-from calstation.results.result import Result
+from calstation.registers.unit_registers import compose
+from calstation.results import Result
 from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import RegisterOperations
 from tests.site_folder import SiteFolder

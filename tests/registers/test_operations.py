@@ -15,11 +15,10 @@ import tomli_w
 from calstation.cli.app import run_app
 from calstation.config import library
 from calstation.errors import CalstationError, DeviceFaultError
+from calstation.registers import UnitRegisters
 from calstation.registers import journal as register_journal
 from calstation.registers import operation as register_errand
-from calstation.registers.unit_registers import UnitRegisters
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import Event, Message, StateChanged, StepStarted
+from calstation.sequencer import Command, Event, Message, StateChanged, StepStarted
 from tests.helpers import raises_code, sampled
 from tests.registers.operations import RegisterOperations
 from tests.site_folder import STATION, SiteFolder

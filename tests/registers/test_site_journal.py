@@ -10,11 +10,12 @@ import pytest
 import tomli_w
 
 from calstation.cli.app import run_app
+from calstation.config import RunRequest, resolve_configuration
 from calstation.config.library import shipped_folder
 from calstation.config.request import RunRequest
 from calstation.config.run_configuration import load_configuration
 from calstation.connection.bench_process import BenchHost
-from calstation.devices.imu.register_transfer import Closing, Step
+from calstation.devices.imu import Closing, Step
 from calstation.errors import ConfigurationError, InputError
 from calstation.registers import journal as register_journal
 from calstation.registers.journal import journal_folder

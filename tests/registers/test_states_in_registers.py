@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from calstation.config import library
-from calstation.sequencer.events import Message
+from calstation.sequencer import Message
 from tests.site_folder import SiteFolder, behind_registers
 
 pytestmark = pytest.mark.long

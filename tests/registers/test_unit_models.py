@@ -16,13 +16,12 @@ from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError, InputError
+from calstation.registers import Transfer, moves_table, wanted_registers
 from calstation.registers import journal as register_journal
-from calstation.registers.journal import Transfer, UnitType, map_digest
-from calstation.registers.operation import moves_table
-from calstation.registers.unit_registers import wanted_registers
-from calstation.results.result import Result
-from calstation.runs.run import execute
-from calstation.sequencer.control import Control
+from calstation.registers.journal import UnitType, map_digest
+from calstation.results import Result
+from calstation.runs import execute
+from calstation.sequencer import Control
 from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import RegisterOperations
 from tests.site_folder import SiteFolder

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from calstation.bench.imu import UNITS
-from calstation.physics.parameters import NAMES
-from calstation.registers.verification import AppliedRegisters, compare
+from calstation.physics import NAMES
+from calstation.registers import AppliedRegisters
+from calstation.registers.verification import compare
 from tests.helpers import sampled
 from tests.registers.verification_scene import GRADES, Captures, profile, profile_data, recording
 

@@ -8,7 +8,7 @@ import pytest
 from calstation.config import library
 from calstation.errors import DeviceFaultError
 from calstation.registers import journal as register_journal
-from calstation.sequencer.events import Message
+from calstation.sequencer import Message
 from tests.helpers import raises_code, sampled
 from tests.registers.operations import RegisterOperations
 from tests.site_folder import SiteFolder

@@ -7,21 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from calstation.bench.config import BenchConfig
+from calstation.bench import BenchConfig
 from calstation.bench.imu import UNITS
-from calstation.bench.truth.simulate import BenchTruth, Simulator
+from calstation.bench.truth import BenchTruth, Simulator
 from calstation.config import library
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.profiles.imu import ImuProfile
-from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
-from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Dwell
-from calstation.physics.parameters import NAMES, PARAMETERS
-from calstation.physics.table import JointLimits, TableGeometry
-from calstation.registers.verification import AppliedRegisters, VerificationCheck, verify_output
+from calstation.devices.imu import RegisterMap
+from calstation.devices.profiles import ImuProfile
+from calstation.estimation.common import ImuModel, Site, SolveContext, TableModel
+from calstation.physics import NAMES, PARAMETERS, Dwell, FloatArray, JointLimits, TableGeometry
+from calstation.registers import AppliedRegisters, verify_output
+from calstation.registers.verification import VerificationCheck
 from calstation.schema import read_toml, validate
-from calstation.sequencer.capture import SHORT_REST, mean_at_rest
-from calstation.sequencer.verification_path import Turned, VerificationData, verification_path
+from calstation.sequencer import Turned, VerificationData, mean_at_rest
+from calstation.sequencer.capture import SHORT_REST
+from calstation.sequencer.verification_path import verification_path
 from tests.devices.powered_unit import write_directly
 
 GRADES = ("nav", "tactical", "mems")
