@@ -51,8 +51,8 @@ class LiveBench:
         if first is not None:
             first._followers.append(self)
             if config.body is None:
-                own = self.truth.table
-                table = replace(first.truth.table, mount=own.mount, orientation=own.orientation)
+                unit_table = self.truth.table
+                table = replace(first.truth.table, mount=unit_table.mount, orientation=unit_table.orientation)
                 self.truth = replace(self.truth, table=table, encoder=first.truth.encoder)
         stream_seed, encoder_seed, other_seed = np.random.SeedSequence([config.seed, 1, earlier]).spawn(3)
         self._random = np.random.default_rng(other_seed)
@@ -113,8 +113,9 @@ class LiveBench:
 
     @property
     def gimbal(self) -> GimbalStream:
-        """The gimbal, which must be configured."""
-        assert isinstance(self._stream, GimbalStream)
+        """The gimbal. Raises TypeError if another table is configured."""
+        if not isinstance(self._stream, GimbalStream):
+            raise TypeError("the bench has no gimbal")
         return self._stream
 
     @property

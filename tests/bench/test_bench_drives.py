@@ -61,7 +61,7 @@ class Unit:
 def pair():
     drives = Pair()
     drives.units = [Unit(drive) for drive in drives.drives]
-    drives.table = RegisterTable(drives.units[0], PROFILE, 16, drives.units[1])
+    drives.table = RegisterTable(drives.units[0], PROFILE, drives.units[1])
     return drives
 
 
@@ -151,7 +151,7 @@ def test_continuous_rotation_requires_a_stop_time_on_link_loss_in_the_profile(pa
     with raises_code(ConfigurationError, "table.would_not_stop"):
         table.rate(0.1, 0.0, 0.5)
     stated = PROFILE.model_copy(update={"link_loss_stop_s": 1.0})
-    table = RegisterTable(pair.units[0], stated, 16, pair.units[1])
+    table = RegisterTable(pair.units[0], stated, pair.units[1])
     table.rate(*np.deg2rad([0.0, -15.0, 40.0]))
     pair.pass_time(3.0)
     np.testing.assert_allclose(table.status().rates, np.deg2rad([0.0, -15.0]), atol=1e-6)

@@ -68,9 +68,9 @@ class StreamFaults:
                 sent.append(self._random.bytes(_NOISE_BYTES))
             if counts["corrupt_frames"]:
                 counts["corrupt_frames"] -= 1
-                spoilt = bytearray(frame)
-                spoilt[int(self._random.integers(2, len(spoilt) - 2))] ^= 1 << int(self._random.integers(8))
-                frame = bytes(spoilt)
+                corrupted = bytearray(frame)
+                corrupted[int(self._random.integers(2, len(corrupted) - 2))] ^= 1 << int(self._random.integers(8))
+                frame = bytes(corrupted)
             elif counts["duplicate_frames"]:
                 counts["duplicate_frames"] -= 1
                 sent.append(frame)

@@ -52,17 +52,17 @@ class ImuUnit(ABC):
 
     def _start(self, time: float) -> None:
         self.registers = np.zeros(REGISTERS, np.float32)
-        held = self.flash.load()
-        if held is not None:
-            self._load_registers(held)
+        content = self.flash.load()
+        if content is not None:
+            self._load_registers(content)
         self._started = time
         self.counter = 0
         self.corrected = False
         self._requantiser = Requantiser()
 
-    def _load_registers(self, held: bytes) -> None:
+    def _load_registers(self, content: bytes) -> None:
         """Load the registers from the content of the flash."""
-        self.registers = np.frombuffer(held, "<f4").astype(np.float32)
+        self.registers = np.frombuffer(content, "<f4").astype(np.float32)
 
     def _register_bytes(self) -> bytes:
         """Return the registers in the format of the flash."""
@@ -116,15 +116,15 @@ class ImuUnit(ABC):
 
     def correction(self) -> Correction:
         """Return the correction defined by the current registers."""
-        held: FloatArray = self.registers.astype(np.float64)
+        registers: FloatArray = self.registers.astype(np.float64)
         return Correction(
-            gyro=np.asarray(np.linalg.inv(np.eye(3) + held[3:12].reshape(3, 3))),
-            before=held[0:3],
+            gyro=np.asarray(np.linalg.inv(np.eye(3) + registers[3:12].reshape(3, 3))),
+            before=registers[0:3],
             after=np.zeros(3),
-            accel=np.asarray(np.linalg.inv(np.eye(3) + held[15:24].reshape(3, 3))),
-            bias=held[12:15],
-            quadratic=held[24:27],
-            levers=held[27:30],
+            accel=np.asarray(np.linalg.inv(np.eye(3) + registers[15:24].reshape(3, 3))),
+            bias=registers[12:15],
+            quadratic=registers[24:27],
+            levers=registers[27:30],
         )
 
     @abstractmethod

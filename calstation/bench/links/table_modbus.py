@@ -17,15 +17,12 @@ from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from calstation.bench.links.lines import open_raw
-from calstation.bench.table import Drive, OutOfRange, Refusal, TableRegisters
+from calstation.bench.table import OutOfRange, Refusal, RegisterBank
 
 #: Modbus unit number of a table with one controller.
 UNIT = 1
 READ = 3
 BAUD = 115200
-
-
-TableUnit = TableRegisters | Drive
 
 
 class TableLink:
@@ -35,7 +32,7 @@ class TableLink:
     the delays of the next replies, host time, s; `refuse` is the Modbus exception of the next reply, 0 for none.
     """
 
-    def __init__(self, units: Mapping[int, TableUnit]) -> None:
+    def __init__(self, units: Mapping[int, RegisterBank]) -> None:
         self.endpoint = ""
         self.mute = self.garble = self.refuse = 0
         self.slow: list[float] = []
@@ -98,7 +95,7 @@ class TableLink:
 
     async def _act(
         self,
-        registers: TableUnit,
+        registers: RegisterBank,
         function_code: int,
         start_address: int,
         address: int,

@@ -7,5 +7,5 @@ from calstation.bench.table.axes import Axes
 from calstation.bench.table.cia402_drives import Drive, drives
 from calstation.bench.table.gimbal import GimbalController, GimbalDrive
 from calstation.bench.table.machine import Clocks, Fault, OutOfRange, Power, Refusal, TableLimits, TableMachine
-from calstation.bench.table.registers import SIZE, WRITABLE, TableRegisters
+from calstation.bench.table.registers import SIZE, WRITABLE, RegisterBank, TableRegisters
 from calstation.bench.table.text import LANGUAGES, TextController

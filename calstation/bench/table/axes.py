@@ -22,21 +22,30 @@ class StateBit(IntFlag):
     REMOTE = 64
 
 
+def state_bits(machine: TableMachine, time: float) -> StateBit:
+    """Return the state of a machine at device time `time`, s, without `REMOTE`."""
+    state = StateBit.SETTLED if machine.settled(time) else StateBit.MOVING
+    state |= StateBit.ENABLED if machine.power is Power.ENABLED else 0
+    state |= StateBit.HOMED if machine.homed else 0
+    state |= StateBit.FAULT if machine.fault is not Fault.NONE else 0
+    return state | (StateBit.CLOSED if machine.interlock_closed else 0)
+
+
 class Axes:
-    """Joints 0 (outer) and 1 (inner), commanded in rad, read in degrees; `wanted` marks joints that are on."""
+    """Joints 0 (outer) and 1 (inner), commanded in rad, read in degrees; `on` marks joints that are on."""
 
     def __init__(self, machine: TableMachine, clocks: Clocks) -> None:
         machine.watchdog = 0.0
         self.machine, self.clocks = machine, clocks
-        self.wanted = [False, False]
+        self.on = [False, False]
         self.rates = [_RATE, _RATE]
         self.accelerations = [_ACCELERATION, _ACCELERATION]
         self.targets = [0.0, 0.0]
 
     def power(self, joint: int, on: bool) -> None:
         """Switch an axis on or off; the machine is enabled once both axes are on."""
-        self.wanted[joint] = on
-        for word in (0x06, 0x07, 0x0F) if all(self.wanted) else (0x06,):
+        self.on[joint] = on
+        for word in (0x06, 0x07, 0x0F) if all(self.on) else (0x06,):
             self.machine.control(word, self.clocks.device(), self.clocks.host())
 
     def home(self) -> None:
@@ -62,24 +71,13 @@ class Axes:
 
     def reset(self) -> None:
         """Clear a latched fault; the axes stay off."""
-        self.wanted = [False, False]
+        self.on = [False, False]
         for word in (0x00, 0x80, 0x00):
             self.machine.control(word, self.clocks.device(), self.clocks.host())
 
     def state(self) -> int:
         """Return the state bits, which are the same for both axes; see `StateBit`."""
-        machine = self.machine
-        state = StateBit.REMOTE
-        state |= StateBit.SETTLED if machine.settled(self.clocks.device()) else StateBit.MOVING
-        if machine.power is Power.ENABLED:
-            state |= StateBit.ENABLED
-        if machine.homed:
-            state |= StateBit.HOMED
-        if machine.fault is not Fault.NONE:
-            state |= StateBit.FAULT
-        if machine.interlock_closed:
-            state |= StateBit.CLOSED
-        return int(state)
+        return int(StateBit.REMOTE | state_bits(self.machine, self.clocks.device()))
 
     @property
     def fault(self) -> int:

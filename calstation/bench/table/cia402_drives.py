@@ -11,7 +11,7 @@ import numpy as np
 
 from calstation.bench.table.axes import Axes
 from calstation.bench.table.machine import Clocks, Fault, Power, TableMachine
-from calstation.bench.table.registers import text_words
+from calstation.bench.table.registers import RegisterBank, text_words
 
 #: Modbus unit numbers of the outer and the inner drive.
 UNITS = (1, 2)
@@ -39,10 +39,10 @@ def drives(machine: TableMachine, clocks: Clocks, serial: str) -> "dict[int, Dri
     return {UNITS[joint]: Drive(joint, axes, f"{serial}{'AB'[joint]}") for joint in (0, 1)}
 
 
-class Drive:
-    """Registers of one drive (0 outer, 1 inner); see `registers.TableRegisters`."""
+class Drive(RegisterBank):
+    """Registers of one drive (0 outer, 1 inner)."""
 
-    writable: tuple[tuple[int, int], ...] = ((CONTROL, 1), (MODE, 1), (TARGET, 8))
+    writable = ((CONTROL, 1), (MODE, 1), (TARGET, 8))
 
     def __init__(self, joint: int, axes: Axes, serial: str) -> None:
         self._joint, self._sense = joint, SENSE[joint]
@@ -67,19 +67,11 @@ class Drive:
         self._put(POSITION, struct.pack(">i", round(counts)))
         self._put(VELOCITY, struct.pack(">f", self._sense * axes.speed(joint)))
 
-    def write(self, address: int, values: list[int]) -> None:
-        """Execute one write request; raises `machine.Refusal` and stores nothing if it is refused."""
-        touched = range(address, address + len(values))
-        before = self.words[address : address + len(values)]
-        self.words[address : address + len(values)] = values
-        try:
-            if CONTROL in touched:
-                self._control(self.words[CONTROL])
-            if MODE in touched or TARGET_VELOCITY in touched:
-                self._turn()
-        except Exception:
-            self.words[address : address + len(values)] = before
-            raise
+    def _execute(self, touched: range) -> None:
+        if CONTROL in touched:
+            self._control(self.words[CONTROL])
+        if MODE in touched or TARGET_VELOCITY in touched:
+            self._turn()
 
     def _control(self, word: int) -> None:
         rising, self._controlword = word & ~self._controlword, word
@@ -89,7 +81,7 @@ class Drive:
         if self._machine.fault is not Fault.NONE:
             return
         on = word & 0x0F == 0x0F
-        if on != axes.wanted[joint]:
+        if on != axes.on[joint]:
             axes.power(joint, on)
         if on and rising & _NEW_SETPOINT:
             self._start()
@@ -121,7 +113,7 @@ class Drive:
         """Return the machine's statusword with this drive's own power state (CiA 402-2, table 29)."""
         word = self._machine.statusword(self._axes.clocks.device())
         if self._machine.fault is Fault.NONE:
-            word = word & ~0x6F | (Power.ENABLED if self._axes.wanted[self._joint] else Power.READY).value
+            word = word & ~0x6F | (Power.ENABLED if self._axes.on[self._joint] else Power.READY).value
         return word
 
     def _put(self, address: int, value: bytes) -> None:

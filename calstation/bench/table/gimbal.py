@@ -5,7 +5,7 @@ Angles are in degrees, rates in °/s. Lines end with LF; every line is answered 
 
 import numpy as np
 
-from calstation.bench.table.axes import StateBit
+from calstation.bench.table.axes import state_bits
 from calstation.bench.table.machine import Clocks, Fault, NotPermitted, OutOfRange, Power, Refusal, TableMachine
 from calstation.bench.table.text import TextController
 from calstation.bench.truth import EncoderTruth, GimbalStream, TableDrive
@@ -108,13 +108,9 @@ class GimbalController(TextController):
 
     def _status(self, device: float) -> str:
         machine = self._machine
-        state = StateBit.SETTLED if machine.settled(device) else StateBit.MOVING
-        state |= StateBit.ENABLED if machine.power is Power.ENABLED else 0
-        state |= StateBit.HOMED if machine.homed else 0
-        state |= StateBit.FAULT if machine.fault is not Fault.NONE else 0
-        state |= StateBit.CLOSED if machine.interlock_closed else 0
         angles, rates = self._stream.readings
-        return ",".join([_text(angles), _text(rates), f"{int(state)},{int(machine.fault)},{machine.watchdog:g}"])
+        state = f"{int(state_bits(machine, device))},{int(machine.fault)},{machine.watchdog:g}"
+        return ",".join([_text(angles), _text(rates), state])
 
 
 def _text(values: FloatArray) -> str:

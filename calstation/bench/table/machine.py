@@ -135,7 +135,7 @@ class TableMachine:
             self.know_zero()
 
     def know_zero(self) -> None:
-        """Reference the encoder angles to home, after homing or with absolute encoders."""
+        """Make home the zero of the encoder angles, after homing or with absolute encoders."""
         self.homed = True
         self._zero = np.zeros(2)
 

@@ -5,6 +5,7 @@ deg, rates in 1e-4 deg/s, accelerations in 1e-4 deg/s².
 """
 
 import struct
+from abc import ABC, abstractmethod
 
 import numpy as np
 
@@ -34,7 +35,33 @@ def text_words(text: str) -> list[int]:
     return [int.from_bytes(data[i : i + 2], "big") for i in range(0, len(data), 2)]
 
 
-class TableRegisters:
+class RegisterBank(ABC):
+    """Holding registers `words`, of which those in `writable`, as (first, count), can be written."""
+
+    words: list[int]
+    writable: tuple[tuple[int, int], ...]
+
+    @abstractmethod
+    def refresh(self) -> None:
+        """Update the status, position and rate registers."""
+
+    def write(self, address: int, values: list[int]) -> None:
+        """Execute one write request; raises `machine.Refusal` and stores nothing if it is refused."""
+        touched = slice(address, address + len(values))
+        before = self.words[touched]
+        self.words[touched] = values
+        try:
+            self._execute(range(address, address + len(values)))
+        except Exception:
+            self.words[touched] = before
+            raise
+
+    @abstractmethod
+    def _execute(self, touched: range) -> None:
+        """Execute what was written to these registers. Raises `machine.Refusal`."""
+
+
+class TableRegisters(RegisterBank):
     """Applies reads and writes of the register map to the machine."""
 
     writable = WRITABLE
@@ -63,25 +90,17 @@ class TableRegisters:
             self._put(first + POSITION, positions[joint] / _ANGLE)
             self._put(first + RATE, rates[joint] / _SPEED)
 
-    def write(self, address: int, values: list[int]) -> None:
-        """Execute one write request; raises `machine.Refusal` and stores nothing if it is refused."""
+    def _execute(self, touched: range) -> None:
         machine, time, host_time = self._machine, self._clocks.device(), self._clocks.host()
         machine.watch(host_time, time)
-        touched = range(address, address + len(values))
-        before = self.words[address : address + len(values)]
-        self.words[address : address + len(values)] = values
-        try:
-            if CONTROL in touched:
-                machine.control(self.words[CONTROL], time, host_time)
-            if WATCHDOG in touched:
-                machine.watchdog = self.words[WATCHDOG] / 1000.0
-            if HEARTBEAT in touched:
-                machine.feed(host_time)
-            if COMMAND in touched:
-                self._command(self.words[COMMAND], time)
-        except Exception:
-            self.words[address : address + len(values)] = before
-            raise
+        if CONTROL in touched:
+            machine.control(self.words[CONTROL], time, host_time)
+        if WATCHDOG in touched:
+            machine.watchdog = self.words[WATCHDOG] / 1000.0
+        if HEARTBEAT in touched:
+            machine.feed(host_time)
+        if COMMAND in touched:
+            self._command(self.words[COMMAND], time)
         self.words[COMMAND] = 0
 
     def _command(self, command: int, time: float) -> None:

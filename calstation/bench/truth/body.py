@@ -36,11 +36,11 @@ class BodyMotion:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return specific force, rate and angular acceleration in b as `FreeMotion.states`, at `times` from 0 on, s."""
         number = np.maximum(np.floor(times / self._period), 0.0).astype(np.int64)
-        found = np.empty((3, len(times), 3))
+        states = np.empty((3, len(times), 3))
         for k in np.unique(number):
             here = number == k
-            found[:, here] = self._episode(int(k)).states(times[here], up_force, earth)
-        return found[0], found[1], found[2]
+            states[:, here] = self._episode(int(k)).states(times[here], up_force, earth)
+        return states[0], states[1], states[2]
 
     def _make(self, number: int) -> FreeMotion:
         """Return the motion of an episode, which begins with the final attitude of the previous one."""

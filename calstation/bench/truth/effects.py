@@ -76,13 +76,13 @@ class Changes:
     def parameters(self, parameters: FloatArray, time: float) -> FloatArray:
         """Return the unit's 30 parameters at `time`, the end of the last sample, s, from their values at time 0."""
         scale, bias = self._grown(time) * self._effects.warm_up_scale, self._bias(time) + self._walk[0]
-        found = parameters.copy()
+        changed = parameters.copy()
         for i, p in enumerate(PARAMETERS):
             if p.sensor in _SENSORS:
                 channel = 3 * _SENSORS.index(p.sensor) + p.row
                 added = scale if p.group.endswith("_scale") else bias if p.group.endswith("_bias") else np.zeros(6)
-                found[i] = found[i] * (1.0 + scale[channel]) + added[channel]
-        return found
+                changed[i] = changed[i] * (1.0 + scale[channel]) + added[channel]
+        return changed
 
     def _grown(self, times: FloatArray | float) -> FloatArray:
         return np.asarray(-np.expm1(-times / self._effects.warm_up_time))

@@ -137,8 +137,8 @@ def record_pair(
     count = int(duration * primary.sample_rate)
     units = [SecondaryTruth(primary, Mounting(np.eye(3), np.zeros(3))), *secondaries]
     counts = []
-    for unit, own in zip(units, root.spawn(len(units)), strict=True):
-        random = np.random.default_rng(own)
+    for unit, unit_seed in zip(units, root.spawn(len(units)), strict=True):
+        random = np.random.default_rng(unit_seed)
         stream = FreeStream(unit.imu, unit.mounting, field, random, random, begin=unit.offset)
         counts.append(stream.produce(count, motion).counts)
     return counts[0], np.stack(counts[1:], axis=1) if secondaries else np.empty((count, 0, 6))
@@ -150,15 +150,15 @@ def pair_truth(primary: ImuTruth, secondary: SecondaryTruth) -> dict[str, FloatA
     The primary measures y = M₁ x + b₁, the secondary M₂ Tᵀ x + b₂ with T from its frame to the body's, so
     C = M₂ Tᵀ M₁⁻¹ and b = b₂ − C b₁.
     """
-    found: dict[str, FloatArray] = {"lever": secondary.mounting.arm, "clock_offset": np.array(secondary.offset)}
+    truth: dict[str, FloatArray] = {"lever": secondary.mounting.arm, "clock_offset": np.array(secondary.offset)}
     for sensor in ("gyro", "accel"):
         first, second = (
             np.eye(3) + group_matrix(imu.parameters, f"{sensor}_scale", f"{sensor}_misalign")
             for imu in (primary, secondary.imu)
         )
         C = second @ secondary.mounting.turn.T @ np.linalg.inv(first)
-        found[f"{sensor}_matrix"] = C
-        found[f"{sensor}_bias"] = group_vector(secondary.imu.parameters, f"{sensor}_bias") - C @ group_vector(
+        truth[f"{sensor}_matrix"] = C
+        truth[f"{sensor}_bias"] = group_vector(secondary.imu.parameters, f"{sensor}_bias") - C @ group_vector(
             primary.parameters, f"{sensor}_bias"
         )
-    return found
+    return truth

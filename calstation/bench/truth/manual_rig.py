@@ -163,20 +163,20 @@ _RETOUCH_ANGLE = np.deg2rad(12.0)
 class HandStream:
     """Samples of one unit on a manual rig; they do not depend on the sizes of the requests.
 
-    The operator reacts after a delay, and occasionally touches the rig again before it has rested long enough. `asked`
-    is the last requested pose, rad.
+    The operator reacts after a delay, and occasionally touches the rig again before it has rested long enough.
+    `requested` is the last requested pose, rad.
     """
 
     def __init__(self, imu: ImuTruth, rig: ManualRig, seed: np.random.SeedSequence) -> None:
-        vibration, noise, own = (np.random.default_rng(part) for part in seed.spawn(3))
+        vibration, noise, random = (np.random.default_rng(part) for part in seed.spawn(3))
         self._samples = FreeStream(imu, Mounting(np.eye(3), np.asarray(rig.arm)), rig.field, vibration, noise)
         self.interval = self._samples.interval
-        self._random = own
-        self._base = foot(rig, own)
-        self._hands = Hands(rig, own)
+        self._random = random
+        self._base = foot(rig, random)
+        self._hands = Hands(rig, random)
         self._motion = self._hands.motion(self._base)
         self._free = 0.0
-        self.asked: Pose = (0.0, 0.0)
+        self.requested: Pose = (0.0, 0.0)
 
     @property
     def produced(self) -> int:
@@ -185,9 +185,9 @@ class HandStream:
 
     def carry(self, pose: Pose, rest: float, time: float) -> None:
         """Request at `time`, s, a move of the rails to `pose` (outer, inner), rad, followed by a rest of `rest` s."""
-        if pose == self.asked:
+        if pose == self.requested:
             return
-        self.asked = pose
+        self.requested = pose
         hands, random = self._hands, self._random
         hands.forget(self.produced * self.interval)
         self._free = hands.push(pose, max(time, self._free) + random.uniform(*_REACTION_TIME))

@@ -3,9 +3,8 @@
 The files are found and edited by `config`.
 """
 
-from calstation.devices.profiles.entries import hex_bytes
+from calstation.devices.profiles.entries import SerialSettings, hex_bytes
 from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, CrcSection, FrameField, FrameSection, Span, span
-from calstation.devices.profiles.gimbal import GimbalSection
 from calstation.devices.profiles.imu import ImuProfile, check_baud, load_imu_profile
 from calstation.devices.profiles.imu_protocols import (
     OPS,
@@ -19,7 +18,6 @@ from calstation.devices.profiles.imu_protocols import (
 )
 from calstation.devices.profiles.imu_sections import StatusSection
 from calstation.devices.profiles.registers import RegisterEntry
-from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import ImuLinkSection, ModbusSection, TableProfile, load_table_profile
 from calstation.devices.profiles.table_registers import JOINTS, ModbusRegister, StatusBit
-from calstation.devices.profiles.text import CheckedLines, Flag, TextSection
+from calstation.devices.profiles.text import CheckedLines, Flag, GimbalSection, TextSection

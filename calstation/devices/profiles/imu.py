@@ -8,12 +8,11 @@ import numpy as np
 from pydantic import Field, create_model, field_validator, model_validator
 
 from calstation.devices.codecs import number
-from calstation.devices.profiles.entries import ModelName
+from calstation.devices.profiles.entries import ModelName, SerialSettings
 from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, FrameSection, check_samples, span
 from calstation.devices.profiles.imu_protocols import PROTOCOLS, ImuProtocol
 from calstation.devices.profiles.imu_sections import CorrectedSection, NoiseSection, StatusSection, StreamSection
 from calstation.devices.profiles.registers import RegisterEntry, check_registers
-from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.physics import GROUPS, NAMES, PARAMETERS, EffectName, FloatArray, entry_of
 from calstation.schema import EntryError, KeyPath, StrictModel, entry, load_once, near_miss
 

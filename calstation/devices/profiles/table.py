@@ -7,9 +7,7 @@ from typing import Literal, TypeVar
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from calstation.devices.profiles.entries import ModelName
-from calstation.devices.profiles.gimbal import GimbalSection
-from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.devices.profiles.entries import ModelName, SerialSettings
 from calstation.devices.profiles.table_registers import (
     JOINTS,
     JointSection,
@@ -18,7 +16,7 @@ from calstation.devices.profiles.table_registers import (
     TableCommands,
     TableMap,
 )
-from calstation.devices.profiles.text import TextSection
+from calstation.devices.profiles.text import GimbalSection, TextSection
 from calstation.errors import ConfigurationError
 from calstation.physics import AXES, GimbalJoints, JointLimits, TableGeometry
 from calstation.schema import EntryError, StrictModel, load_once

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.devices.profiles.entries import SerialSettings
 from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, check_pattern, entry, near_miss
 
@@ -260,3 +260,31 @@ class TextSection(StrictModel):
 
     def _unknown_query(self, name: str) -> dict[str, str | Text]:
         return {"name": name, "remedy": near_miss(name, self.queries)}
+
+
+class GimbalCommands(CommandLines):
+    """`[gimbal.commands]`: the lines of each command, in order.
+
+    home : move all joints to zero and lock them; lock : lock the joints and average the gyro output as the gyro bias;
+    stabilise : hold the body at rest in space on the corrected rates; turn : turn about the body axis {axis} by {angle}
+    at {rate} with the others stabilised, not repeated if its reply is lost
+    """
+
+    home: list[str] = Field(min_length=1)
+    move: list[str] = Field(default_factory=list, max_length=0)
+    lock: list[str] = Field(min_length=1)
+    stabilise: list[str] = Field(min_length=1)
+    turn: list[str] = Field(min_length=1)
+
+
+class GimbalSection(TextSection):
+    """`[gimbal]`: like `[text]` with three axes, the names of the joints x, y and z in the lines."""
+
+    joint_names: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    commands: GimbalCommands
+
+    @model_validator(mode="after")
+    def _has_watchdog(self) -> "GimbalSection":
+        if not self.commands.heartbeat:
+            raise EntryError("entry.missing", "commands", "heartbeat")
+        return self

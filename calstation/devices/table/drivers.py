@@ -6,9 +6,8 @@ import numpy as np
 
 from calstation.devices.interfaces import Table, TableIdentity, TableStatus
 from calstation.devices.profiles import SerialSettings, TableProfile
-from calstation.devices.table.gimbal_table import GimbalTable
-from calstation.devices.table.modbus_table import ModbusTable
-from calstation.devices.table.text_table import TextTable
+from calstation.devices.table.register_table import ModbusTable
+from calstation.devices.table.text_table import GimbalTable, TextTable
 from calstation.errors import ConfigurationError
 
 

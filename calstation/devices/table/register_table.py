@@ -1,4 +1,8 @@
-"""Driver of a two-axis table with 16-bit registers as defined in its profile (CiA 402 words), on any register link."""
+"""Drivers of two-axis tables with 16-bit registers as defined in their profiles (CiA 402 words).
+
+The registers are on a Modbus link or, for an inertial system with its own indexing unit, on the link of its stream:
+there the IMU's driver owns the port, and registers are read and written by two of its commands.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -7,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from calstation.devices.codecs import register_text
+from calstation.devices.imu import FramedImu, ImuBusyError, ImuRefusalError, StreamedImu
 from calstation.devices.interfaces import (
     LOCAL_CONTROL,
     UNKNOWN_FAULT,
@@ -15,7 +20,16 @@ from calstation.devices.interfaces import (
     TableIdentity,
     TableStatus,
 )
-from calstation.devices.profiles import JOINTS, ImuLinkSection, ModbusRegister, StatusBit, TableProfile
+from calstation.devices.links import ModbusLink
+from calstation.devices.profiles import (
+    JOINTS,
+    ImuLinkSection,
+    ModbusRegister,
+    ModbusSection,
+    SerialSettings,
+    StatusBit,
+    TableProfile,
+)
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import snap_angles
 from calstation.physics import JointLimits
@@ -271,6 +285,85 @@ class RegisterTable(Table):
     def _text(self, name: str) -> str:
         register = self._map.registers[name]
         return register_text(self._drive(name).read(register.address, register.count))
+
+
+class ModbusTable(RegisterTable):
+    """Driver of a table on a port, `tcp://host:port` or a serial port for RTU."""
+
+    def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
+        modbus = profile.section_of(ModbusSection)
+        link = ModbusLink(port, modbus.unit, modbus.timeout_s, serial or modbus.serial)
+        inner = None if modbus.inner_unit is None else OtherUnit(link, modbus.inner_unit)
+        super().__init__(link, profile, inner)
+        self._port = port
+        self._texts: dict[str, str] = {}
+        link.greet = self._greet
+
+    def _text(self, name: str) -> str:
+        self._texts[name] = super()._text(name)
+        return self._texts[name]
+
+    def _greet(self) -> None:
+        for name, expected in self._texts.items():
+            text = super()._text(name)
+            if text != expected:
+                raise DeviceFaultError("table.other_table", port=self._port, found=text, expected=expected)
+
+
+class OtherUnit:
+    """Registers of a second unit on a line whose port the first unit owns; implements `RegisterLink`."""
+
+    received = b""
+
+    def __init__(self, link: ModbusLink, unit: int) -> None:
+        self._link, self._unit = link, unit
+
+    def read(self, address: int, count: int) -> list[int]:
+        return self._link.read(address, count, self._unit)
+
+    def write(self, address: int, values: list[int], repeat: bool = True) -> None:
+        self._link.write(address, values, repeat, self._unit)
+
+    def close(self) -> None:
+        """Do nothing: the first unit closes the link."""
+
+
+class ImuWords:
+    """A `RegisterLink` over commands of the IMU. Raises DeviceFaultError if it refuses or is silent."""
+
+    received = b""
+
+    def __init__(self, imu: FramedImu, *, owned: bool) -> None:
+        self._imu, self._owned = imu, owned
+
+    def read(self, address: int, count: int) -> list[int]:
+        try:
+            return self._imu.read_words(address, count)
+        except ImuRefusalError as exc:
+            code = "table.system_read_busy" if isinstance(exc, ImuBusyError) else "table.system_read_refused"
+            raise DeviceFaultError(code, address=address, last=address + count - 1, reason=exc.reason) from exc
+
+    def write(self, address: int, values: list[int], repeat: bool = True) -> None:
+        try:
+            self._imu.write_words(address, values, repeat)
+        except ImuRefusalError as exc:
+            code = "table.system_write_busy" if isinstance(exc, ImuBusyError) else "table.system_write_refused"
+            raise DeviceFaultError(code, address=address, reason=exc.reason) from exc
+
+    def close(self) -> None:
+        if self._owned:
+            self._imu.close()
+
+
+class SharedTable(RegisterTable):
+    """Driver of the axes on their IMU's link; raises ConfigurationError if the IMU lacks the commands for them."""
+
+    def __init__(self, imu: StreamedImu, profile: TableProfile, *, owned: bool = False) -> None:
+        if not isinstance(imu, FramedImu):
+            if owned:
+                imu.close()
+            raise ConfigurationError("table.imu_without_words", profile=profile.name)
+        super().__init__(ImuWords(imu, owned=owned), profile)
 
 
 def _spans(registers: list[ModbusRegister], gap: int) -> list[tuple[int, int]]:

@@ -12,7 +12,7 @@ import numpy as np
 from calstation.bench.imu.flash import PowerCut
 from calstation.bench.imu.frames import REPLY_SYNC, CommandParser, pack
 from calstation.bench.imu.unit import CORRECTED, OFF, RAW, REGISTERS, ImuUnit
-from calstation.bench.table import SIZE, WRITABLE, OutOfRange, Refusal
+from calstation.bench.table import SIZE, WRITABLE, OutOfRange, Refusal, TableRegisters
 
 MODEL = "bench-imu"
 FIRMWARE = "1.0.0"
@@ -44,7 +44,11 @@ class FramedUnit(ImuUnit):
         """Return the reply frame to one command at `time`, s; empty if the power fails."""
         handlers = {READ: self._read, WRITE: self._write, COMMIT: self._commit, STREAM: self._stream}
         if self.axes is not None:
-            handlers |= {READ_WORDS: self._read_words, WRITE_WORDS: self._write_words}
+            axes = self.axes
+            handlers |= {
+                READ_WORDS: lambda payload, time: _read_words(axes, payload),
+                WRITE_WORDS: lambda payload, time: _write_words(axes, payload),
+            }
         try:
             if op == IDENTIFY:
                 result: bytes | int = f"{MODEL};{self._serial};{FIRMWARE}".encode("ascii", "replace")
@@ -84,32 +88,6 @@ class FramedUnit(ImuUnit):
         self._refusals -= time < self._busy_until
         return time < self._busy_until and self._refusals >= 0
 
-    def _read_words(self, payload: bytes, time: float) -> bytes | int:
-        assert self.axes is not None
-        if len(payload) != 3:
-            return BAD_ADDRESS
-        address, count = struct.unpack("<HB", payload)
-        if count == 0 or count > 126 or address + count > SIZE:
-            return BAD_ADDRESS
-        self.axes.refresh()
-        return payload + struct.pack(f"<{count}H", *self.axes.words[address : address + count])
-
-    def _write_words(self, payload: bytes, time: float) -> bytes | int:
-        assert self.axes is not None
-        if len(payload) < 5:
-            return BAD_ADDRESS
-        address, count = struct.unpack("<HB", payload[:3])
-        writable = {first + i for first, size in WRITABLE for i in range(size)}
-        if len(payload) != 3 + 2 * count or not writable.issuperset(range(address, address + count)):
-            return BAD_ADDRESS
-        try:
-            self.axes.write(address, list(struct.unpack(f"<{count}H", payload[3:])))
-        except OutOfRange:
-            return BAD_VALUE
-        except Refusal:
-            return BAD_STATE
-        return payload[:3]
-
     def _commit(self, payload: bytes, time: float) -> bytes | int:
         if self._burning(time):
             return FLASH_BUSY
@@ -124,6 +102,32 @@ class FramedUnit(ImuUnit):
             return BAD_VALUE
         self.streaming, self.corrected = payload[0] != OFF, payload[0] == CORRECTED
         return payload
+
+
+def _read_words(axes: TableRegisters, payload: bytes) -> bytes | int:
+    if len(payload) != 3:
+        return BAD_ADDRESS
+    address, count = struct.unpack("<HB", payload)
+    if count == 0 or count > 126 or address + count > SIZE:
+        return BAD_ADDRESS
+    axes.refresh()
+    return payload + struct.pack(f"<{count}H", *axes.words[address : address + count])
+
+
+def _write_words(axes: TableRegisters, payload: bytes) -> bytes | int:
+    if len(payload) < 5:
+        return BAD_ADDRESS
+    address, count = struct.unpack("<HB", payload[:3])
+    writable = {first + i for first, size in WRITABLE for i in range(size)}
+    if len(payload) != 3 + 2 * count or not writable.issuperset(range(address, address + count)):
+        return BAD_ADDRESS
+    try:
+        axes.write(address, list(struct.unpack(f"<{count}H", payload[3:])))
+    except OutOfRange:
+        return BAD_VALUE
+    except Refusal:
+        return BAD_STATE
+    return payload[:3]
 
 
 UNIT = FramedUnit

@@ -64,8 +64,8 @@ class DspUnit(ImuUnit):
         self._page = 0
         self._busy = 0
 
-    def _load_registers(self, held: bytes) -> None:
-        words = list(struct.unpack(f"<{len(held) // 2}H", held))
+    def _load_registers(self, content: bytes) -> None:
+        words = list(struct.unpack(f"<{len(content) // 2}H", content))
         for page, (_, count) in PAGES.items():
             self._words[page], words = words[:count], words[count:]
 

@@ -138,9 +138,9 @@ class VectorNavUnit(ImuUnit):
         return f"VNRRG,{register:02d}," + ",".join(f"{value:+.6E}" for value in self._numbers(register))
 
     def _numbers(self, register: int) -> list[float]:
-        held = self.registers[_OFFSETS[register] :][:12].copy()
-        held[list(_ONES)] += np.float32(1.0)
-        return [float(value) for value in held]
+        numbers = self.registers[_OFFSETS[register] :][:12].copy()
+        numbers[list(_ONES)] += np.float32(1.0)
+        return [float(value) for value in numbers]
 
     def _write_register(self, register: int, words: list[str]) -> str | int:
         fields = words[1:]
@@ -168,10 +168,10 @@ class VectorNavUnit(ImuUnit):
         mode, divisor = int(words[1]), int(words[2])
         if mode not in (0, 1) or divisor <= 0 or (mode == 1 and _IMU_RATE / divisor != self._config.sample_rate_hz):
             return BAD_VALUE
-        wanted = [word.upper().zfill(len(known)) for word, known in zip(words[3:], _OUTPUT, strict=False)]
-        if wanted not in (_OUTPUT, _COMPENSATED_OUTPUT):
+        output = [word.upper().zfill(len(known)) for word, known in zip(words[3:], _OUTPUT, strict=False)]
+        if output not in (_OUTPUT, _COMPENSATED_OUTPUT):
             return BAD_VALUE
-        self.streaming, self.corrected = mode == 1, wanted == _COMPENSATED_OUTPUT
+        self.streaming, self.corrected = mode == 1, output == _COMPENSATED_OUTPUT
         return "VNWRG," + ",".join(words)
 
 
