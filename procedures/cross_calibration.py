@@ -88,16 +88,16 @@ class PairStage:
         done: dict[int, PairResult] = {}
         checks: dict[int, StaticCheck] = {}
         rest = self._calibration.last_rest(data)
-        for place, secondary in enumerate(self._context.secondaries):
+        for index, secondary in enumerate(self._context.secondaries):
             if rest is not None:
-                check = self._calibration.check(data, rest, place, secondary, secondary.stored)
+                check = self._calibration.check(data, rest, index, secondary, secondary.stored)
                 if check is not None:
                     checks[secondary.number] = check
             done[secondary.number] = self._calibration.calibrate(
-                data, place, secondary, self._schedule.choice, secondary.stored
+                data, index, secondary, self._schedule.choice, secondary.stored
             )
             if progress is not None:
-                progress((place + 1) / len(self._context.secondaries))
+                progress((index + 1) / len(self._context.secondaries))
         return self._solution(done, checks, {s.number: s.stored for s in self._context.secondaries}, data.gaps, ())
 
     def _watched(self, watch: PairWatch) -> Solution:
@@ -119,9 +119,9 @@ class PairStage:
         gaps: int,
         messages: tuple[tuple[str, dict[str, Any]], ...],
     ) -> Solution:
-        found: dict[str, Estimate] = {}
+        estimates: dict[str, Estimate] = {}
         for number, calibrated in done.items():
-            found.update(_estimates(number, calibrated, self._context.imu.sample_rate))
+            estimates.update(_estimates(number, calibrated, self._context.imu.sample_rate))
         halves = [c.fit.halves for c in done.values()]
         fitted = int(sum(c.fit.fitted.sum() for c in done.values()))
         kept = [number for number in stored if number not in done]
@@ -149,7 +149,7 @@ class PairStage:
                 ],
             },
             messages=messages,
-            found=found,
+            estimates=estimates,
             tests=tuple(_worst(tests) for tests in ([_steady(*item) for item in done.items()], harmful) if tests),
             explanation=_worst(harmless) if harmless else None,
         )
@@ -161,7 +161,7 @@ def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[
     limits = {**UNDETERMINED, "clock_offset": 0.5 / sample_rate}
     # if only the bias was fitted, the fixed matrix is listed too, because the bias is valid only in combination with it
     fixed = {
-        f"secondary_{s}_matrix" for s, place in (("gyro", GYRO_BIAS), ("accel", ACCEL_BIAS)) if fit.fitted[place].any()
+        f"secondary_{s}_matrix" for s, bias in (("gyro", GYRO_BIAS), ("accel", ACCEL_BIAS)) if fit.fitted[bias].any()
     }
     return {
         pair_name(p.name, number): Estimate(float(value), float(s), p.unit, bool(s <= limits.get(p.group, np.inf)))
@@ -192,13 +192,13 @@ def _worst(tests: list[ModelTest]) -> ModelTest:
 
 def _of_pair(number: int, test: ModelTest) -> ModelTest:
     """Return a test for effects outside the model with the parameter names of a pair."""
-    found = test.diagnosis
-    shift = {pair_name(name, number): size for name, size in found.parameter_shift.items()}
-    if changed := found.values["parameter"]:
-        values = {**found.values, "parameter": pair_name(changed, number)}
-        return replace(test, diagnosis=replace(found, parameter_shift=shift, values=values))
-    values = {**found.values, "number": number, "effect": found.cause}
-    return replace(test, diagnosis=replace(found, cause="pair_effect", parameter_shift=shift, values=values))
+    diagnosis = test.diagnosis
+    shift = {pair_name(name, number): size for name, size in diagnosis.parameter_shift.items()}
+    if changed := diagnosis.values["parameter"]:
+        values = {**diagnosis.values, "parameter": pair_name(changed, number)}
+        return replace(test, diagnosis=replace(diagnosis, parameter_shift=shift, values=values))
+    values = {**diagnosis.values, "number": number, "effect": diagnosis.cause}
+    return replace(test, diagnosis=replace(diagnosis, cause="pair_effect", parameter_shift=shift, values=values))
 
 
 def _details(

@@ -51,16 +51,16 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     while True:
         for number, name in enumerate(ORDER):
             turn = geometry.body_turn(np.eye(3)["xyz".index(name)], joints[INNER])
-            place = [joints[OUTER], joints[INNER]]
+            target = [joints[OUTER], joints[INNER]]
             if turn.inner is None:
-                place[OUTER] = geometry.level_inner((joints[OUTER], joints[INNER]))
+                target[OUTER] = geometry.level_inner((joints[OUTER], joints[INNER]))
             else:
-                place[INNER] = turn.inner
+                target[INNER] = turn.inner
             way = -last.get(turn.joint, -turn.sign)
-            place[turn.joint], way = _revolution(geometry.limits, turn.joint, place[turn.joint], way)
+            target[turn.joint], way = _revolution(geometry.limits, turn.joint, target[turn.joint], way)
             last[turn.joint] = way
-            if max(abs(a - b) for a, b in zip(place, joints, strict=True)) > 1e-9:
-                joints = place
+            if max(abs(a - b) for a, b in zip(target, joints, strict=True)) > 1e-9:
+                joints = target
                 yield Move(joints[0], joints[1], fast, acceleration, ("into_place", name))
                 yield Dwell(short)
             for k, (angle, dwell) in enumerate(oblique if number % 2 else whole):

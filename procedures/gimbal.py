@@ -232,7 +232,7 @@ def _axis_solution(
     noise, name = filter_noise(context), AXES[course.axis]
     encoder = context.table.encoder_sigma**2
     # covariance of the error of K and of the joint errors at the last rest, which is shared by two successive turns
-    P, shared, left, drift = np.zeros((2, 2)), np.zeros((2, 2)), np.eye(2), np.zeros((2, 2))
+    P, shared, remaining, drift = np.zeros((2, 2)), np.zeros((2, 2)), np.eye(2), np.zeros((2, 2))
     before = None
     for m in motions:
         if before != m.between[0]:
@@ -248,17 +248,17 @@ def _axis_solution(
         mixed = correct * step @ shared @ convert.T
         P = step @ P @ step.T - mixed - mixed.T + correct**2 * random
         shared = encoder * correct * convert
-        left = step @ left
+        remaining = step @ remaining
     mount = np.deg2rad(schedule.mount_sigma_deg)
     scale = float(prior.mean[INDEX[f"gyro_scale_{name}"]])
     names = [f"gyro_misalign_{AXES[row]}{name}" for row in others(course.axis)]
     initial = fit.posterior.mean[[INDEX[name] for name in names]]
-    covariance = P + np.diag((left @ initial) ** 2)
+    covariance = P + np.diag((remaining @ initial) ** 2)
     return _AxisSolution(
         {name: float(k) * (1.0 + scale) for name, k in zip(names, course.corrections[-1], strict=True)},
         covariance + mount**2 * np.eye(2),
         np.sqrt(np.diag(covariance)),
-        float(np.linalg.norm(left, 2)),
+        float(np.linalg.norm(remaining, 2)),
         float(np.sqrt(np.linalg.eigvalsh(drift)[-1])),
     )
 
@@ -281,8 +281,8 @@ def _require_agreement(solved: _AxisSolution, fit: GimbalFit) -> None:
     for (name, value), sigma in zip(solved.values.items(), solved.sigma, strict=True):
         at_once = float(fit.posterior.mean[INDEX[name]])
         if abs(value - at_once) > AGREEMENT * sigma:
-            found = {"iteration": value, "sigma": sigma, "least_squares": at_once}
-            in_arcsec = {f"{key}_arcsec": float(np.rad2deg(v) * 3600) for key, v in found.items()}
+            compared = {"iteration": value, "sigma": sigma, "least_squares": at_once}
+            in_arcsec = {f"{key}_arcsec": float(np.rad2deg(v) * 3600) for key, v in compared.items()}
             raise InputError("recording.gimbal_disagrees", name=name, **in_arcsec)
 
 
@@ -290,14 +290,12 @@ def _measured(prior: Posterior, solved: list[_AxisSolution]) -> Posterior:
     """Update the prior with the observed misalignments (Kalman update)."""
     posterior = prior
     for axis in solved:
-        places, z = [INDEX[name] for name in axis.values], np.array(list(axis.values.values()))
+        rows, z = [INDEX[name] for name in axis.values], np.array(list(axis.values.values()))
         P, R = posterior.covariance, axis.covariance
-        gain = np.linalg.solve(P[np.ix_(places, places)] + R, P[places]).T
-        left = np.eye(len(posterior.mean))
-        left[:, places] -= gain
-        posterior = Posterior(
-            posterior.mean + gain @ (z - posterior.mean[places]), left @ P @ left.T + gain @ R @ gain.T
-        )
+        gain = np.linalg.solve(P[np.ix_(rows, rows)] + R, P[rows]).T
+        I_KH = np.eye(len(posterior.mean))
+        I_KH[:, rows] -= gain
+        posterior = Posterior(posterior.mean + gain @ (z - posterior.mean[rows]), I_KH @ P @ I_KH.T + gain @ R @ gain.T)
     return posterior
 
 

@@ -144,7 +144,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
 def find_turns(data: StageData, context: SolveContext, prior: Posterior) -> tuple[list[Turn], bool]:
     """Find whole turns between rests; also return whether, without encoder angles, they were assumed to be whole."""
     geometry = context.table.geometry
-    found, assumed, rest_count = [], False, 0
+    turns, assumed, rest_count = [], False, 0
     for segment in data.segments:
         still = find_rests(data, context.imu, prior.gyro_bias, [segment])
         for number, ((a0, a1), (b0, b1)) in enumerate(itertools.pairwise(still)):
@@ -164,9 +164,9 @@ def find_turns(data: StageData, context: SolveContext, prior: Posterior) -> tupl
             way = after[joint] - before[joint]
             if abs(way - 2.0 * np.pi * np.round(way / (2.0 * np.pi))) < WHOLE and abs(way) > SMALLEST_TURN:
                 rest = (rest_count + number, rest_count + number + 1)
-                found.append(Turn(start, stop, b0, total, joint, np.vstack([before, after]), rest, duration))
+                turns.append(Turn(start, stop, b0, total, joint, np.vstack([before, after]), rest, duration))
         rest_count += len(still)
-    return found, assumed
+    return turns, assumed
 
 
 def _require_whole(
@@ -233,18 +233,18 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Pos
     table, site = context.table, context.site
     geometry, orientation = table.geometry, np.array(table.orientation)
     noise = filter_noise(context)
-    places = sorted({r for t in turns for r in t.rest})
+    rests = sorted({r for t in turns for r in t.rest})
     earth = rotation_rate(site.latitude)
     integrals = [_earth_integral(data, t, geometry, earth, site.azimuth or 0.0) for t in turns]
     level, north, east = np.array(integrals).transpose(1, 0, 2)
     angles, duration = np.array([t.angles for t in turns]), np.array([[t.duration] for t in turns])
-    first, second = np.searchsorted(places, [t.rest for t in turns]).T
+    first, second = np.searchsorted(rests, [t.rest for t in turns]).T
     joint = np.array([[t.joint] for t in turns])
 
     # nuisances: mounting (3), azimuth (1), directions of outer and inner axis (3 + 3), encoders at each rest (2)
     azimuth_sigma = table.azimuth_sigma if site.azimuth is not None and not assumed else FREE_AZIMUTH_SIGMA
     sigma = np.concatenate(
-        [[table.mount_sigma] * 3, [azimuth_sigma], [AXIS_SIGMA] * 6, [table.encoder_sigma] * (2 * len(places))]
+        [[table.mount_sigma] * 3, [azimuth_sigma], [AXIS_SIGMA] * 6, [table.encoder_sigma] * (2 * len(rests))]
     )
 
     def model(parameters: FloatArray, nuisance: FloatArray) -> FloatArray:
@@ -265,7 +265,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Pos
     bias_drift = 2.0 * noise.bias_drift[0] ** 2 / BIAS_DRIFT_TIME
     variance = np.repeat([noise.rate * t.duration + bias_drift * t.duration**3 / 3.0 for t in turns], 3)
     mask = np.array([name in ESTIMATED for name in NAMES])
-    zero, encoders = np.zeros(len(sigma)), slice(len(sigma) - 2 * len(places), None)
+    zero, encoders = np.zeros(len(sigma)), slice(len(sigma) - 2 * len(rests), None)
     result = map_estimate("rate", model, observed, variance, prior, zero, sigma, mask, encoders, GROUPS)
     sensitivity = None
     if context.diagnostics:

@@ -76,7 +76,7 @@ class Solution:
     details: Mapping[str, Any] = field(default_factory=dict)  #: Other results such as residuals, JSON values.
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: Messages for the user, (message id, values).
     innovations: Innovations | None = None  #: For diagnostics; not part of a result file.
-    found: Mapping[str, Estimate] = field(default_factory=dict)  #: Other estimated values, by contract name.
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)  #: Other estimated values, by contract name.
     evidence: Evidence | None = None  #: Rests and motions of the stage, if the product's checks need them.
     latitude: LatitudeEstimate | None = None  #: Latitude from the gyros at all rests so far, if accurate enough.
     sensitivity: Sensitivity | None = None  #: Response to effects outside the model; None if it is not known.
@@ -88,11 +88,17 @@ class Solution:
 
 def stage_residuals(solution: Solution, data: StageData, rests: RestResiduals) -> StageResiduals:
     """Return the residuals of a solved stage per rest and move; without any row if the method has no innovations."""
-    found = solution.innovations
-    if found is None:
+    innovations = solution.innovations
+    if innovations is None:
         return StageResiduals()
     return position_residuals(
-        data, rests, solution.posterior, found.seq, found.normalised, white=found.white, score=solution.local_scores
+        data,
+        rests,
+        solution.posterior,
+        innovations.seq,
+        innovations.normalised,
+        white=innovations.white,
+        score=solution.local_scores,
     )
 
 
@@ -103,20 +109,22 @@ def with_diagnosis(solution: Solution, data: StageData, context: SolveContext) -
     residuals = stage_residuals(solution, data, rest_residuals(data, context, solution.posterior))
     if not residuals.rows:
         return solution
-    found = concentration(residuals, white=solution.innovations.white)
-    rows, scores = [residuals.rows[k] for k in found.rows], residuals.scores
-    named, by_row = [row.text for row in rows[:MAX_NAMED]], found.place in ("rest", "move")
-    axis = found.axis.split("+") if rows[0].kind == "move" else found.axis
-    where = named if by_row else [Text(f"residual.{found.place}", {"axis": axis, "worst": named})]
-    values: dict[str, Any] = {"where": [text.to_json() for text in where], "percent": 100.0 * min(found.share, 1.0)}
-    if found.signs is not None and scores is not None:
-        channel, error, sigma = scores.single(found.rows, found.signs)
-        shift = error * scores.shift[:, [6 * k + channel for k in found.rows]] @ found.signs / solution.posterior.sigma
+    excess = concentration(residuals, white=solution.innovations.white)
+    rows, scores = [residuals.rows[k] for k in excess.rows], residuals.scores
+    named, by_row = [row.text for row in rows[:MAX_NAMED]], excess.location in ("rest", "move")
+    axis = excess.axis.split("+") if rows[0].kind == "move" else excess.axis
+    where = named if by_row else [Text(f"residual.{excess.location}", {"axis": axis, "worst": named})]
+    values: dict[str, Any] = {"where": [text.to_json() for text in where], "percent": 100.0 * min(excess.share, 1.0)}
+    if excess.signs is not None and scores is not None:
+        channel, error, sigma = scores.single(excess.rows, excess.signs)
+        shift = (
+            error * scores.shift[:, [6 * k + channel for k in excess.rows]] @ excess.signs / solution.posterior.sigma
+        )
         shifts = {name: float(shift[NAMES.index(name)]) for name in solution.estimated}
         values["channel"] = CHANNELS[channel]
         unit = "rad/s" if channel < 3 else "m/s²"
         return replace(solution, diagnosis=Diagnosis("excess_shift", error, sigma, unit, shifts, values))
-    if found.place == "stage":
+    if excess.location == "stage":
         values["times"] = sum(row.total for row in rows) / max(sum(row.freedom for row in rows), 1)
         return replace(solution, diagnosis=Diagnosis("excess_spread", values=values))
     values["component"] = rows[0].component_name

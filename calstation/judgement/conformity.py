@@ -172,7 +172,7 @@ def _section(meta: LogMeta) -> ConformitySection:
 
 def _measurement(meta: LogMeta, name: str, prior: Posterior, solutions: Sequence[Solution]) -> Measurement:
     if name not in INDEX:
-        estimate = next(s.found[name] for s in reversed(solutions) if name in s.found)
+        estimate = next(s.estimates[name] for s in reversed(solutions) if name in s.estimates)
         return Measurement(estimate.value, estimate.sigma)
     i, posterior = INDEX[name], solutions[-1].posterior
     value, sigma = float(posterior.mean[i]), float(posterior.sigma[i])

@@ -56,7 +56,7 @@ def unobservable(prior: Posterior, solutions: Sequence[Solution]) -> list[str]:
         if before[INDEX[name]] > 0
         and (after[INDEX[name]] > OBSERVABLE * before[INDEX[name]] or _not_observed(name, solutions))
     ]
-    return lost + [name for s in solutions for name, e in s.found.items() if not e.determined]
+    return lost + [name for s in solutions for name, e in s.estimates.items() if not e.determined]
 
 
 def undetermined(prior: Posterior, solutions: Sequence[Solution], calibrated: Collection[str]) -> list[str]:
@@ -116,7 +116,7 @@ def check_limits(
             estimate = Estimate(float(posterior.mean[i]), float(sigma[i]), PARAMETERS[i].unit)
             checks += _check_estimate(name, estimate, limit, limit.sigma_limit(stage), near, rule)
     for s in solutions:
-        for name, estimate in s.found.items():
+        for name, estimate in s.estimates.items():
             limit = entry_of(limits, name)
             if limit is not None:
                 checks += _check_estimate(name, estimate, limit, limit.sigma_below, near, rule)

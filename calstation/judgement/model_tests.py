@@ -33,7 +33,7 @@ class ModelTests:
         if solution.sensitivity is not None:
             self.effects_tested = True
             solution = self.with_states(solution)
-            harmful, harmless = effect_tests(self._effects.found(solution.posterior))
+            harmful, harmless = effect_tests(self._effects.evidence(solution.posterior))
             solution = replace(solution, explanation=harmless)
             tests += [harmful] if harmful else []
         tests += _agreement(solution, before, posterior)
@@ -51,7 +51,7 @@ class ModelTests:
             solution,
             posterior=known.corrected(solution.posterior),
             consistency=replace(c, nis_mean=max(nis, 0.0)),
-            found={**solution.found, **found},
+            estimates={**solution.estimates, **found},
         )
 
 

@@ -59,7 +59,7 @@ def parameter_vector(values: Mapping[str, float]) -> FloatArray:
     return np.array([values.get(name, 0.0) for name in NAMES])
 
 
-def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, float]:
+def compose(old: Mapping[str, float], solved: Mapping[str, float]) -> dict[str, float]:
     """Combine register values and a solution from the corrected output into all 30 parameters, by name, SI.
 
     Missing values count as 0. Parameters of effects in the solution are appended.
@@ -68,7 +68,7 @@ def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, f
     (I + M_old)(I + M) ω + (I + M_old) b + b_old. Second-order terms and levers, which act on the specific force itself,
     add to first order. The accelerometer matrix stays lower triangular, as a product of lower triangular matrices.
     """
-    was, now = parameter_vector(old), parameter_vector(found)
+    was, now = parameter_vector(old), parameter_vector(solved)
     result = was + now
     for sensor in ("gyro", "accel"):
         groups = (f"{sensor}_scale", f"{sensor}_misalign")
@@ -80,7 +80,7 @@ def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, f
                 result[i] = matrix[parameter.row, parameter.column]
             elif parameter.group == f"{sensor}_bias":
                 result[i] = bias[parameter.row]
-    effects = {p.name: old.get(p.name, 0.0) + found[p.name] for p in EFFECT_PARAMETERS if p.name in found}
+    effects = {p.name: old.get(p.name, 0.0) + solved[p.name] for p in EFFECT_PARAMETERS if p.name in solved}
     return dict(zip(NAMES, result.tolist(), strict=True)) | effects
 
 

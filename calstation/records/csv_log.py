@@ -106,7 +106,7 @@ def csv_blocks(path: Path, meta: LogMeta, layout: Layout, jitter: list[float]) -
         try:
             unwrapped, clock, restarts = unwrapper.feed(seq, time)
         except SequenceError as exc:
-            line = table.first + exc.place
+            line = table.first + exc.row
             raise InputError("csv.sequence", file=path, line=line, what=exc.as_text) from exc
         for k in ([] if rows else [0]) + restarts:
             row = (int(seq[k]), float(time[k]), *np.nan_to_num(counts[k]))

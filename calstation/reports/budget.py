@@ -121,7 +121,7 @@ def _variances(chain: StageChain) -> dict[str, float]:
     variances = {
         name: float(chain.posterior.covariance[INDEX[name], INDEX[name]]) for name in estimated_stage(solutions)
     }
-    return variances | {name: found.sigma**2 for s in solutions for name, found in s.found.items()}
+    return variances | {name: found.sigma**2 for s in solutions for name, found in s.estimates.items()}
 
 
 def _changed(meta: LogMeta, source: str) -> LogMeta:

@@ -136,6 +136,6 @@ def solved_parameters(solutions: Sequence[Solution]) -> dict[str, Parameter]:
         value, unit = float(posterior.mean[i]), PARAMETERS[i].unit
         parameters[name] = Parameter(value=value, sigma=float(sigma[i]), unit=unit, stage=stage)
     for solution in solutions:
-        for name, found in solution.found.items():
+        for name, found in solution.estimates.items():
             parameters[name] = Parameter(value=found.value, sigma=found.sigma, unit=found.unit, stage=solution.stage)
     return parameters

@@ -180,7 +180,7 @@ class Finalization:
         self._posterior = posterior = solutions[-1].posterior
         found = dict(zip(NAMES, posterior.mean.tolist(), strict=True))
         effects = {p.name for p in EFFECT_PARAMETERS}
-        self._effects = {n: e.value for s in solutions for n, e in s.found.items() if n in effects}
+        self._effects = {n: e.value for s in solutions for n, e in s.estimates.items() if n in effects}
         answer = {name: found[name] for name in estimated_stage(solutions)} | self._effects
         return compose(self.run.meta.registers, answer) if self._setup.after_registers else answer
 

@@ -248,7 +248,7 @@ def solution_events(solution: Solution) -> tuple[StageSolved | Message, ...]:
         name: {"value": float(solution.posterior.mean[INDEX[name]]), "sigma": float(sigma[INDEX[name]])}
         for name in solution.estimated
     }
-    parameters |= {name: {"value": e.value, "sigma": e.sigma} for name, e in solution.found.items()}
+    parameters |= {name: {"value": e.value, "sigma": e.sigma} for name, e in solution.estimates.items()}
     names = ("nis_mean", "nis_low", "nis_high", "warning")
     innovations = {"passed": consistency.verdict, **{name: getattr(consistency, name) for name in names}}
     remarks = [Message(message_id, dict(values)) for message_id, values in solution.messages]

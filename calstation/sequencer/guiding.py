@@ -74,7 +74,7 @@ class Guiding:
                 step.count,
                 now.state,
                 now.rest,
-                now.wanted,
+                now.required,
                 step.outer,
                 step.inner,
                 *self.asked,

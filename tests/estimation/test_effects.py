@@ -5,7 +5,7 @@ import pytest
 from simulated_stages import with_effect
 
 from calstation.estimation.common import BatchGain, Posterior
-from calstation.estimation.effects import EffectFound, EffectTests, StageEffects, changing
+from calstation.estimation.effects import EffectEvidence, EffectTests, StageEffects, changing
 from calstation.physics import COUNT, EFFECTS, INDEX, NAMES, PARAMETERS, Motion
 from calstation.simulation.study import draw_unit, simulate_stages, study_prior
 from procedures import DEFAULT_STAGES, method
@@ -32,7 +32,7 @@ def test_score_test_equals_the_estimate_of_the_augmented_model() -> None:
             NAMES,
         )
         posterior = Posterior(posterior.mean + K @ y, posterior.covariance - K @ h @ posterior.covariance)
-    found = next(f for f in tests.found(posterior) if f.cause == "time_skew")
+    found = next(f for f in tests.evidence(posterior) if f.cause == "time_skew")
     augmented, plausible = np.hstack([H, constant[:, -1:]]), 0.02
     normal = augmented.T @ augmented * 1e8 + np.diag([*SIGMA**-2.0, plausible**-2.0])
     solution = np.linalg.solve(normal, augmented.T @ observed * 1e8)
@@ -86,7 +86,7 @@ def test_drift_is_estimated_across_the_stages_of_a_run() -> None:
             NAMES,
         )
         posterior = Posterior(posterior.mean + K @ y, posterior.covariance - K @ h @ posterior.covariance)
-    found = next(f for f in tests.found(posterior) if f.cause == "drift_throughout" and f.parameter in names)
+    found = next(f for f in tests.evidence(posterior) if f.cause == "drift_throughout" and f.parameter in names)
     augmented = np.hstack([H, regressors])
     normal = augmented.T @ augmented * 1e8 + np.diag([*SIGMA**-2.0, *np.repeat(SIGMA[i], 2) ** -2.0])
     solution, sigma = np.linalg.solve(normal, augmented.T @ observed * 1e8), np.sqrt(np.diag(np.linalg.inv(normal)))
@@ -107,7 +107,7 @@ def solved(
     schedules: dict[str, dict[str, float]],
     stages: tuple[str, ...],
     component: int = 0,
-) -> tuple[list[EffectFound], np.ndarray, np.ndarray]:
+) -> tuple[list[EffectEvidence], np.ndarray, np.ndarray]:
     """Return effects found in simulated stages of a navigation-grade unit, its errors in sigmas, and the mean NIS."""
     truth, context = draw_unit("nav", seed, "estimated", instability=False)
     data = simulate_stages(truth, seed, list(stages), schedules)
@@ -122,7 +122,7 @@ def solved(
         assert solution.sensitivity is not None
         tests.add(stage, solution.sensitivity, solution.estimated)
         nis.append(solution.consistency.nis_mean)
-    return tests.found(posterior), (posterior.mean - truth.parameters) / posterior.sigma, np.array(nis)
+    return tests.evidence(posterior), (posterior.mean - truth.parameters) / posterior.sigma, np.array(nis)
 
 
 SHORT = {"excitation": {"dwell_s": 5.0, "rounds": 1}}
@@ -191,4 +191,4 @@ def test_modelled_effects_are_estimated_with_the_parameters() -> None:
     assert all(abs(size[name]) < 4.5 * sigma[name] for name in known.names if name != "accel_cubic_x")
     corrected = known.corrected(posterior)
     assert np.abs((corrected.mean - truth.parameters) / corrected.sigma).max() < 4.5
-    assert tests.found(corrected)[0].excess < 20.0
+    assert tests.evidence(corrected)[0].excess < 20.0

@@ -98,7 +98,7 @@ def run(stage: str, case: Case) -> Outcome:
         causes = [f"{check.name}: {_described(check.diagnosis)}" for check in checks if check.diagnosis is not None]
         mean, sigma = (dict(zip(NAMES, x.tolist(), strict=True)) for x in (chain.posterior.mean, chain.posterior.sigma))
         found = {name: (mean[name], sigma[name]) for name in estimated_stage(chain.solutions)}
-        found |= {name: (e.value, e.sigma) for name, e in solution.found.items() if e.determined}
+        found |= {name: (e.value, e.sigma) for name, e in solution.estimates.items() if e.determined}
         errors = {name: abs(value - truth[name]) / s for name, (value, s) in found.items() if s > 0.0}
     except CalstationError as exc:
         failed = (exc.code,)

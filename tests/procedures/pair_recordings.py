@@ -131,7 +131,7 @@ def vector(solution: Solution, key: str = "value") -> np.ndarray:
     """Return values or sigmas of the second IMU, shape (28,), neutral or 0 for parameters not fitted."""
     return np.array(
         [
-            getattr(solution.found[p.name], key) if p.name in solution.found else p.neutral * (key == "value")
+            getattr(solution.estimates[p.name], key) if p.name in solution.estimates else p.neutral * (key == "value")
             for p in PAIR_PARAMETERS
         ]
     )

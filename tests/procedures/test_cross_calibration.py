@@ -66,7 +66,7 @@ def test_errors_of_many_pairs_agree_with_their_sigmas():
 
 def test_clock_offset_is_found_with_subsample_accuracy(mems):
     primary, secondary, block = mems
-    found = solved(block, context_of(primary, [secondary]), known(primary)).found["clock_offset"]
+    found = solved(block, context_of(primary, [secondary]), known(primary)).estimates["clock_offset"]
     assert abs(found.value - secondary.offset) < 4.0 * found.sigma
     assert found.sigma < 1e-5
     assert abs(secondary.offset) > 1e-3
@@ -77,7 +77,7 @@ def test_bias_change_during_the_recording_fails_and_is_reported(mems):
     context = context_of(primary, [secondary])
     sound = solved(block, context, known(primary))
     assert all(test.value < test.limit for test in sound.tests)
-    sigma = sound.found["secondary_gyro_bias_y"].sigma
+    sigma = sound.estimates["secondary_gyro_bias_y"].sigma
     late = np.arange(len(block)) >= len(block) // 2
     changed = with_error(block, context, lambda w, f: 14.0 * sigma * late[:, None] * np.eye(6)[1])
     test, _ = solved(changed, context, known(primary)).tests
@@ -219,7 +219,7 @@ def test_partial_models_are_fitted(what):
     fitted = sigma > 0.0
     assert fitted.sum() == {"bias": 7, "scale": 13}[what]
     assert np.abs((vector(found) - truth)[fitted] / sigma[fitted]).max() < 4.5
-    assert found.found["secondary_gyro_matrix_xy"].value == 0.0
+    assert found.estimates["secondary_gyro_matrix_xy"].value == 0.0
 
 
 @pytest.mark.long
@@ -228,11 +228,11 @@ def test_parameters_of_several_secondaries_have_distinct_names():
     _, second = pair(7)
     block = recording(primary, [first, second], 6)
     found = solved(block, context_of(primary, [first, second]), known(primary))
-    assert {"secondary_gyro_bias_x", "clock_offset", "secondary3_gyro_bias_x", "clock_offset3"} < set(found.found)
+    assert {"secondary_gyro_bias_x", "clock_offset", "secondary3_gyro_bias_x", "clock_offset3"} < set(found.estimates)
     for number, secondary in ((2, first), (3, second)):
         truth = truth_of(primary, secondary)
         for k, p in enumerate(PAIR_PARAMETERS):
-            estimate = found.found[pair_name(p.name, number)]
+            estimate = found.estimates[pair_name(p.name, number)]
             assert abs(estimate.value - truth[k]) < 5.0 * estimate.sigma, (number, p.name)
             assert further_parameter(pair_name(p.name, number)) is p
 
@@ -524,7 +524,7 @@ def test_secondary_within_tolerance_is_not_changed(mems):
         secondary_gyro=LOOSE,
         secondary_accel=LOOSE,
     )
-    assert found.found == {}
+    assert found.estimates == {}
     assert found.messages[-1][0] == "pair_kept"
     assert found.consistency.passed
     shown = found.details["secondaries"][0]["check"]["secondary"]

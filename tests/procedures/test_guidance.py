@@ -46,7 +46,7 @@ def test_too_short_rest_requests_a_repetition(mems):
     guide, states = followed(block, imu, wanted=8.0)
     assert states.count("repeat") > 5
     assert len(guide.now.positions) == 1
-    assert guide.now.wanted > 8.0
+    assert guide.now.required > 8.0
 
 
 def test_guidance_does_not_depend_on_the_blocks(mems):

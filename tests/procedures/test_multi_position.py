@@ -19,7 +19,7 @@ from calstation.errors import ConfigurationError, InputError, InsufficientDataEr
 from calstation.estimation import Solution
 from calstation.estimation.common import Posterior
 from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.effects import EffectFound, EffectTests
+from calstation.estimation.effects import EffectEvidence, EffectTests
 from calstation.estimation.effects.score import MAX_EXCESS
 from calstation.physics.motion import Dwell, ManualMove, Move
 from calstation.physics.parameters import INDEX, NAMES, group_indices, group_matrix, group_vector
@@ -147,11 +147,11 @@ def test_drift_during_the_recording_is_reported(mems):
     assert (first.cause, first.parameter) == ("drift_throughout", "gyro_bias_y")
 
 
-def effects_of(solution: Solution, prior: Posterior) -> list[EffectFound]:
+def effects_of(solution: Solution, prior: Posterior) -> list[EffectEvidence]:
     """Return the effects found in a solution, the most significant first."""
     tests = EffectTests(prior.sigma)
     tests.add(solution.stage, solution.sensitivity, solution.estimated)
-    return [found for found in tests.found(solution.posterior) if found.excess > MAX_EXCESS]
+    return [found for found in tests.evidence(solution.posterior) if found.excess > MAX_EXCESS]
 
 
 def test_plan_also_runs_on_a_motorised_table():

@@ -46,14 +46,14 @@ def starts(data: StageData, context: SolveContext, posterior: Posterior) -> list
     The rate at an observation is the mean of the samples before and after it. One sample is therefore omitted on
     either side of a gap, so that a rotation beyond the gap does not count as motion at rest.
     """
-    found = []
+    aligned = []
     for first, last in data.segments:
         segment = (first + (first > 0), last - (last < len(data)))
         for a, b in find_rests(data, context.imu, posterior.gyro_bias, [segment]):
             if (b - a) * data.dt >= SHORTEST_REST:
-                found.append(_align(data, a, min(b, a + int(LONGEST_REST / data.dt)), segment[1], context, posterior))
+                aligned.append(_align(data, a, min(b, a + int(LONGEST_REST / data.dt)), segment[1], context, posterior))
                 break
-    return found
+    return aligned
 
 
 def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, posterior: Posterior) -> Start:

@@ -150,7 +150,7 @@ class StageResiduals:
 def position_residuals(
     data: StageData,
     rests: RestResiduals,
-    found: Posterior,
+    posterior: Posterior,
     seq: IntArray,
     normalised: FloatArray,
     *,
@@ -161,12 +161,12 @@ def position_residuals(
 
     Parameters
     ----------
-    rests : residuals of the stage's rests, with the parameters `found`
+    rests : residuals of the stage's rests, with the parameters `posterior`
     seq, normalised : as in `Innovations`
     white : whether the components are independent; if not, `excess` is the largest component instead of their sum
     score : computes the score tests; None for a stage without the 39-state filter
     """
-    spans = _spans(data, rests, found)
+    spans = _spans(data, rests, posterior)
     scores = None if score is None else score(data, [(start, stop) for start, stop, _ in spans])
     stops = np.array([data.seq[stop - 1] for _, stop, _ in spans], dtype=np.int64)
     owner = np.searchsorted(stops, seq)
@@ -183,7 +183,7 @@ def position_residuals(
         kind: Literal["rest", "move"]
         if rest is None:
             kind, residual = "move", (np.nan, np.nan, np.nan)
-            axis, turned, body = _rotation(data, start, stop, found)
+            axis, turned, body = _rotation(data, start, stop, posterior)
         else:
             kind, residual = "rest", rests.in_sigma(rest)
             axis, turned, body = rests.axis(rest), 0.0, ""
@@ -225,7 +225,7 @@ def normal_deviate(total: float, freedom: int) -> float:
     return float((np.cbrt(total / freedom) - (1.0 - variance)) / np.sqrt(variance))
 
 
-def _spans(data: StageData, rests: RestResiduals, found: Posterior) -> list[tuple[int, int, int | None]]:
+def _spans(data: StageData, rests: RestResiduals, posterior: Posterior) -> list[tuple[int, int, int | None]]:
     """Divide the samples into rests and moves: (start, stop, index of the rest or None), without the gaps.
 
     Samples between two rests without a rotation, for example while the table creeps, belong to the preceding span.
@@ -235,7 +235,7 @@ def _spans(data: StageData, rests: RestResiduals, found: Posterior) -> list[tupl
     changed = np.flatnonzero(np.diff(data.step)) + 1
 
     def still(start: int, stop: int) -> bool:
-        return bool(abs(_rotation(data, start, stop, found)[1]) < SMALLEST_MOVE)
+        return bool(abs(_rotation(data, start, stop, posterior)[1]) < SMALLEST_MOVE)
 
     spans: list[tuple[int, int, int | None]] = []
     for first, last in data.segments:
@@ -257,9 +257,9 @@ def _spans(data: StageData, rests: RestResiduals, found: Posterior) -> list[tupl
     return spans
 
 
-def _rotation(data: StageData, start: int, stop: int, found: Posterior) -> tuple[str, float, str]:
+def _rotation(data: StageData, start: int, stop: int, posterior: Posterior) -> tuple[str, float, str]:
     """Return axis, angle, rad, and signed body axis of a rotation, see `PositionResidual`."""
-    body = (data.gyro[start:stop] - found.gyro_bias[0]).sum(axis=0) * data.dt
+    body = (data.gyro[start:stop] - posterior.gyro_bias[0]).sum(axis=0) * data.dt
     k = int(np.argmax(np.abs(body)))
     signed = ("-" if body[k] < 0.0 else "+") + "xyz"[k]
     polled = np.flatnonzero(np.isfinite(data.angles[start:stop]).all(axis=1))

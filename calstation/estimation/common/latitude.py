@@ -114,7 +114,7 @@ def _means(
     (6,), their sum; both are updated in place.
     """
     most = len(seq) // width + 1
-    seconds, means, found = np.empty(most, np.int64), np.empty((most, 6)), 0
+    seconds, means, whole = np.empty(most, np.int64), np.empty((most, 6)), 0
     for k in range(len(seq)):
         if not valid[k]:
             continue
@@ -125,11 +125,11 @@ def _means(
         for i in range(6):
             total[i] += counts[k, i]
         if second[1] == width:
-            seconds[found] = second[0]
+            seconds[whole] = second[0]
             for i in range(6):
-                means[found, i] = total[i] / width
-            found += 1
-    return seconds[:found], means[:found]
+                means[whole, i] = total[i] / width
+            whole += 1
+    return seconds[:whole], means[:whole]
 
 
 def _noise(imu: ImuModel) -> float:
@@ -145,8 +145,8 @@ def _rests(second: IntArray, still: np.ndarray, force: FloatArray) -> list[tuple
     """Return the windows (start, stop) of every rest, without its first and last window."""
     split = np.zeros(len(second), np.bool_)
     split[1:] = (np.diff(second) != 1) | (largest(np.diff(force, axis=0)) > FORCE_STEP)
-    found = []
+    rests = []
     for a, b in runs(still):
         cuts = [a, *(a + 1 + np.flatnonzero(split[a + 1 : b])), b]
-        found += [(int(c) + 1, int(d) - 1) for c, d in itertools.pairwise(cuts)]
-    return [(a, b) for a, b in found if b - a >= _MIN_WINDOWS]
+        rests += [(int(c) + 1, int(d) - 1) for c, d in itertools.pairwise(cuts)]
+    return [(a, b) for a, b in rests if b - a >= _MIN_WINDOWS]

@@ -200,10 +200,10 @@ def redundant(explained: FloatArray, noise: FloatArray, innovation: FloatArray) 
     size, directions = np.linalg.eigh(solve_triangular(root, half.T, lower=True))
     tested = size < MAX_EXPLAINED
     chosen = directions[:, tested]
-    found = chosen.T @ white / np.sqrt(1.0 + np.maximum(size[tested], 0.0))
+    tests = chosen.T @ white / np.sqrt(1.0 + np.maximum(size[tested], 0.0))
     share = np.sum(chosen**2, axis=1)
-    normalised = np.divide(chosen @ found, np.sqrt(share), out=np.full(len(share), np.nan), where=share > MIN_SHARE)
-    return Redundancy(int(tested.sum()), float(found @ found), normalised)
+    normalised = np.divide(chosen @ tests, np.sqrt(share), out=np.full(len(share), np.nan), where=share > MIN_SHARE)
+    return Redundancy(int(tested.sum()), float(tests @ tests), normalised)
 
 
 def restricted(prior: Posterior, posterior: Posterior, estimated: BoolArray) -> Posterior:

@@ -21,18 +21,18 @@ _MIN_LEAD = 1.5
 _WITHIN_SIGMAS = 1.0
 
 #: One rest or move, those with a common axis, all rests, all moves, or the whole stage.
-Place = Literal["rest", "move", "rests_up", "moves_about", "rests", "moves", "stage"]
+Location = Literal["rest", "move", "rests_up", "moves_about", "rests", "moves", "stage"]
 
 
 #: Place names for rests or moves with a common axis, and for all of them.
-_PLACES: dict[str, tuple[Place, Place]] = {"rest": ("rests_up", "rests"), "move": ("moves_about", "moves")}
+_LOCATIONS: dict[str, tuple[Location, Location]] = {"rest": ("rests_up", "rests"), "move": ("moves_about", "moves")}
 
 
 @dataclass(frozen=True)
 class Concentration:
     """Rests and moves that contain most of the excess, and the kind of error."""
 
-    place: Place
+    location: Location
     rows: tuple[int, ...]  #: Indices of the rests and moves, the worst first.
     share: float  #: Share of the excess of the squares.
     signs: FloatArray | None = None  #: Sign by row of a common channel error; None for scatter.
@@ -69,13 +69,13 @@ def _single(residuals: StageResiduals) -> Iterator[Concentration]:
     """Yield every rest and move, once with a constant error of all channels and once with the remaining scatter."""
     total, scores = _excess(residuals.rows), residuals.scores
     for k, row in enumerate(residuals.rows):
-        left = _excess([row])
+        remaining = _excess([row])
         shift = 0.0
         if scores is not None:
-            left -= scores.own_explained(k)
+            remaining -= scores.own_explained(k)
             shift = max(scores.explained([k], np.ones(1)), 0.0)
-        share = (shift + max(left, 0.0)) / total
-        yield Concentration(row.kind, (k,), share, np.ones(1) if left < _SCATTER * share * total else None)
+        share = (shift + max(remaining, 0.0)) / total
+        yield Concentration(row.kind, (k,), share, np.ones(1) if remaining < _SCATTER * share * total else None)
 
 
 def _common(residuals: StageResiduals) -> Iterator[Concentration]:
@@ -84,30 +84,30 @@ def _common(residuals: StageResiduals) -> Iterator[Concentration]:
     if scores is None:
         return
     total = _excess(rows)
-    sets: dict[tuple[Place, str], list[int]] = {}
+    sets: dict[tuple[Location, str], list[int]] = {}
     for k, row in enumerate(rows):
         for axis in dict.fromkeys((row.axis, row.body[1:] or row.axis)):
-            sets.setdefault((_PLACES[row.kind][0], axis), []).append(k)
-    for (place, axis), chosen in sets.items():
+            sets.setdefault((_LOCATIONS[row.kind][0], axis), []).append(k)
+    for (location, axis), chosen in sets.items():
         if len(chosen) > 1:
             ordered = _sorted(chosen, rows)
             signs = np.array([-1.0 if rows[k].body.startswith("-") else 1.0 for k in ordered])
             for sign in (np.ones(len(ordered)), signs):
                 share = scores.explained(ordered, sign) / total
-                yield Concentration(place, ordered, share, sign, axis)
+                yield Concentration(location, ordered, share, sign, axis)
 
 
 def _scattered(rows: Sequence[PositionResidual], *, by_axis: bool = False) -> Iterator[Concentration]:
     """Yield the rests with the same axis up and the moves about a joint, or all rests or moves, if they scatter."""
     total, freedom = _excess(rows), sum(row.freedom for row in rows)
-    sets: dict[tuple[Place, str], list[int]] = {}
+    sets: dict[tuple[Location, str], list[int]] = {}
     for k, row in enumerate(rows):
-        with_axis, every = _PLACES[row.kind]
+        with_axis, every = _LOCATIONS[row.kind]
         sets.setdefault((with_axis, row.axis) if by_axis else (every, ""), []).append(k)
-    for (place, axis), chosen in sets.items():
+    for (location, axis), chosen in sets.items():
         inside, share = _excess([rows[k] for k in chosen]), sum(rows[k].freedom for k in chosen) / freedom
         if inside * (1.0 - share) > _MIN_DENSITY_RATIO * (total - inside) * share:
-            yield Concentration(place, _sorted(chosen, rows), inside / total, axis=axis)
+            yield Concentration(location, _sorted(chosen, rows), inside / total, axis=axis)
 
 
 def _sorted(chosen: Sequence[int] | np.ndarray, rows: Sequence[PositionResidual]) -> tuple[int, ...]:

@@ -69,7 +69,7 @@ def stage_agreement(before: Posterior, after: Posterior, names: Sequence[str]) -
 
     `names` are the parameters that the stage and an earlier one have estimated.
     """
-    found = []
+    agreements = []
     for group in dict.fromkeys(PARAMETERS[NAMES.index(name)].group for name in names):
         i = [k for k, p in enumerate(PARAMETERS) if p.group == group and p.name in names]
         scale = before.sigma[i]
@@ -81,7 +81,7 @@ def stage_agreement(before: Posterior, after: Posterior, names: Sequence[str]) -
             continue
         total = float(np.sum((direction[:, resolved].T @ change) ** 2 / size[resolved]))
         probability = float(gammaincc(0.5 * resolved.sum(), 0.5 * total))
-        own = np.maximum(np.diag(variance), _RESOLVED)
-        shift = {NAMES[k]: float(m) for k, m in zip(i, change / np.sqrt(own), strict=True)}
-        found.append(Agreement(group, probability, shift))
-    return min(found, key=lambda a: a.probability, default=None)
+        variances = np.maximum(np.diag(variance), _RESOLVED)
+        shift = {NAMES[k]: float(m) for k, m in zip(i, change / np.sqrt(variances), strict=True)}
+        agreements.append(Agreement(group, probability, shift))
+    return min(agreements, key=lambda a: a.probability, default=None)

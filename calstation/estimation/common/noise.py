@@ -167,8 +167,8 @@ def rest_noise(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArr
         table = 3.0 * velocity / time**2
         uncertain = 3.0 * _vibration_scatter(velocity, noise, count) / time**2 + _NOT_WHITE / _SIGMAS * table
         gyro.append(_ratio(time, [data.gyro[rest] for rest in rests], width, noise.rate / time + drift[0] * time))
-        own = noise.force / time + drift[1] * time
-        accel.append(_ratio(time, [data.accel[rest] for rest in rests], width, own, table, uncertain))
+        white = noise.force / time + drift[1] * time
+        accel.append(_ratio(time, [data.accel[rest] for rest in rests], width, white, table, uncertain))
     ratio = np.array([velocity.mean()]) / noise.velocity if count else np.array([np.nan])
     limit = np.sqrt(1.0 + _SIGMAS * scatter[0] / noise.velocity / np.sqrt(3.0))
     quiet = bool(ratio[0] < 0.25 - _SIGMAS * scatter[1] / noise.velocity / np.sqrt(3.0))
@@ -211,8 +211,8 @@ def _vibration_scatter(velocity: FloatArray | float, noise: FilterNoise, count: 
     The products of successive changes, of variance c₀ and covariance c₁, have a variance of c₀² + c₁² and a covariance
     of c₁² with their neighbours.
     """
-    own = 2.0 * velocity + noise.force * noise.interval
-    return np.asarray(np.sqrt((own**2 + 3.0 * velocity**2) / max(count, 1)))
+    variance = 2.0 * velocity + noise.force * noise.interval
+    return np.asarray(np.sqrt((variance**2 + 3.0 * velocity**2) / max(count, 1)))
 
 
 def _ratio(

@@ -160,8 +160,8 @@ def profile(time: FloatArray, start: float, end: float, rate: float, acceleratio
     t = np.clip(time, 0.0, 2.0 * ramp + cruise)
     begun = 0.5 * acceleration * np.minimum(t, ramp) ** 2
     cruised = acceleration * ramp * np.clip(t - ramp, 0.0, cruise)
-    left = np.clip(t - ramp - cruise, 0.0, ramp)
-    ended = acceleration * (ramp * left - 0.5 * left**2)
+    braking = np.clip(t - ramp - cruise, 0.0, ramp)
+    ended = acceleration * (ramp * braking - 0.5 * braking**2)
     return np.asarray(start + np.sign(end - start) * (begun + cruised + ended))
 
 

@@ -60,14 +60,14 @@ def upward_axis(up: FloatArray) -> str:
     return "".join(("+" if up[axis] > 0.0 else "-") + "xyz"[axis] for axis in named)
 
 
-def rest_residuals(data: StageData, context: SolveContext, found: Posterior) -> RestResiduals:
-    """Compute the residuals of every rest of a stage, compensated with the parameters `found`."""
-    constants = compensation(found.mean)
+def rest_residuals(data: StageData, context: SolveContext, posterior: Posterior) -> RestResiduals:
+    """Compute the residuals of every rest of a stage, compensated with the parameters `posterior`."""
+    constants = compensation(posterior.mean)
     earth = rotation_rate(context.site.latitude)
     gravity, noise = context.site.local_gravity, filter_noise(context)
     rows: list[tuple[float, ...]] = []
     seqs: list[tuple[int, int]] = []
-    for begin, b in find_rests(data, context.imu, found.gyro_bias):
+    for begin, b in find_rests(data, context.imu, posterior.gyro_bias):
         a = begin + round(CREEP / data.dt)
         duration = (b - a) * data.dt
         if duration < SHORTEST_REST:
@@ -110,13 +110,13 @@ class BeforeAfter:
 
 
 def before_after(
-    block: SampleBlock, imu: ImuModel, before: FloatArray, found: FloatArray, gravity: float, stride: int = 1
+    block: SampleBlock, imu: ImuModel, before: FloatArray, after: FloatArray, gravity: float, stride: int = 1
 ) -> BeforeAfter:
     """Compensate a block with two parameter vectors, SI, shape (30,), after averaging groups of `stride` samples."""
     count = len(block) // stride
     raw = (block.counts[: count * stride] * imu.count_size).reshape(count, stride, 6).mean(axis=1)
     rates, forces, lengths = [], [], []
-    for parameters in (before, found):
+    for parameters in (before, after):
         omega, force = compensate(compensation(parameters), raw[:, :3], raw[:, 3:])
         rates.append(omega)
         forces.append(force)

@@ -15,9 +15,9 @@ class SequenceError(InputError):
     """A row whose counter repeats or is out of order."""
 
     @property
-    def place(self) -> int:
+    def row(self) -> int:
         """Index of the row in its chunk."""
-        return int(self.values["place"])
+        return int(self.values["row"])
 
 
 class SequenceUnwrapper:
@@ -51,13 +51,13 @@ class SequenceUnwrapper:
         previous_seq = np.concatenate([np.array([last_raw], np.int64), seq[:-1]])
         previous_time = np.concatenate([np.array([last_time]), time[:-1]])
         if int(np.min(seq)) < 0:
-            raise SequenceError("recording.seq_negative", place=int(np.argmax(seq < 0)))
+            raise SequenceError("recording.seq_negative", row=int(np.argmax(seq < 0)))
         odd = np.flatnonzero((seq <= previous_seq) | (time <= previous_time))
         offsets = np.full(len(seq), self._offset, dtype=np.int64)
         shifts = np.full(len(seq), self._time_offset)
         restarts = []
-        for place in odd:
-            k = int(place)
+        for rowow in odd:
+            k = int(rowow)
             jump, shift = self._step(k, int(previous_seq[k]), int(seq[k]), float(previous_time[k]), float(time[k]))
             offsets[k:] += jump
             shifts[k:] += shift
@@ -67,13 +67,13 @@ class SequenceUnwrapper:
         self._offset, self._time_offset = int(offsets[-1]), float(shifts[-1])
         return seq + offsets, time + shifts, restarts
 
-    def _step(self, place: int, last: int, now: int, last_time: float, now_time: float) -> tuple[int, float]:
+    def _step(self, row: int, last: int, now: int, last_time: float, now_time: float) -> tuple[int, float]:
         """Return the offsets to add to counter and clock (s) from a row at which either does not increase."""
         elapsed = (now_time - last_time) / self._period
         if now == last:
-            raise SequenceError("recording.seq_repeated", place=place, seq=now)
+            raise SequenceError("recording.seq_repeated", row=row, seq=now)
         if now > last:
-            raise SequenceError("recording.time_falls", place=place, before=last_time, time=now_time)
+            raise SequenceError("recording.time_falls", row=row, before=last_time, time=now_time)
         for modulus in MODULI:
             steps = now - last + modulus
             near = modulus // 4
@@ -84,7 +84,7 @@ class SequenceUnwrapper:
         clock_restarted = now_time <= (now + 1) * self._period + _RESTART_SECONDS
         if now < self._near and clock_restarted and last_time - now_time > _RESTART_SECONDS:
             return last + 2 - now, last_time + 2 * self._period - now_time
-        raise SequenceError("recording.seq_falls", place=place, before=last, seq=now)
+        raise SequenceError("recording.seq_falls", row=row, before=last, seq=now)
 
 
 def unwrap_counter(raw: Sequence[int] | IntArray, last: int | None, bits: int, last_raw: int | None = None) -> IntArray:

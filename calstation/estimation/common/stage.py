@@ -128,11 +128,11 @@ class StageBuffer:
 @nb.njit(cache=True)
 def _scaled(counts: FloatArray, size: float) -> FloatArray:
     """Return n samples of three channels in units of `size`, shape (n, 3); NumPy is slow on short rows."""
-    found = np.empty(counts.shape)
+    scaled = np.empty(counts.shape)
     for k in range(len(counts)):
         for j in range(counts.shape[1]):
-            found[k, j] = counts[k, j] * size
-    return found
+            scaled[k, j] = counts[k, j] * size
+    return scaled
 
 
 def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
@@ -168,15 +168,15 @@ def window_mean(values: FloatArray, offset: FloatArray, width: int) -> FloatArra
 @nb.njit(cache=True)
 def means(values: FloatArray, counts: IntArray) -> FloatArray:
     """Return the means of the rows of `values`, shape (n, m), over k groups of `counts` rows, shape (k, m)."""
-    found, first = np.zeros((len(counts), values.shape[1])), 0
+    mean, first = np.zeros((len(counts), values.shape[1])), 0
     for g in range(len(counts)):
         for k in range(first, first + counts[g]):
             for j in range(values.shape[1]):
-                found[g, j] += values[k, j]
+                mean[g, j] += values[k, j]
         for j in range(values.shape[1]):
-            found[g, j] /= counts[g]
+            mean[g, j] /= counts[g]
         first += counts[g]
-    return found
+    return mean
 
 
 def group_means(values: FloatArray, width: int) -> FloatArray:
@@ -187,15 +187,15 @@ def group_means(values: FloatArray, width: int) -> FloatArray:
 @nb.njit(cache=True)
 def largest(values: FloatArray) -> FloatArray:
     """Return the largest magnitude in each row, shape (n,), NaN if the row has one; NumPy is slow on short rows."""
-    found = np.empty(len(values))
+    sizes = np.empty(len(values))
     for k in range(len(values)):
         most = 0.0
         for j in range(values.shape[1]):
             size = abs(values[k, j])
             if size > most or size != size:
                 most = size
-        found[k] = most
-    return found
+        sizes[k] = most
+    return sizes
 
 
 def find_rests(
@@ -265,14 +265,14 @@ def _window_noise(imu: ImuModel, width: int, dt: float) -> float:
 @nb.njit(cache=True)
 def _small_and_constant(rate: FloatArray, width: int, most: float, most_change: float) -> FloatArray:
     """Return the windows whose mean rate is small and close to the mean of the preceding window, shape (3, k)."""
-    found, count = np.empty((3, len(rate))), 0
+    chosen, count = np.empty((3, len(rate))), 0
     for k in range(width, len(rate)):
         agrees = True
         for j in range(3):
             agrees &= abs(rate[k, j]) < most and abs(rate[k, j] - rate[k - width, j]) < most_change
-            found[j, count] = rate[k, j]
+            chosen[j, count] = rate[k, j]
         count += agrees
-    return found[:, :count]
+    return chosen[:, :count]
 
 
 def _median(values: FloatArray) -> float:

@@ -72,7 +72,7 @@ def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness
     accel_noise = max(imu.accel_vrw, float(np.median(accel_std[quiet])) * np.sqrt(data.dt))
     resting = np.median(rate[quiet], axis=0)
     seen = replace(imu, gyro_arw=noise)
-    found: list[tuple[int, int]] = []
+    rests: list[tuple[int, int]] = []
     links: list[Link] = []
     cuts = _find_cuts(data, noise, accel_noise, resting)
     for segment in _cut(data.segments, cuts):
@@ -81,10 +81,10 @@ def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness
             for a, b in find_rests(data, seen, (resting, RESTING_RATE_SIGMA), [segment])
             if (b - a) * data.dt >= shortest
         ]
-        for k, ((_, end), (start, _)) in enumerate(itertools.pairwise(here), len(found)):
+        for k, ((_, end), (start, _)) in enumerate(itertools.pairwise(here), len(rests)):
             links.append(Link(k, k + 1, end, start))
-        found += here
-    return Stillness(tuple(found), tuple(links), noise, accel_noise, resting, cuts)
+        rests += here
+    return Stillness(tuple(rests), tuple(links), noise, accel_noise, resting, cuts)
 
 
 def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std: FloatArray) -> Stillness:
@@ -97,7 +97,7 @@ def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std:
     noise = max(quietest, lowest)
     width = max(round(REST_WINDOW / data.dt), 8)
     margin = round(REST_MARGIN / data.dt)
-    found: list[tuple[int, int]] = []
+    rests: list[tuple[int, int]] = []
     for start, stop in data.segments:
         if stop - start < 2 * width:
             continue
@@ -111,8 +111,8 @@ def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std:
         for first, last in runs(still):
             a, b = start + first + margin, start + last + width - 1 - margin
             if (b - a) * data.dt >= shortest:
-                found.append((a, b))
-    return Stillness(tuple(found), (), imu.gyro_arw, noise * float(np.sqrt(data.dt)), np.full(3, np.nan))
+                rests.append((a, b))
+    return Stillness(tuple(rests), (), imu.gyro_arw, noise * float(np.sqrt(data.dt)), np.full(3, np.nan))
 
 
 def _find_cuts(data: StageData, gyro_noise: float, accel_noise: float, resting: FloatArray) -> tuple[int, ...]:

@@ -3,7 +3,7 @@
 from calstation.estimation.effects.changes import changing, effect_errors
 from calstation.estimation.effects.score import (
     MAX_EXCESS,
-    EffectFound,
+    EffectEvidence,
     EffectLimit,
     EffectTests,
     Estimated,

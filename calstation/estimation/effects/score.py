@@ -26,7 +26,7 @@ _JUMPING = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale")
 
 
 @dataclass(frozen=True)
-class EffectFound:
+class EffectEvidence:
     """Evidence in the data for one effect."""
 
     cause: str
@@ -45,26 +45,32 @@ class EffectFound:
         return max((abs(shift) for shift in self.parameter_shift.values()), default=0.0)
 
 
-def effect_tests(found: Sequence[EffectFound]) -> tuple[ModelTest | None, ModelTest | None]:
+def effect_tests(evidence: Sequence[EffectEvidence]) -> tuple[ModelTest | None, ModelTest | None]:
     """Return the tests of the most harmful effect outside the error model and of a significant but harmless one.
 
-    `found` are all effects, the likeliest first. An effect nearly as likely as the first may be the harmful one. Either
-    test is None if there is no such effect; only the first one can pass.
+    `evidence` is of all effects, the likeliest first. An effect nearly as likely as the first may be the harmful one.
+    Either test is None if there is no such effect; only the first one can pass.
     """
-    if not found:
+    if not evidence:
         return None, None
-    significant = found[0].excess > MAX_EXCESS
-    likely = (f for f in found if f.excess > found[0].excess - _AS_LIKELY and (f.excess > MAX_EXCESS) == significant)
-    harmful = next((f for f in likely if f.largest_shift > MIN_SHIFT), None)
+    significant = evidence[0].excess > MAX_EXCESS
+    likely = (
+        each
+        for each in evidence
+        if each.excess > evidence[0].excess - _AS_LIKELY and (each.excess > MAX_EXCESS) == significant
+    )
+    harmful = next((each for each in likely if each.largest_shift > MIN_SHIFT), None)
     if harmful is not None:
         return _test(harmful), None
-    return None, _test(found[0]) if significant else None
+    return None, _test(evidence[0]) if significant else None
 
 
-def _test(found: EffectFound) -> ModelTest:
-    values = {"component": found.component, "parameter": found.parameter, "during": found.stage}
-    diagnosis = Diagnosis(found.cause, found.size, found.sigma, found.unit, found.parameter_shift, values)
-    return ModelTest("effects", found.excess, MAX_EXCESS, "1", diagnosis)
+def _test(evidence: EffectEvidence) -> ModelTest:
+    values = {"component": evidence.component, "parameter": evidence.parameter, "during": evidence.stage}
+    diagnosis = Diagnosis(
+        evidence.cause, evidence.size, evidence.sigma, evidence.unit, evidence.parameter_shift, values
+    )
+    return ModelTest("effects", evidence.excess, MAX_EXCESS, "1", diagnosis)
 
 
 @dataclass(frozen=True)
@@ -73,8 +79,8 @@ class EffectLimit:
 
     cause: str
     component: str
-    parameter: str  #: As in `EffectFound`.
-    stage: str  #: As in `EffectFound`.
+    parameter: str  #: As in `EffectEvidence`.
+    stage: str  #: As in `EffectEvidence`.
     size: float  #: Size that gives the expected χ², in `unit`; infinite if the innovations do not contain it.
     unit: str
     moved: str  #: Estimated parameter that this size shifts most.
@@ -104,14 +110,14 @@ class _Tested:
         The effect also contributes `direct` times the columns after the parameters and `EFFECTS`. `constant` is the
         contribution of each component of `EFFECTS` to the parameters and its own column.
         """
-        both, own = len(constant), self.error
+        both, error = len(constant), self.error
         if direct is not None:
-            own = np.vstack([own, np.zeros((both - COUNT, len(self.score))), direct])
-        n = len(own)
-        self.score = self.score + own.T @ s.score[:n]
-        self.information = self.information + own.T @ s.information[:n, :n] @ own
-        self.cross = self.cross + own.T @ s.information[:n, :both] @ constant
-        self.error = s.error[:, :n] @ own
+            error = np.vstack([error, np.zeros((both - COUNT, len(self.score))), direct])
+        n = len(error)
+        self.score = self.score + error.T @ s.score[:n]
+        self.information = self.information + error.T @ s.information[:n, :n] @ error
+        self.cross = self.cross + error.T @ s.information[:n, :both] @ constant
+        self.error = s.error[:, :n] @ error
 
     def change(self, amount: FloatArray | float) -> None:
         """Change the parameters themselves by `amount` per unit of each size, shape (k,)."""
@@ -134,7 +140,9 @@ class _Tested:
             move = size * moves[moved] if moves[moved] > 0.0 else 0.0
             yield EffectLimit(c.cause, component, c.parameter_of(k), self.stage, size, c.unit, moved, move)
 
-    def found(self, known: "Estimated", before: FloatArray, sigma: FloatArray, names: Sequence[str]) -> EffectFound:
+    def evaluate(
+        self, known: "Estimated", before: FloatArray, sigma: FloatArray, names: Sequence[str]
+    ) -> EffectEvidence:
         """Evaluate the test together with the effects in the model; `before` and `sigma` refer to the 30 parameters."""
         shared = self.cross[:, known.columns]
         score = self.score - shared @ known.size
@@ -143,14 +151,14 @@ class _Tested:
         changed = [before[INDEX[name]] for name in self.effect.parameters]
         plausible = np.diag(changed or len(score) * [self.effect.plausible])
         covariance = plausible @ np.linalg.inv(plausible @ information @ plausible + np.eye(len(score))) @ plausible
-        size, own = covariance @ score, np.sqrt(np.diag(covariance))
+        size, sigmas = covariance @ score, np.sqrt(np.diag(covariance))
         freedom = float(np.sum(covariance * information))
-        best, at = int(np.argmax(np.abs(size) / own)), [INDEX[name] for name in names]
+        best, at = int(np.argmax(np.abs(size) / sigmas)), [INDEX[name] for name in names]
         moved = error @ size / np.where(sigma > 0.0, sigma, np.inf)
         c = self.effect
-        return EffectFound(
+        return EffectEvidence(
             c.cause, c.components[best], c.parameter_of(best), self.stage, float(score @ size) - freedom,
-            float(size[best]), float(own[best]), c.unit, dict(zip(names, moved[at].tolist(), strict=True)),
+            float(size[best]), float(sigmas[best]), c.unit, dict(zip(names, moved[at].tolist(), strict=True)),
         )  # fmt: skip
 
 
@@ -250,16 +258,16 @@ class EffectTests:
         explained = self._noise_ratio * float(2.0 * score @ size - size @ last @ size)
         return Estimated(at, self._names, self._units, size, covariance, self._error[:, at], explained)
 
-    def found(self, posterior: Posterior) -> list[EffectFound]:
+    def evidence(self, posterior: Posterior) -> list[EffectEvidence]:
         """Return the evidence for every effect outside the model, the likeliest first.
 
         `posterior` is the latest one. A change in one stage has more chances to appear than other effects, several in
         every stage for each group of parameters; its likelihood is divided by their number.
         """
         known, names = self.estimated(), tuple(self._parameters)
-        found = [t.found(known, self._before, posterior.sigma, names) for t in self._tested()]
+        evidence = [t.evaluate(known, self._before, posterior.sigma, names) for t in self._tested()]
         chances = 2.0 * np.log(max(len(self._changes), 1))
-        return sorted(found, key=lambda f: (chances if f.stage else 0.0) - f.excess)
+        return sorted(evidence, key=lambda f: (chances if f.stage else 0.0) - f.excess)
 
     def limits(self, posterior: Posterior, chi_square: float) -> list[EffectLimit]:
         """Return, for every effect outside the model, the size at which its test is expected to reach `chi_square`."""
@@ -270,8 +278,13 @@ class EffectTests:
         """Yield the effects outside the model."""
         at = 0
         for effect in EFFECTS:
-            own = slice(at, at := at + len(effect.components))
-            parts = self._score[own], self._information[own, own], self._information[own], self._error[:, own]
+            columns = slice(at, at := at + len(effect.components))
+            parts = (
+                self._score[columns],
+                self._information[columns, columns],
+                self._information[columns],
+                self._error[:, columns],
+            )
             if effect.cause not in self._states:
                 yield _Tested(effect, "", *parts)
         at_end = np.tile(drifted(np.array([self._elapsed]))[0], 3)

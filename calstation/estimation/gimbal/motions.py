@@ -84,7 +84,7 @@ def find_motions(data: StageData, imu: ImuModel) -> list[Motion]:
     if data.joints.shape[1] != 3:
         raise InputError("recording.no_joint_angles")
     still = find_stillness(data, imu, SHORTEST_REST)
-    found = []
+    motions = []
     for link in still.links:
         first, second = still.rests[link.first], still.rests[link.second]
         before, after = _joint_line(data, first, end=True), _joint_line(data, second, end=False)
@@ -97,10 +97,10 @@ def find_motions(data: StageData, imu: ImuModel) -> list[Motion]:
             at_rest = [data.gyro[slice(*interval)].mean(axis=0) for interval in intervals]
             rotation = (data.gyro[link.start : link.stop] - 0.5 * (at_rest[0] + at_rest[1])).sum(axis=0) * data.dt
             ends = (before[0], after[0], before[1])
-            found.append(Motion(link.start, link.stop, *ends, rest, duration, between, rotation))
-    if not any(m.axis is not None for m in found):
-        raise InsufficientDataError("recording.no_joint_turn", seconds=SHORTEST_REST, motions=len(found))
-    return found
+            motions.append(Motion(link.start, link.stop, *ends, rest, duration, between, rotation))
+    if not any(m.axis is not None for m in motions):
+        raise InsufficientDataError("recording.no_joint_turn", seconds=SHORTEST_REST, motions=len(motions))
+    return motions
 
 
 def turned_motion(blocks: list[SampleBlock], imu: ImuModel, begin: int, axis: int) -> Motion:

@@ -132,10 +132,10 @@ def sigmas(information: FloatArray, states: int) -> FloatArray:
     scale = 1.0 / np.sqrt(np.diagonal(information[:, :known, :known], axis1=1, axis2=2))
     covariance = np.linalg.inv(information[:, :known, :known] * scale[:, :, None] * scale[:, None, :])
     variances = np.diagonal(covariance, axis1=1, axis2=2)[:, -COUNT:]
-    found = np.sqrt(variances) * scale[:, -COUNT:]
+    parameters = np.sqrt(variances) * scale[:, -COUNT:]
     if information.shape[-1] == known:
-        return np.asarray(found)
+        return np.asarray(parameters)
     cross = information[:, :known, known:] * scale[:, :, None]
-    own = np.diagonal(information[:, known:, known:], axis1=1, axis2=2)
-    left = own - np.einsum("nik,nij,njk->nk", cross, covariance, cross, optimize=True)
-    return np.hstack([found, 1.0 / np.sqrt(np.maximum(left, 1e-12 * own + 1e-300))])
+    alone = np.diagonal(information[:, known:, known:], axis1=1, axis2=2)
+    remaining = alone - np.einsum("nik,nij,njk->nk", cross, covariance, cross, optimize=True)
+    return np.hstack([parameters, 1.0 / np.sqrt(np.maximum(remaining, 1e-12 * alone + 1e-300))])

@@ -113,9 +113,9 @@ class NavigationPass(ABC):
 
     def take_history(self) -> History:
         """Return and discard the observations since the last call."""
-        found = self.history
+        history = self.history
         del self._history[1:]
-        return found
+        return history
 
     @property
     def attitude(self) -> FloatArray:
@@ -192,8 +192,8 @@ class NavigationPass(ABC):
         gain = np.asarray(np.linalg.solve(root, H @ P))
         K = np.linalg.solve(root.T, gain).T
         x += K @ (z - H @ x)
-        left = np.eye(len(x)) - K @ H
-        P[:] = left @ P @ left.T + K @ R @ K.T
+        I_KH = np.eye(len(x)) - K @ H
+        P[:] = I_KH @ P @ I_KH.T + K @ R @ K.T
         return H, root, gain
 
     def _motion(self, data: StageData) -> Increments:

@@ -62,16 +62,16 @@ def pieces(data: StageData, history: History) -> list[tuple[int, int]]:
 def _edges(step: IntArray, rate: FloatArray, elapsed: FloatArray) -> IntArray:
     """Return the first observation of each piece, and the number of observations."""
     count = len(step)
-    edges, found, turned = np.zeros(count + 1, np.int64), 0, 0.0
+    edges, last, turned = np.zeros(count + 1, np.int64), 0, 0.0
     for k in range(1, count):
-        first, moving = edges[found], rate[k] > REST_RATE
+        first, moving = edges[last], rate[k] > REST_RATE
         turned += rate[k] * elapsed[k] if moving else 0.0
         same = step[k] == step[first] and moving == (rate[first] > REST_RATE)
         if not (same and turned <= LARGEST_TURN):
-            found, turned = found + 1, 0.0
-            edges[found] = k
-    edges[found + 1] = count
-    return edges[: found + 2]
+            last, turned = last + 1, 0.0
+            edges[last] = k
+    edges[last + 1] = count
+    return edges[: last + 2]
 
 
 class ObservabilityAnalysis:
@@ -100,8 +100,8 @@ class ObservabilityAnalysis:
         if not len(index):
             return
         steps, seqs = data.step[index - 1], data.seq[index - 1]
-        found = pieces(data, history)
-        first, last = np.array(found).T
+        result = pieces(data, history)
+        first, last = np.array(result).T
         time = (index[last - 1] - np.where(first > 0, index[first - 1], index[0] - 1)) * data.dt
         middle = (first + last) // 2
         rows, carried = _rows(
@@ -109,7 +109,7 @@ class ObservabilityAnalysis:
             np.maximum(time, self._interval), self._carried,
         )  # fmt: skip
         weight = np.sqrt(last - first)[:, None, None] / self._velocity * self._scale
-        for step, group in groupby(range(len(found)), lambda k: int(steps[first[k]])):
+        for step, group in groupby(range(len(result)), lambda k: int(steps[first[k]])):
             chosen = list(group)
             if step != self._step:
                 self._end_step()
@@ -151,7 +151,7 @@ class ObservabilityAnalysis:
         strength = {name: float(f"{s:.3g}") for name, s in zip(STATE_NAMES, self._strengths(), strict=True)}
         return Ranking(self._step, int(np.count_nonzero(self._singular_values() > 1.0)), strength)
 
-    def found(self) -> dict[str, Any]:
+    def result(self) -> dict[str, Any]:
         """End the last step and return the analysis as JSON values.
 
         ``segments`` lists for each step its number, first and last sequence number, number of pieces, and the rank
@@ -179,7 +179,7 @@ def observability_analysis(
     """Analyse all observations of a stage, see `ObservabilityAnalysis.found`."""
     analysis = ObservabilityAnalysis(context, prior, point)
     analysis.take(data, history)
-    return analysis.found()
+    return analysis.result()
 
 
 @nb.njit(cache=True)
@@ -197,11 +197,11 @@ def _rows(
     `carried` is the transition from the start to the first piece, shape (39, 39); it is updated to the end of the last.
     Nothing depends on δp, and only φ, δv and δp change, so that six columns and nine rows of a power of F are used.
     """
-    found = np.zeros((len(time), 3 * POWERS, STATES))
+    powers = np.zeros((len(time), 3 * POWERS, STATES))
     first = np.zeros((len(time), 3 * POWERS, STATES))
     F, term, moved = np.zeros((_START, STATES)), np.zeros((_START, STATES)), np.zeros((_START, STATES))
     for n in range(len(time)):
-        C, omega, T, rows = attitude[n], rate[n], time[n], found[n]
+        C, omega, T, rows = attitude[n], rate[n], time[n], powers[n]
         w = omega - C.T @ earth
         force = C[2] * gravity + np.cross(w, np.cross(w, c.outer_lever))
         rate_jacobian, force_jacobian = dynamics(c, omega, force)
@@ -233,7 +233,7 @@ def _rows(
             moved[i, _START:] = transition[i, _START:]
             _add_product(transition[i], carried, 1.0, moved[i])
         carried[NAVIGATION] += moved
-    return found, first
+    return powers, first
 
 
 @nb.njit(cache=True)

@@ -89,22 +89,22 @@ def solve_navigation(
         return replace(
             solver.iterate(list(near.starts), list(near.attitudes), near.point), azimuth_free=near.azimuth_free
         )
-    found = starts(data, context, prior)
-    if not found:
+    begun = starts(data, context, prior)
+    if not begun:
         raise no_rest_error(data, context.imu, prior)
-    free = any(s.azimuth_sigma is not None for s in found)
-    ambiguous = any((s.azimuth_sigma or 0.0) > AMBIGUOUS_AZIMUTH_SIGMA for s in found)
+    free = any(s.azimuth_sigma is not None for s in begun)
+    ambiguous = any((s.azimuth_sigma or 0.0) > AMBIGUOUS_AZIMUTH_SIGMA for s in begun)
     meter = _Meter(progress, USUAL_PASSES * (1 + free) + AZIMUTHS_TRIED * ambiguous)
     solver = _Relinearisation(data, context, prior, estimated, meter)
-    point, attitudes = solver.first_point(found[0]), [s.attitude for s in found]
+    point, attitudes = solver.first_point(begun[0]), [s.attitude for s in begun]
     if free:
-        narrow = [replace(s, prior_sigma=np.append(s.prior_sigma[:2], NARROW_AZIMUTH_SIGMA)) for s in found]
+        narrow = [replace(s, prior_sigma=np.append(s.prior_sigma[:2], NARROW_AZIMUTH_SIGMA)) for s in begun]
         if ambiguous:
             narrow = solver.best_azimuth(point, narrow)
         near = solver.iterate(narrow, [s.attitude for s in narrow], point)
         point, attitudes = near.point, list(near.attitudes)
-        found = [replace(n, prior_sigma=s.prior_sigma) for n, s in zip(narrow, found, strict=True)]
-    return replace(solver.iterate(found, attitudes, point), azimuth_free=free)
+        begun = [replace(n, prior_sigma=s.prior_sigma) for n, s in zip(narrow, begun, strict=True)]
+    return replace(solver.iterate(begun, attitudes, point), azimuth_free=free)
 
 
 def pass_about(
@@ -169,17 +169,17 @@ class _Relinearisation:
                 point[index] = measured[axis]
         return point
 
-    def best_azimuth(self, point: FloatArray, found: list[Start]) -> list[Start]:
+    def best_azimuth(self, point: FloatArray, begun: list[Start]) -> list[Start]:
         """Return the starts for the heading, out of `AZIMUTHS_TRIED`, whose first pass fits the data best."""
         candidates = []
         for k in range(AZIMUTHS_TRIED):
             turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTHS_TRIED)
-            turned = [replace(s, prior=turn @ s.prior, attitude=turn @ s.attitude) for s in found]
+            turned = [replace(s, prior=turn @ s.prior, attitude=turn @ s.attitude) for s in begun]
             run, _ = self.one_pass(ClosedLoopFilter, point, turned, [s.attitude for s in turned])
             candidates.append((_chi2(run), k, turned))
         return min(candidates, key=lambda c: c[:2])[2]
 
-    def iterate(self, found: list[Start], attitudes: list[FloatArray], point: FloatArray) -> NavigationResult:
+    def iterate(self, begun: list[Start], attitudes: list[FloatArray], point: FloatArray) -> NavigationResult:
         """Run passes until one makes no significant change.
 
         If the very first pass leaves innovations larger than their noise, it is repeated in closed loop, and the pass
@@ -189,11 +189,11 @@ class _Relinearisation:
         moved = 1.0  # the rate at which steps shrink is unknown before the first pass
         for _ in range(MAX_PASSES):
             self.passes += 1
-            smooth, ends = self.one_pass(ReferencePass, point, found, attitudes)
+            smooth, ends = self.one_pass(ReferencePass, point, begun, attitudes)
             run: NavigationPass = smooth
             nis = run.history.nis
             if self.passes == 1 and not np.sum(nis) < FITS * len(nis):
-                other, other_ends = self.one_pass(ClosedLoopFilter, point, found, attitudes)
+                other, other_ends = self.one_pass(ClosedLoopFilter, point, begun, attitudes)
                 if _chi2(other) <= _chi2(run):
                     run, ends = other, other_ends
             posterior = run.posterior
@@ -206,11 +206,11 @@ class _Relinearisation:
                 break
             if self.estimated.any():
                 point = posterior.mean
-            attitudes = self._carry_back(run, point, found, ends)
+            attitudes = self._carry_back(run, point, begun, ends)
         return NavigationResult(
             posterior,
             run.history,
-            tuple(found),
+            tuple(begun),
             tuple(attitudes),
             point,
             self.passes,
@@ -220,13 +220,13 @@ class _Relinearisation:
         )
 
     def one_pass(
-        self, kind: type[Pass], point: FloatArray, found: list[Start], attitudes: list[FloatArray]
+        self, kind: type[Pass], point: FloatArray, begun: list[Start], attitudes: list[FloatArray]
     ) -> tuple[Pass, list[FloatArray]]:
         """Run one pass of a kind about a point and start attitudes; also return the attitudes at the ends."""
         run = kind(self.context, self.prior, point)
         ends = []
-        self.meter.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) for s in found))
-        for start, attitude in zip(found, attitudes, strict=True):
+        self.meter.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) for s in begun))
+        for start, attitude in zip(begun, attitudes, strict=True):
             for groups in run.steps(self.data, start, attitude):
                 self.meter.advance(groups)
             ends.append(run.attitude)
@@ -234,12 +234,12 @@ class _Relinearisation:
         return run, ends
 
     def _carry_back(
-        self, run: NavigationPass, point: FloatArray, found: list[Start], ends: list[FloatArray]
+        self, run: NavigationPass, point: FloatArray, begun: list[Start], ends: list[FloatArray]
     ) -> list[FloatArray]:
         """Compute start from end attitudes: C_end = Exp(−Ω T) C_start B, with B from the gyros and `point`."""
         constants, dt = compensation(point), self.data.dt
         carried = []
-        for start, end in zip(found, ends, strict=True):
+        for start, end in zip(begun, ends, strict=True):
             stop = start.begin + (start.end - start.begin) // run.stride * run.stride
             B = body_rotation(constants, dt, self.data.gyro, start.begin, stop)
             carried.append(rotation_matrix(run.earth * (stop - start.begin) * dt) @ end @ B.T)

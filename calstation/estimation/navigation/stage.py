@@ -63,13 +63,13 @@ class LiveFilter:
         consumed = 0
         for first, last in data.segments:
             if first > 0 or not self._aligned:
-                found = starts(replace(data, segments=((first, last),)), self._context, self._prior)
-                self._aligned = bool(found) and (last - found[0].begin) * data.dt >= LIVE_ALIGNMENT
+                begun = starts(replace(data, segments=((first, last),)), self._context, self._prior)
+                self._aligned = bool(begun) and (last - begun[0].begin) * data.dt >= LIVE_ALIGNMENT
                 consumed = first
                 if not self._aligned:
                     continue
-                run.begin(data, found[0], found[0].attitude)
-                consumed = found[0].begin
+                run.begin(data, begun[0], begun[0].attitude)
+                consumed = begun[0].begin
             while consumed + run.group_size * run.stride < last:
                 run.observe(data, consumed, run.group_size)
                 consumed += run.group_size * run.stride

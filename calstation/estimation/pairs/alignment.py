@@ -68,9 +68,9 @@ def interpolate(counts: FloatArray, at: FloatArray) -> FloatArray:
     weights = np.prod(ratio, axis=2)
     rows = whole[:, None] + nodes
     inside = (rows[:, 0] >= 0) & (rows[:, -1] < len(counts))
-    found = np.full((len(at), counts.shape[1]), np.nan)
-    found[inside] = np.einsum("mk,mkc->mc", weights[inside], counts[rows[inside]])
-    return found
+    values = np.full((len(at), counts.shape[1]), np.nan)
+    values[inside] = np.einsum("mk,mkc->mc", weights[inside], counts[rows[inside]])
+    return values
 
 
 @dataclass(frozen=True)
@@ -227,11 +227,11 @@ class _Stream:
 
     def rows(self, start: int, stop: int) -> FloatArray:
         """Return the counts of samples `start` to `stop`, NaN where missing, shape (n, 6)."""
-        found = np.full((stop - start, 6), np.nan)
+        rows = np.full((stop - start, 6), np.nan)
         a, b = max(start, self.first), min(stop, self.last + 1)
         if b > a:
-            found[a - start : b - start] = self.counts[a - self.first : b - self.first]
-        return found
+            rows[a - start : b - start] = self.counts[a - self.first : b - self.first]
+        return rows
 
     def _append(self, index: IntArray, counts: FloatArray) -> None:
         fresh = index > self.last if len(self.counts) else np.ones(len(index), np.bool_)
@@ -312,16 +312,16 @@ class PairAligner:
         stream = self._streams[k + 1]
         if stream.delay is None:
             return -1
-        own = (stream.last - _HALF + 1) / stream.rate
-        time = own + float(self.clocks[k].offset(own + float(self.clocks[k].offset(own))))
+        last = (stream.last - _HALF + 1) / stream.rate
+        time = last + float(self.clocks[k].offset(last + float(self.clocks[k].offset(last))))
         return int(np.floor(time * self._streams[0].rate - 1e-6)) - 1
 
     def _follow(self, delay: float, time: float) -> None:
         """Restart the clocks of restarted units; until its offset is measured, a clock follows the arrival times."""
         jumped = [stream.jumps != seen for stream, seen in zip(self._streams, self._seen_jumps, strict=True)]
         self._seen_jumps = [stream.jumps for stream in self._streams]
-        for clock, stream, own in zip(self.clocks, self._streams[1:], jumped[1:], strict=True):
-            if stream.delay is not None and (jumped[0] or own or clock.arrival):
+        for clock, stream, clock_jumped in zip(self.clocks, self._streams[1:], jumped[1:], strict=True):
+            if stream.delay is not None and (jumped[0] or clock_jumped or clock.arrival):
                 clock.restart(time, stream.delay - delay)
 
     def _measure(self, k: int, start: int, stop: int) -> bool:

@@ -112,17 +112,17 @@ class PairCalibration:
         return rests[-1] if rests else None
 
     def check(
-        self, data: StageData, rest: tuple[int, int], place: int, secondary: Secondary, stored: StoredPair
+        self, data: StageData, rest: tuple[int, int], index: int, secondary: Secondary, stored: StoredPair
     ) -> StaticCheck | None:
-        """Check both IMUs at a rest; return None if the secondary (index `place` in the samples) has no data in it."""
+        """Check both IMUs at a rest; return None if the secondary (index `index` in the samples) has no data in it."""
         a, b = rest
-        pair = pair_data(data, place, secondary.imu)
+        pair = pair_data(data, index, secondary.imu)
         gyro2, accel2 = _mean(pair.gyro2[a:b]), _mean(pair.accel2[a:b])
         if gyro2 is None or accel2 is None:
             return None
-        own = compensate(self._c, data.gyro[a:b].mean(axis=0)[None], data.accel[a:b].mean(axis=0)[None])
+        primary = compensate(self._c, data.gyro[a:b].mean(axis=0)[None], data.accel[a:b].mean(axis=0)[None])
         other = compensate_secondary(pair_vector(stored), self._c, gyro2, accel2)
-        first, second = (static_figures(w[0], f[0], self._gravity) for w, f in (own, other))
+        first, second = (static_figures(w[0], f[0], self._gravity) for w, f in (primary, other))
         last = {"gyro": stored.gyro_static, "accel": stored.accel_static}
         return StaticCheck(
             {s: RestDeviation(first[s], self.schedule.threshold("primary", s).limit(None)) for s in SENSORS},
@@ -148,10 +148,10 @@ class PairCalibration:
         )
 
     def calibrate(
-        self, data: StageData, place: int, secondary: Secondary, choice: PairChoice, stored: StoredPair
+        self, data: StageData, index: int, secondary: Secondary, choice: PairChoice, stored: StoredPair
     ) -> PairResult:
         """Fit to all data; terms that are not chosen keep their stored values. Raises InputError."""
-        pair = pair_data(data, place, secondary.imu)
+        pair = pair_data(data, index, secondary.imu)
         require_pairs(pair, secondary.number, choice)
         try:
             fit = fit_pair(pair, self._primary, secondary.imu, self._c, choice, pair_vector(stored))
@@ -159,9 +159,9 @@ class PairCalibration:
             raise InputError("solve.pair_undetermined", number=secondary.number) from exc
         require_sense(fit, secondary.number, choice)
         values = dict(zip((p.name for p in PAIR_PARAMETERS), fit.value.tolist(), strict=True))
-        found = StoredPair({n: v for n, v in values.items() if fit.fitted[_INDEX[n]] or n in stored.values})
+        solved = StoredPair({n: v for n, v in values.items() if fit.fitted[_INDEX[n]] or n in stored.values})
         rest = self.last_rest(data)
-        check = None if rest is None else self.check(data, rest, place, secondary, found)
+        check = None if rest is None else self.check(data, rest, index, secondary, solved)
         last = {"gyro": stored.gyro_static, "accel": stored.accel_static}
         fitted = [s for s, model in (("gyro", choice.gyro), ("accel", choice.accel)) if model is not None]
         static = {s: None if check is None else check.secondary[s].value for s in fitted}
@@ -170,7 +170,7 @@ class PairCalibration:
             # the deviation after a poor calibration would loosen the next threshold; small ones must not accumulate
             if value is not None and value <= min(threshold.limit(last[sensor]), threshold.fixed):
                 last[sensor] = value
-        return PairResult(fit, replace(found, gyro_static=last["gyro"], accel_static=last["accel"]), static)
+        return PairResult(fit, replace(solved, gyro_static=last["gyro"], accel_static=last["accel"]), static)
 
 
 _INDEX = {p.name: i for i, p in enumerate(PAIR_PARAMETERS)}

@@ -13,10 +13,10 @@ SLOPE_TIME = 0.02
 
 
 class SecondaryCorrection:
-    """Corrects a secondary with its stored calibration and then with the primary's errors `own`."""
+    """Corrects a secondary with its stored calibration and then with the primary's errors `primary`."""
 
-    def __init__(self, secondary: Secondary, own: Compensation) -> None:
-        self._size, self._dt, self._own = secondary.imu.count_size, 1.0 / secondary.imu.sample_rate, own
+    def __init__(self, secondary: Secondary, primary: Compensation) -> None:
+        self._size, self._dt, self._primary = secondary.imu.count_size, 1.0 / secondary.imu.sample_rate, primary
         self._width = max(2, round(SLOPE_TIME / self._dt))
         ago = np.arange(-self._width, 1) * self._dt
         self._slope = np.linalg.pinv(np.vander(ago, 3, increasing=True))[1]  # slope of the parabola at its end
@@ -40,12 +40,12 @@ class SecondaryCorrection:
         samples.
         """
         raw = counts * self._size
-        omega, force = compensate_secondary(self._pair, self._own, raw[:, :3], raw[:, 3:])
+        omega, force = compensate_secondary(self._pair, self._primary, raw[:, :3], raw[:, 3:])
         lever = self._pair[LEVER]
         if lever.any() and len(omega):
-            held = self._before if len(self._before) else omega[:1]
-            held = np.vstack([np.repeat(held[:1], self._width - len(held), axis=0), held])
-            rates = np.vstack([held, omega])
+            earlier = self._before if len(self._before) else omega[:1]
+            earlier = np.vstack([np.repeat(earlier[:1], self._width - len(earlier), axis=0), earlier])
+            rates = np.vstack([earlier, omega])
             alpha = np.nan_to_num(
                 np.lib.stride_tricks.sliding_window_view(rates, self._width + 1, axis=0) @ self._slope
             )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.effects import EffectFound, changing
+from calstation.estimation.effects import EffectEvidence, changing
 from calstation.physics import AXES, EFFECTS, OF_ACCELEROMETERS, Effect, FloatArray, Motion
 
 #: Second-order term of the accelerometers, which is one of the 30 parameters in other methods.
@@ -27,7 +27,7 @@ class Block:
 
     motion: Motion  #: Motion of the secondary, n rows.
     columns: FloatArray  #: Derivatives of the six outputs in units of their noise, shape (n, 6, k).
-    left: FloatArray  #: Residuals in units of their noise, shape (n, 6).
+    residual: FloatArray  #: Residuals in units of their noise, shape (n, 6).
     weights: FloatArray  #: Shape (n, 6).
 
 
@@ -53,7 +53,7 @@ def pair_effects(
     bias_drift: Mapping[str, float],
     sigma: FloatArray,
     names: Sequence[str],
-) -> list[EffectFound]:
+) -> list[EffectEvidence]:
     """Return the evidence for the effects that are `tested`, the likeliest first; none from a short recording.
 
     The primary's noise in the columns, for which the fit is corrected, is not removed here: if the columns of an effect
@@ -82,17 +82,19 @@ def pair_effects(
         both = np.concatenate([block.columns, added], axis=2)
         weighted = both * block.weights[:, :, None]
         normals.append(np.tensordot(weighted, both, axes=([0, 1], [0, 1])))
-        gradients.append(np.tensordot(weighted, block.left, axes=([0, 1], [0, 1])))
-    whole, found, at = (np.array(normals), np.array(gradients)), [], k
+        gradients.append(np.tensordot(weighted, block.residual, axes=([0, 1], [0, 1])))
+    whole, evidence, at = (np.array(normals), np.array(gradients)), [], k
     for candidate in candidates:
-        own = np.r_[0:k, at : (at := at + len(candidate.components))]
-        found.append(
-            _found(candidate, whole[0][:, own[:, None], own], whole[1][:, own], axes, bias_drift, sigma, names)
+        chosen = np.r_[0:k, at : (at := at + len(candidate.components))]
+        evidence.append(
+            _evidence(
+                candidate, whole[0][:, chosen[:, None], chosen], whole[1][:, chosen], axes, bias_drift, sigma, names
+            )
         )
-    return sorted(found, key=lambda f: -f.excess)
+    return sorted(evidence, key=lambda f: -f.excess)
 
 
-def _found(
+def _evidence(
     candidate: Effect,
     normals: FloatArray,
     gradients: FloatArray,
@@ -100,7 +102,7 @@ def _found(
     bias_drift: Mapping[str, float],
     sigma: FloatArray,
     names: Sequence[str],
-) -> EffectFound:
+) -> EffectEvidence:
     """Evaluate the test of an effect from the normal equations with it, shapes (blocks, m, m) and (blocks, m)."""
     k = len(names)
     plausible = np.full(len(candidate.components), candidate.plausible or np.inf)
@@ -109,8 +111,8 @@ def _found(
     solution = np.linalg.solve(normal, gradient)
     covariance = jackknife(normals, gradients, prior)
     group = candidate.parameter_of(0).rpartition("_")[0]
-    size, own = solution[k:], covariance[k:, k:] + bias_drift.get(group, 0.0) * np.eye(len(solution) - k)
-    best = int(np.argmax(np.abs(size) / np.sqrt(np.diag(own))))
+    size, own_covariance = solution[k:], covariance[k:, k:] + bias_drift.get(group, 0.0) * np.eye(len(solution) - k)
+    best = int(np.argmax(np.abs(size) / np.sqrt(np.diag(own_covariance))))
     without = np.linalg.solve(normal[:k, :k], gradient[:k])
     shift = dict(zip(names, ((solution[:k] - without) / sigma).tolist(), strict=True))
     changed = parameter = candidate.parameter_of(best)
@@ -121,8 +123,8 @@ def _found(
     stage = "cross_calibration" if changed else ""
     # Hotelling's T² with the degrees of freedom of the jackknife, as a χ²
     n, m = len(normals), len(size)
-    excess = float(size @ np.linalg.solve(own, size)) * (n - m) / (n - 1) - m
-    found = float(size[best]), float(np.sqrt(own[best, best]))
-    return EffectFound(
-        candidate.cause, candidate.components[best], changed, stage, excess, *found, candidate.unit, shift
+    excess = float(size @ np.linalg.solve(own_covariance, size)) * (n - m) / (n - 1) - m
+    estimate = float(size[best]), float(np.sqrt(own_covariance[best, best]))
+    return EffectEvidence(
+        candidate.cause, candidate.components[best], changed, stage, excess, *estimate, candidate.unit, shift
     )

@@ -63,10 +63,10 @@ def _require_spread(values: FloatArray, least: float, every_axis: bool, tilting:
 def require_sense(fit: PairFit, number: int, choice: PairChoice) -> None:
     """Check that the matrices are plausible as sensor errors and not due to swapped columns. Raises InputError."""
     turns = []
-    for sensor, model, place in (("gyro", choice.gyro, GYRO_MATRIX), ("accel", choice.accel, ACCEL_MATRIX)):
+    for sensor, model, columns in (("gyro", choice.gyro, GYRO_MATRIX), ("accel", choice.accel, ACCEL_MATRIX)):
         if model not in ("scale", "full"):
             continue
-        C = fit.value[place].reshape(3, 3)
+        C = fit.value[columns].reshape(3, 3)
         U, lengths, V = np.linalg.svd(C)
         if not 1.0 / UNIT < lengths[-1] <= lengths[0] < UNIT:
             ratio = float(np.exp(np.mean(np.log(lengths))))

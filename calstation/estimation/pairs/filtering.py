@@ -25,9 +25,9 @@ class PairData:
         return len(self.time)
 
 
-def pair_data(data: StageData, place: int, imu: ImuModel) -> PairData:
-    """Return the samples of the primary and of the secondary at index `place`, whose model is `imu`."""
-    counts = data.others[:, place]
+def pair_data(data: StageData, index: int, imu: ImuModel) -> PairData:
+    """Return the samples of the primary and of the secondary at index `index`, whose model is `imu`."""
+    counts = data.others[:, index]
     present: BoolArray = np.asarray(~np.isnan(counts).any(axis=1))
     segments: list[tuple[int, int]] = []
     for start, stop in data.segments:

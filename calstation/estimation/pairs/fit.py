@@ -23,7 +23,7 @@ from typing import Literal
 import numpy as np
 
 from calstation.estimation.common import BIAS_DRIFT_PER_INSTABILITY, BIAS_DRIFT_TIME, ImuModel, gauss_newton
-from calstation.estimation.effects import EffectFound
+from calstation.estimation.effects import EffectEvidence
 from calstation.estimation.pairs.effects import Block, jackknife, pair_effects
 from calstation.estimation.pairs.filtering import PairData, Signals, coarse_offset, low_pass, signals
 from calstation.physics import PAIR_PARAMETERS, BoolArray, Compensation, Effect, FloatArray, Motion, compensate
@@ -91,7 +91,9 @@ class PairFit:
     converged: bool  #: Whether the last iteration made no significant change.
     change: FloatArray  #: Second half of the recording minus the first, SI, NaN if not compared, shape (28,).
     change_sigma: FloatArray  #: Standard deviation of `change`, including the bias drift, SI, shape (28,).
-    effects: tuple[EffectFound, ...]  #: Evidence in the residuals for effects outside the model, the likeliest first.
+    effects: tuple[
+        EffectEvidence, ...
+    ]  #: Evidence in the residuals for effects outside the model, the likeliest first.
 
 
 def fit_pair(
@@ -126,8 +128,8 @@ def fit_pair(
     change, variance = system.change()
     sigma = np.sqrt(np.diag(covariance)[fitted])
     names = [p.name for p, chosen in zip(PAIR_PARAMETERS, fitted, strict=True) if chosen]
-    left, _, right = np.linalg.svd(value[GYRO_MATRIX if choice.gyro == "full" else ACCEL_MATRIX].reshape(3, 3))
-    axes = left @ right  # axes of the secondary in primary axes, one per row
+    U, _, V = np.linalg.svd(value[GYRO_MATRIX if choice.gyro == "full" else ACCEL_MATRIX].reshape(3, 3))
+    axes = U @ V  # axes of the secondary in primary axes, one per row
     blocks = system.blocks(_motion(rows, value, c, data.time[rows.row], axes))
     changes = dict(zip(("gyro_bias", "accel_bias"), _changes_of_bias(duration, primary, secondary), strict=True))
     effects = pair_effects(blocks, choice.tests, system.scale, axes, duration, changes, sigma, names)
@@ -160,17 +162,17 @@ class _System:
         self._fitted = fitted
         C, A = value[GYRO_MATRIX].reshape(3, 3), value[ACCEL_MATRIX].reshape(3, 3)
         base = rows.accel + rows.lever @ value[LEVER]
-        left = np.hstack(
+        residual = np.hstack(
             [rows.gyro2 - rows.gyro @ C.T - value[GYRO_BIAS], rows.accel2 - base @ A.T - value[ACCEL_BIAS]]
         )
-        self.rms = (_size(left[:, :3]), _size(left[:, 3:]))
+        self.rms = (_size(residual[:, :3]), _size(residual[:, 3:]))
         band = float(np.sum(low_pass() ** 2))
         self.expected = (
             float(np.sqrt(band * np.sum(noise[:, 0] ** 2))),
             float(np.sqrt(band * np.sum(noise[:, 1] ** 2))),
         )
         scale = np.repeat([max(r, 1e-3 * e) for r, e in zip(self.rms, self.expected, strict=True)], 3)
-        weights = np.hstack([_weights(left[:, :3] / scale[:3]), _weights(left[:, 3:] / scale[3:])])
+        weights = np.hstack([_weights(residual[:, :3] / scale[:3]), _weights(residual[:, 3:] / scale[3:])])
         block = (data.time[rows.row] // BLOCK).astype(np.int64)
         edges = np.flatnonzero(np.diff(block, prepend=block[0] - 1)) if len(block) else np.empty(0, np.int64)
         self._parts = [slice(int(a), int(b)) for a, b in itertools.pairwise([*edges, len(block)])]
@@ -178,10 +180,10 @@ class _System:
         self.gradient, self._normals = np.zeros((len(edges), k)), np.zeros((len(edges), k, k))
         attenuation = self._attenuation(rows, value, noise, scale)
         self._columns = partial(_columns, rows, base=base, C=C, A=A)
-        self.scale, self._weights, self._left = scale, weights, left
+        self.scale, self._weights, self._residual = scale, weights, residual
         for b, part in enumerate(self._parts):
             X = self._columns(part)[:, :, fitted] / scale[None, :, None]
-            w, e = weights[part], left[part] / scale
+            w, e = weights[part], residual[part] / scale
             added, back = attenuation(w)
             self._normals[b] = np.einsum("nij,ni,nik->jk", X, w, X) - added
             self.gradient[b] = np.einsum("nij,ni,ni->j", X, w, e) + back
@@ -211,14 +213,14 @@ class _System:
 
     def blocks(self, motion: Motion) -> list[Block]:
         """Return at most `MAX_BLOCKS` longer blocks; `motion` covers all rows."""
-        count, found = -(-len(self._parts) // MAX_BLOCKS), []
+        count, blocks = -(-len(self._parts) // MAX_BLOCKS), []
         for b in range(0, len(self._parts), count):
             parts = self._parts[b : b + count]
             part = slice(parts[0].start, parts[-1].stop)
             columns = self._columns(part)[:, :, self._fitted] / self.scale[:, None]
-            own = Motion(*(values[part] for values in vars(motion).values()))
-            found.append(Block(own, columns, self._left[part] / self.scale, self._weights[part]))
-        return found
+            moved = Motion(*(values[part] for values in vars(motion).values()))
+            blocks.append(Block(moved, columns, self._residual[part] / self.scale, self._weights[part]))
+        return blocks
 
     def covariance(self) -> FloatArray:
         """Return the jackknife covariance over the blocks, shape (k, k)."""
@@ -277,14 +279,14 @@ def _columns(rows: Signals, part: slice, base: FloatArray, C: FloatArray, A: Flo
     return X
 
 
-def _size(left: FloatArray) -> float:
+def _size(residual: FloatArray) -> float:
     """Return the robust scale of residuals: 1.4826 times the median of their magnitudes."""
-    return float(1.4826 * np.median(np.abs(left - np.median(left, axis=0)))) if len(left) else 1.0
+    return float(1.4826 * np.median(np.abs(residual - np.median(residual, axis=0)))) if len(residual) else 1.0
 
 
-def _weights(left: FloatArray) -> FloatArray:
+def _weights(residual: FloatArray) -> FloatArray:
     """Return Huber weights from the magnitude of the residual relative to its scale, for three axes, shape (n, 3)."""
-    length = np.linalg.norm(left, axis=1) / np.sqrt(3.0)
+    length = np.linalg.norm(residual, axis=1) / np.sqrt(3.0)
     return np.repeat(np.minimum(1.0, FAR / np.maximum(length, 1e-12))[:, None], 3, axis=1)
 
 

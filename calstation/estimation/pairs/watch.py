@@ -140,7 +140,7 @@ class PairWatch:
         if not len(block):
             return []
         now, events = float(block.time[-1]), list[WatchEvent]()
-        streams = {s.number: block.others[:, place] for place, s in enumerate(self._secondaries)}
+        streams = {s.number: block.others[:, index] for index, s in enumerate(self._secondaries)}
         for number, counts in {0: block.counts, **streams}.items():
             present = block.time[~np.isnan(counts).any(axis=1)]
             if len(present) or not number:
@@ -199,9 +199,9 @@ class PairWatch:
             return []
         events, self._out_of_tolerance = list[WatchEvent](), {}
         was_off = self.primary_off
-        for place, secondary in enumerate(self._secondaries):
+        for index, secondary in enumerate(self._secondaries):
             number = secondary.number
-            check = calibration.check(data, rest, place, secondary, self.stored[number])
+            check = calibration.check(data, rest, index, secondary, self.stored[number])
             if check is None:
                 continue
             self.checks[number] = check
@@ -259,18 +259,18 @@ class PairWatch:
 
     def _fit(self, last: bool, data: StageData, motion: float) -> _Fits:
         """Fit the secondaries that are out of tolerance, up to the first failure."""
-        wanted = self._schedule.motion_s
-        if motion < wanted:
-            return {}, InsufficientDataError("solve.too_little_motion", seconds=motion, wanted=wanted), last
+        required = self._schedule.motion_s
+        if motion < required:
+            return {}, InsufficientDataError("solve.too_little_motion", seconds=motion, wanted=required), last
         done: dict[int, PairResult] = {}
         failed: InputError | None = None
-        for place, secondary in enumerate(self._secondaries):
+        for index, secondary in enumerate(self._secondaries):
             number = secondary.number
             if failed or number not in self._out_of_tolerance:
                 continue
             choice = self._calibration.chosen(self._out_of_tolerance[number])
             try:
-                done[number] = self._calibration.calibrate(data, place, secondary, choice, self.stored[number])
+                done[number] = self._calibration.calibrate(data, index, secondary, choice, self.stored[number])
             except InputError as error:
                 failed = error
         return done, failed, last

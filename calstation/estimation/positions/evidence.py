@@ -65,7 +65,7 @@ class Evidence:
     before: FloatArray = field(default_factory=lambda: np.zeros(COUNT))
 
 
-def gather(stage: str, data: StageData, context: SolveContext, before: FloatArray, found: FloatArray) -> Evidence:
+def gather(stage: str, data: StageData, context: SolveContext, before: FloatArray, parameters: FloatArray) -> Evidence:
     """Collect the evidence of a stage, given the reference and the solved parameters, SI, shape (30,) each."""
     still = find_stillness(data, context.imu, SHORTEST_REST)
     rests = tuple(
@@ -77,7 +77,7 @@ def gather(stage: str, data: StageData, context: SolveContext, before: FloatArra
         )
         for a, b in still.rests
     )
-    c, old = compensation(found), compensation(before)
+    c, old = compensation(parameters), compensation(before)
     motions = []
     for link in still.links:
         span = (data.dt, data.gyro, link.start, link.stop)
@@ -91,7 +91,7 @@ def gather(stage: str, data: StageData, context: SolveContext, before: FloatArra
                 duration=(link.stop - link.start) * data.dt,
                 path=float(np.linalg.norm(omega, axis=1).sum()) * data.dt,
                 uncalibrated=uncalibrated,
-                point=found,
+                point=parameters,
                 rotation=B,
                 derivative=gyro_derivative(np.eye(3), c, time, rate),
             )
@@ -111,11 +111,11 @@ class Turn:
     calibrated: FloatArray  #: Body rotation with the parameters found, shape (3, 3).
 
 
-def turn_between(evidence: Evidence, first: int, second: int, found: FloatArray) -> Turn | None:
+def turn_between(evidence: Evidence, first: int, second: int, parameters: FloatArray) -> Turn | None:
     """Return the rotation from one rest to a later one, None if no unbroken chain of motions connects them.
 
-    `found` are parameters near the stage solution, SI, shape (30,). During the rests in between, the rotation follows
-    from their mean rate, which includes earth rate.
+    `parameters` are near the stage solution, SI, shape (30,). During the rests in between, the rotation follows from
+    their mean rate, which includes earth rate.
     """
     motions = {motion.before: motion for motion in evidence.motions}
     uncalibrated = calibrated = np.eye(3)
@@ -126,35 +126,37 @@ def turn_between(evidence: Evidence, first: int, second: int, found: FloatArray)
             return None
         if k > first:
             uncalibrated = uncalibrated @ rotation_matrix(rest.compensated(evidence.before)[0] * rest.duration)
-            calibrated = calibrated @ rotation_matrix(rest.compensated(found)[0] * rest.duration)
+            calibrated = calibrated @ rotation_matrix(rest.compensated(parameters)[0] * rest.duration)
             duration += rest.duration
-        uncalibrated, calibrated = uncalibrated @ motion.uncalibrated, calibrated @ motion.calibrated(found)
+        uncalibrated, calibrated = uncalibrated @ motion.uncalibrated, calibrated @ motion.calibrated(parameters)
         duration, path = duration + motion.duration, path + motion.path
     return Turn(first, second, duration, path, uncalibrated, calibrated)
 
 
-def angle_errors(evidence: Evidence, turn: Turn, found: FloatArray, axes: TableGeometry | None) -> tuple[float, float]:
+def angle_errors(
+    evidence: Evidence, turn: Turn, parameters: FloatArray, axes: TableGeometry | None
+) -> tuple[float, float]:
     """Return the errors of the angle between two rests, rad, from uncalibrated and from calibrated gyros.
 
     The reference is the table's encoders, given its axes, or gravity if there is no table or no encoder angles.
     """
     first, second = evidence.rests[turn.before], evidence.rests[turn.after]
     if axes is None or first.angles is None or second.angles is None:
-        return gravity_misses(evidence, turn, found)
-    earth, _ = first.compensated(found)
+        return gravity_misses(evidence, turn, parameters)
+    earth, _ = first.compensated(parameters)
     reference = axes.body_to_home(*first.angles).T @ axes.body_to_home(*second.angles)
     angles = [_angle(reference)]
     angles += [_angle(rotation_matrix(-earth * turn.duration) @ B) for B in (turn.uncalibrated, turn.calibrated)]
     return abs(angles[1] - angles[0]), abs(angles[2] - angles[0])
 
 
-def gravity_misses(evidence: Evidence, turn: Turn, found: FloatArray) -> tuple[float, float]:
+def gravity_misses(evidence: Evidence, turn: Turn, parameters: FloatArray) -> tuple[float, float]:
     """Return the angles, rad, between gravity at the second rest and its gyro prediction, before and after calibration.
 
-    In both cases gravity is measured by the accelerometers with the parameters `found`.
+    In both cases gravity is measured by the accelerometers with the parameters `parameters`.
     """
-    earth, up = evidence.rests[turn.before].compensated(found)
-    seen = evidence.rests[turn.after].compensated(found)[1]
+    earth, up = evidence.rests[turn.before].compensated(parameters)
+    seen = evidence.rests[turn.after].compensated(parameters)[1]
     misses = []
     for rotation in (turn.uncalibrated, turn.calibrated):
         carried = (rotation_matrix(-earth * turn.duration) @ rotation).T @ up

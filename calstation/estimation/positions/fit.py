@@ -154,12 +154,12 @@ def _scatter(problem: PositionRows, at: LinearSolution, attitudes: FloatArray) -
     pick = np.eye(rows)
     gyros = 3 if per_rest == 6 else 0
     rate = pick[np.add.outer(per_rest * np.arange(n), np.arange(3, 3 + gyros)).ravel()]
-    found = []
+    scatter = []
     for chosen, weighted, profile in (
         (force, problem.force_variance, problem.force_noise),
         (rate, np.repeat(problem.rate_variance, gyros), np.repeat(problem.rate_noise, gyros)),
         (pick[per_rest * n :], np.repeat(problem.turn_variance, 3), np.repeat(problem.turn_noise, 3)),
     ):
         H = chosen @ at.H[:rows]
-        found.append(excess(chosen @ at.left[:rows] * np.sqrt(weighted), profile, at.spare(H)))
-    return Scatter(*found)
+        scatter.append(excess(chosen @ at.left[:rows] * np.sqrt(weighted), profile, at.spare(H)))
+    return Scatter(*scatter)

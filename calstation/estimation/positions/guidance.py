@@ -43,7 +43,7 @@ class Guidance:
     #: too soon).
     state: State
     rest: float  #: Time at rest so far, s.
-    wanted: float  #: Required time at rest, s.
+    required: float  #: Required time at rest, s.
     up: FloatArray  #: Measured direction of gravity in b, shape (3,).
     positions: FloatArray  #: Directions of gravity at the completed positions, shape (k, 3).
     suffices: bool  #: Whether the positions are well distributed and the unit has rotated about every axis.
@@ -58,13 +58,13 @@ class _Position:
 
 
 class PositionGuide:
-    """Monitors the stream of one unit; `wanted` is the required rest at each position, s."""
+    """Monitors the stream of one unit; `required` is the required rest at each position, s."""
 
-    def __init__(self, imu: ImuModel, wanted: float) -> None:
+    def __init__(self, imu: ImuModel, required: float) -> None:
         self._scale = imu.count_size
         self._width = max(round(WINDOW * imu.sample_rate), 4)
         self._window_duration = self._width / imu.sample_rate
-        self.ask(wanted)
+        self.ask(required)
         self._waiting: list[SampleBlock] = []
         self._noise: deque[float] = deque(maxlen=REMEMBERED)
         self._rates: deque[FloatArray] = deque(maxlen=REMEMBERED)
@@ -80,7 +80,7 @@ class PositionGuide:
     def ask(self, rest: float) -> None:
         """Require a rest of `rest` s at all following positions."""
         # the solver uses different windows and removes both ends of a rest
-        self._wanted = rest + 2.0 * REST_MARGIN + REST_WINDOW
+        self._required = rest + 2.0 * REST_MARGIN + REST_WINDOW
 
     @property
     def now(self) -> Guidance:
@@ -88,7 +88,7 @@ class PositionGuide:
         return Guidance(
             self._state,
             self._current.windows * self._window_duration,
-            self._wanted,
+            self._required,
             self._up,
             np.array(self._done).reshape(-1, 3),
             self._suffices,
@@ -146,7 +146,7 @@ class PositionGuide:
         self._current.force = self._current.force + force
         if self._state == "enough" or self._is_last_position():
             self._state = "enough"
-        elif self._current.windows * self._window_duration >= self._wanted:
+        elif self._current.windows * self._window_duration >= self._required:
             self._count_position()
         else:
             self._state = "still"

@@ -152,12 +152,12 @@ def _turns(data: StageData, still: Stillness, prior: Posterior) -> tuple[list[_T
     means = np.array([data.accel[a:b].mean(axis=0) for a, b in still.rests]).reshape(-1, 3)
     _, force = compensate(compensation(prior.mean), rates, means)
     up = force / np.linalg.norm(force, axis=1, keepdims=True)
-    found = []
+    turns = []
     for link in still.links:
         bias = 0.5 * (rates[link.first] + rates[link.second])
         path = float(np.linalg.norm(data.gyro[link.start : link.stop] - bias, axis=1).sum()) * data.dt
-        found.append(_Turn(link, up[link.first], up[link.second], bias, path))
-    return found, up
+        turns.append(_Turn(link, up[link.first], up[link.second], bias, path))
+    return turns, up
 
 
 def _contradicting(

@@ -88,12 +88,12 @@ class Position:
 def positions(data: StageData, still: Stillness, context: SolveContext) -> list[Position]:
     """Return the rests with their mean outputs."""
     noise = filter_noise(context)
-    found = []
+    rests = []
     for a, b in still.rests:
         force, variance = rest_force(data, context, a, b)
         duration = (b - a) * data.dt
         begin = a + round(CREEP / data.dt) if duration > 4.0 * CREEP else a
-        found.append(
+        rests.append(
             Position(
                 start=a,
                 stop=b,
@@ -104,7 +104,7 @@ def positions(data: StageData, still: Stillness, context: SolveContext) -> list[
                 rate_variance=noise.rate / ((b - begin) * data.dt),
             )
         )
-    return found
+    return rests
 
 
 def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> float:
@@ -119,8 +119,8 @@ def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> flo
     from scipy.optimize import brentq  # takes half a second to import and is rarely needed
 
     most = float(np.sum(residual**2)) / redundancy
-    found = brentq(lambda x: float(np.sum(residual**2 / (variance + x))) - redundancy, 0.0, most)
-    return float(np.sqrt(found))
+    variance_excess = brentq(lambda x: float(np.sum(residual**2 / (variance + x))) - redundancy, 0.0, most)
+    return float(np.sqrt(variance_excess))
 
 
 class PositionPoint(NamedTuple):

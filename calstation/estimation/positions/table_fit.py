@@ -72,9 +72,9 @@ class TableQuantity:
     sigma: float
 
 
-def table_rests(data: StageData, context: SolveContext, found: Posterior) -> TableRests:
+def table_rests(data: StageData, context: SolveContext, posterior: Posterior) -> TableRests:
     """Find the rests of a stage, including short ones, because the gyro biases are now known."""
-    imu, (bias, bias_sigma) = context.imu, found.gyro_bias
+    imu, (bias, bias_sigma) = context.imu, posterior.gyro_bias
     width = max(round(_WINDOW / data.dt), 2)
     noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.quantisation[0] * imu.rate_factor / width
     earth = float(np.linalg.norm(rotation_rate(context.site.latitude)))
@@ -97,8 +97,8 @@ def table_rests(data: StageData, context: SolveContext, found: Posterior) -> Tab
     return TableRests(np.reshape(force, (-1, 3)), np.reshape(angles, (-1, 2)), np.array(variance))
 
 
-def table_axes(rests: Sequence[TableRests], context: SolveContext, found: Posterior) -> dict[str, TableQuantity]:
-    """Fit the table's geometry to the rests of all stages with the solved parameters `found`.
+def table_axes(rests: Sequence[TableRests], context: SolveContext, posterior: Posterior) -> dict[str, TableQuantity]:
+    """Fit the table's geometry to the rests of all stages with the solved parameters `posterior`.
 
     The weights include the noise of encoders and rests, the bearing wobble, and the uncertainty of the accelerometer
     parameters, which is common to all rests. The sigmas are increased by the scatter of the residuals if it is larger
@@ -114,7 +114,7 @@ def table_axes(rests: Sequence[TableRests], context: SolveContext, found: Poster
     count = len(force)
     if 2 * count <= _VALUES:
         return {}
-    up = _directions(found.mean, force)
+    up = _directions(posterior.mean, force)
     frames = np.linalg.svd(up[:, None])[2][:, 1:]  # two unit vectors perpendicular to each direction and to each other
     start = np.zeros(_VALUES)
 
@@ -130,15 +130,15 @@ def table_axes(rests: Sequence[TableRests], context: SolveContext, found: Poster
     turned = np.stack([derivative(start, 1e-5, joint).reshape(count, 2) for joint in (0, 1)], axis=2)
     rest = variance / np.linalg.norm(force, axis=1) ** 2 + _WOBBLE**2
     blocks = encoder**2 * turned @ turned.transpose(0, 2, 1) + rest[:, None, None] * np.eye(2)
-    known = [i for i in _ACCELEROMETERS if found.sigma[i] > 0.0]
+    known = [i for i in _ACCELEROMETERS if posterior.sigma[i] > 0.0]
     columns = []
     for i in known:
-        step = np.zeros(len(found.mean))
-        step[i] = found.sigma[i]
-        both = _directions(found.mean + step, force) - _directions(found.mean - step, force)
-        columns.append(flat(both) / (2.0 * found.sigma[i]))
+        step = np.zeros(len(posterior.mean))
+        step[i] = posterior.sigma[i]
+        both = _directions(posterior.mean + step, force) - _directions(posterior.mean - step, force)
+        columns.append(flat(both) / (2.0 * posterior.sigma[i]))
     common = np.array(columns).T
-    covariance = block_diag(*blocks) + common @ found.covariance[np.ix_(known, known)] @ common.T
+    covariance = block_diag(*blocks) + common @ posterior.covariance[np.ix_(known, known)] @ common.T
     root = np.linalg.cholesky(covariance)
 
     def residuals(values: FloatArray) -> FloatArray:
