@@ -89,12 +89,13 @@ def _cross_product(a: Vector, b: Vector) -> Vector:
 
 
 @nb.njit(cache=True)
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@nb.njit(cache=True)
 def _product(A: FloatArray, b: Vector) -> Vector:
-    return (
-        A[0, 0] * b[0] + A[0, 1] * b[1] + A[0, 2] * b[2],
-        A[1, 0] * b[0] + A[1, 1] * b[1] + A[1, 2] * b[2],
-        A[2, 0] * b[0] + A[2, 1] * b[1] + A[2, 2] * b[2],
-    )
+    return (_dot(_vector(A[0]), b), _dot(_vector(A[1]), b), _dot(_vector(A[2]), b))
 
 
 @nb.njit(cache=True)
@@ -182,7 +183,7 @@ def increments(c: Compensation, dt: float, gyro: FloatArray, accel: FloatArray) 
             rate[k, i], velocity[k, i] = omega[i], force[i]
     last_omega, last_force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(count):
-        omega, force = _row(rate, k), _row(velocity, k)
+        omega, force = _vector(rate[k]), _vector(velocity[k])
         if k == 0:
             last_omega, last_force = omega, force
         rotvec, dv = _increments(last_omega, last_force, omega, force, dt)
@@ -192,11 +193,6 @@ def increments(c: Compensation, dt: float, gyro: FloatArray, accel: FloatArray) 
             rotation[k, 3 * i], rotation[k, 3 * i + 1], rotation[k, 3 * i + 2] = E[i]
         last_omega, last_force = omega, force
     return Increments(rate, rotation, velocity)
-
-
-@nb.njit(cache=True)
-def _row(a: FloatArray, k: int) -> Vector:
-    return (a[k, 0], a[k, 1], a[k, 2])
 
 
 @nb.njit(cache=True)
@@ -226,15 +222,6 @@ def _less_earth(earth: Vector, turned: Vector, dt: float) -> Vector:
         turned[0] - first[0] * dt + 0.5 * second[0] * dt * dt,
         turned[1] - first[1] * dt + 0.5 * second[1] * dt * dt,
         turned[2] - first[2] * dt + 0.5 * second[2] * dt * dt,
-    )
-
-
-@nb.njit(cache=True)
-def _rotated(C: Matrix, a: Vector) -> Vector:
-    return (
-        C[0][0] * a[0] + C[0][1] * a[1] + C[0][2] * a[2],
-        C[1][0] * a[0] + C[1][1] * a[1] + C[1][2] * a[2],
-        C[2][0] * a[0] + C[2][1] * a[1] + C[2][2] * a[2],
     )
 
 
@@ -271,7 +258,8 @@ def propagate(
     rotation, v = _vector(earth), _vector(work.velocity)
     C = (_vector(work.attitude[0]), _vector(work.attitude[1]), _vector(work.attitude[2]))
     for k in range(start, stop):
-        f = _rotated(C, _row(velocities, k))
+        increment = _vector(velocities[k])
+        f = (_dot(C[0], increment), _dot(C[1], increment), _dot(C[2], increment))
         E = (
             (rotations[k, 0], rotations[k, 1], rotations[k, 2]),
             (rotations[k, 3], rotations[k, 4], rotations[k, 5]),
@@ -300,7 +288,7 @@ def propagate(
         for i in range(3):
             for j in range(3):
                 middle[i, j] = 0.5 * (before[i][j] + C[i][j])
-        omega, up = _row(rates, k), before[2]
+        omega, up = _vector(rates[k]), before[2]
         central = _cross_product(omega, _cross_product(omega, _vector(c.outer_lever)))
         implied = (central[0] + up[0] * gravity, central[1] + up[1] * gravity, central[2] + up[2] * gravity)
         _rate_columns(c, omega, middle, turn)
@@ -322,9 +310,9 @@ def propagate(
                 psi_v[i, p] += change
 
     # the rate at the end is the mean of the last sample and the next
-    rate = _row(rates, max(stop - 1, 0))
+    rate = _vector(rates[max(stop - 1, 0)])
     if stop < len(rates):
-        after = _row(rates, stop)
+        after = _vector(rates[stop])
         rate = (0.5 * (after[0] + rate[0]), 0.5 * (after[1] + rate[1]), 0.5 * (after[2] + rate[2]))
     T = (stop - start) * dt
     for i in range(3):

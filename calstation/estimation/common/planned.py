@@ -12,11 +12,11 @@ from calstation.physics import (
     Move,
     Step,
     axis_rotation,
+    axis_rotations,
     group_matrix,
     group_vector,
     rotation_matrix,
     rotation_rate,
-    skew,
 )
 
 #: Largest number of samples per generated block.
@@ -140,8 +140,8 @@ class PlannedSamples:
     def _level(self, joints: FloatArray) -> FloatArray:
         """Return C_bn, shape (n, 3, 3), at joint angles, rad, shape (n, 2)."""
         heading = axis_rotation((0.0, 0.0, 1.0), -self._azimuth)
-        outer = _turns(self._geometry.outer_axis, joints[:, 0])
-        inner = _turns(self._geometry.inner_axis, joints[:, 1])
+        outer = axis_rotations(self._geometry.outer_axis, joints[:, 0])
+        inner = axis_rotations(self._geometry.inner_axis, joints[:, 1])
         return np.asarray(heading @ outer @ inner @ self._mount)
 
     def _lever_force(self, rate: FloatArray, turning: FloatArray) -> FloatArray:
@@ -163,10 +163,3 @@ def profile(time: FloatArray, start: float, end: float, rate: float, acceleratio
     braking = np.clip(t - ramp - cruise, 0.0, ramp)
     ended = acceleration * (ramp * braking - 0.5 * braking**2)
     return np.asarray(start + np.sign(end - start) * (begun + cruised + ended))
-
-
-def _turns(axis: tuple[float, float, float], angles: FloatArray) -> FloatArray:
-    """Return the rotation matrices, shape (n, 3, 3), about a unit vector by angles, rad, shape (n,) (Rodrigues)."""
-    K = skew(np.array(axis))
-    s, c = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
-    return np.asarray(np.eye(3) + s * K + (1.0 - c) * (K @ K))

@@ -84,8 +84,7 @@ def process(
     group : decay and noise of the bias drift on input; the last group on output
     out : output
     """
-    count, rows, size = group.attitude.shape[0], group.H.shape[0], len(state.x)
-    moved = np.empty((NAVIGATION, size))
+    count, moved = group.attitude.shape[0], np.empty((NAVIGATION, len(state.x)))
     for g in range(len(out.H)):
         part = slice(g * count, (g + 1) * count)
         first = start + g * count * s.stride
@@ -94,17 +93,8 @@ def process(
         for i in range(NAVIGATION):
             state.x[i] += group.shift[i]
         update(group, state, out.root[g], out.gain[g], out.innovation[g])
-        for i in range(NAVIGATION):
-            for j in range(size):
-                out.transition[g, i, j] = group.transition[i, j]
-        for r in range(rows):
-            for j in range(size):
-                out.H[g, r, j] = group.H[r, j]
-        for k in range(count):
-            for i in range(3):
-                out.rate[g * count + k, i] = group.rate[k, i]
-                for j in range(3):
-                    out.attitude[g * count + k, i, j] = group.attitude[k, i, j]
+        out.transition[g], out.H[g] = group.transition[:NAVIGATION], group.H
+        out.rate[part], out.attitude[part] = group.rate, group.attitude
 
 
 @nb.njit(cache=True)
@@ -135,13 +125,9 @@ def predict(group: VelocityGroup, state: State, moved: FloatArray) -> None:
             P[i, j] *= decay
             P[j, i] *= decay
         P[i, i] += Q[i, i]
-    for i in range(NAVIGATION):
-        x[i] = mean[i]
-        for j in range(NAVIGATION):
-            P[i, j] = across[i, j]
-        for j in range(NAVIGATION, size):
-            P[i, j] = moved[i, j]
-            P[j, i] = moved[i, j]
+    x[:NAVIGATION], P[:NAVIGATION, :NAVIGATION] = mean, across
+    P[:NAVIGATION, NAVIGATION:] = moved[:, NAVIGATION:]
+    P[NAVIGATION:, :NAVIGATION] = moved[:, NAVIGATION:].T
 
 
 @nb.njit(cache=True)

@@ -84,9 +84,8 @@ def _smoothed(
         first = begin + k * stride
         propagate(c, earth, gravity, dt, motion, first, first + stride, work, False)
         F, gain = work.transition, gains[k]
+        gain[:] = 0.0
         for i in range(6):
-            for j in range(6):
-                gain[i, j] = 0.0
             for m in range(6):
                 for j in range(6):
                     gain[i, j] += F[i, m] * P[m, j]
@@ -128,9 +127,7 @@ def _smoothed(
         rotate(d, work.attitude)
         for i in range(3):
             work.velocity[i] += d[3 + i]
-            velocity[k + 1, i] = work.velocity[i]
-            for j in range(3):
-                attitude[k + 1, i, j] = work.attitude[i, j]
+        attitude[k + 1], velocity[k + 1] = work.attitude, work.velocity
     smoothed = np.zeros((count + 1, 6))
     for k in range(count - 1, -1, -1):
         for m in range(6):

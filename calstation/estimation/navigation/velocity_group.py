@@ -25,6 +25,7 @@ from calstation.physics import (
     GYROS,
     OUTER_LEVER,
     PARAMETER_START,
+    PARAMETER_STATES,
     PHI,
     STATES,
     Compensation,
@@ -172,10 +173,9 @@ def _inverse_transition(N: FloatArray) -> FloatArray:
     """Return the inverse of the φ, δv block of a transition, shape (6, 6), which has the form [[a, 0], [s, e]]."""
     a, e = _inverse(N[PHI, PHI]), _inverse(N[DV, DV])
     back = np.zeros((OBSERVED, OBSERVED))
+    back[PHI, PHI], back[DV, DV] = a, e
     for i in range(3):
         for j in range(3):
-            back[i, j] = a[i, j]
-            back[_DV + i, _DV + j] = e[i, j]
             t = 0.0
             for k in range(3):
                 for m in range(3):
@@ -282,11 +282,8 @@ def _linearise(
     force_sum[2] += s.gravity * T
     arm_velocity[:] = u
     write_navigation_block(work.transition, s.earth, force_sum, 0.5 * T * force_sum, T)
-    for i in range(NAVIGATION):
-        for j in range(STATES):
-            steps[k, i, j] = work.transition[i, j]
-    group.attitude[k] = work.attitude
-    group.rate[k] = work.rate
+    steps[k] = work.transition[:NAVIGATION]
+    group.attitude[k], group.rate[k] = work.attitude, work.rate
 
 
 @nb.njit(cache=True)
@@ -340,17 +337,11 @@ def _refer_to_end(s: Setting, steps: FloatArray, forces: FloatArray, shifts: Flo
                         moved[j] += x * steps[k, m, j]
                     for p in range(COUNT):
                         B[i, p] += x * steps[k, m, NAVIGATION + p]
-            for j in range(NAVIGATION):
-                N[i, j] = moved[j]
+            N[i] = moved
     group.shift[:] = end
-    for i in range(NAVIGATION):
-        for j in range(NAVIGATION):
-            group.noise[i, j] = W[i, j]
-            group.transition[i, j] = N[i, j]
-        for p in range(COUNT):
-            group.transition[i, NAVIGATION + p] = B[i, p]
+    group.noise[:NAVIGATION, :NAVIGATION] = W
+    group.transition[:NAVIGATION, :NAVIGATION] = N
+    group.transition[:NAVIGATION, PARAMETER_STATES] = B
     for w in range(group.H.shape[1] - STATES):  # drift has the same effect as the bias
-        for i in range(NAVIGATION):
-            group.transition[i, STATES + w] = group.transition[i, BIAS[w]]
-        for r in range(3 * count):
-            group.H[r, STATES + w] = group.H[r, BIAS[w]]
+        group.transition[:NAVIGATION, STATES + w] = group.transition[:NAVIGATION, BIAS[w]]
+        group.H[:, STATES + w] = group.H[:, BIAS[w]]
