@@ -166,7 +166,7 @@ def load_once(model: type[Model], path: Path) -> Model:
     return checked
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
 def _unchanged(model: type[BaseModel], path: Path, content: bytes) -> Any:
     return validate(model, _parsed(content, path), path)
 

@@ -15,7 +15,7 @@ from calstation.devices.profiles import ImuProfile, RegisterEntry
 from calstation.errors import ConfigurationError
 from calstation.physics import EFFECTS, INDEX, PARAMETERS, further_parameter, named
 from calstation.records import ChecksSection, ConformitySection, Limit, check_limit_names
-from calstation.schema import EntryError, Pattern, Problem, StrictModel, load, near_miss
+from calstation.schema import EntryError, Pattern, Problem, StrictModel, load_once, near_miss
 from procedures import DEFAULT_STAGES, method
 
 #: Recommended action for a unit outside its limits: remount it, repeat the run unchanged, or set it aside.
@@ -155,7 +155,7 @@ def in_file(path: Path) -> Iterator[None]:
 def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
     """Load a product file, by default `DEFAULT_PRODUCT`; its stages must exist. Raises ConfigurationError."""
     path = path or library.find("products", DEFAULT_PRODUCT)
-    product = load(ProductConfig, path)
+    product = load_once(ProductConfig, path)
     for stage in (*product.stages, *product.schedule):
         method(stage)
     with in_file(path):
