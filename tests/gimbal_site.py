@@ -2,9 +2,7 @@
 
 from typing import Any
 
-import tomli_w
-
-from tests.site_folder import BENCH, STATION, SiteFolder
+from tests.site_folder import SiteFolder
 
 SCHEDULE = {"dwell_s": 3.0, "iterations": 3, "threshold_arcsec": 60.0}
 PRODUCT: dict[str, Any] = {
@@ -23,9 +21,6 @@ GIMBAL = {"encoder_sigma_deg": 0.002, "homing_rate_deg_s": 20.0}
 class GimbalSite(SiteFolder):
     """A site folder with a gimbal."""
 
-    def write(self, product: dict | None = None, **bench: object) -> None:
-        site = {**STATION["site"], "gravity_mps2": 9.79547}
-        settings = {**BENCH, **GIMBAL, **bench}
-        self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
-        station = {**STATION, "site": site, "table": {"profile": "gimbal"}, "bench": settings}
-        self.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+    def write(self, product: dict[str, Any] | None = None, station: dict[str, Any] | None = None, **more: Any) -> None:
+        gimbal = {"table": {"profile": "gimbal"}, **(station or {})}
+        super().write({**PRODUCT, **(product or {})}, gimbal, **{**GIMBAL, **more})

@@ -207,8 +207,8 @@ def _read(line: socket.socket, count: int) -> bytes:
 
 def _serve(path: Path, owner: int) -> None:
     """Fork a bench for every connection, until the owner has ended."""
+    from calstation.bench import BenchConfig
     from calstation.bench import __main__ as bench
-    from calstation.bench.config import BenchConfig
     from calstation.bench.process import warm_up
 
     warm_up(BenchConfig())

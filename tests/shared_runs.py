@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from calstation.records.files import locked
-from calstation.sequencer.events import Finalized
+from calstation.records import locked
+from calstation.sequencer import Finalized
 from tests.site_folder import SiteFolder
 
 

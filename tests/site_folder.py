@@ -1,17 +1,15 @@
 """A folder with a short product and a virtual station, for runs through the real protocols."""
 
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
-from calstation.config.request import RunRequest
-from calstation.runs.run import execute
-from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Fault, Finalized
-from calstation.simulation.hooks import BenchHooks
+from calstation.config import RunRequest
+from calstation.runs import execute
+from calstation.sequencer import Command, Control, Event, Fault, Finalized
+from calstation.simulation import BenchHooks
 
 QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
 #: A whole calibration in a few minutes of device time, a few seconds on the bench.
@@ -48,32 +46,44 @@ def behind_registers(profile: str) -> str:
 
 
 class SiteFolder:
-    """A folder with a station file, a product file and their runs."""
+    """A folder with a station file, a product file and their runs.
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.product = folder / "product.toml"
-        self.station = folder / "station.toml"
+    home : site folder of the program, in which the files are if it is given
+    """
+
+    def __init__(self, folder: Path, home: Path | None = None) -> None:
+        self.folder, self.home = folder, home or folder
+        self.runs = folder / "runs"
+        self.product = folder / "product.toml" if home is None else home / "products" / "short.toml"
+        self.station = folder / "station.toml" if home is None else home / "stations" / "test.toml"
+        for file in (self.station, self.product):
+            file.parent.mkdir(parents=True, exist_ok=True)
         self.events: list[Event] = []
         self.control = Control()
         self.hooks = BenchHooks
         self.write()
 
-    def write(self, product: dict[str, Any] | None = None, **bench: Any) -> None:
-        """Write both files, with changes to the product and the bench's settings."""
+    def write(
+        self,
+        product: dict[str, Any] | None = None,
+        station: dict[str, Any] | None = None,
+        *,
+        surveyed: bool = True,
+        **bench: Any,
+    ) -> None:
+        """Write both files, with changes to the product, the station and its bench; gravity may be unknown."""
         self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
-        site = {**STATION["site"], "gravity_mps2": 9.79547}  # surveyed
-        self.station.write_text(tomli_w.dumps({**STATION, "site": site, "bench": {**BENCH, **bench}}), encoding="utf-8")
+        site = {**STATION["site"], **({"gravity_mps2": 9.79547} if surveyed else {})}
+        entries = {**STATION, "site": site, "bench": {**BENCH, **bench}, **(station or {})}
+        self.station.write_text(tomli_w.dumps(entries), encoding="utf-8")
 
     def write_station(self, *, slots: list[dict[str, Any]], bench: dict[str, Any]) -> None:
         """Write the station file with slots for several units."""
-        self.write(**bench)
-        station = tomllib.loads(self.station.read_text(encoding="utf-8"))
-        self.station.write_text(tomli_w.dumps({**station, "slots": slots}), encoding="utf-8")
+        self.write(station={"slots": slots}, **bench)
 
     def request(self, *stages: str, serial: str = "SN-000042") -> RunRequest:
         """Request a run of these stages."""
-        return RunRequest(serial, self.station, self.product, stages or None, self.folder / "runs", "tester")
+        return RunRequest(serial, self.station, self.product, stages or None, self.runs, "tester")
 
     def run(self, *stages: str, on_event: Callable[[Event], None] | None = None) -> Finalized:
         """Run in this process and return the verdict."""

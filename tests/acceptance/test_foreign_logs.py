@@ -8,8 +8,8 @@ import pytest
 
 from calstation.errors import InputError
 from calstation.estimation.method import BatchStage
-from calstation.physics.parameters import PARAMETERS
-from calstation.results.resolving import resolve
+from calstation.physics import PARAMETERS
+from calstation.results import resolve
 from tests.cli.conftest import HEADER, META, Done, six_position_rows, write_log
 
 Run = Callable[..., Done]

@@ -12,8 +12,7 @@ from calstation.bench.imu.correction import Requantiser
 from calstation.bench.imu.unit import CORRECTED
 from calstation.bench.imu.units.framed import STREAM, WRITE
 from calstation.bench.truth import StreamOutput
-from calstation.devices.imu import ImuRefusalError, RegisterMap
-from calstation.devices.imu.drivers import open_imu
+from calstation.devices.imu import ImuRefusalError, RegisterMap, open_imu
 from calstation.devices.links import SerialLink
 from calstation.devices.profiles import load_imu_profile
 from calstation.physics import PARAMETERS

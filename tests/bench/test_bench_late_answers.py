@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.devices.imu import RegisterMap
-from calstation.devices.imu.drivers import open_imu
+from calstation.devices.imu import RegisterMap, open_imu
 from calstation.devices.links import SerialLink
 from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
 from calstation.devices.table import ModbusTable

@@ -12,8 +12,7 @@ from calstation.bench.imu import UNITS
 from calstation.bench.imu.units.modbus import crc16_modbus
 from calstation.bench.imu.units.vectornav import SAMPLES, check_line
 from calstation.bench.truth import StreamOutput
-from calstation.devices.imu import ImuRefusalError, RegisterMap
-from calstation.devices.imu.drivers import open_imu
+from calstation.devices.imu import ImuRefusalError, RegisterMap, open_imu
 from calstation.devices.links import SerialLink
 from calstation.devices.profiles import load_imu_profile
 from tests.devices.powered_unit import shipped

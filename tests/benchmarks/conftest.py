@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.simulate import Simulator
+from calstation.bench import BenchConfig
+from calstation.bench.truth import Simulator
 
 sys.path.append(str(Path(__file__).parent.parent / "estimation"))
 
@@ -43,8 +43,7 @@ def stage():
     """Excitation samples of a navigation-grade unit at 200 Hz, with the inputs of the filter."""
     from simulated_stages import block_of, context_of, prior_of, simulate
 
-    from calstation.estimation.common.alignment import starts
-    from calstation.estimation.common.stage import stage_data
+    from calstation.estimation.common import stage_data, starts
 
     truth = BenchConfig(grade="nav", seed=41).truth()
     block = block_of(simulate(Simulator(truth, 41), truth, "excitation"))

@@ -7,8 +7,7 @@ from the equations in docs/contract.md and Groves (2nd ed., ch. 14), for compari
 
 import numpy as np
 
-from calstation.physics.earth import normal_gravity, rotation_rate
-from calstation.physics.parameters import INDEX
+from calstation.physics import INDEX, normal_gravity, rotation_rate
 
 
 def cross_matrix(v):

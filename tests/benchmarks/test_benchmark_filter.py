@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from plain_filter import plain_pass
 
-from calstation.estimation.common.noise import filter_noise
+from calstation.estimation.common import filter_noise
 from calstation.estimation.navigation import ClosedLoopFilter, ReferencePass, navigation_pass
 from calstation.estimation.navigation.stage import LiveFilter
-from calstation.results.solver_chain import one_blas_thread
+from calstation.results import one_blas_thread
 
 #: Samples of the stretch that both filters pass over: half a minute with a turn and three rests.
 STRETCH = 6000

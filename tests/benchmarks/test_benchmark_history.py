@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from calstation.config import library, load_product
-from calstation.physics.parameters import NAMES
+from calstation.physics import NAMES
 from calstation.quality import cusum_chart, ewma_chart, individuals_chart, summarise_quality
-from calstation.records import Verdict
-from calstation.records.indexed_run import IndexedRun, RunFilter, RunRecord
-from calstation.records.run_index import RunIndex
+from calstation.records import IndexedRun, RunFilter, RunIndex, RunRecord, Verdict
 
 COUNT, LISTED = 100_000, 300
 BEGIN = datetime(2020, 1, 1, tzinfo=UTC)

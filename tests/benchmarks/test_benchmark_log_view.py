@@ -11,9 +11,8 @@ from time import perf_counter, thread_time
 import numpy as np
 import pytest
 
-from calstation.estimation.common.samples import SampleBlock
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
+from calstation.estimation.common import SampleBlock
+from calstation.records import LogMeta, RawLogWriter
 
 RATE, HOURS = 2000.0, 1.0
 META = {
@@ -68,8 +67,8 @@ def resident() -> float:
 def test_zooming_a_one_hour_log_at_2_khz_does_not_block_the_window(hour, benchmark, figures, monkeypatch, tmp_path):
     from PySide6.QtWidgets import QApplication
 
-    from calstation.gui.logs.page import OfflinePage
-    from calstation.gui.state.context import AppContext
+    from calstation.gui.logs import OfflinePage
+    from calstation.gui.state import AppContext
     from calstation.gui.widgets import theme
 
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))

@@ -9,18 +9,12 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, cut, geometry_of, prior_of, simulate, solver_of
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.simulate import Simulator
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage import stage_data
-from calstation.physics import compensation, increments, interval_work, propagate, rotation_rate
-from calstation.physics.parameters import NAMES
-from calstation.records import context_from_meta
-from calstation.records.log import open_log
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
-from calstation.results.resolving import resolve
-from calstation.results.solver_chain import one_blas_thread
+from calstation.bench import BenchConfig
+from calstation.bench.truth import Simulator
+from calstation.estimation.common import SampleBlock, stage_data
+from calstation.physics import NAMES, compensation, increments, interval_work, propagate, rotation_rate
+from calstation.records import LogMeta, RawLogWriter, context_from_meta, open_log
+from calstation.results import one_blas_thread, resolve
 from procedures import method
 
 PRACTICE = Path(__file__).parents[3] / "shared" / "data" / "practice"

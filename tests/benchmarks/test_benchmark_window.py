@@ -15,16 +15,10 @@ from PySide6.QtCore import QCoreApplication, QObject, Qt, QTimer
 from PySide6.QtWidgets import QApplication, QPushButton
 
 from calstation.config import library
-from calstation.gui.shell.app import create_window
+from calstation.gui import create_window
 from calstation.gui.shell.main_window import MainWindow
-from calstation.physics.parameters import GROUPS
-from calstation.sequencer.events import (
-    StageProgress,
-    StageStarted,
-    StepStarted,
-    TableMoved,
-    Trace,
-)
+from calstation.physics import GROUPS
+from calstation.sequencer import StageProgress, StageStarted, StepStarted, TableMoved, Trace
 from tests.gui.conftest import SiteFolder
 
 RATE = 2000.0

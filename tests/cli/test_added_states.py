@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calstation.physics.parameters import INDEX, NAMES
+from calstation.physics import INDEX, NAMES
 from tests.cli.conftest import Done
 from tests.estimation.simulated_stages import log_with
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.physics.earth import RATE, normal_gravity
+from calstation.physics import RATE, normal_gravity
 from tests.cli.conftest import META, Done, six_position_rows, write_log
 
 Run = Callable[..., Done]

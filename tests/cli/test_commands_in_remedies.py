@@ -10,10 +10,10 @@ from rich.console import Console
 
 from calstation.cli.errors import command_options, complete_commands
 from calstation.cli.run import _Display, complain_fault
-from calstation.config.request import RunRequest
+from calstation.config import RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.messages.rendering import Text
-from calstation.sequencer.events import Fault
+from calstation.messages import Text
+from calstation.sequencer import Fault
 
 HERE = RunRequest("SN-1", Path("line 3.toml"), Path("unit.toml"), out=Path("today"))
 STATION = "--station 'line 3.toml' --product unit.toml"

@@ -11,8 +11,8 @@ import pytest
 
 from calstation import __version__
 from calstation.cli.app import run_app
+from calstation.config import this_computer
 from calstation.config.library import shipped_folder
-from calstation.config.site_check import this_computer
 from tests.cli.conftest import HEADER, META, Done, six_position_rows, write_log
 
 Run = Callable[..., Done]

@@ -7,7 +7,7 @@ import pytest
 
 from calstation.cli import window
 from calstation.cli.app import run_app
-from calstation.config.request import RunRequest
+from calstation.config import RunRequest
 
 LINUX = sys.platform not in ("win32", "darwin")
 

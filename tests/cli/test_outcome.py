@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 
 from calstation.cli.run import outcome_text
-from calstation.results import load_result
-from calstation.results.result import Result
+from calstation.results import Result, load_result
 from tests.shared_runs import SharedRuns
 
 STANDARD = {

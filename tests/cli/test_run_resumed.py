@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from calstation.cli.run import _show_verdict
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import Event, StepStarted
+from calstation.sequencer import Command, Event, StepStarted
 from tests.site_folder import QUICK, SiteFolder
 
 

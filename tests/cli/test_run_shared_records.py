@@ -13,8 +13,7 @@ import tomli_w
 from calstation.cli import run as run_module
 from calstation.cli.run import shared_records
 from calstation.config import RunRequest
-from calstation.database import Exchange, read_state
-from calstation.database.outbox import Outbox
+from calstation.database import Exchange, Outbox, read_state
 from tests.database.result_files import in_database
 from tests.database.test_exchange_process import eventually
 from tests.postgres import postgres as postgres

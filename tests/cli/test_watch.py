@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from calstation.estimation.common.context import StoredPair
-from calstation.records.meta import load_pair, store_pair
+from calstation.estimation.common import StoredPair
+from calstation.records import load_pair, store_pair
 from tests.cli.conftest import Done, six_position_rows, write_log
 
 Run = Callable[..., Done]

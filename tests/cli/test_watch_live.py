@@ -15,7 +15,7 @@ import pytest
 import tomli_w
 
 from calstation.config import library
-from calstation.records.meta import load_pair
+from calstation.records import load_pair
 from tests.cli.conftest import Done
 
 Run = Callable[..., Done]

@@ -9,11 +9,21 @@ import pytest
 import tomli_w
 
 from calstation.bench import BenchConfig
-from calstation.config import batch_bench_config, library, new_batch_id, prepare_batch, prepare_run, unit_requests
-from calstation.config.editing import check, check_data
-from calstation.config.request import RunRequest
-from calstation.config.station import StationConfig, at_slot, load_station
-from calstation.connection.compatibility import station_conflicts
+from calstation.config import (
+    RunRequest,
+    StationConfig,
+    at_slot,
+    batch_bench_config,
+    check,
+    library,
+    load_station,
+    new_batch_id,
+    prepare_batch,
+    prepare_run,
+    unit_requests,
+)
+from calstation.config.editing import check_data
+from calstation.connection import station_conflicts
 from calstation.errors import ConfigurationError
 from calstation.physics import orientation_matrix
 from calstation.schema import validate

@@ -9,6 +9,7 @@ from calstation.config import (
     Confirmation,
     Person,
     ProductConfig,
+    SignInSection,
     StationConfig,
     access,
     confirm,
@@ -17,7 +18,6 @@ from calstation.config import (
     load_product,
     load_station,
 )
-from calstation.config.sign_in import SignInSection
 from calstation.errors import ConfigurationError
 from calstation.records import audit_path, read_audit
 from tests.helpers import raises_code

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.config import FORMS, FormCell, arrange_entries, library
-from calstation.config.editing import MODELS, edit_toml
+from calstation.config import FORMS, FormCell, arrange_entries, edit_toml, library
+from calstation.config.editing import MODELS
 from calstation.physics import DISPLAY, from_unit, in_unit
 from calstation.schema import KeyPath, problems_of
 

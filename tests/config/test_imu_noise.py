@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.config import library, versions
-from calstation.config.versions import save_noise
+from calstation.config import library, save_noise, versions
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import ConfigurationError
 

@@ -4,9 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.config import library, versions
-from calstation.config.product import load_product
-from calstation.config.schedules import save_schedule
+from calstation.config import library, load_product, save_schedule, versions
 from calstation.errors import ConfigurationError
 from tests.helpers import complaint, ignore_progress
 

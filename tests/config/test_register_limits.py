@@ -8,8 +8,7 @@ import pytest
 import tomli_w
 
 from calstation.config import editing as settings
-from calstation.config import library
-from calstation.config.run_configuration import load_configuration
+from calstation.config import library, load_configuration
 from calstation.errors import ConfigurationError
 from tests.helpers import complaint, raises_code
 from tests.site_folder import STATION

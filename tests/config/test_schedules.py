@@ -5,8 +5,7 @@ from typing import Any
 
 import pytest
 
-from calstation.config.run_configuration import prepare_run
-from calstation.config.schedules import ScheduleProblem, schedule_fields, schedule_options, schedule_problems
+from calstation.config import ScheduleProblem, prepare_run, schedule_fields, schedule_options, schedule_problems
 from calstation.errors import ConfigurationError
 from procedures import method
 from tests.site_folder import PRODUCT, SiteFolder

@@ -7,13 +7,9 @@ from typing import Any
 import pytest
 import tomli_w
 
-from calstation.config import editing, library, versions
-from calstation.config.product import load_product
-from calstation.config.request import computer_user
-from calstation.config.run_configuration import prepare_run
-from calstation.config.sign_in import SignInSection
+from calstation.config import SignInSection, computer_user, editing, library, load_product, prepare_run, versions
 from calstation.errors import ConfigurationError
-from calstation.runs.summary import run_summary
+from calstation.runs import run_summary
 from tests.site_folder import BENCH, PRODUCT, STATION, SiteFolder
 
 BADGES = {"badge_pattern": r"B\d{4}"}

@@ -5,22 +5,16 @@ from typing import Any
 
 import pytest
 
-from calstation.config.site_check import check_confirmation, check_gravity_sigma, check_site, confirmation_key
+from calstation.config import confirmation_key
+from calstation.config.site_check import check_confirmation, check_gravity_sigma, check_site
 from calstation.config.station import StationSite
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.context import Posterior
-from calstation.estimation.common.latitude import LatitudeEstimate
-from calstation.estimation.common.least_squares import Consistency
-from calstation.estimation.method import Solution
-from calstation.judgement.site import (
-    check_latitude,
-    check_seen_latitude,
-    latitude_agrees,
-    unconfirmed_latitude,
-    unconfirmed_site,
-)
-from calstation.physics.parameters import COUNT
-from calstation.records.meta import LogMeta
+from calstation.estimation import Solution
+from calstation.estimation.common import Consistency, LatitudeEstimate, Posterior
+from calstation.judgement import check_seen_latitude, latitude_agrees, unconfirmed_site
+from calstation.judgement.site import check_latitude, unconfirmed_latitude
+from calstation.physics import COUNT
+from calstation.records import LogMeta
 from calstation.schema import EntryError
 from tests.helpers import raises_code
 

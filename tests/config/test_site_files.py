@@ -8,17 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.config import library
-from calstation.config.editing import (
-    MODELS,
-    check,
-    edit_toml,
-    line_of,
-    list_files,
-    new_name,
-    read_text,
-)
-from calstation.config.site_check import normal_gravity_at, site_advice
+from calstation.config import check, edit_toml, library, line_of, normal_gravity_at, read_text, site_advice
+from calstation.config.editing import MODELS, list_files, new_name
 from calstation.errors import ConfigurationError
 from calstation.schema import Problem, load
 

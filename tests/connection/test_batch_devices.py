@@ -6,11 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.config import RunRequest, SlotSection, library, prepare_batch
-from calstation.config.run_configuration import RunConfiguration
-from calstation.config.station import StationConfig
-from calstation.connection import Devices, connected, devices
-from calstation.connection.link_test import LinkTestRequest, check_imu_link, link_test_configuration
+from calstation.config import RunConfiguration, RunRequest, SlotSection, StationConfig, library, prepare_batch
+from calstation.connection import Devices, LinkTestRequest, check_imu_link, connected, devices, link_test_configuration
 from calstation.devices.imu import StreamedImu
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.schema import validate

@@ -17,9 +17,8 @@ from calstation.devices.links import SerialLink
 from calstation.devices.profiles import SerialSettings
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.messages import Report
-from calstation.runs.run import execute
-from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Fault, Finalized
+from calstation.runs import execute
+from calstation.sequencer import Command, Control, Event, Fault, Finalized
 from tests.connection.fake_links import FakeImu, FakeTable, order, rtu, server, silent, tcp_pdu, terminal
 from tests.helpers import ignore_progress, raises_code
 from tests.site_folder import PRODUCT, STATION

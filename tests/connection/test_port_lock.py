@@ -17,10 +17,9 @@ from calstation.config import RunRequest
 from calstation.connection import LinkTestRequest, check_imu_link, check_table_link, port_lock, read_table, reset_table
 from calstation.connection.port_lock import lock_ports
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.registers.unit_registers import read_unit
-from calstation.runs.run import execute
-from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Fault, Finalized
+from calstation.registers import read_unit
+from calstation.runs import execute
+from calstation.sequencer import Control, Event, Fault, Finalized
 from tests.connection.fake_links import SITE, FakeTable, order, server
 from tests.helpers import ignore_progress, raises_code
 

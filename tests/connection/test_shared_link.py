@@ -6,9 +6,8 @@ from typing import Any
 import pytest
 import tomli_w
 
-from calstation.config.request import RunRequest
-from calstation.config.run_configuration import RunConfiguration, prepare_run
-from calstation.config.station import StationConfig
+from calstation.config import RunConfiguration, RunRequest, StationConfig, prepare_run
+from calstation.connection import LinkTestRequest, check_imu_link, check_table_link
 from calstation.connection.devices import endpoints
 from calstation.errors import ConfigurationError
 from tests.helpers import raises_code

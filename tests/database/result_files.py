@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import create_engine, select
 
-from calstation.database.tables import runs
+from calstation.database import runs
 from calstation.records import RunFilter, RunIndex
 
 BEGIN = datetime(2026, 11, 1, tzinfo=UTC)

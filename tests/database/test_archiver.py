@@ -13,14 +13,20 @@ from sqlalchemy import create_engine, select
 
 from calstation.cli.app import run_app
 from calstation.config import library
-from calstation.database import Exchange, fetch_log, fetch_result, read_state, remote, watch
-from calstation.database.archiver import LogArchiver
-from calstation.database.outbox import Outbox
+from calstation.database import (
+    Exchange,
+    LogArchiver,
+    Outbox,
+    fetch_log,
+    fetch_result,
+    log_copies,
+    read_state,
+    remote,
+    watch,
+)
 from calstation.database.process import ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S, PAUSE_S, _copy_logs
-from calstation.database.tables import log_copies
 from calstation.errors import ConfigurationError, InputError
-from calstation.records import RunFilter, RunIndex, RunRecord, Verdict
-from calstation.records.files import take
+from calstation.records import RunFilter, RunIndex, RunRecord, Verdict, take
 from calstation.results import load_result
 from tests.database.result_files import in_database, write_result
 from tests.database.test_exchange_process import eventually

@@ -14,10 +14,20 @@ from sqlalchemy import Connection, create_engine, delete, event, select, text, u
 from sqlalchemy.exc import DataError
 
 from calstation.cli.app import run_app
-from calstation.database import Exchange, exchange_once, export_shared_runs, load_shared_results, read_state
+from calstation.database import (
+    Exchange,
+    Outbox,
+    exchange_once,
+    export_shared_runs,
+    load_shared_results,
+    log_copies,
+    read_state,
+    revisions,
+    runs,
+)
 from calstation.database.exchange import _store
-from calstation.database.outbox import FILE, Outbox, OutboxMessage
-from calstation.database.tables import log_copies, outboxes, revisions, runs
+from calstation.database.outbox import FILE, OutboxMessage
+from calstation.database.tables import outboxes
 from calstation.errors import ConfigurationError, InputError
 from calstation.records import RunFilter, RunIndex
 from calstation.results import History, load_results

@@ -22,6 +22,7 @@ from calstation.cli.app import run_app
 from calstation.database import (
     Claim,
     Exchange,
+    ExchangeProcess,
     connect,
     exchange_once,
     read_state,
@@ -30,7 +31,7 @@ from calstation.database import (
 )
 from calstation.database.exchange import _store
 from calstation.database.outbox import OutboxMessage
-from calstation.database.process import FAILED_S, LONGEST_S, PAUSE_S, ExchangeProcess
+from calstation.database.process import FAILED_S, LONGEST_S, PAUSE_S
 from calstation.database.state import change_state
 from calstation.errors import ConfigurationError
 from calstation.records import locked

@@ -24,7 +24,7 @@ from sqlalchemy.pool import NullPool
 from synthetic.many_logs import record_logs
 
 from calstation.database import Exchange, read_state, solutions, upgrade, watch
-from calstation.records.files import take
+from calstation.records import take
 from calstation.results import resolve
 from tests.database.killed import is_killed_at
 from tests.database.result_files import in_database, in_index, write_result

@@ -15,9 +15,9 @@ from alembic.migration import MigrationContext
 from sqlalchemy import create_engine, inspect, select, text
 
 from calstation.cli.app import run_app
-from calstation.database import connect, upgrade
+from calstation.database import connect, revisions, upgrade
 from calstation.database import connect as connect_function
-from calstation.database.tables import metadata, revisions
+from calstation.database.tables import metadata
 from calstation.errors import ConfigurationError
 from tests.database.killed import is_killed_at
 from tests.helpers import raises_code

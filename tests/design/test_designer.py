@@ -9,7 +9,7 @@ from calstation.config import check, library, read_text
 from calstation.design import DesignRequest, design_schedule, designed_product, shorten_stages, shorter_product
 from calstation.errors import ConfigurationError
 from calstation.physics import NAMES
-from calstation.runs.run import execute
+from calstation.runs import execute
 from calstation.sequencer import Control, Finalized, StageEnded
 from tests.helpers import raises_code
 

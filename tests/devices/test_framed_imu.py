@@ -12,8 +12,7 @@ import pytest
 from test_frames import reply_frame, stream_frame
 
 from calstation.devices import OtherModelError
-from calstation.devices.imu import ImuBusyError, ImuRefusalError
-from calstation.devices.imu.drivers import FramedImu
+from calstation.devices.imu import FramedImu, ImuBusyError, ImuRefusalError
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code

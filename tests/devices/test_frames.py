@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.devices.codecs import CRC_WIDTHS, Reply, check_bytes
-from calstation.devices.imu.drivers import frame_decoder
+from calstation.devices.imu import frame_decoder
 from calstation.devices.imu.drivers.framed import command_frame
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 

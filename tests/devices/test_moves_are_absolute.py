@@ -25,7 +25,7 @@ from calstation.bench.table import (
     drives,
 )
 from calstation.bench.truth import EncoderTruth, TableDrive
-from calstation.devices.imu.drivers import FramedImu
+from calstation.devices.imu import FramedImu
 from calstation.devices.profiles import TableProfile, load_imu_profile, load_table_profile
 from calstation.devices.table import ModbusTable, RegisterTable, SharedTable, TextTable
 from tests.connection.fake_links import server, tcp_pdu

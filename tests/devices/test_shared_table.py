@@ -13,7 +13,7 @@ from test_framed_imu import ScriptedLink, request
 from test_frames import reply_frame, stream_frame
 from test_modbus_table import image, long
 
-from calstation.devices.imu.drivers import FramedImu
+from calstation.devices.imu import FramedImu
 from calstation.devices.imu.drivers.stream import SilentImu
 from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
 from calstation.devices.table import SharedTable, open_table

@@ -12,8 +12,7 @@ from calstation.bench.imu import UNITS, ImuUnit
 from calstation.bench.imu.frames import REPLY_SYNC, crc16, pack, stream_frames
 from calstation.config import library
 from calstation.devices import ImuIdentity, NoFramesError, OtherModelError
-from calstation.devices.imu import StreamedImu
-from calstation.devices.imu.drivers import open_imu
+from calstation.devices.imu import StreamedImu, open_imu
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import DeviceFaultError
 from tests.devices.powered_unit import shipped

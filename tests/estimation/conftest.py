@@ -6,8 +6,8 @@ import pytest
 from hypothesis import settings
 from simulated_stages import block_of, context_of, prior_of, simulate
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.simulate import Simulator
+from calstation.bench import BenchConfig
+from calstation.bench.truth import Simulator
 
 settings.register_profile("estimation", deadline=None)
 settings.load_profile("estimation")

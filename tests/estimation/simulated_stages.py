@@ -7,17 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.grades import GRADES
-from calstation.bench.truth.simulate import BenchTruth, Simulated, Simulator
-from calstation.estimation.common.context import ImuModel, Posterior, Site, SolveContext, TableModel
-from calstation.estimation.common.samples import SampleBlock
-from calstation.physics import EFFECTS, Motion
-from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import COUNT, PARAMETERS
-from calstation.physics.table import TableGeometry
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
+from calstation.bench import BenchConfig
+from calstation.bench.truth import GRADES, BenchTruth, Simulated, Simulator
+from calstation.estimation.common import ImuModel, Posterior, SampleBlock, Site, SolveContext, TableModel
+from calstation.physics import COUNT, EFFECTS, PARAMETERS, Motion, TableGeometry, compensate, compensation
+from calstation.records import LogMeta, RawLogWriter
 from procedures import method
 
 QUICK = {"rate_dps": 30.0, "acceleration_dps2": 40.0}

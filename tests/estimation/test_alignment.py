@@ -7,13 +7,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.estimation.common.alignment import FREE_AZIMUTH_SIGMA, FREE_TILT_SIGMA, gyrocompass, starts
-from calstation.estimation.common.context import ImuModel, Posterior, Site, SolveContext, TableModel
-from calstation.estimation.common.stage import StageData
-from calstation.physics.earth import RATE, rotation_rate
-from calstation.physics.parameters import COUNT, group_indices
-from calstation.physics.rotation import axis_rotation, rotation_matrix, rotation_vector
-from calstation.physics.table import TableGeometry
+from calstation.estimation.common import (
+    FREE_AZIMUTH_SIGMA,
+    ImuModel,
+    Posterior,
+    Site,
+    SolveContext,
+    StageData,
+    TableModel,
+    starts,
+)
+from calstation.estimation.common.alignment import FREE_TILT_SIGMA, gyrocompass
+from calstation.physics import (
+    COUNT,
+    RATE,
+    TableGeometry,
+    axis_rotation,
+    group_indices,
+    rotation_matrix,
+    rotation_rate,
+    rotation_vector,
+)
 
 LATITUDE = np.deg2rad(40.0)
 CONTEXT = SolveContext(

@@ -7,9 +7,9 @@ import pytest
 from scipy import stats
 from simulated_stages import block_of, context_of, prior_of, simulate, solved
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.simulate import Simulator
-from calstation.estimation import stage_residuals
+from calstation.bench import BenchConfig
+from calstation.bench.truth import Simulator
+from calstation.estimation import Solution, stage_residuals
 from calstation.estimation.common import (
     PositionResidual,
     SampleBlock,
@@ -19,7 +19,6 @@ from calstation.estimation.common import (
 )
 from calstation.estimation.common.by_position import normal_deviate
 from calstation.estimation.common.residuals import upward_axis
-from calstation.estimation.method import Solution
 from calstation.judgement import Check
 from calstation.messages import sentence
 

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, cut, prior_of, simulate
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.simulate import BenchTruth, Simulator
-from calstation.estimation.common.context import Posterior
-from calstation.estimation.common.latitude import LatitudeEstimate, RestOutput, resolves_earth_rate
-from calstation.estimation.common.samples import SampleBlock
+from calstation.bench import BenchConfig
+from calstation.bench.truth import BenchTruth, Simulator
+from calstation.estimation.common import LatitudeEstimate, Posterior, RestOutput, SampleBlock, resolves_earth_rate
 
 UNITS = 12
 

@@ -5,15 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.estimation.common.context import Posterior
-from calstation.estimation.common.least_squares import (
-    MAX_ITERATIONS,
-    map_estimate,
-    nis_consistency,
-    redundant,
-    restricted,
-)
-from calstation.physics.parameters import COUNT, PARAMETERS
+from calstation.estimation.common import Posterior, map_estimate, nis_consistency, restricted
+from calstation.estimation.common.least_squares import MAX_ITERATIONS, redundant
+from calstation.physics import COUNT, PARAMETERS
 
 ALL = np.ones(COUNT, dtype=bool)
 SEEDS = st.integers(0, 2**31)

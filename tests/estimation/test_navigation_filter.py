@@ -9,10 +9,7 @@ from filterpy.kalman import KalmanFilter
 from scipy.linalg import expm
 from simulated_stages import block_of, errors_in_sigma, solved
 
-from calstation.estimation.common import PlannedSamples, stage_data
-from calstation.estimation.common.alignment import starts
-from calstation.estimation.common.context import Posterior
-from calstation.estimation.common.least_squares import nis_consistency
+from calstation.estimation.common import PlannedSamples, Posterior, nis_consistency, stage_data, starts
 from calstation.estimation.navigation import ClosedLoopFilter, ReferencePass, navigation_pass, reference_pass
 from calstation.estimation.navigation.group_update import State, predict, update
 from calstation.estimation.navigation.reference import Reference

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, cut, errors_in_sigma, prior_of, simulate, solved, solver_of
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.simulate import Simulator
+from calstation.bench import BenchConfig
+from calstation.bench.truth import Simulator
 from calstation.errors import InsufficientDataError
 from calstation.estimation.common import Posterior, stage_data
 from calstation.estimation.navigation import NavigationPass, ReferencePass, relinearise, solve_navigation
-from calstation.physics.motion import Dwell
-from calstation.physics.parameters import COUNT, INDEX, NAMES
+from calstation.physics import COUNT, INDEX, NAMES, Dwell
 from tests.helpers import raises_code
 
 

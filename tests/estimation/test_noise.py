@@ -7,13 +7,21 @@ import pytest
 from scipy.stats import chi2
 from simulated_stages import block_of, context_of
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.simulate import Simulator
-from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
-from calstation.estimation.common.noise import RestNoise, filter_noise, rest_mean_variance, rest_noise
-from calstation.estimation.common.stage import slope_weights, stage_data
-from calstation.physics import group_indices
-from calstation.physics.motion import Dwell
+from calstation.bench import BenchConfig
+from calstation.bench.truth import Simulator
+from calstation.estimation.common import (
+    ImuModel,
+    RestNoise,
+    Site,
+    SolveContext,
+    TableModel,
+    filter_noise,
+    rest_mean_variance,
+    rest_noise,
+    slope_weights,
+    stage_data,
+)
+from calstation.physics import Dwell, group_indices
 
 IMU = ImuModel("S", 200.0, "increment", 1e-7, 1e-6, 1e-6, 1e-4)
 CONTEXT = SolveContext(Site(0.6, 0.0, 0.0), IMU, TableModel())

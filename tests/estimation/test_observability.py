@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from simulated_stages import SCHEDULES, block_of, cut, geometry_of, solved
 
-from calstation.estimation.common.alignment import starts
-from calstation.estimation.common.stage import stage_data
+from calstation.estimation.common import stage_data, starts
 from calstation.estimation.navigation import ClosedLoopFilter
 from calstation.estimation.navigation.observability import (
     LARGEST_TURN,
@@ -17,9 +16,8 @@ from calstation.estimation.navigation.observability import (
     pieces,
 )
 from calstation.estimation.navigation.stage import LiveFilter
-from calstation.judgement.limits import unobservable
-from calstation.physics.motion import Move
-from calstation.physics.parameters import NAMES
+from calstation.judgement import unobservable
+from calstation.physics import NAMES, Move
 from procedures import method
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from calstation.bench.truth import BodyMotion, BodyStream, Field, Mounting, draw_imu, draw_mounting
-from calstation.estimation.common.context import ImuModel
-from calstation.estimation.pairs.alignment import LATE, ClockFilter, PairAligner, interpolate, measure
+from calstation.estimation.common import ImuModel
+from calstation.estimation.pairs import PairAligner
+from calstation.estimation.pairs.alignment import LATE, ClockFilter, interpolate, measure
 
 RATE = 200.0
 DRIFTS = (1.0 + 20e-6, 1.0 - 35e-6)

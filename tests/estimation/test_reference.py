@@ -6,16 +6,12 @@ from scipy.spatial.transform import Rotation
 from simulated_stages import context_of
 from table_truth import table_attitude
 
-from calstation.bench.config import BenchConfig
+from calstation.bench import BenchConfig
+from calstation.bench.truth import SensorStream
 from calstation.bench.truth.kinematics import JointProfile
-from calstation.bench.truth.stream import SensorStream
-from calstation.estimation.common.noise import filter_noise
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage import stage_data
+from calstation.estimation.common import SampleBlock, filter_noise, stage_data
 from calstation.estimation.navigation.reference import smoothed_reference
-from calstation.physics.earth import normal_gravity, rotation_rate
-from calstation.physics.imu_model import compensation
-from calstation.physics.strapdown import increments
+from calstation.physics import compensation, increments, normal_gravity, rotation_rate
 
 STRIDE = 20
 

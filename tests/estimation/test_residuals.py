@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, prior_of, simulate
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.simulate import Simulator
-from calstation.estimation.common.context import Posterior
-from calstation.estimation.common.residuals import rest_residuals
-from calstation.estimation.common.stage import stage_data
-from calstation.physics.parameters import INDEX
+from calstation.bench import BenchConfig
+from calstation.bench.truth import Simulator
+from calstation.estimation.common import Posterior, rest_residuals, stage_data
+from calstation.physics import INDEX
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.estimation.common.context import ImuModel
-from calstation.estimation.common.samples import SampleBlock, since, snap_angles
-from calstation.estimation.common.stage import _median, find_rests, mean_angles, slope_weights, stage_data
+from calstation.estimation.common import (
+    ImuModel,
+    SampleBlock,
+    find_rests,
+    mean_angles,
+    since,
+    slope_weights,
+    snap_angles,
+    stage_data,
+)
+from calstation.estimation.common.stage import _median
 
 RATE_IMU = ImuModel("S", 100.0, "rate", 1e-9, 1e-9, 1e-9, 1e-9)
 NO_BIAS = np.zeros(3)

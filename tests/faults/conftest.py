@@ -9,13 +9,12 @@ from typing import Any
 import pytest
 import tomli_w
 
-from calstation.config.request import RunRequest
-from calstation.messages.catalogue import entry
-from calstation.records.log import open_log
-from calstation.runs.run import execute
-from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Fault, Finalized, Message, StateChanged, StepStarted
-from calstation.simulation.hooks import BenchHooks
+from calstation.config import RunRequest
+from calstation.messages import entry
+from calstation.records import open_log
+from calstation.runs import execute
+from calstation.sequencer import Control, Event, Fault, Finalized, Message, StateChanged, StepStarted
+from calstation.simulation import BenchHooks
 from tests.site_folder import PRODUCT, STATION
 
 SERIAL = "SN-000042"

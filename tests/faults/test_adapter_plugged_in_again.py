@@ -11,12 +11,10 @@ from types import SimpleNamespace
 import pytest
 from serial.tools import list_ports
 
-from calstation.config.request import RunRequest
-from calstation.config.run_configuration import RunConfiguration
+from calstation.config import RunConfiguration, RunRequest
 from calstation.connection import devices as wiring
-from calstation.runs.run import execute
-from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Fault, Finalized, StageStarted
+from calstation.runs import execute
+from calstation.sequencer import Control, Event, Fault, Finalized, StageStarted
 from tests.faults.conftest import SERIAL, FaultRuns
 from tests.site_folder import PRODUCT, QUICK
 

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.records.log import open_log
-from calstation.runs.engine import Engine
-from calstation.runs.incomplete import finish_incomplete
-from calstation.sequencer.events import Event, Fault, Finalized, Message, StageEnded, StepStarted
+from calstation.records import open_log
+from calstation.runs import Engine, finish_incomplete
+from calstation.sequencer import Event, Fault, Finalized, Message, StageEnded, StepStarted
+from calstation.simulation import BenchHooks
 from calstation.simulation.fault_plan import FaultPlan, load_fault_plan
 from tests.faults.conftest import FaultRuns, fault
 from tests.helpers import raises_code

@@ -12,10 +12,10 @@ import pytest
 from calstation.errors import ConfigurationError
 from calstation.records import open_log
 from calstation.registers import journal as register_journal
-from calstation.results.history import History
-from calstation.runs.engine import Engine
-from calstation.runs.incomplete import close_incomplete, finish_incomplete
-from calstation.sequencer.events import Event, Finalized, StepStarted
+from calstation.results import History
+from calstation.runs import Engine, finish_incomplete
+from calstation.runs.incomplete import close_incomplete
+from calstation.sequencer import Event, Finalized, StepStarted
 from tests.faults.conftest import SERIAL, FaultRuns
 from tests.helpers import raises_code, sampled
 

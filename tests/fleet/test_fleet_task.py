@@ -16,9 +16,8 @@ from sqlalchemy import create_engine, select, text
 
 from calstation.database import connect, locations, solutions
 from calstation.errors import InputError
-from calstation.fleet import compare, task
+from calstation.fleet import Selection, compare, task
 from calstation.fleet.changes import Changes
-from calstation.fleet.selection import Selection
 from calstation.fleet.sources import StoredLog
 from calstation.fleet.store import KnownFile, Wanted, enter_version, find_solution, known_files
 from calstation.records import LogMeta, open_log, write_log

@@ -10,22 +10,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import tomli_w
 from PySide6.QtCore import QCoreApplication, QEvent, Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
-from calstation.gui.shell.app import create_window
+from calstation.gui import create_window
 from calstation.gui.shell.main_window import MainWindow
-from calstation.gui.state.context import AppContext
-from calstation.gui.state.run_status import RunStatus
+from calstation.gui.state import AppContext, RunStatus
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
-from calstation.jobs.queue import JobQueue
-from calstation.results.resolving import warm_up
-from calstation.results.result import Result
+from calstation.jobs import JobQueue
+from calstation.results import Result, warm_up
 from tests.gui.shared_jobs import use_folder
-from tests.site_folder import BENCH, PRODUCT, STATION
+from tests.site_folder import SiteFolder
 
 SERIAL = "SN-000042"
 #: Required keys of a result JSON.
@@ -44,39 +41,11 @@ def result_with(**changes: Any) -> Result:
     return Result.from_json({**RESULT, **changes})
 
 
-class SiteFolder:
-    """A site folder with one station and one product, and the folder of runs."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.home = folder / "home"
-        self.runs = folder / "runs"
-        self.station = self.home / "stations" / "test.toml"
-        self.product = self.home / "products" / "short.toml"
-        for file in (self.station, self.product):
-            file.parent.mkdir(parents=True)
-        (self.home / "window.ini").write_text("[General]\nlanguage=en\ntheme=light\nsounds=false\n", encoding="utf-8")
-        self.write()
-
-    def write(
-        self,
-        product: dict[str, Any] | None = None,
-        station: dict[str, Any] | None = None,
-        *,
-        surveyed: bool = True,
-        **bench: Any,
-    ) -> None:
-        """Write both files, with changes to the product, the station and its bench; gravity may be unknown."""
-        self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
-        site = {**STATION["site"], **({"gravity_mps2": 9.79547} if surveyed else {})}
-        entries = {**STATION, "site": site, "bench": {**BENCH, **bench}, **(station or {})}
-        self.station.write_text(tomli_w.dumps(entries), encoding="utf-8")
-
-
 @pytest.fixture(autouse=True)
 def site_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SiteFolder]:
     """An empty site folder for configuration, settings and runs; windows are deleted after their test."""
-    made = SiteFolder(tmp_path)
+    made = SiteFolder(tmp_path, tmp_path / "home")
+    (made.home / "window.ini").write_text("[General]\nlanguage=en\ntheme=light\nsounds=false\n", encoding="utf-8")
     monkeypatch.setenv("CALSTATION_HOME", str(made.home))
     monkeypatch.chdir(tmp_path)
     yield made

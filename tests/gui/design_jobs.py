@@ -4,10 +4,10 @@ import time
 
 import numpy as np
 
-from calstation.design.design import Design, DesignRequest, Variation
+from calstation.design import Design, DesignRequest, Variation
 from calstation.errors import ConfigurationError
 from calstation.estimation.effects import EffectLimit
-from calstation.jobs.queue import ProgressCallback
+from calstation.jobs import ProgressCallback
 from calstation.physics import INDEX, NAMES
 
 MOVES = (

@@ -2,7 +2,7 @@
 
 import os
 
-from calstation.jobs.queue import ProgressCallback
+from calstation.jobs import ProgressCallback
 
 
 def use_folder(report: ProgressCallback, folder: str, home: str) -> None:

@@ -6,8 +6,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 from pytestqt.qtbot import QtBot
 
-from calstation.gui.settings.page import StationPage
-from calstation.gui.state.context import AppContext
+from calstation.gui.settings import StationPage
+from calstation.gui.state import AppContext
 
 PIN = "246813"
 

@@ -11,10 +11,10 @@ from pytestqt.qtbot import QtBot
 
 from calstation.config import library, versions
 from calstation.devices.profiles import load_imu_profile
-from calstation.gui.logs.page import OfflinePage
+from calstation.gui.logs import OfflinePage
 from calstation.gui.shell.main_window import MainWindow
 from calstation.physics import DEGREE
-from calstation.sequencer.events import Finalized
+from calstation.sequencer import Finalized
 from tests.gui.conftest import Operator
 from tests.shared_runs import SharedRuns
 from tests.site_folder import PRODUCT, SiteFolder

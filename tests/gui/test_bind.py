@@ -7,10 +7,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QGroupBox, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
-from calstation.gui.text import language
-from calstation.gui.text.binding import bind, on_language_change
-from calstation.gui.widgets.layout import EmptyState, ViewTabs, button, combo_box, label
-from calstation.gui.widgets.parameter_table import CellTable
+from calstation.gui.text import bind, language, on_language_change
+from calstation.gui.widgets import CellTable, EmptyState, ViewTabs, button, combo_box, label
 from calstation.messages import Text
 
 

@@ -10,8 +10,8 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QLabel, QTabBar, QWidget
 from pytestqt.qtbot import QtBot
 
-from calstation.gui.engineer.page import EngineerPage
-from calstation.gui.history.page import HistoryPage
+from calstation.gui.engineer import EngineerPage
+from calstation.gui.history import HistoryPage
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
 from calstation.gui.widgets import theme

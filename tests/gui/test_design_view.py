@@ -21,11 +21,11 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.config import library, versions
+from calstation.gui.engineer.designer import DesignView
 from calstation.gui.engineer.designer.answer import DesignAnswer
 from calstation.gui.engineer.designer.form import DesignForm
 from calstation.gui.engineer.designer.plots import FrontPlot, Sphere
-from calstation.gui.engineer.designer.view import DesignView
-from calstation.gui.widgets.layout import PageArea
+from calstation.gui.widgets import PageArea
 from tests.gui import design_jobs
 from tests.gui.conftest import SiteFolder
 from tests.gui.test_engineer_page import Engineer

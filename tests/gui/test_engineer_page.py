@@ -27,16 +27,13 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.config import access, library, versions
+from calstation.gui.engineer import EngineerPage
 from calstation.gui.engineer.observability_view import HeatMap
-from calstation.gui.engineer.page import EngineerPage
-from calstation.gui.text import language
-from calstation.gui.text.messages import say
-from calstation.messages.rendering import Text
-from calstation.records import audit_path, read_audit
-from calstation.records.log import open_log
+from calstation.gui.text import language, say
+from calstation.messages import Text
+from calstation.records import audit_path, open_log, read_audit
 from calstation.registers import journal as register_journal
-from calstation.results.resolving import FinishedRun
-from calstation.results.result import SCHEMA, Result
+from calstation.results import SCHEMA, FinishedRun, Result
 from tests.check_rows import check_row
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
 from tests.site_folder import PRODUCT

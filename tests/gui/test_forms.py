@@ -14,7 +14,7 @@ from pytestqt.qtbot import QtBot
 
 from calstation.config import library, versions
 from calstation.gui.settings.form_view import FormTable
-from calstation.gui.state.context import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import language
 from tests.gui.station_driver import PIN, PageDriver, station_page
 

@@ -3,11 +3,10 @@
 import pytest
 from PySide6.QtWidgets import QComboBox
 
-from calstation.config import library
-from calstation.config.request import RunRequest
+from calstation.config import RunRequest, library
 from calstation.gui.state.engine_link import EngineLink
-from calstation.physics.units import ARCSECOND
-from calstation.sequencer.events import GimbalTurned, JointsMoved, StageStarted, StateChanged, StepStarted
+from calstation.physics import ARCSECOND
+from calstation.sequencer import GimbalTurned, JointsMoved, StageStarted, StateChanged, StepStarted
 from tests.gui.conftest import SERIAL, Operator
 
 

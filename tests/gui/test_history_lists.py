@@ -19,10 +19,10 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
-from calstation.gui.history.page import HistoryPage
+from calstation.gui.history import HistoryPage
 from calstation.gui.text import language
-from calstation.records.resolves import OnlineDifference, append_resolve, resolves_path
-from calstation.results.result import load_result
+from calstation.records import OnlineDifference, append_resolve, resolves_path
+from calstation.results import load_result
 from tests.gui import test_history_page as base
 from tests.gui.test_history_page import NOW, WAIT, button, rows, select_row, shown, visible_texts, write_run
 from tests.results.test_resolves import RECORD

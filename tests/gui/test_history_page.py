@@ -13,19 +13,17 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTableView, QWidget
 from pytestqt.qtbot import QtBot
 
-from calstation.config.request import computer_user
+from calstation.config import computer_user
 from calstation.errors import DeviceFaultError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.gui.history.page import HistoryPage
+from calstation.estimation.common import SampleBlock
+from calstation.gui.history import HistoryPage
 from calstation.gui.shell.main_window import MainWindow
-from calstation.gui.state.context import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import language
-from calstation.physics.units import DEGREE_PER_HOUR
-from calstation.records import Verdict
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
-from calstation.results.result import SCHEMA
-from calstation.sequencer.events import Finalized
+from calstation.physics import DEGREE_PER_HOUR
+from calstation.records import LogMeta, RawLogWriter, Verdict
+from calstation.results import SCHEMA
+from calstation.sequencer import Finalized
 from tests.check_rows import check_row
 from tests.gui.conftest import RESULT
 

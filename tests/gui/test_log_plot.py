@@ -9,12 +9,11 @@ from PySide6.QtCore import QPointF, Qt
 from PySide6.QtWidgets import QAbstractButton, QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
-from calstation.estimation.common.samples import SampleBlock
-from calstation.gui.logs.page import OfflinePage
+from calstation.estimation.common import SampleBlock
+from calstation.gui.logs import OfflinePage
 from calstation.gui.logs.range_bar import CountSpin
 from calstation.gui.shell.main_window import MainWindow
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
+from calstation.records import LogMeta, RawLogWriter
 from tests.gui.plot_mouse import double_click, drag, move_mouse, open_menu, pixel, turn_wheel
 
 WAIT = 60_000

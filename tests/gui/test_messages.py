@@ -6,9 +6,8 @@ import pytest
 from PySide6.QtWidgets import QApplication
 
 from calstation.errors import DeviceFaultError
-from calstation.gui.text import language
-from calstation.gui.text.messages import duration_text, fault_text, say, step_sentence, term
-from calstation.sequencer.events import Fault
+from calstation.gui.text import duration_text, fault_text, language, say, step_sentence, term
+from calstation.sequencer import Fault
 
 
 @pytest.fixture(autouse=True)

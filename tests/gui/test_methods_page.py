@@ -13,28 +13,19 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QFileDialog, QLabel, QPushButton, QTableView
 from pytestqt.qtbot import QtBot
 
-from calstation.config import library
-from calstation.config.library import pair_folder
-from calstation.config.request import RunRequest
-from calstation.connection.live_imu import OtherUnit
-from calstation.connection.pair_process import PairProcess, PairStatus
+from calstation.config import RunRequest, library, pair_folder
+from calstation.connection import OtherUnit, PairProcess, PairStatus
 from calstation.errors import CalstationError, InputError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.gui.logs.methods import pair_live
-from calstation.gui.logs.methods.panel import MethodPanel
+from calstation.estimation.common import SampleBlock
+from calstation.gui.logs.methods import MethodPanel, pair_live
 from calstation.gui.operator import advice
 from calstation.gui.shell.main_window import MainWindow
-from calstation.gui.text import language
-from calstation.gui.text.checks import check_text
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.checks_table import ChecksTable
-from calstation.judgement.check import Check
-from calstation.records import CheckKind
-from calstation.records.convert import export_csv
-from calstation.records.log import open_log
-from calstation.records.meta import context_from_meta, load_pair, prior_from_meta
+from calstation.gui.text import check_text, language
+from calstation.gui.widgets import ChecksTable, theme
+from calstation.judgement import Check
+from calstation.records import CheckKind, context_from_meta, export_csv, load_pair, open_log, prior_from_meta
 from calstation.results import PairProgress
-from calstation.simulation.recordings import record_on_bench
+from calstation.simulation import record_on_bench
 from procedures import method
 from tests.check_rows import check_row
 from tests.gui.conftest import Operator, SiteFolder, result_with

@@ -6,8 +6,8 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QPushButton
 
-from calstation.gui.engineer.page import EngineerPage
-from calstation.gui.logs.page import OfflinePage
+from calstation.gui.engineer import EngineerPage
+from calstation.gui.logs import OfflinePage
 from calstation.gui.text import language
 from tests.estimation.simulated_stages import log_with
 from tests.gui.conftest import Operator

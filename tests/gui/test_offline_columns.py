@@ -7,10 +7,8 @@ import pytest
 
 from calstation.gui.logs.log_columns import LogColumns, split_at_gaps
 from calstation.gui.logs.time_axis import time_text
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
-from calstation.results.plots.index import LogIndex, log_index, samples
-from calstation.results.plots.min_max_pyramid import Columns
+from calstation.records import LogMeta, RawLogWriter
+from calstation.results.plots import Columns, LogIndex, log_index, samples
 from tests.results.test_log_index import META, START, blocks
 
 

@@ -25,24 +25,22 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.simulate import Simulator
-from calstation.config.request import RunRequest
-from calstation.estimation.common.samples import SampleBlock
-from calstation.gui.history.page import HistoryPage
+from calstation.bench import BenchConfig
+from calstation.bench.truth import Simulator
+from calstation.config import RunRequest
+from calstation.estimation.common import SampleBlock
+from calstation.gui.history import HistoryPage
+from calstation.gui.logs import OfflinePage
 from calstation.gui.logs.comparison import Comparison
-from calstation.gui.logs.page import OfflinePage
 from calstation.gui.logs.range_bar import CountSpin
 from calstation.gui.logs.source_bar import SourceBar
 from calstation.gui.shell.main_window import MainWindow
-from calstation.gui.state.context import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.text import language, parameter_text
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
-from calstation.results.resolving import Resolved, resolve
-from calstation.runs.run import execute
-from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Finalized
+from calstation.records import LogMeta, RawLogWriter
+from calstation.results import Resolved, resolve
+from calstation.runs import execute
+from calstation.sequencer import Control, Event, Finalized
 from tests.check_rows import check_row
 from tests.cli.conftest import META as CSV_META
 from tests.cli.conftest import six_position_rows, write_log

@@ -8,9 +8,8 @@ import pytest
 from PySide6.QtWidgets import QApplication
 
 from calstation.errors import InputError
-from calstation.gui.text import language
-from calstation.gui.text.messages import say
-from calstation.results.resolving import resolve
+from calstation.gui.text import language, say
+from calstation.results import resolve
 from tests.cli.conftest import HEADER, six_position_rows, write_log
 
 Maker = Callable[[Path], tuple[Path, tuple[str, ...] | None, int | None, int | None]]

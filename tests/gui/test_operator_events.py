@@ -9,19 +9,18 @@ import tomli_w
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QListWidget, QPushButton
 
-from calstation.config import library
-from calstation.config.request import RunRequest
+from calstation.config import RunRequest, library
 from calstation.errors import InputError
+from calstation.gui.state import RunStrip
 from calstation.gui.state.engine_link import EngineLink
-from calstation.gui.state.run_strip import RunStrip
 from calstation.gui.widgets import theme
-from calstation.jobs.queue import JobQueue
-from calstation.messages.rendering import Text
+from calstation.jobs import JobQueue
+from calstation.messages import Text
 from calstation.records import Verdict
-from calstation.results.handover import Delivery
-from calstation.results.history import History
-from calstation.runs.incomplete import StartupRecovery, finish_incomplete
-from calstation.sequencer.events import Finalized, StageSolved, StageStarted, StateChanged
+from calstation.results import Delivery, History
+from calstation.runs import finish_incomplete
+from calstation.runs.incomplete import StartupRecovery
+from calstation.sequencer import Finalized, StageSolved, StageStarted, StateChanged
 from tests.check_rows import check_row
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.gui.test_history_page import write_dead_log

@@ -13,7 +13,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QListWidget, QProgressBar, QPushButton
 
 from calstation.config import library
-from calstation.gui.shell.app import create_window
+from calstation.gui import create_window
 from calstation.gui.shell.main_window import MainWindow
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
 from tests.site_folder import PRODUCT, QUICK, STATION

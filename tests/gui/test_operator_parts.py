@@ -12,11 +12,10 @@ from calstation.gui.operator import advice
 from calstation.gui.operator.live.convergence import Convergence
 from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.starting import suggested_serial
-from calstation.gui.state.unit_status import UnitStatus
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.plot import NumberAxis, spread
-from calstation.runs.summary import RunSummary
-from calstation.sequencer.events import Message, Trace
+from calstation.gui.state import UnitStatus
+from calstation.gui.widgets import NumberAxis, spread, theme
+from calstation.runs import RunSummary
+from calstation.sequencer import Message, Trace
 from tests.check_rows import check_row
 from tests.gui.conftest import result_with
 from tests.gui.plot_mouse import double_click, pixel, turn_wheel

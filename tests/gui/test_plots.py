@@ -10,7 +10,7 @@ from PySide6.QtGui import QContextMenuEvent, QGuiApplication
 from PySide6.QtWidgets import QApplication, QFileDialog
 from pytestqt.qtbot import QtBot
 
-from calstation.gui.engineer.page import EngineerPage
+from calstation.gui.engineer import EngineerPage
 from calstation.gui.settings.table_section import TravelPlot
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.widgets import Column, ParameterModel, ParameterTable, StackedPlots, ThemedPlot, ZoomBox, column

@@ -7,18 +7,16 @@ import pytest
 from PySide6.QtGui import QImage
 from pytestqt.qtbot import QtBot
 
-from calstation.config import library
-from calstation.config.request import RunRequest
+from calstation.config import RunRequest, library
+from calstation.gui.operator import OperatorPage
 from calstation.gui.operator.live.live_view import Preparation
 from calstation.gui.operator.live.position_panel import PositionPanel
-from calstation.gui.operator.page import OperatorPage
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
-from calstation.physics.rotation import axis_rotation
-from calstation.runs.summary import RunSummary, run_summary
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import PositionGuided, StageStarted, StateChanged, StepStarted
+from calstation.physics import axis_rotation
+from calstation.runs import RunSummary, run_summary
+from calstation.sequencer import Command, PositionGuided, StageStarted, StateChanged, StepStarted
 from tests.gui.conftest import Operator
 
 X, Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)

@@ -20,7 +20,7 @@ from calstation.gui.operator import starting
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.production import shift_counter
 from calstation.gui.state.engine_link import EngineLink
-from calstation.jobs.queue import JobQueue
+from calstation.jobs import JobQueue
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.site_folder import STATION
 

@@ -12,9 +12,9 @@ from pytestqt.qtbot import QtBot
 from calstation.config import library
 from calstation.database import Exchange, is_archived
 from calstation.errors import InputError
-from calstation.gui.history.page import HistoryPage
-from calstation.gui.quality.page import QualityPage
-from calstation.gui.state.context import AppContext
+from calstation.gui.history import HistoryPage
+from calstation.gui.quality import QualityPage
+from calstation.gui.state import AppContext
 from calstation.records import IndexedRun, RunFilter, RunIndex, RunRecord, Verdict
 from calstation.results import History, export_runs, load_result, load_results
 from tests.gui.test_history_page import NOW, WAIT, rows, select_row, shown, write_run

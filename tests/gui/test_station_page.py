@@ -22,28 +22,25 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
+from calstation.config import RunRequest, library, this_computer, versions
 from calstation.config import access as role
-from calstation.config import library, versions
 from calstation.config.editing import check_data
-from calstation.config.request import RunRequest
-from calstation.config.site_check import this_computer
+from calstation.connection import BenchClock, FoundPort
 from calstation.connection.bench_process import BenchHost
-from calstation.connection.clock import BenchClock
-from calstation.connection.link_test import FoundPort
 from calstation.devices.links.opening import Reason
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator.verdict import VerdictPanel
+from calstation.gui.settings import StationPage
 from calstation.gui.settings import page as page_module
 from calstation.gui.settings.fields import problem_text
-from calstation.gui.settings.page import StationPage
 from calstation.gui.settings.table_section import TravelPlot
 from calstation.gui.shell.main_window import MainWindow
-from calstation.gui.state.context import AppContext
+from calstation.gui.state import AppContext
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.text import language
 from calstation.gui.widgets import NoticeBar, theme
 from calstation.messages.catalogue import family
-from calstation.sequencer.events import Fault
+from calstation.sequencer import Fault
 from tests.gui.station_driver import PIN, PageDriver, station_page
 from tests.site_folder import STATION as STATION_DATA
 

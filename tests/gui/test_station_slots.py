@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QPushButton
 from pytestqt.qtbot import QtBot
 
 from calstation.config import library, with_one_unit, with_slots
-from calstation.gui.state.context import AppContext
+from calstation.gui.state import AppContext
 from tests.gui.station_driver import PIN, station_page
 from tests.gui.test_forms import FormDriver
 

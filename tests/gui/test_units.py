@@ -10,15 +10,15 @@ import tomli_w
 from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QListWidget, QPushButton
 
-from calstation.config.request import RunRequest
+from calstation.config import RunRequest
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator import starting
-from calstation.gui.operator.live.table_panel import TablePicture
+from calstation.gui.operator.live import TablePicture
+from calstation.gui.state import RunStrip
 from calstation.gui.state.engine_link import EngineLink
-from calstation.gui.state.run_strip import RunStrip
 from calstation.records import Verdict
-from calstation.results.history import History
-from calstation.sequencer.events import (
+from calstation.results import History
+from calstation.sequencer import (
     Fault,
     Finalized,
     Message,

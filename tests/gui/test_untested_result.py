@@ -7,7 +7,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QTabBar
 from synthetic.many_logs import record_logs
 
-from calstation.gui.engineer.page import EngineerPage
+from calstation.gui.engineer import EngineerPage
 from calstation.gui.text import language
 from calstation.results import resolve, write_json
 from tests.gui.conftest import Operator

@@ -9,9 +9,8 @@ from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QTableView, QTable
 from pytestqt.qtbot import QtBot
 
 from calstation.database import ExchangeState
-from calstation.gui.history import versions_view
-from calstation.gui.history.page import HistoryPage
-from calstation.gui.state.context import AppContext
+from calstation.gui.history import HistoryPage, versions_view
+from calstation.gui.state import AppContext
 from calstation.gui.text import language
 from tests.fleet.test_fleet_compare import UNITS, add, row
 from tests.gui.conftest import SiteFolder

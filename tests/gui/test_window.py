@@ -10,11 +10,11 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTabWidget, QWidget
 from pytestqt.qtbot import QtBot
 
+from calstation.gui import create_window
 from calstation.gui.operator.header import RunHeader
-from calstation.gui.shell.app import create_window
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.widgets import theme
-from calstation.records.log import open_log
+from calstation.records import open_log
 from calstation.runs.resume import resumable
 from tests.gui.conftest import SiteFolder
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.errors import InputError
-from calstation.jobs.queue import ProgressCallback
+from calstation.jobs import ProgressCallback
 
 
 def add(tell: ProgressCallback, a: int, b: int = 0) -> int:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.jobs.queue import Job, JobQueue
+from calstation.jobs import Job, JobQueue
 from tests.jobs import job_functions as works
 
 PATIENCE = 120.0

@@ -7,16 +7,13 @@ import numpy as np
 import pytest
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.context import ImuModel, Posterior, Site, SolveContext, TableModel
-from calstation.estimation.common.least_squares import Consistency
-from calstation.estimation.method import Solution
-from calstation.estimation.positions.evidence import Evidence, MotionEvidence, RestEvidence, turn_between
-from calstation.judgement.acceptance import acceptance, offline_online
-from calstation.judgement.check import Check, Where
-from calstation.physics.parameters import COUNT, INDEX, NAMES
-from calstation.physics.rotation import axis_rotation
-from calstation.physics.table import orientation_matrix
-from calstation.records.product import ChecksSection
+from calstation.estimation import Solution
+from calstation.estimation.common import Consistency, ImuModel, Posterior, Site, SolveContext, TableModel
+from calstation.estimation.positions import Evidence, MotionEvidence, RestEvidence, turn_between
+from calstation.judgement import Check, Where, offline_online
+from calstation.judgement.acceptance import acceptance
+from calstation.physics import COUNT, INDEX, NAMES, axis_rotation, orientation_matrix
+from calstation.records import ChecksSection
 from calstation.schema import validate
 from tests.check_rows import check_row
 

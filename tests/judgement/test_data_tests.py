@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calstation.estimation.common.context import ImuModel
-from calstation.estimation.common.residuals import RestResiduals
-from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.common import ImuModel, RestResiduals, SampleBlock
 from calstation.judgement.data_tests import MISSING_SAMPLES, clipping_test, sample_clocks, temperature_coefficients
 
 RATE = 200.0

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.context import Posterior
-from calstation.estimation.common.least_squares import Consistency
-from calstation.estimation.method import Solution
-from calstation.judgement.limits import check_limits, estimated_stage, not_compared, unobservable
-from calstation.physics.parameters import COUNT, INDEX
-from calstation.records.product import Limit
+from calstation.estimation import Solution
+from calstation.estimation.common import Consistency, Posterior
+from calstation.judgement import check_limits, estimated_stage, unobservable
+from calstation.judgement.limits import not_compared
+from calstation.physics import COUNT, INDEX
+from calstation.records import Limit
 from calstation.results.result import StageConsistency
 from calstation.schema import validate
-from calstation.sequencer.events import StageSolved, solution_events
+from calstation.sequencer import StageSolved, solution_events
 
 PRIOR = Posterior(np.zeros(COUNT), np.eye(COUNT))
 GOOD = Consistency(1.0, 0.9, 1.1, 100)

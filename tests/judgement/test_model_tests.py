@@ -9,8 +9,7 @@ import pytest
 from calstation.config import RunRequest, load_configuration
 from calstation.estimation import Diagnosis, ModelTest, Solution
 from calstation.estimation.common import Consistency, Posterior
-from calstation.judgement import check_limits, judge
-from calstation.judgement.model_tests import ModelTests
+from calstation.judgement import ModelTests, check_limits, judge
 from calstation.physics import COUNT, NAMES
 from calstation.records import MODEL_KINDS
 

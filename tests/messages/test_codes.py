@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from calstation.messages import catalogue
-from calstation.messages.catalogue import Entry, entry, known
+from calstation.messages import catalogue, entry, known
+from calstation.messages.catalogue import Entry
 from calstation.messages.rendering import COMMAND_OPTIONS
 
 pytestmark = pytest.mark.long

@@ -10,10 +10,7 @@ import pytest
 import procedures
 from calstation.config import schedule_fields
 from calstation.errors import ConfigurationError
-from calstation.messages import catalogue
-from calstation.messages.catalogue import entry, known
-from calstation.messages.progress import step_text
-from calstation.messages.rendering import sentence
+from calstation.messages import catalogue, entry, known, sentence, step_text
 from calstation.physics import JointLimits, ManualMove, Move, RoundEnd, TableGeometry
 from calstation.sequencer.guiding import manual_move_label
 from procedures import method

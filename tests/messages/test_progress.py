@@ -1,7 +1,6 @@
 """The catalogue describes progress events and steps."""
 
-from calstation.messages.progress import event_text, short_step_text, step_text
-from calstation.messages.rendering import sentence
+from calstation.messages import event_text, sentence, short_step_text, step_text
 
 
 def test_event_text_translates_its_values() -> None:

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 import pytest
 
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.messages import catalogue
-from calstation.messages.rendering import (
+from calstation.messages import (
     Text,
+    catalogue,
     local_time,
     os_reason,
     render,

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from calstation.messages import catalogue
-from calstation.messages.catalogue import known
+from calstation.messages import catalogue, known
 from tests.messages.test_codes import INTERFACES, TAKES_CODE, all_entries, call_name, calls, trees
 
 pytestmark = pytest.mark.long

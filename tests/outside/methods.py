@@ -25,7 +25,7 @@ from calstation.judgement import estimated_stage, judge
 from calstation.physics import NAMES, FloatArray
 from calstation.records import LogMeta, context_from_meta, open_log
 from calstation.results import StageChain, one_blas_thread
-from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
+from calstation.simulation import GradeName, Kind, make_recording
 from tests.outside.sweep import PRODUCTS, SOUND, Case, Outcome, described, summary
 
 STAGES: dict[str, Kind] = {"multi_position": "hand", "cross_calibration": "pair"}

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from calstation.bench import BenchConfig
-from calstation.bench.truth import Effects
+from calstation.bench.truth import Effects, SensorStream
 from calstation.bench.truth.kinematics import JointProfile
-from calstation.bench.truth.stream import SensorStream
 from calstation.config import load_configuration
 from calstation.physics import INDEX
 from calstation.results import load_result

@@ -6,15 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.bench.truth import table as earth_truth
-from calstation.physics.earth import (
-    EQUATOR_GRAVITY,
-    FLATTENING,
-    POLE_GRAVITY,
-    RATE,
-    SEMI_MAJOR_AXIS,
-    normal_gravity,
-    rotation_rate,
-)
+from calstation.physics import RATE, normal_gravity, rotation_rate
+from calstation.physics.earth import EQUATOR_GRAVITY, FLATTENING, POLE_GRAVITY, SEMI_MAJOR_AXIS
 
 LATITUDES = st.floats(-np.pi / 2, np.pi / 2)
 

@@ -6,7 +6,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from calstation.messages.catalogue import entry, known
+from calstation.messages import entry, known
 from calstation.physics import (
     DISPLAY,
     EFFECT_PARAMETERS,

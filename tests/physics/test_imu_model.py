@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import INDEX, PARAMETERS
+from calstation.physics import INDEX, PARAMETERS, compensate, compensation
 
 LARGEST = {
     "gyro_bias": 0.05,

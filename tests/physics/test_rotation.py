@@ -6,14 +6,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from calstation.physics.rotation import (
-    angle_about,
-    axis_rotation,
-    level_attitude,
-    rotation_matrix,
-    rotation_vector,
-    skew,
-)
+from calstation.physics import axis_rotation, level_attitude, rotation_matrix, rotation_vector, skew
+from calstation.physics.rotation import angle_about
 
 COMPONENT = st.floats(-10.0, 10.0)
 VECTORS = st.tuples(COMPONENT, COMPONENT, COMPONENT).map(np.array)

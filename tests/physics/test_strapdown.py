@@ -6,14 +6,27 @@ import numpy as np
 import pytest
 from table_truth import rotation_states, table_attitude
 
-from calstation.bench.config import BenchConfig
+from calstation.bench import BenchConfig
+from calstation.bench.truth import SensorStream
 from calstation.bench.truth.kinematics import JointProfile
-from calstation.bench.truth.stream import SensorStream
-from calstation.physics.earth import normal_gravity, rotation_rate
-from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import COUNT, GROUPS, PARAMETERS, group_indices
-from calstation.physics.rotation import axis_rotation, rotation_matrix, rotation_vector
-from calstation.physics.strapdown import body_rotation, dynamics, increments, interval_work, propagate
+from calstation.physics import (
+    COUNT,
+    GROUPS,
+    PARAMETERS,
+    axis_rotation,
+    body_rotation,
+    compensate,
+    compensation,
+    dynamics,
+    group_indices,
+    increments,
+    interval_work,
+    normal_gravity,
+    propagate,
+    rotation_matrix,
+    rotation_rate,
+    rotation_vector,
+)
 
 G = 9.8
 NO_EARTH = np.zeros(3)

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from calstation.errors import ConfigurationError
-from calstation.physics.rotation import rotation_vector
-from calstation.physics.table import (
+from calstation.physics import (
     ALIGNED,
     DEFAULT_ORIENTATION,
     INNER,
@@ -21,6 +20,7 @@ from calstation.physics.table import (
     JointLimits,
     TableGeometry,
     orientation_matrix,
+    rotation_vector,
 )
 from tests.helpers import raises_code
 

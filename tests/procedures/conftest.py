@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import settings
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.simulate import Simulator
+from calstation.bench import BenchConfig
+from calstation.bench.truth import Simulator
 
 sys.path.append(str(Path(__file__).parent.parent / "estimation"))
 

@@ -3,14 +3,11 @@
 import numpy as np
 from hand_recordings import prior_of
 
-from calstation.bench.truth.gimbal import GimbalBench, GimbalSamples
-from calstation.bench.truth.grades import draw_imu
-from calstation.bench.truth.imu import ImuTruth
-from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
-from calstation.estimation.common.samples import SampleBlock, joined
-from calstation.estimation.gimbal.iteration import GimbalIteration
-from calstation.estimation.method import Solution
-from calstation.physics.parameters import group_matrix
+from calstation.bench.truth import GimbalBench, GimbalSamples, ImuTruth, draw_imu
+from calstation.estimation import Solution
+from calstation.estimation.common import ImuModel, SampleBlock, Site, SolveContext, TableModel, joined
+from calstation.estimation.gimbal import GimbalIteration
+from calstation.physics import group_matrix
 from calstation.simulation.bench_recordings import turn_gimbal
 from procedures import method
 

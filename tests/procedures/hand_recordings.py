@@ -2,14 +2,10 @@
 
 import numpy as np
 
-from calstation.bench.truth.grades import GRADES, draw_imu
-from calstation.bench.truth.imu import ImuTruth
-from calstation.bench.truth.manual_rig import ManualRig, around, record
-from calstation.bench.truth.simulate import Simulated
-from calstation.estimation.common.context import ImuModel, Posterior, Site, SolveContext, TableModel
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.method import Solution
-from calstation.physics.parameters import COUNT, PARAMETERS
+from calstation.bench.truth import GRADES, ImuTruth, ManualRig, Simulated, around, draw_imu, record
+from calstation.estimation import Solution
+from calstation.estimation.common import ImuModel, Posterior, SampleBlock, Site, SolveContext, TableModel
+from calstation.physics import COUNT, PARAMETERS
 from procedures import method
 
 QUICK = ManualRig(initial_rest=10.0, rest=3.0)

@@ -5,22 +5,29 @@ from dataclasses import replace
 import numpy as np
 from hand_recordings import prior_of
 
-from calstation.bench.truth.free_unit import Mounting, SecondaryTruth, pair_truth, record_pair
-from calstation.bench.truth.grades import draw_imu
-from calstation.bench.truth.imu import ImuTruth
-from calstation.bench.truth.manual_rig import ManualRig, around, push
-from calstation.bench.truth.table import rotation
-from calstation.estimation.common.context import (
+from calstation.bench.truth import (
+    ImuTruth,
+    ManualRig,
+    Mounting,
+    SecondaryTruth,
+    around,
+    draw_imu,
+    pair_truth,
+    push,
+    record_pair,
+    rotation,
+)
+from calstation.estimation import Solution
+from calstation.estimation.common import (
     ImuModel,
     Posterior,
+    SampleBlock,
     Secondary,
     Site,
     SolveContext,
     StoredPair,
     TableModel,
 )
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.method import Solution
 from calstation.physics import PAIR_PARAMETERS, group_indices
 from procedures import method
 

@@ -23,18 +23,14 @@ from pair_recordings import (
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import chi2
 
-from calstation.bench.truth.free_unit import Mounting, SecondaryTruth
-from calstation.bench.truth.table import rotation
+from calstation.bench.truth import Mounting, SecondaryTruth, rotation
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation.common.context import SolveContext, StoredPair
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.pairs.calibration import PairCalibration, compensate_secondary, pair_vector
-from calstation.estimation.pairs.schedule import PairSchedule, Threshold
-from calstation.estimation.pairs.watch import PairWatch, call_now
-from calstation.physics import PAIR_PARAMETERS, further_parameter, group_indices, pair_name
-from calstation.physics.imu_model import compensation
-from calstation.physics.table import TableGeometry
-from calstation.results.resolving import resolve
+from calstation.estimation.common import SampleBlock, SolveContext, StoredPair
+from calstation.estimation.pairs import PairCalibration, PairSchedule, PairWatch, call_now, pair_vector
+from calstation.estimation.pairs.calibration import compensate_secondary
+from calstation.estimation.pairs.schedule import Threshold
+from calstation.physics import PAIR_PARAMETERS, TableGeometry, compensation, further_parameter, group_indices, pair_name
+from calstation.results import resolve
 from procedures import method
 from tests.helpers import raises_code
 

@@ -8,18 +8,9 @@ from gimbal_recordings import recorded, solved, unit
 from scipy.stats import chi2
 
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation.gimbal.iteration import (
-    GimbalIteration,
-    contraction,
-    drift_matrix,
-    gimbal_attitude,
-    gimbal_joints,
-    largest_gain,
-)
-from calstation.estimation.gimbal.motions import Motion
-from calstation.physics.parameters import INDEX
-from calstation.physics.rotation import rotation_matrix
-from calstation.physics.table import TableGeometry
+from calstation.estimation.gimbal import GimbalIteration, Motion, contraction, drift_matrix, largest_gain
+from calstation.estimation.gimbal.iteration import gimbal_attitude, gimbal_joints
+from calstation.physics import INDEX, TableGeometry, rotation_matrix
 from procedures import method
 from procedures.gimbal import ESTIMATED
 from tests.helpers import raises_code

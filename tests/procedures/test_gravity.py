@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, solved
 
-from calstation.estimation.common.context import Posterior, Site
-from calstation.estimation.common.gravity import force_scaling, gravity_sensitivity, with_gravity
-from calstation.physics.parameters import COUNT, NAMES, group_indices, group_matrix, group_vector
+from calstation.estimation.common import Posterior, Site, gravity_sensitivity, with_gravity
+from calstation.estimation.common.gravity import force_scaling
+from calstation.physics import COUNT, NAMES, group_indices, group_matrix, group_vector
 
 SCALE = list(group_indices("accel_scale"))
 

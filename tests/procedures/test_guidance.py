@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hand_recordings import QUICK, context_of, prior_of, recording, solved, unit
 
-from calstation.estimation.common.residuals import before_after
-from calstation.estimation.positions.guidance import PositionGuide, spread
+from calstation.estimation.common import before_after
+from calstation.estimation.positions import PositionGuide
+from calstation.estimation.positions.guidance import spread
 
 
 @pytest.fixture(scope="module")

@@ -13,18 +13,25 @@ from simulated_stages import block_of, geometry_of, with_effect
 from simulated_stages import context_of as table_context
 from simulated_stages import prior_of as table_prior
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth.simulate import Simulator
+from calstation.bench import BenchConfig
+from calstation.bench.truth import Simulator
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation import Solution
-from calstation.estimation.common import Posterior
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.effects import EffectEvidence, EffectTests
-from calstation.estimation.effects.score import MAX_EXCESS
-from calstation.physics.motion import Dwell, ManualMove, Move
-from calstation.physics.parameters import INDEX, NAMES, group_indices, group_matrix, group_vector
-from calstation.physics.table import JointLimits, TableGeometry
-from calstation.results.resolving import resolve
+from calstation.estimation.common import Posterior, SampleBlock
+from calstation.estimation.effects import MAX_EXCESS, EffectEvidence, EffectTests
+from calstation.physics import (
+    INDEX,
+    NAMES,
+    Dwell,
+    JointLimits,
+    ManualMove,
+    Move,
+    TableGeometry,
+    group_indices,
+    group_matrix,
+    group_vector,
+)
+from calstation.results import resolve
 from procedures import method
 from procedures.multi_position import ESTIMATED, GROUPS
 from tests.helpers import raises_code

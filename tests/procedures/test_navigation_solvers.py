@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, errors_in_sigma, prior_of, solved
 
-from calstation.estimation.common.context import Posterior
-from calstation.physics.parameters import NAMES, group_indices
+from calstation.estimation.common import Posterior
+from calstation.physics import NAMES, group_indices
 from procedures.azimuth_flip import ESTIMATED
 
 BIASES = [NAMES.index(name) for name in ESTIMATED]

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, errors_in_sigma, prior_of, simulate, solved
 
-from calstation.bench.config import BenchConfig
-from calstation.bench.truth import BenchTruth
-from calstation.bench.truth.simulate import Simulator
-from calstation.estimation.common import Posterior, SolveContext
-from calstation.estimation.common.planned import PlannedSamples
+from calstation.bench import BenchConfig
+from calstation.bench.truth import BenchTruth, Simulator
+from calstation.estimation.common import PlannedSamples, Posterior, SolveContext
 from calstation.physics import (
     COUNT,
     DEFAULT_ORIENTATION,

@@ -11,9 +11,7 @@ from pydantic import ValidationError
 
 import procedures
 from calstation.errors import ConfigurationError
-from calstation.physics.motion import Dwell, Move, RoundEnd
-from calstation.physics.rotation import rotation_vector
-from calstation.physics.table import UP, JointLimits, TableGeometry
+from calstation.physics import UP, Dwell, JointLimits, Move, RoundEnd, TableGeometry, rotation_vector
 from procedures import DEFAULT_STAGES, method
 from tests.helpers import joint_axis, raises_code
 

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from calstation.physics.parameters import NAMES
-from calstation.records.log import open_log
-from calstation.results.solver_chain import solve
+from calstation.physics import NAMES
+from calstation.records import open_log
+from calstation.results import solve
 
 FOLDER = Path(__file__).parents[3] / "shared" / "data" / "practice"
 

@@ -7,8 +7,7 @@ import pytest
 from simulated_stages import SCHEDULES, block_of, context_of, errors_in_sigma, solved
 
 from calstation.errors import InsufficientDataError
-from calstation.physics.parameters import NAMES, group_indices
-from calstation.physics.rotation import rotation_matrix
+from calstation.physics import NAMES, group_indices, rotation_matrix
 from tests.helpers import raises_code
 
 SCALE = group_indices("gyro_scale")

@@ -8,10 +8,10 @@ import pytest
 from simulated_stages import block_of, context_of, errors_in_sigma, solved
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common.context import Posterior
-from calstation.physics.parameters import INDEX, NAMES, group_indices
-from calstation.records.log import open_log
-from calstation.results.solver_chain import solve
+from calstation.estimation.common import Posterior
+from calstation.physics import INDEX, NAMES, group_indices
+from calstation.records import open_log
+from calstation.results import solve
 from tests.helpers import raises_code
 
 SCALE, BIAS = group_indices("accel_scale"), group_indices("accel_bias")

@@ -5,7 +5,8 @@ import pytest
 from scipy import stats
 
 from calstation.errors import InputError
-from calstation.quality.capability import capability, cp_interval, cpk_interval, moving_range_dof
+from calstation.quality import capability
+from calstation.quality.capability import cp_interval, cpk_interval, moving_range_dof
 from calstation.quality.charts import D2
 
 

@@ -8,20 +8,8 @@ from scipy import stats
 
 from calstation.errors import InputError
 from calstation.physics import FloatArray
-from calstation.quality.charts import (
-    BASELINE,
-    D2,
-    D4,
-    E2,
-    ESTIMATED,
-    KNOWN,
-    Process,
-    cusum_chart,
-    ewma_chart,
-    individuals_chart,
-    nelson_signals,
-    restarted_ewma_chart,
-)
+from calstation.quality import BASELINE, Process, cusum_chart, ewma_chart, individuals_chart, nelson_signals
+from calstation.quality.charts import D2, D4, E2, ESTIMATED, KNOWN, restarted_ewma_chart
 
 
 def numbers(text: str) -> FloatArray:

@@ -20,12 +20,10 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.common import Posterior
 from calstation.judgement import FALSE_ALARM, POWER, judge_standard
 from calstation.physics import COUNT, NAMES, PARAMETERS, FloatArray
-from calstation.quality import judge_result, standard_states
-from calstation.quality.standards import due_certificates
+from calstation.quality import due_certificates, judge_result, standard_states
 from calstation.records import audit_path, open_log, read_audit
 from calstation.results import History, load_result
-from calstation.runs import finalize
-from calstation.runs.preparation import prepare
+from calstation.runs import finalize, prepare
 from calstation.sequencer import Control, Message
 from calstation.simulation import BenchHooks
 from tests.helpers import raises_code
@@ -304,7 +302,7 @@ def test_unobservable_parameters_are_not_compared_at_the_end_of_a_run(
 
 
 def open_result(log: str) -> Any:
-    from calstation.results.resolving import stored_result
+    from calstation.results import stored_result
 
     return stored_result(open_log(Path(log)))
 

@@ -6,7 +6,8 @@ from scipy import stats
 
 from calstation.errors import InputError
 from calstation.physics import FloatArray
-from calstation.quality.gauge import _Model, _sums_of_squares, crossed, gauge_study, verdict
+from calstation.quality import gauge_study
+from calstation.quality.gauge import _Model, _sums_of_squares, crossed, verdict
 
 #: AIAG, Measurement Systems Analysis, 4th ed., 2010, figure III-B 6: ten parts (columns) measured by appraisers A, B
 #: and C in three trials each (rows).

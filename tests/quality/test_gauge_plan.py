@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from calstation.errors import InputError
-from calstation.quality.gauge import gauge_study
-from calstation.quality.gauge_plan import GaugePlan, Measurement
+from calstation.quality import GaugePlan, Measurement, gauge_study
 from calstation.records import Categories, RunColumns
 from tests.quality.test_gauge import AIAG
 

@@ -11,8 +11,15 @@ from scipy import stats
 from calstation.config import library, load_product
 from calstation.devices.profiles import load_imu_profile
 from calstation.physics import NAMES, FloatArray
-from calstation.quality import BASELINE, ParameterQuality, Process, RandomEffects, random_effects, summarise_quality
-from calstation.quality.charts import nelson_signals
+from calstation.quality import (
+    BASELINE,
+    ParameterQuality,
+    Process,
+    RandomEffects,
+    nelson_signals,
+    random_effects,
+    summarise_quality,
+)
 from calstation.records import IndexedRun, RunIndex, RunRecord, Verdict
 
 BEGIN = datetime(2026, 1, 1, tzinfo=UTC)

@@ -15,8 +15,7 @@ from synthetic.production_lock import lock_demo
 from calstation.cli.app import run_app
 from calstation.config import load_product, load_station, site_folder
 from calstation.estimation.positions import TABLE_QUANTITIES
-from calstation.messages import render
-from calstation.messages.progress import event_text
+from calstation.messages import event_text, render
 from calstation.physics import FloatArray
 from calstation.quality import BASELINE, WEIGHT, WIDTH, TableChart, alarms, ewma_chart, table_charts
 from calstation.records import RunFilter

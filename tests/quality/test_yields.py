@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from calstation.quality.yields import FailedCheck, Share, count_yields
+from calstation.quality import FailedCheck, Share, count_yields
 from calstation.records import Categories, CheckId, RunColumns
 
 BEGIN = datetime(2026, 11, 2, 12, tzinfo=UTC)  # noon, so that the date is the same in nearly all time zones

@@ -3,8 +3,8 @@
 import pytest
 from records_samples import META, make_block
 
-from calstation.estimation.common.samples import SampleBlock
-from calstation.records.meta import LogMeta
+from calstation.estimation.common import SampleBlock
+from calstation.records import LogMeta
 
 
 @pytest.fixture

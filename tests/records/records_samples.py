@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calstation.estimation.common.samples import SampleBlock, snap_angles
-from calstation.records.meta import LogMeta
+from calstation.estimation.common import SampleBlock, snap_angles
+from calstation.records import LogMeta
 
 META = {
     "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400, "azimuth_deg": 12.5},

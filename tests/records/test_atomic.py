@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.records.files import write_atomic
+from calstation.records import write_atomic
 
 
 def test_content_is_replaced_and_no_temporary_file_remains(tmp_path: Path) -> None:

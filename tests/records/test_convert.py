@@ -10,12 +10,9 @@ from hypothesis import strategies as st
 from records_samples import CSV_HEADER, META, assert_same, csv_rows, make_block, write_csv_log
 
 from calstation.errors import InputError
-from calstation.estimation.common.samples import SampleBlock, snap_angles
-from calstation.records.convert import export_csv, import_csv
+from calstation.estimation.common import SampleBlock, snap_angles
+from calstation.records import LogMeta, RawLogWriter, export_csv, import_csv, open_log
 from calstation.records.csv_log import further_channels
-from calstation.records.log import open_log
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
 from tests.helpers import raises_code
 
 

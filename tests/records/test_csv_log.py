@@ -8,7 +8,7 @@ import pytest
 from records_samples import CSV_HEADER, csv_rows, joined, write_csv_log
 
 from calstation.errors import InputError
-from calstation.records.log import open_log
+from calstation.records import open_log
 from tests.helpers import raises_code
 
 PRACTICE = Path(__file__).parents[3] / "shared" / "data" / "practice"

@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 from records_samples import META, make_block
 
 from calstation.errors import InputError
-from calstation.records.log import open_log
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
+from calstation.records import LogMeta, RawLogWriter, open_log
 from calstation.records.superblock import SUPERBLOCK, _lookup3, left_open, sound
 
 ROWS = 650

@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 from records_samples import META, joined, make_block
 
 from calstation.errors import InputError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.records.log import open_log
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import CHECK, CHUNK_ROWS, RawLogWriter, row_checks, row_dtype
-from calstation.records.raw_read import DamagedRows, raw_rows, sound_rows
+from calstation.estimation.common import SampleBlock
+from calstation.records import LogMeta, RawLogWriter, open_log, raw_rows
+from calstation.records.raw_log import CHECK, CHUNK_ROWS, row_checks, row_dtype
+from calstation.records.raw_read import DamagedRows, sound_rows
 from tests.helpers import raises_code
 
 ROWS = 30 * CHUNK_ROWS

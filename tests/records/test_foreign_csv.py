@@ -9,9 +9,8 @@ import pytest
 from records_samples import joined
 
 from calstation.errors import InputError
+from calstation.records import export_csv, import_csv, open_log
 from calstation.records.arrival import sample_times
-from calstation.records.convert import export_csv, import_csv
-from calstation.records.log import open_log
 from tests.helpers import raises_code
 
 G = 9.80665

@@ -10,9 +10,9 @@ import pytest
 from records_samples import META
 
 from calstation.errors import InputError
-from calstation.physics.parameters import COUNT, INDEX, PARAMETERS, group_indices
-from calstation.physics.table import ALIGNED
-from calstation.records.meta import LogMeta, context_from_meta, load_meta, meta_from_json, prior_from_meta
+from calstation.physics import ALIGNED, COUNT, INDEX, PARAMETERS, group_indices
+from calstation.records import LogMeta, context_from_meta, prior_from_meta
+from calstation.records.meta import load_meta, meta_from_json
 
 
 def test_configuration_survives_toml_and_json(meta: LogMeta) -> None:

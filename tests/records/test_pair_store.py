@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.common.context import StoredPair
-from calstation.records.meta import load_pair, pair_path, store_pair
+from calstation.estimation.common import StoredPair
+from calstation.records import load_pair, pair_path, store_pair
 from tests.helpers import raises_code
 
 FIRST = StoredPair({"secondary_gyro_bias_x": 0.1 + 0.2, "clock_offset": 1e-3}, 1e-3, 0.02)

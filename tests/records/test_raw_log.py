@@ -18,13 +18,11 @@ import pytest
 from records_samples import assert_same, joined, make_block
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.messages.rendering import Text
-from calstation.records import raw_log
-from calstation.records.log import open_log
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter, row_checks
-from calstation.records.raw_read import being_written, raw_blocks
+from calstation.estimation.common import SampleBlock
+from calstation.messages import Text
+from calstation.records import LogMeta, RawLogWriter, being_written, open_log, raw_log
+from calstation.records.raw_log import row_checks
+from calstation.records.raw_read import raw_blocks
 from tests.helpers import raises_code
 
 

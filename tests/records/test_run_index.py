@@ -13,10 +13,8 @@ import pytest
 from sqlalchemy import event
 
 from calstation.errors import ConfigurationError
-from calstation.records import Verdict
-from calstation.records.check_id import CheckId
-from calstation.records.indexed_run import IndexedRun, RunChoices, RunFilter, RunRecord
-from calstation.records.run_index import FILE, RunIndex
+from calstation.records import CheckId, IndexedRun, RunChoices, RunFilter, RunIndex, RunRecord, Verdict
+from calstation.records.run_index import FILE
 from tests.helpers import raises_code
 
 BEGIN = datetime(2026, 11, 1, tzinfo=UTC)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.errors import InputError
-from calstation.estimation.common.sequence import SequenceUnwrapper, unwrap_counter
+from calstation.estimation.common import SequenceUnwrapper, unwrap_counter
 
 PERIOD = 0.01
 

@@ -9,17 +9,14 @@ import numpy as np
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.config.run_configuration import load_configuration
-from calstation.connection.imu_session import open_imu_session
-from calstation.devices.imu.register_transfer import transfer
-from calstation.devices.imu.registers import RegisterMap
+from calstation.config import load_configuration
+from calstation.connection import open_imu_session
+from calstation.devices.imu import RegisterMap, transfer
 from calstation.errors import DeviceFaultError, InputError
 from calstation.registers import UnitRegisters, read_unit
 from calstation.registers import journal as register_journal
-from calstation.registers.unit_registers import UnitRegisters, read_unit
-from calstation.runs.run import execute
-from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Fault, Finalized, Message, StageStarted, StepStarted
+from calstation.runs import execute
+from calstation.sequencer import Command, Control, Event, Fault, Finalized, Message, StageStarted, StepStarted
 from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import RegisterOperations
 from tests.site_folder import SiteFolder

@@ -5,10 +5,9 @@ from datetime import UTC, datetime
 
 import pytest
 
-from calstation.config.request import RunRequest
-from calstation.config.run_configuration import prepare_run
-from calstation.physics.parameters import INDEX
-from calstation.records.meta import prior_from_meta
+from calstation.config import RunRequest, prepare_run
+from calstation.physics import INDEX
+from calstation.records import prior_from_meta
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 

@@ -10,19 +10,15 @@ import pytest
 import tomli_w
 
 from calstation.cli.app import run_app
-from calstation.config import RunRequest, resolve_configuration
+from calstation.config import RunRequest, load_configuration
 from calstation.config.library import shipped_folder
-from calstation.config.request import RunRequest
-from calstation.config.run_configuration import load_configuration
 from calstation.connection.bench_process import BenchHost
 from calstation.devices.imu import Closing, Step
 from calstation.errors import ConfigurationError, InputError
 from calstation.registers import journal as register_journal
-from calstation.registers.journal import journal_folder
-from calstation.registers.unit_registers import read_unit
-from calstation.runs.run import execute
-from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Finalized, Message
+from calstation.registers import journal_folder, read_unit
+from calstation.runs import execute
+from calstation.sequencer import Control, Event, Finalized, Message
 from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import RegisterOperations
 from tests.site_folder import STATION, SiteFolder

@@ -8,13 +8,9 @@ import pytest
 
 from calstation.cli.app import run_app
 from calstation.cli.registers import largest_change
-from calstation.config import library
-from calstation.config.request import RegisterOperation
-from calstation.config.run_configuration import load_configuration
-from calstation.devices.imu.register_transfer import Closing, Step
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.profiles.imu import load_imu_profile
-from calstation.devices.profiles.registers import RegisterEntry
+from calstation.config import RegisterOperation, library, load_configuration
+from calstation.devices.imu import Closing, RegisterMap, Step
+from calstation.devices.profiles import RegisterEntry, load_imu_profile
 from calstation.errors import DeviceFaultError, InputError
 from calstation.registers import Transfer, moves_table, wanted_registers
 from calstation.registers import journal as register_journal

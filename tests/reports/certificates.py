@@ -10,10 +10,10 @@ from typing import Any
 import tomli_w
 
 from calstation.records import open_log
+from calstation.reports import Certificate, build_certificate
 from calstation.reports.analysis import Analysis, analyse
-from calstation.reports.content import Certificate, build_certificate
 from calstation.results import load_result
-from calstation.sequencer.events import Finalized
+from calstation.sequencer import Finalized
 from tests.gimbal_site import GimbalSite
 from tests.shared_runs import SharedRuns
 from tests.site_folder import PRODUCT, SiteFolder

@@ -18,30 +18,28 @@ import pypdf
 import pytest
 import tomli_w
 
+from calstation.config import RunRequest
 from calstation.config.library import shipped_folder
-from calstation.config.request import RunRequest
 from calstation.errors import InputError
 from calstation.judgement import Check
 from calstation.messages import Language, parameter_name
 from calstation.physics import INDEX, RATE, display
-from calstation.records import context_from_meta, open_log
-from calstation.records.meta import FurtherImuSection, PriorSection
+from calstation.records import PriorSection, context_from_meta, open_log
+from calstation.records.meta import FurtherImuSection
+from calstation.reports import ReportRequest, build_certificate, issue_report, write_dcc
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import LATITUDE_ERROR_DEG
-from calstation.reports.content import arrangement, build_certificate, held_registers, power_up_sigmas
-from calstation.reports.dcc import write_dcc
+from calstation.reports.content import arrangement, held_registers, power_up_sigmas
 from calstation.reports.deviations import deviations, not_included
 from calstation.reports.document import document
-from calstation.reports.issue import ReportRequest, attachments, issue_report
+from calstation.reports.issue import attachments
 from calstation.reports.numbers import exact
 from calstation.reports.pdf import typeset
 from calstation.reports.source import load_source
 from calstation.results import Result, resolve
-from calstation.runs.run import execute
-from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Finalized
-from calstation.simulation.bench_recordings import make_recording
-from calstation.simulation.hooks import BenchHooks
+from calstation.runs import execute
+from calstation.sequencer import Control, Event, Finalized
+from calstation.simulation import BenchHooks, make_recording
 from tests.helpers import ignore_progress
 from tests.reports.certificates import KINDS, LABORATORY, Made, make
 from tests.reports.test_fonts import RARE, fonts_of, write_font

@@ -13,16 +13,13 @@ from lxml import etree
 
 from calstation.messages import Text
 from calstation.physics import EFFECT_PARAMETERS, PAIR_PARAMETERS, PARAMETERS
-from calstation.records.laboratory import InstrumentSection, LaboratorySection
-from calstation.records.log import open_log
-from calstation.reports.content import Certificate, build_certificate
-from calstation.reports.dcc import write_dcc
+from calstation.records import InstrumentSection, LaboratorySection, open_log
+from calstation.reports import Certificate, build_certificate, write_dcc
 from calstation.reports.dsi import dsi_unit, joint_list
 from calstation.reports.signing import PASSWORD_VARIABLE, load_signer, sign_xml
-from calstation.results.resolving import resolve
-from calstation.results.result import load_result
-from calstation.sequencer.events import Finalized
-from calstation.simulation.bench_recordings import make_recording
+from calstation.results import load_result, resolve
+from calstation.sequencer import Finalized
+from calstation.simulation import make_recording
 from tests.reports.dcc_reader import broken_rules, find, read_dcc, schema
 from tests.reports.seal import KEYS, PASSWORD, write_certificate
 from tests.shared_runs import SharedRuns

@@ -6,7 +6,7 @@ import pytest
 
 from calstation.cli.app import run_app
 from calstation.config import Person, RunRequest, plain_text
-from calstation.reports.issue import ReportRequest
+from calstation.reports import ReportRequest
 from calstation.results import load_result, override_result
 from tests.helpers import ignore_progress
 from tests.results.test_override import failed, home

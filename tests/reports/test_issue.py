@@ -18,8 +18,7 @@ from calstation.config import Person, access, load_configuration
 from calstation.config.library import shipped_folder
 from calstation.messages import event_text, sentence
 from calstation.records import append_audit, audit_path, open_log, read_audit, read_reports, reports_path
-from calstation.reports import issue
-from calstation.reports.content import certificate_number
+from calstation.reports import certificate_number, issue
 from calstation.reports.pdf import typeset
 from calstation.results import Result, override_result
 from calstation.runs import automatic_report

@@ -15,10 +15,10 @@ from pyhanko_certvalidator import ValidationContext
 from signxml.xades.xades import XAdESVerifier
 
 from calstation.cli.app import run_app
-from calstation.config.laboratory import ReportSection, SigningSection
-from calstation.config.run_configuration import prepare_run
+from calstation.config import ReportSection, prepare_run
+from calstation.config.laboratory import SigningSection
 from calstation.reports.signing import PASSWORD_VARIABLE
-from calstation.results.result import load_result
+from calstation.results import load_result
 from calstation.runs import automatic_report
 from tests.reports.dcc_reader import read_dcc
 from tests.reports.seal import KEYS, PASSWORD, pem, write_certificate

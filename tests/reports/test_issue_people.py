@@ -11,7 +11,7 @@ import tomli_w
 from calstation.cli.app import run_app
 from calstation.config import ConfirmationRequired
 from calstation.reports import issue_state
-from calstation.sequencer.events import Finalized
+from calstation.sequencer import Finalized
 from tests.helpers import ignore_progress
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder

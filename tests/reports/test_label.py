@@ -10,9 +10,10 @@ import tomli_w
 
 from calstation.config.library import shipped_folder
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
-from calstation.messages.rendering import local_time, render
-from calstation.reports.label import label_fields, label_template, print_label
-from calstation.results.result import Result, load_result
+from calstation.messages import local_time, render
+from calstation.reports import label_template, print_label
+from calstation.reports.label import label_fields
+from calstation.results import Result, load_result
 from tests.reports.test_fonts import RARE, fonts_of, write_font
 from tests.site_folder import BENCH, PRODUCT, STATION
 

@@ -15,11 +15,10 @@ from pydantic.fields import FieldInfo
 from calstation.cli.app import run_app
 from calstation.config import Person, access
 from calstation.errors import InputError
-from calstation.judgement.check import Check
+from calstation.judgement import Check
 from calstation.records import audit_path, open_log
 from calstation.reports import source
-from calstation.results import Result, load_result, override_result, resolve
-from calstation.results.resolving import Resolved
+from calstation.results import Resolved, Result, load_result, override_result, resolve
 from tests.helpers import ignore_progress, raises_code
 from tests.reports.certificates import make
 from tests.shared_runs import SharedRuns

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
-from calstation.results.plots.allan import AllanCurve, allan_curve, allan_deviation, longest_rest
+from calstation.estimation.common import SampleBlock
+from calstation.records import LogMeta, RawLogWriter
+from calstation.results.plots import AllanCurve, allan_deviation, longest_rest
+from calstation.results.plots.allan import allan_curve
 
 RATE = 100.0
 COUNT = 360_000

@@ -10,23 +10,18 @@ import numpy as np
 import pytest
 import tomli_w
 
-from calstation.config.run_configuration import RunConfiguration, load_configuration
+from calstation.config import RunConfiguration, load_configuration
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import InputError
 from calstation.estimation import Solution
 from calstation.estimation.common import Consistency, Posterior
-from calstation.judgement.limits import check_limits, not_compared, unobservable
+from calstation.judgement import check_limits, unobservable
+from calstation.judgement.limits import not_compared
 from calstation.physics import COUNT, INDEX, NAMES, compose, composition, group_indices, parameter_vector
-from calstation.records.meta import (
-    CalibrationSection,
-    LogMeta,
-    correlation_of,
-    covariance_from,
-    load_meta,
-    prior_from_meta,
-)
-from calstation.records.product import Limit
-from calstation.results.calibration import Calibration, current_calibration, estimate_of, from_estimate
+from calstation.records import CalibrationSection, Limit, LogMeta, correlation_of, covariance_from, prior_from_meta
+from calstation.records.meta import load_meta
+from calstation.results import current_calibration, estimate_of
+from calstation.results.calibration import Calibration, from_estimate
 from tests.helpers import complaint
 from tests.records.records_samples import META
 from tests.results.test_history import refreshed, write

@@ -9,15 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.estimation.common.context import StoredPair
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.pairs.calibration import RestDeviation, StaticCheck
-from calstation.estimation.pairs.watch import Verdict, WatchEvent
-from calstation.records.log import Log, open_log
-from calstation.results.corrected import CorrectedOutput, CorrectedStream
-from calstation.results.pairs import PairSession, PairWatchResult
-from calstation.results.plots.corrected import CorrectedTraceBuilder
-from calstation.simulation.bench_recordings import make_recording
+from calstation.estimation.common import SampleBlock, StoredPair
+from calstation.estimation.pairs import RestDeviation, StaticCheck, Verdict, WatchEvent
+from calstation.records import Log, open_log
+from calstation.results import CorrectedOutput, CorrectedStream, PairSession, PairWatchResult
+from calstation.results.plots import CorrectedTraceBuilder
+from calstation.simulation import make_recording
 
 Lines = list[dict[str, Any]]
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.results.diagnostics import diagnose
+from calstation.results import diagnose
 from tests.helpers import Progress, ignore_progress
 from tests.shared_runs import SharedRuns
 

@@ -8,13 +8,8 @@ from pathlib import Path
 import pytest
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.records.convert import partial_path
-from calstation.records.indexed_run import RunFilter
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
-from calstation.results.history import History
-from calstation.results.offline import export_runs
-from calstation.results.result import load_result
+from calstation.records import LogMeta, RawLogWriter, RunFilter, partial_path
+from calstation.results import History, export_runs, load_result
 from tests.check_rows import check_row
 from tests.helpers import Progress
 from tests.records.records_samples import META, make_block

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from calstation.errors import InputError
-from calstation.records.convert import export_csv
-from calstation.results.resolving import load_finished_run
+from calstation.records import export_csv
+from calstation.results import load_finished_run
 from tests.helpers import ignore_progress
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder

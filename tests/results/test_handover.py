@@ -9,17 +9,10 @@ from typing import Any
 
 import pytest
 
-from calstation.config.station import StationConfig
-from calstation.results import handover
-from calstation.results.handover import (
-    COLUMNS,
-    CSV_NAME,
-    WAITING,
-    HandOver,
-    deliver_pending,
-    register_pending,
-)
-from calstation.sequencer.events import Event, Message
+from calstation.config import StationConfig
+from calstation.results import HandOver, deliver_pending, handover, register_pending
+from calstation.results.handover import COLUMNS, CSV_NAME, WAITING
+from calstation.sequencer import Event, Message
 from tests.site_folder import STATION
 
 #: A check as a result holds it.

@@ -12,15 +12,11 @@ from typing import Any
 import pytest
 
 from calstation.errors import InputError
-from calstation.records import CheckId, Verdict
-from calstation.records.files import take
-from calstation.records.indexed_run import IndexedRun, RunFilter
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
-from calstation.records.run_index import FILE, RunIndex
+from calstation.records import CheckId, IndexedRun, LogMeta, RawLogWriter, RunFilter, RunIndex, Verdict, take
+from calstation.records.run_index import FILE
+from calstation.results import History, refresh_history
 from calstation.results import history as history_module
-from calstation.results.history import History, refresh_history
-from calstation.runs.incomplete import recover_startup
+from calstation.runs import recover_startup
 from calstation.runs.resume import resumable
 from tests.check_rows import check_row
 from tests.helpers import raises_code

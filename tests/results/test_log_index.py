@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 from calstation.errors import InputError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.records.convert import export_csv
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
-from calstation.results.plots.index import LogIndex, _held, log_index, samples
-from calstation.results.plots.min_max_pyramid import BINS, CHANNELS, MinMaxPyramid
+from calstation.estimation.common import SampleBlock
+from calstation.records import LogMeta, RawLogWriter, export_csv
+from calstation.results.plots import BINS, CHANNELS, LogIndex, MinMaxPyramid, log_index, samples
+from calstation.results.plots.index import _held
 
 RATE = 100.0
 META = {

@@ -7,11 +7,18 @@ from pathlib import Path
 import pytest
 
 from calstation.errors import ConfigurationError
-from calstation.records.convert import partial_path
-from calstation.results.offline import drop_partial, export_log, export_result, offline_solve
-from calstation.results.plots.index import log_index
-from calstation.results.resolving import resolve
-from calstation.results.result import Parameter, Result, in_sigma
+from calstation.records import partial_path
+from calstation.results import (
+    Parameter,
+    Result,
+    drop_partial,
+    export_log,
+    export_result,
+    in_sigma,
+    offline_solve,
+    resolve,
+)
+from calstation.results.plots import log_index
 from tests.cli.conftest import six_position_rows, write_log
 from tests.helpers import Progress
 

@@ -8,8 +8,7 @@ import pytest
 
 from calstation.config import Confirmation, Person, access, confirm, library
 from calstation.errors import ConfigurationError, InputError
-from calstation.records import audit_path, read_audit
-from calstation.records.indexed_run import RunFilter
+from calstation.records import RunFilter, audit_path, read_audit
 from calstation.results import History, load_result, override_required, override_result
 from calstation.results import override as override_module
 from tests.helpers import ignore_progress, raises_code

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.planned import profile
-from calstation.messages.rendering import sentence
-from calstation.physics.parameters import INDEX
-from calstation.results.preview import MOST_ROUNDS, Preview, compute_preview
-from calstation.sequencer.events import StageStarted
+from calstation.estimation.common import profile
+from calstation.messages import sentence
+from calstation.physics import INDEX
+from calstation.results import Preview, compute_preview
+from calstation.results.preview import MOST_ROUNDS
+from calstation.sequencer import StageStarted
 from tests.helpers import Progress
 from tests.site_folder import PRODUCT, QUICK, SiteFolder
 

@@ -7,19 +7,10 @@ from pathlib import Path
 import pytest
 
 from calstation import __version__
-from calstation.config.request import computer_user
+from calstation.config import computer_user
 from calstation.errors import InputError
-from calstation.records.resolves import (
-    OnlineDifference,
-    ResolveRecord,
-    append_resolve,
-    read_resolves,
-    resolves_path,
-)
-from calstation.results.history import History
-from calstation.results.offline import offline_solve
-from calstation.results.resolving import resolve
-from calstation.results.result import Result, online_difference
+from calstation.records import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolves_path
+from calstation.results import History, Result, offline_solve, online_difference, resolve
 from tests.cli.conftest import six_position_rows, write_log
 from tests.helpers import ignore_progress
 from tests.shared_runs import SharedRuns

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.results.history import ShiftCount, count_shift, shift_start
+from calstation.results import ShiftCount, count_shift, shift_start
 from tests.results.test_history import write
 
 #: Comparison of a check standard with its reference.

@@ -8,11 +8,10 @@ import pytest
 import tomli_w
 
 from calstation.bench import BenchConfig
-from calstation.bench.truth.simulate import Simulator
+from calstation.bench.truth import Simulator
 from calstation.config import RunRequest, library, prepare_batch
 from calstation.physics import INDEX, ORIENTATIONS
-from calstation.records import SUFFIX
-from calstation.records.raw_log import RawLogWriter
+from calstation.records import SUFFIX, RawLogWriter
 from calstation.results import resolve
 from procedures import method
 from tests.estimation.simulated_stages import block_of

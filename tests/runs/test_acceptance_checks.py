@@ -9,17 +9,13 @@ import numpy as np
 import pytest
 import tomli_w
 
-from calstation.bench.truth.grades import GRADES, draw_imu
-from calstation.bench.truth.manual_rig import ManualRig, around, record
+from calstation.bench.truth import GRADES, ManualRig, around, draw_imu, record
 from calstation.config import library
-from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.common import SampleBlock
 from calstation.judgement import judge
-from calstation.physics.parameters import PARAMETERS
-from calstation.records.log import open_log
-from calstation.records.meta import LogMeta, context_from_meta
-from calstation.records.raw_log import RawLogWriter
-from calstation.results.resolving import resolve
-from calstation.results.solver_chain import solve
+from calstation.physics import PARAMETERS
+from calstation.records import LogMeta, RawLogWriter, context_from_meta, open_log
+from calstation.results import resolve, solve
 from tests.helpers import sampled
 from tests.site_folder import SiteFolder
 

@@ -11,22 +11,28 @@ from typing import Any
 import pytest
 import tomli_w
 
-from calstation.config.request import RunRequest
-from calstation.config.run_configuration import RunConfiguration
+from calstation.config import RunConfiguration, RunRequest
 from calstation.connection import devices
 from calstation.devices import Imu
 from calstation.devices.imu import StreamedImu
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.records.log import open_log
-from calstation.results.history import History
-from calstation.results.resolving import resolve
-from calstation.runs import automatic_report
+from calstation.records import open_log
+from calstation.results import History, resolve
+from calstation.runs import automatic_report, execute
 from calstation.runs import run as run_module
 from calstation.runs.automatic_report import start_reports
 from calstation.runs.preparation import PreparedRun
-from calstation.runs.run import execute
-from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Fault, Finalized, Message, StageStarted, StateChanged, StepStarted
+from calstation.sequencer import (
+    Command,
+    Control,
+    Event,
+    Fault,
+    Finalized,
+    Message,
+    StageStarted,
+    StateChanged,
+    StepStarted,
+)
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 

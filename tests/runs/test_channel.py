@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from calstation.runs.channel import BEAT, Channel
-from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Message, StageProgress, from_json
+from calstation.sequencer import Command, Control, Message, StageProgress, from_json
 
 PATIENCE = 60.0
 SILENT_AFTER = 1.0

@@ -9,11 +9,10 @@ from typing import Any
 import pytest
 
 from calstation.errors import DeviceFaultError
-from calstation.records.log import open_log
-from calstation.results.result import SCHEMA, Result, load_result
+from calstation.records import open_log
+from calstation.results import SCHEMA, Result, load_result
 from calstation.runs.cycle import Cycle
-from calstation.sequencer.control import Command, State
-from calstation.sequencer.events import Event, Finalized, StageEnded, StageSolved, StateChanged, StepStarted
+from calstation.sequencer import Command, Event, Finalized, StageEnded, StageSolved, State, StateChanged, StepStarted
 from tests.sequencer.fakes import FakeClock, Scene
 from tests.shared_runs import SharedRuns
 

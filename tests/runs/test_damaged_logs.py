@@ -10,10 +10,10 @@ import pytest
 
 from calstation.cli.app import run_app
 from calstation.errors import InsufficientDataError
-from calstation.messages.rendering import Text
-from calstation.records.convert import export_csv
-from calstation.results.plots.index import log_index, samples
-from calstation.results.resolving import resolve
+from calstation.messages import Text
+from calstation.records import export_csv
+from calstation.results import resolve
+from calstation.results.plots import log_index, samples
 from tests.helpers import ignore_progress, raises_code
 from tests.shared_runs import SharedRuns
 

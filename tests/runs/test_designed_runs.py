@@ -6,10 +6,9 @@ from typing import Any
 import pytest
 
 from calstation.config import RunRequest, library
-from calstation.records.log import open_log
-from calstation.results.resolving import resolve
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import Message, StageEnded, StateChanged, StepStarted
+from calstation.records import open_log
+from calstation.results import resolve
+from calstation.sequencer import Command, Message, StageEnded, StateChanged, StepStarted
 from tests.site_folder import SiteFolder
 
 MOVES = [

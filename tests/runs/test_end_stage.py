@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from calstation.results.resolving import resolve
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import Event, StageEnded, StageStarted, StepStarted
+from calstation.results import resolve
+from calstation.sequencer import Command, Event, StageEnded, StageStarted, StepStarted
 from tests.site_folder import PRODUCT, SiteFolder
 
 pytestmark = pytest.mark.long

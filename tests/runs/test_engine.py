@@ -13,12 +13,10 @@ from pathlib import Path
 import pytest
 
 from calstation.errors import DeviceFaultError
-from calstation.records.log import open_log
+from calstation.records import open_log
 from calstation.results.handover import CSV_NAME
-from calstation.runs.engine import Engine
-from calstation.runs.incomplete import finish_incomplete
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import Event, Fault, Finalized, StageStarted, StateChanged, StepStarted
+from calstation.runs import Engine, finish_incomplete
+from calstation.sequencer import Command, Event, Fault, Finalized, StageStarted, StateChanged, StepStarted
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 

@@ -11,26 +11,19 @@ import numpy as np
 import pytest
 import tomli_w
 
-from calstation.config import library
-from calstation.config.request import RunRequest
-from calstation.config.run_configuration import check_station, prepare_run
-from calstation.config.schedules import schedule_options
-from calstation.config.station import load_station
-from calstation.connection.devices import Devices
-from calstation.connection.link_test import LinkTestRequest, check_table_link
+from calstation.config import RunRequest, check_station, library, load_station, prepare_run, schedule_options
+from calstation.connection import Devices, LinkTestRequest, check_table_link
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.messages import Text
-from calstation.physics.parameters import NAMES, group_indices
-from calstation.records.log import open_log
-from calstation.results.preview import compute_preview
-from calstation.results.resolving import resolve
-from calstation.runs.summary import run_summary
-from calstation.sequencer.control import Command
+from calstation.physics import NAMES, group_indices
+from calstation.records import open_log
+from calstation.results import compute_preview, resolve
+from calstation.runs import run_summary
+from calstation.sequencer import Command, GimbalTurned, JointsMoved, StateChanged, StepStarted
 from calstation.sequencer.control_loop import ControlLoop
-from calstation.sequencer.events import GimbalTurned, JointsMoved, StateChanged, StepStarted
 from calstation.sequencer.gimbal import GimbalLoop
 from calstation.sequencer.guard import check_joints
-from calstation.simulation.hooks import BenchHooks
+from calstation.simulation import BenchHooks
 from tests.gimbal_site import SCHEDULE, GimbalSite
 from tests.helpers import raises_code
 from tests.site_folder import STATION

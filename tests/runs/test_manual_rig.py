@@ -1,30 +1,23 @@
 """Runs at a manual rig station: guidance, solution, verdict, register write, re-solving."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import tomli_w
 
-from calstation.config import library
-from calstation.config.link_defaults import is_manual_table
-from calstation.config.request import RunRequest
-from calstation.config.run_configuration import prepare_run
-from calstation.config.schedules import schedule_options
-from calstation.config.station import load_station
-from calstation.connection.link_test import LinkTestRequest, check_table_link
+from calstation.config import RunRequest, is_manual_table, library, load_station, prepare_run, schedule_options
+from calstation.connection import LinkTestRequest, check_table_link
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common import ImuModel, Site, SolveContext, TableModel
 from calstation.messages import Text
-from calstation.physics.parameters import PARAMETERS
-from calstation.physics.rotation import rotation_matrix
-from calstation.records.log import open_log
-from calstation.registers.verification import AppliedRegisters, verify_output
-from calstation.results.preview import compute_preview
-from calstation.results.resolving import resolve
-from calstation.runs.summary import run_summary
-from calstation.sequencer.events import Message, PositionGuided
-from calstation.sequencer.verification_path import VerificationData
+from calstation.physics import PARAMETERS, rotation_matrix
+from calstation.records import open_log
+from calstation.registers import AppliedRegisters, verify_output
+from calstation.results import compute_preview, resolve
+from calstation.runs import run_summary
+from calstation.sequencer import Message, PositionGuided, VerificationData
 from tests.site_folder import STATION, SiteFolder
 
 SHORT = {"manual": True, "initial_rest_s": 5.0, "rest_s": 2.0, "step_deg": 120.0, "rate_dps": 90.0}
@@ -46,12 +39,11 @@ PRODUCT = {
 class Rig(SiteFolder):
     """A site folder with a manual rig."""
 
-    def write(self, product: dict | None = None, **bench: object) -> None:
-        super().write({**PRODUCT, **(product or {})}, **bench)
+    def write(self, product: dict[str, Any] | None = None, station: dict[str, Any] | None = None, **more: Any) -> None:
         site = {key: value for key, value in STATION["site"].items() if key != "azimuth_deg"}
         site["gravity_mps2"] = 9.79547
-        station = {**STATION, "site": site, "table": {"profile": "hand_rails"}, "bench": {"seed": 5, **bench}}
-        self.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+        settings = {"table": {"profile": "hand_rails"}, "site": site, "bench": {"seed": 5, **more}, **(station or {})}
+        super().write({**PRODUCT, **(product or {})}, settings)
 
 
 @pytest.fixture

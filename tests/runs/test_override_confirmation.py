@@ -13,7 +13,7 @@ from calstation.cli.confirmation import confirm_override
 from calstation.config import Confirmation, RunRequest, access
 from calstation.errors import ConfigurationError
 from calstation.records import AuditEvent, audit_path, read_audit
-from calstation.runs.preparation import prepare
+from calstation.runs import prepare
 from calstation.sequencer import Control
 from calstation.simulation import BenchHooks
 from tests.helpers import raises_code

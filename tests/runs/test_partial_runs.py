@@ -9,15 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.bench.config import BenchConfig
+from calstation.bench import BenchConfig
 from calstation.cli.app import run_app
 from calstation.physics import INDEX
-from calstation.records.convert import export_csv, import_csv
-from calstation.records.log import open_log
-from calstation.records.meta import prior_from_meta
-from calstation.results.resolving import resolve
-from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Message, StepStarted
+from calstation.records import export_csv, import_csv, open_log, prior_from_meta
+from calstation.results import resolve
+from calstation.sequencer import Command, Control, Message, StepStarted
 from tests.helpers import sampled
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder

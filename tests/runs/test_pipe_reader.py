@@ -13,9 +13,10 @@ from typing import Any
 
 import pytest
 
-from calstation.jobs.process import ChildProcess, PipeReader
-from calstation.runs.engine import Engine
-from calstation.sequencer.events import Event, Fault, Message, to_json
+from calstation.jobs import ChildProcess
+from calstation.jobs.process import PipeReader
+from calstation.runs import Engine
+from calstation.sequencer import Event, Fault, Message, to_json
 
 PATIENCE = 60.0
 

@@ -9,18 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from calstation.config.request import RunRequest
+from calstation.config import RunRequest
 from calstation.devices.imu import FramedImu
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
-from calstation.records.log import open_log
-from calstation.results.history import History
-from calstation.results.resolving import load_finished_run, resolve
-from calstation.runs.engine import Engine
-from calstation.runs.incomplete import close_incomplete, finish_incomplete
-from calstation.runs.resume import Continuation, find_resumable, resumable
-from calstation.runs.run import execute
-from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Finalized, Message, StageSolved, StageStarted, StepStarted
+from calstation.records import open_log
+from calstation.results import History, load_finished_run, resolve
+from calstation.runs import Engine, execute, find_resumable, finish_incomplete
+from calstation.runs.incomplete import close_incomplete
+from calstation.runs.resume import Continuation, resumable
+from calstation.sequencer import Command, Control, Event, Finalized, Message, StageSolved, StageStarted, StepStarted
 from tests.helpers import raises_code
 from tests.shared_runs import SharedRuns
 from tests.site_folder import PRODUCT, QUICK, SiteFolder

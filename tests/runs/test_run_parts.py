@@ -6,15 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.config import library
-from calstation.config.request import RunRequest
-from calstation.config.run_configuration import compatible_products, prepare_run
+from calstation.config import RunRequest, compatible_products, library, prepare_run
+from calstation.connection import BenchClock
 from calstation.connection.bench_process import BenchHost
-from calstation.connection.clock import BenchClock, RealClock
+from calstation.connection.clock import RealClock
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError, InsufficientDataError
-from calstation.physics import compose
-from calstation.physics.parameters import NAMES, group_matrix, group_vector
-from calstation.results.solver_chain import solve
+from calstation.physics import NAMES, compose, group_matrix, group_vector
+from calstation.results import solve
 from tests.site_folder import SiteFolder
 
 
@@ -99,7 +97,7 @@ def test_composing_with_empty_registers_changes_nothing() -> None:
 def test_stages_are_solved_in_another_order_than_recorded(site_folder: SiteFolder) -> None:
     site_folder.write({"stages": ["six_position", "rate"]})
     ended = site_folder.run("six_position", "rate")
-    from calstation.records.log import open_log
+    from calstation.records import open_log
 
     log = open_log(Path(ended.log))
     chain = solve(log.blocks, log.meta, ("rate", "six_position"))

@@ -12,14 +12,10 @@ import pytest
 from calstation.config import library, versions
 from calstation.connection import Devices
 from calstation.errors import ConfigurationError
-from calstation.records.convert import export_csv, import_csv
-from calstation.records.log import open_log
-from calstation.results.history import History
-from calstation.results.resolving import resolve
-from calstation.runs import run
-from calstation.runs.run import execute
-from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Finalized, Message, StageSolved, StateChanged, StepStarted
+from calstation.records import export_csv, import_csv, open_log
+from calstation.results import History, resolve
+from calstation.runs import execute, run
+from calstation.sequencer import Command, Control, Event, Finalized, Message, StageSolved, StateChanged, StepStarted
 from tests.helpers import raises_code
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder

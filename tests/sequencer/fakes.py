@@ -9,39 +9,39 @@ from typing import Any
 
 import numpy as np
 
-from calstation.devices.interfaces import (
-    ImuIdentity,
-    LinkStats,
-    NoFramesError,
-    SampleBatch,
-    TableIdentity,
-    TableStatus,
-)
+from calstation.devices import ImuIdentity, LinkStats, NoFramesError, SampleBatch, TableIdentity, TableStatus
 from calstation.errors import DeviceFaultError
-from calstation.estimation.common.context import ImuModel, Posterior
-from calstation.estimation.common.least_squares import Consistency
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.method import Ranking, Solution
+from calstation.estimation import Ranking, Solution
+from calstation.estimation.common import Consistency, ImuModel, Posterior, SampleBlock
 from calstation.judgement import Judgement
-from calstation.physics.motion import Dwell, Move, RoundEnd, Step
-from calstation.physics.parameters import COUNT
-from calstation.physics.rotation import rotation_matrix, rotation_vector
-from calstation.physics.table import JointLimits, TableGeometry
-from calstation.sequencer.context import (
+from calstation.physics import (
+    COUNT,
+    Dwell,
+    JointLimits,
+    Move,
+    RoundEnd,
+    Step,
+    TableGeometry,
+    rotation_matrix,
+    rotation_vector,
+)
+from calstation.sequencer import (
+    Control,
     Ended,
+    Event,
     Judged,
     LastSample,
     PreflightLimits,
     RunContext,
+    Sequencer,
     Slot,
+    StagePlan,
+    State,
     StatusMasks,
+    StopRule,
     Task,
     UnitTask,
 )
-from calstation.sequencer.control import Control, State
-from calstation.sequencer.events import Event
-from calstation.sequencer.plan import StagePlan, StopRule
-from calstation.sequencer.sequencer import Sequencer
 
 GRAVITY = 9.8
 RATE = 100.0

@@ -5,16 +5,7 @@ from dataclasses import FrozenInstanceError
 
 import pytest
 
-from calstation.sequencer.events import (
-    Fault,
-    Message,
-    StageProgress,
-    StateChanged,
-    StepStarted,
-    Trace,
-    from_json,
-    to_json,
-)
+from calstation.sequencer import Fault, Message, StageProgress, StateChanged, StepStarted, Trace, from_json, to_json
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from calstation.devices.interfaces import LOCAL_CONTROL, UNKNOWN_FAULT
+from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.physics.motion import Move
-from calstation.physics.table import JointLimits
-from calstation.sequencer.guard import check_motion, check_move, check_power
+from calstation.physics import JointLimits, Move
+from calstation.sequencer import check_power
+from calstation.sequencer.guard import check_motion, check_move
 from tests.helpers import raises_code
 from tests.sequencer.fakes import LIMITS, FakeClock, FakeTable
 

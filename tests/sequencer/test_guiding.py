@@ -9,26 +9,26 @@ from typing import Any
 import numpy as np
 
 from calstation.config import library
-from calstation.devices.interfaces import SampleBatch
-from calstation.devices.profiles.table import load_table_profile
-from calstation.devices.table.drivers import ManualTable
-from calstation.physics.motion import ManualMove, Step
-from calstation.physics.rotation import rotation_vector
-from calstation.sequencer.control import Command, State
-from calstation.sequencer.events import (
+from calstation.devices import SampleBatch
+from calstation.devices.profiles import load_table_profile
+from calstation.devices.table import ManualTable
+from calstation.physics import ManualMove, Step, rotation_vector
+from calstation.sequencer import (
     LOSSY,
+    Command,
     Fault,
     Message,
     PositionGuided,
     StageEnded,
+    StagePlan,
     StageProgress,
+    State,
     StateChanged,
     StepStarted,
     TableMoved,
     from_json,
     to_json,
 )
-from calstation.sequencer.plan import StagePlan
 from tests.sequencer.fakes import GEOMETRY, GRAVITY, MODEL, RATE, FakeImu, Scene, verdict
 
 REST = 2.0

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from calstation.devices.imu.sample_count import SampleCount
-from calstation.devices.interfaces import SampleBatch
-from calstation.devices.profiles.frame import FrameSection
-from calstation.estimation.common.samples import SampleBlock
+from calstation.devices import SampleBatch
+from calstation.devices.imu import SampleCount
+from calstation.devices.profiles import FrameSection
+from calstation.estimation.common import SampleBlock
 from calstation.sequencer.acquisition import Acquisition, Stamps
 from tests.sequencer.fakes import RATE, UNIT, FakeClock, FakeImu, FakeTable
 

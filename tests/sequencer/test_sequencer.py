@@ -7,24 +7,29 @@ import numpy as np
 import pytest
 
 from calstation.connection.clock import TICK
-from calstation.devices.profiles.frame import Span
+from calstation.devices.profiles import Span
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.estimation.method import Solution
-from calstation.messages.rendering import Text
-from calstation.physics.motion import Move
-from calstation.sequencer.context import Ended, LastSample, Output, RunInBackground
-from calstation.sequencer.control import Command, State
-from calstation.sequencer.events import (
+from calstation.estimation import Solution
+from calstation.messages import Text
+from calstation.physics import Move
+from calstation.sequencer import (
+    Command,
+    Ended,
     Fault,
+    LastSample,
     Message,
+    Output,
+    RunInBackground,
     StageEnded,
+    StagePlan,
     StageProgress,
     StageStarted,
+    State,
     StateChanged,
     StepStarted,
+    StopRule,
 )
 from calstation.sequencer.guard import safe_stop
-from calstation.sequencer.plan import StagePlan, StopRule
 from tests.sequencer.fakes import GRAVITY, MODEL, RATE, FakeClock, FakeTable, Scene, repeated, verdict
 
 

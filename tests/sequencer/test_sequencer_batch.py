@@ -12,38 +12,39 @@ import pytest
 
 from calstation.devices import SampleBatch
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.estimation.method import Solution
-from calstation.messages.rendering import Text
-from calstation.physics.table import TableGeometry
-from calstation.sequencer.context import (
+from calstation.estimation import Solution
+from calstation.messages import Text
+from calstation.physics import TableGeometry
+from calstation.sequencer import (
+    Command,
+    Control,
     Ended,
+    Event,
+    Fault,
     Judged,
     LastSample,
+    Message,
     Output,
     PreflightLimits,
     RunContext,
+    Sequencer,
     Slot,
-    StatusMasks,
-    Task,
-    UnitTask,
-)
-from calstation.sequencer.control import Command, Control, State
-from calstation.sequencer.events import (
-    Event,
-    Fault,
-    Message,
     StageEnded,
+    StagePlan,
     StageProgress,
     StageRanked,
     StageSolved,
     StageStarted,
+    State,
     StateChanged,
+    StatusMasks,
     StepStarted,
+    StopRule,
+    Task,
     Trace,
+    UnitTask,
+    VerificationData,
 )
-from calstation.sequencer.plan import StagePlan, StopRule
-from calstation.sequencer.sequencer import Sequencer
-from calstation.sequencer.verification_path import VerificationData
 from tests.sequencer.fakes import (
     GEOMETRY,
     GRAVITY,

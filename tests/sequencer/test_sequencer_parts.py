@@ -6,14 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calstation.devices.profiles.frame import Span
-from calstation.estimation.common.samples import SampleBlock
-from calstation.physics import named, reached
-from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
-from calstation.physics.parameters import COUNT, INDEX
+from calstation.devices.profiles import Span
+from calstation.estimation.common import SampleBlock
+from calstation.physics import COUNT, INDEX, Dwell, Finish, Move, Prepare, RoundEnd, named, reached
+from calstation.sequencer import LastSample, StatusMasks, StopRule, move_time, plan_time, planned
 from calstation.sequencer.acquisition import INTERRUPTION, Acquisition, Stamps
-from calstation.sequencer.context import LastSample, StatusMasks
-from calstation.sequencer.plan import StopRule, move_time, plan_time, planned
 from tests.sequencer.fakes import MODEL, RATE, UNIT, FakeClock, FakeImu, FakeTable, endless
 
 

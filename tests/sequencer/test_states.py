@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.sequencer.control import ENDED, TRANSITIONS, IllegalTransitionError, State, transition
+from calstation.sequencer import State
+from calstation.sequencer.control import ENDED, TRANSITIONS, IllegalTransitionError, transition
 
 
 @given(st.lists(st.sampled_from(State)))

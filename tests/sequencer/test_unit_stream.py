@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.sequencer.context import Output
-from calstation.sequencer.control import Command, State
-from calstation.sequencer.events import Event, Message, StageStarted
+from calstation.sequencer import Command, Event, Message, Output, StageStarted, State
 from tests.helpers import sampled
 from tests.sequencer.fakes import Scene, verdict
 

@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.errors import ConfigurationError
-from calstation.physics.table import JointLimits, TableGeometry
-from calstation.sequencer.guard import check_limits, check_travel
+from calstation.physics import JointLimits, TableGeometry
+from calstation.sequencer import check_limits
+from calstation.sequencer.guard import check_travel
 from calstation.sequencer.verification_path import VerificationPath, verification_path
 from tests.helpers import joint_axis, raises_code
 

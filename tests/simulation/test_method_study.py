@@ -5,7 +5,8 @@ import json
 import pytest
 
 from calstation.errors import ConfigurationError
-from calstation.simulation.method_study import KIND_OF, run_method_study
+from calstation.simulation import run_method_study
+from calstation.simulation.method_study import KIND_OF
 
 
 @pytest.mark.exhaustive

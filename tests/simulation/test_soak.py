@@ -11,13 +11,13 @@ import pytest
 
 from calstation.bench import BenchConfig, BenchReport
 from calstation.cli.app import run_app
-from calstation.config.run_configuration import RunConfiguration, load_configuration
+from calstation.config import RunConfiguration, load_configuration
 from calstation.physics import INDEX
 from calstation.results import Result
+from calstation.simulation import Soak
 from calstation.simulation.fault_plan import KINDS
 from calstation.simulation.soak_judge import Judged, _bench_report, _keeps_axes_on, _set_up, _wrong
 from calstation.simulation.soak_plan import OTHER_FAULTS, STAGE_FAULTS, Planned, devices, plans, write_request
-from calstation.simulation.soak_series import Soak
 from tests.check_rows import check_row
 
 pytestmark = pytest.mark.long

@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from calstation.simulation.study import CASES, run_study
+from calstation.simulation import run_study
+from calstation.simulation.study import CASES
 from calstation.simulation.study_table import rms_band
 
 SHORT = {

@@ -18,7 +18,7 @@ from calstation.results import Result
 from calstation.runs import execute, prepare
 from calstation.schema import read_toml
 from calstation.sequencer import Control, Event, Finalized
-from calstation.simulation.hooks import BenchHooks
+from calstation.simulation import BenchHooks
 
 GOLDEN, UNIT = "SN-000001", "SN-000042"
 PRODUCT = "nav_a_fast"

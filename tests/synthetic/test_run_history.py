@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from calstation.quality import GaugePlan, summarise_quality
-from calstation.records.indexed_run import RunFilter
+from calstation.records import RunFilter
 from calstation.records.run_index import FILE
 from calstation.results import History, load_result
 from synthetic.run_history import synthesise_runs
