@@ -8,5 +8,9 @@ try:
 except PackageNotFoundError:  # run from a source tree that was never installed
     __version__ = "0+source"
 
+#: Module whose `BENCH` takes the place of the devices of a station with a section `[bench]`, and of nothing else: it is
+#: imported for such a station only, see `calstation.config.load_bench`.
+BENCH_MODULE = "calstation.simulation.station_bench"
+
 # Programs that use the package without configuring its application log get no log output.
 logging.getLogger(__name__).addHandler(logging.NullHandler())

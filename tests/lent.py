@@ -146,12 +146,12 @@ def lend_benches(path: Path | None = None) -> None:
     """Fork benches started by this process from the server at `path`, or from the inherited server."""
     if path is not None:
         os.environ[_SOCKET] = str(path)
-    from calstation.connection import bench_process
+    from calstation.bench import client
 
     shim = ModuleType("subprocess")
     shim.__dict__.update(subprocess.__dict__)
     shim.Popen = popen  # type: ignore[attr-defined]
-    bench_process.subprocess = shim  # type: ignore[assignment]
+    client.subprocess = shim  # type: ignore[assignment]
 
 
 def popen(args: list[str], **options: Any) -> Any:

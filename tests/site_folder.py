@@ -7,9 +7,8 @@ from typing import Any
 import tomli_w
 
 from calstation.config import RunRequest
-from calstation.runs import execute
+from calstation.runs import RunHooks, execute
 from calstation.sequencer import Command, Control, Event, Fault, Finalized
-from calstation.simulation import BenchHooks
 
 QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
 #: A whole calibration in a few minutes of device time, a few seconds on the bench.
@@ -60,7 +59,7 @@ class SiteFolder:
             file.parent.mkdir(parents=True, exist_ok=True)
         self.events: list[Event] = []
         self.control = Control()
-        self.hooks = BenchHooks
+        self.hooks: type[RunHooks] | None = None  #: Instead of the hooks of the station.
         self.write()
 
     def write(

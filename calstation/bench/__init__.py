@@ -3,4 +3,5 @@
 It shares only parameter names, steps of a plan and array types with the estimators, and none of their equations.
 """
 
+from calstation.bench.client import BenchClock, BenchHost
 from calstation.bench.config import BenchConfig, BenchReport, Order, OrderName

@@ -30,7 +30,7 @@ from calstation.errors import ConfigurationError, StoppedError
 from calstation.messages import Text, event_text, step_text
 from calstation.records import RunSection, Verdict, open_log
 from calstation.results import Result
-from calstation.runs import INTERNAL, Engine, filled, serial_of
+from calstation.runs import INTERNAL, Engine, filled, serial_of, station_hooks
 from calstation.sequencer import (
     Command,
     Event,
@@ -44,7 +44,6 @@ from calstation.sequencer import (
     StateChanged,
     StepStarted,
 )
-from calstation.simulation import BenchHooks
 
 #: Largest number of checks listed per unit of a batch.
 _NAMED = 3
@@ -62,8 +61,8 @@ _CONSISTENCY = {True: "cli.consistent", False: "cli.not_consistent", None: "cli.
 def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
     """Run a calibration and return the exit code. Raises ConfigurationError for an invalid request."""
     check_json(json)
-    setup = prepare_batch(filled(request), BenchHooks().adjust)[0]
     _, station = load_station(request.station)
+    setup = prepare_batch(filled(request), station_hooks(station).adjust)[0]
     question = say("cli.confirm_run", station=station.name)
     ask = station.bench is None and not setup.by_hand and not yes
     if ask and not typer.confirm(question, err=True):
@@ -153,7 +152,7 @@ def engine_events(
 
     with (
         complete_commands(options),
-        Engine.start(work or request, BenchHooks) as engine,
+        Engine.start(work or request) as engine,
         on_interrupt(lambda: engine.send(Command.STOP)),
         display.progress,
     ):

@@ -4,7 +4,8 @@ This package knows no device, no task and no bench.
 """
 
 from calstation.config import access, editing, library, versions
-from calstation.config.batch import batch_bench_config, new_batch_id, prepare_batch, unit_requests
+from calstation.config.batch import new_batch_id, prepare_batch, unit_requests
+from calstation.config.bench import BenchSettings, load_bench
 from calstation.config.blocks import arrange_entries
 from calstation.config.check_standards import CheckStandardSection
 from calstation.config.confirmation import (
@@ -62,7 +63,7 @@ from calstation.config.site_check import (
     this_computer,
 )
 from calstation.config.slot_form import SLOTS, with_one_unit, with_slots
-from calstation.config.slots import MAX_UNITS, SlotSection, takes_one_unit
+from calstation.config.slots import MAX_UNITS, STATION_ENTRIES, SlotSection, takes_one_unit
 from calstation.config.station import (
     DEFAULT_STATION,
     MANUAL_STATION,

@@ -1,18 +1,13 @@
 """Batches: the requests and configurations of several units on one table."""
 
-import random
 from dataclasses import replace
 from datetime import UTC, datetime
 from secrets import token_hex
-from typing import Any
 
 from calstation.config.request import RunRequest
 from calstation.config.run_configuration import Adjustment, RunConfiguration, prepare_run
 from calstation.config.station import load_station
 from calstation.errors import ConfigurationError
-
-#: Largest drift of the clock of a further unit on the virtual bench, ppm.
-_CLOCK_DRIFT = 20.0
 
 
 def new_batch_id() -> str:
@@ -61,19 +56,3 @@ def prepare_batch(request: RunRequest, adjust: Adjustment = lambda resolved: res
             slot, product = setup.request.slot or "", setup.product.name
             raise ConfigurationError("batch.other_plan", slot=slot, product=product, first=first.product.name)
     return setups
-
-
-def batch_bench_config(setups: tuple[RunConfiguration, ...]) -> dict[str, Any] | None:
-    """Return the configuration of the bench process for these units on one table; None on hardware."""
-    config, *others = (setup.bench_config() for setup in setups)
-    if config is None or not others:
-        return config
-    further = [{"clock_drift_ppm": _clock_drift(own["seed"]), **own} for own in others if own is not None]
-    numbered = zip(setups, (config, *further), strict=True)
-    first, *rest = ({**own, "unit": setup.number} for setup, own in numbered)
-    # the first unit contains the fault orders for all of them
-    return {**first, "secondaries": [{**own, "orders": []} for own in rest]}
-
-
-def _clock_drift(seed: int) -> float:
-    return random.Random(seed).uniform(-_CLOCK_DRIFT, _CLOCK_DRIFT)

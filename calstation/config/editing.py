@@ -16,6 +16,7 @@ from tomlkit.container import OutOfOrderTableProxy
 from tomlkit.items import AoT, InlineTable, Table
 
 from calstation.config import library
+from calstation.config.bench import BenchSettings, load_bench
 from calstation.config.blocks import add_table, add_value, has_table, remove_table
 from calstation.config.product import ProductConfig, missing_files, register_conflicts, schedule_values, unknown_targets
 from calstation.config.slots import STATION_ENTRIES
@@ -100,10 +101,9 @@ def check_data(kind: str, data: Mapping[str, Any], path: Path | None = None) -> 
 def _check_station(station: StationConfig) -> list[Problem]:
     problems = list(_unknown_profile("tables", station.table.profile, "table", "profile"))
     if station.bench is not None:
-        from calstation.bench import BenchConfig
-
+        bench: BenchSettings = load_bench()
         settings = {name: value for name, value in station.bench.items() if name not in STATION_ENTRIES}
-        problems += _problems_at(("bench",), BenchConfig, settings)
+        problems += _problems_at(("bench",), bench.model, settings)
     for number, slot in enumerate(station.slots):
         for kind, name in (("imus", slot.imu), ("products", slot.product)):
             problems += () if name is None else _unknown_profile(kind, name, "slots", number, kind.removesuffix("s"))

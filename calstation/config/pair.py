@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 from pydantic import JsonValue
 
@@ -17,9 +16,6 @@ from procedures import method
 
 STAGE = "cross_calibration"
 
-#: Settings of the virtual bench that secondaries share with the primary.
-_OF_THE_BODY = ("seed", "speed", "body", "grade", "instability", "imu_transport", "ready_time_s")
-
 
 @dataclass(frozen=True)
 class PairConfiguration:
@@ -33,11 +29,6 @@ class PairConfiguration:
     def units(self) -> tuple[RunConfiguration, ...]:
         """The primary and the secondaries."""
         return (self.primary, *self.secondaries)
-
-    def bench_config(self) -> dict[str, Any] | None:
-        """Return the configuration of the bench process; None on hardware."""
-        config = self.primary.bench_config()
-        return None if config is None else {**config, "secondaries": [s.bench_config() for s in self.secondaries]}
 
     def log_meta(self, serials: list[str], registers: Mapping[str, float]) -> LogMeta:
         """Return the configuration of a log of these units, with their serial numbers and the primary's registers.
@@ -75,16 +66,7 @@ def load_pair_configuration(request: RunRequest) -> PairConfiguration:
                     primary,
                     request=replace(request, serial=serial),
                     imu=imu,
-                    station=station.model_copy(update={"imu": section, "bench": _bench_of(station.bench, number)}),
+                    station=station.model_copy(update={"imu": section}),
                 )
             )
     return PairConfiguration(primary, tuple(units), schedule.model_dump(mode="json"))
-
-
-def _bench_of(bench: dict[str, Any] | None, number: int) -> dict[str, Any] | None:
-    """Return the settings of a secondary on the virtual bench: the body's settings, and its own."""
-    if bench is None:
-        return None
-    own = bench.get("secondaries", [])
-    shared = {name: value for name, value in bench.items() if name in _OF_THE_BODY}
-    return {**shared, **(own[number - 2] if number - 2 < len(own) else {})}

@@ -1,20 +1,19 @@
 """The configuration of a run: all files are read, checked and combined before a device is opened."""
 
 import re
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 from pydantic import BaseModel, JsonValue
 
 from calstation import __version__
 from calstation.config import library, versions
+from calstation.config.bench import BenchSettings, load_bench
 from calstation.config.check_standards import CheckStandardSection
 from calstation.config.product import (
     ProductConfig,
@@ -26,7 +25,7 @@ from calstation.config.product import (
 )
 from calstation.config.request import RunRequest, computer_user
 from calstation.config.site_check import check_confirmation, check_gravity_sigma, check_site
-from calstation.config.slots import PLATFORM_AXES, STATION_ENTRIES, SlotSection
+from calstation.config.slots import PLATFORM_AXES, SlotSection
 from calstation.config.station import StationConfig, at_slot, load_station
 from calstation.devices.imu import RegisterMap
 from calstation.devices.links import SOCKETS
@@ -50,12 +49,6 @@ from procedures import method
 
 #: Registers that deviate from zero by more than this many prior sigmas are not a calibration of the unit.
 _PLAUSIBLE_SIGMAS = 3.0
-
-#: Folder of the flash memories of the virtual bench's units, next to the runs.
-BENCH_FOLDER = "bench"
-
-#: Seed of a virtual bench if its file does not specify one.
-_DEFAULT_SEED = 1
 
 
 class ManualRigError(ConfigurationError):
@@ -131,14 +124,6 @@ class RunConfiguration:
         """Whether the operator moves the unit and there is no drive."""
         return self.table.by_hand
 
-    @property
-    def fault_plan(self) -> Path | None:
-        """File with the faults to inject into the virtual bench: from the request, or else from the station file."""
-        if self.request.faults is not None:
-            return self.request.faults
-        name = (self.station.bench or {}).get("faults")
-        return None if name is None else self.sources["station"].path.parent / str(name)
-
     def log_meta(
         self, started: datetime | None = None, attempt: int = 1, registers: Mapping[str, float] | None = None
     ) -> LogMeta:
@@ -152,6 +137,7 @@ class RunConfiguration:
         held, levers = dict(registers or {}), self._levers()
         sigmas = {name: PARAMETERS[INDEX[name]].prior_sigma for name in levers} | self.imu.prior_sigmas()
         started = (started or datetime.now(UTC)).astimezone(UTC)
+        bench: BenchSettings | None = None if self.station.bench is None else load_bench()
         return LogMeta(
             site=self.station.site.place,
             imu=_section(ImuSection, self.imu.quantised_stream, self.imu.noise, serial=self.request.serial),
@@ -166,7 +152,7 @@ class RunConfiguration:
                 stages=list(self.stages),
                 station=self.station.name,
                 operator=self.request.operator,
-                seed=self.bench_seed,
+                seed=None if bench is None else bench.seed(self),
                 attempt=attempt,
                 batch=self.request.batch,
                 slot=self.request.slot,
@@ -222,65 +208,9 @@ class RunConfiguration:
                 found[name] = sigma
         return found
 
-    @property
-    def bench_seed(self) -> int | None:
-        """Seed of the virtual bench from the files or the request; None on hardware."""
-        settings = self.bench_settings()
-        return None if settings is None else int(settings.get("seed", _DEFAULT_SEED))
-
-    def bench_config(self) -> dict[str, Any] | None:
-        """Return the configuration of the bench process; None on hardware. Its seed depends on the serial number."""
-        settings = self.bench_settings()
-        if settings is None:
-            return None
-        seed = zlib.crc32(f"{settings.get('seed', _DEFAULT_SEED)} {settings['serial']}".encode())
-        return {**settings, "seed": seed, **self.bench_overrides}
-
-    def bench_settings(self) -> dict[str, Any] | None:
-        """Return the bench settings from site, table and unit, overridden by the station file, then by the request."""
-        if self.station.bench is None:
-            return None
-        site, table, stream = self.station.site, self.table, self.imu.stream
-        settings: dict[str, Any] = {
-            "grade": self.product.bench_grade,
-            "serial": self.request.serial,
-            "table_protocol": "drives" if table.two_drives else table.protocol,
-            "imu_protocol": self.imu.protocol,
-            "sample_rate_hz": stream.sample_rate_hz,
-            "output": stream.output,
-            "behind_registers": self.after_registers,
-            "outer_lever": table.outer_lever,
-            "latitude_deg": site.latitude_deg,
-            "height_m": site.height_m,
-            "azimuth_deg": site.azimuth_deg or 0.0,
-            "gravity_mps2": site.gravity_mps2,
-            "outer_axis": table.outer_axis,
-            "inner_axis": table.inner_axis,
-            "low_deg": [table.outer.low_deg, table.inner.low_deg],
-            "high_deg": [table.outer.high_deg, table.inner.high_deg],
-            **_bench_gimbal(table),
-            **({} if self.slot is None else {"orientation": self.slot.orientation, "lever_m": self.slot.lever_m}),
-            **{name: value for name, value in self.station.bench.items() if name not in STATION_ENTRIES},
-        }
-        if self.request.seed is not None:
-            settings["seed"] = self.request.seed
-        if self.request.speed is not None:
-            settings["speed"] = self.request.speed
-        flash = f"{quote(str(settings['serial']), safe='')}_{settings.get('seed', _DEFAULT_SEED)}.flash"
-        return {"flash_file": str(self.request.out / BENCH_FOLDER / flash), **settings}
-
     def plan(self, stage: str) -> Iterator[Step]:
         """Return the steps of a stage."""
         return method(stage).plan(self.table.geometry(), self.schedules[stage])
-
-
-def _bench_gimbal(table: TableProfile) -> dict[str, Any]:
-    """Return the bench's settings of a gimbal; {} for a table."""
-    gimbal = table.geometry().gimbal
-    if gimbal is None:
-        return {}
-    travel = float(np.rad2deg(max(abs(end) for ends in gimbal.travel for end in ends)))
-    return {"joint_order": gimbal.order, "joint_travel_deg": travel}
 
 
 def _section(model: type[Model], *sources: BaseModel, **more: Any) -> Model:
@@ -352,11 +282,9 @@ def load_configuration(request: RunRequest, adjust: Adjustment = lambda setup: s
         if value is not None:
             raise ConfigurationError("configuration.bench_only", option=option, station=station_path)
     setup = adjust(setup)
-    settings = setup.bench_settings()
-    if settings is not None:
-        from calstation.bench import BenchConfig
-
-        validate(BenchConfig, {**settings, **setup.bench_overrides}, f"{station_path} [bench]")
+    if station.bench is not None:
+        bench: BenchSettings = load_bench()
+        bench.check(setup, f"{station_path} [bench]")
     with in_file(product_path):
         for error in _product_errors(setup):
             raise error

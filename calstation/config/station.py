@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field, JsonValue, field_validator, model_validator
 
@@ -30,9 +30,6 @@ VIRTUAL_UNIT = "SN-000001"
 
 #: host:port without a scheme.
 _WITHOUT_SCHEME = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
-
-#: Settings of the virtual bench in a station file that apply to its first unit only.
-_OF_THE_FIRST = ("serial", "orders")
 
 
 class TableLinkSection(DeviceSection):
@@ -92,7 +89,7 @@ class StationConfig(StrictModel):
     imu3: FurtherImuLinkSection | None = None
     #: Schedule of the cross-calibration of these IMUs; its values override the product's.
     cross_calibration: dict[str, JsonValue] = Field(default_factory=dict)
-    #: Settings of the virtual bench that replaces hardware, see `calstation.bench.config.BenchConfig`.
+    #: Settings of the virtual bench that takes the place of the devices, see `calstation.config.load_bench`.
     bench: dict[str, JsonValue] | None = None
     #: Largest error of the computer's clock, ppm; None for an unsynchronised quartz.
     clock_error_ppm: float | None = Field(default=None, ge=0)
@@ -227,16 +224,7 @@ def at_slot(station: StationConfig, name: str | None) -> StationConfig:
         return station
     number = 0 if name is None else names.index(name)
     slot = station.slots[number] if station.slots else SlotSection(name=names[number])
-    return station.model_copy(update={"imu": slot, "bench": _bench_of(station.bench, number)})
-
-
-def _bench_of(bench: dict[str, Any] | None, number: int) -> dict[str, Any] | None:
-    """Return the bench settings of the unit in slot `number`, from 0: the table's settings, and its own."""
-    if bench is None:
-        return None
-    own = [{}, *bench.get("secondaries", ())][number:][:1]
-    left_out = ("secondaries", *(_OF_THE_FIRST if number else ()))
-    return {**{name: value for name, value in bench.items() if name not in left_out}, **(own[0] if own else {})}
+    return station.model_copy(update={"imu": slot})
 
 
 def load_station(path: Path | None) -> tuple[Path, StationConfig]:

@@ -2,13 +2,12 @@
 
 import os
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Protocol
 
-from calstation.config import PairConfiguration, RunConfiguration, batch_bench_config
-from calstation.connection.bench_process import BenchHost
-from calstation.connection.clock import BenchClock, RealClock
+from calstation.config import PairConfiguration, RunConfiguration, load_bench
+from calstation.connection.clock import RealClock
 from calstation.connection.identify import LinkSettings, identify
 from calstation.connection.port_lock import lock_ports
 from calstation.devices.imu import StreamedImu
@@ -47,12 +46,29 @@ class Endpoints:
 
     table: str
     imus: tuple[str, ...]
-    clock: RealClock | BenchClock
+    clock: Clock
 
     @property
     def imu(self) -> str:
         """Port of the only unit, or of the first one."""
         return self.imus[0]
+
+
+class BenchDevices(Protocol):
+    """The virtual bench of a station, see `load_bench`; it runs while a context is open.
+
+    Both methods raise DeviceFaultError if it does not start; `check_cancelled` is called while it starts and may raise.
+    """
+
+    def open(
+        self, setups: tuple[RunConfiguration, ...], check_cancelled: Callable[[], None]
+    ) -> AbstractContextManager[Endpoints]:
+        """Start the bench with the table and these units, and return the context of their ports."""
+
+    def open_pair(
+        self, setup: PairConfiguration, check_cancelled: Callable[[], None]
+    ) -> AbstractContextManager[Endpoints]:
+        """Start the bench with these IMUs on one body, and return the context of their ports."""
 
 
 @contextmanager
@@ -86,8 +102,7 @@ def connected(
                 # Identify first: not even a stop may be sent to a device that may not be the table.
                 identify(table, imu, link_settings(setup, at.table, at.imu), check_cancelled)
             imu.start()
-        if isinstance(at.clock, BenchClock):
-            at.clock.attach(lambda: {index: imu.received for index, imu in imus.items()})
+        at.clock.attach(lambda: {index: imu.received for index, imu in imus.items()})
         yield Devices(table, tuple(imus.get(index) for index in range(len(setups))), at.clock, failed)
 
 
@@ -133,64 +148,41 @@ def batch_endpoints(
     `port_conflict`; `check_cancelled` is called while the bench starts and may raise.
     """
     setup = setups[0]
-    config = batch_bench_config(setups)
-    if config is None:
-        table, imus = setup.station.table.port, tuple(unit.station.imu.port or "" for unit in setups)
-        for imu in imus:
-            if table is None or setup.table.by_hand:
-                break
-            conflict = port_conflict(setup.table, table, imu)
-            if conflict is not None:
-                raise ConfigurationError(conflict.code, **conflict.values)
-        _check_apart(imus)
-        with lock_ports(port for port in (table, *imus) if port):
-            yield Endpoints(table or "", imus, RealClock())
+    if setup.station.bench is not None:
+        bench: BenchDevices = load_bench()
+        with bench.open(setups, check_cancelled) as at:
+            yield at
         return
-    with _running_bench(config, check_cancelled) as (found, clock):
-        over_tcp = found["table_transport"] == "tcp" and not _shared(setup)
-        table_port = f"tcp://{found['table']}" if over_tcp else found["table"]
-        yield Endpoints(table_port, _imu_ports(found, len(setups)), clock)
+    table, imus = setup.station.table.port, tuple(unit.station.imu.port or "" for unit in setups)
+    for imu in imus:
+        if table is None or setup.table.by_hand:
+            break
+        conflict = port_conflict(setup.table, table, imu)
+        if conflict is not None:
+            raise ConfigurationError(conflict.code, **conflict.values)
+    _check_apart(imus)
+    with lock_ports(port for port in (table, *imus) if port):
+        yield Endpoints(table or "", imus, RealClock())
 
 
 @contextmanager
-def imu_endpoints(
-    setup: PairConfiguration, check_cancelled: Callable[[], None]
-) -> Iterator[tuple[tuple[str, ...], RealClock | BenchClock]]:
-    """Lock and yield the ports of the IMUs on one body and their clock, like `endpoints`."""
-    config = setup.bench_config()
-    if config is None:
-        ports = tuple(unit.station.imu.port or "" for unit in setup.units)
-        _check_apart(ports)
-        with lock_ports(ports):
-            yield ports, RealClock()
+def imu_endpoints(setup: PairConfiguration, check_cancelled: Callable[[], None]) -> Iterator[Endpoints]:
+    """Lock and yield the ports of the IMUs on one body, like `endpoints`; no table is opened."""
+    if setup.primary.station.bench is not None:
+        bench: BenchDevices = load_bench()
+        with bench.open_pair(setup, check_cancelled) as at:
+            yield at
         return
-    with _running_bench(config, check_cancelled) as (found, clock):
-        yield _imu_ports(found, len(setup.units)), clock
+    ports = tuple(unit.station.imu.port or "" for unit in setup.units)
+    _check_apart(ports)
+    with lock_ports(ports):
+        yield Endpoints("", ports, RealClock())
 
 
 def _check_apart(ports: tuple[str, ...]) -> None:
     """Check that each IMU has a separate port. Raises ConfigurationError."""
     if len({_device_of(port, "imu") for port in ports}) < len(ports):
         raise ConfigurationError("connection.same_imu_port", ports=list(ports))
-
-
-def _imu_ports(found: Mapping[str, Any], count: int) -> tuple[str, ...]:
-    """Return the ports of the units on a virtual bench."""
-    return (found["imu"], *(found[f"imu{number}"] for number in range(2, count + 1)))
-
-
-@contextmanager
-def _running_bench(
-    config: Mapping[str, Any], check_cancelled: Callable[[], None]
-) -> Iterator[tuple[Mapping[str, Any], BenchClock]]:
-    """Start a virtual bench; yield its endpoints and its clock."""
-    with closing(BenchHost.start(config, check_cancelled)) as bench:
-        host, _, port = bench.endpoints["clock"].rpartition(":")
-        clock = BenchClock((host, int(port)), float(config.get("speed", 0.0)))
-        try:
-            yield bench.endpoints, clock
-        finally:
-            clock.close()
 
 
 def _shared(setup: RunConfiguration) -> bool:

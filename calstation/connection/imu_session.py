@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 
 from calstation.config import RunConfiguration
-from calstation.connection.clock import BenchClock
 from calstation.connection.devices import endpoints, open_imu
 from calstation.devices import Imu, ImuIdentity, NoFramesError, SampleBatch
 from calstation.errors import DeviceFaultError
@@ -37,8 +36,7 @@ def open_imu_session(
     with endpoints(setup, check_cancelled) as at:
         progress(0.1)
         with closing(open_imu(setup, at.imu)) as imu:
-            if isinstance(at.clock, BenchClock):
-                at.clock.attach(lambda: {0: imu.received})
+            at.clock.attach(lambda: {0: imu.received})
             identity = imu.identify()
             progress(0.4)
             yield ImuSession(imu, identity, at.clock)

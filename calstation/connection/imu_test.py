@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from calstation.config import RunConfiguration
-from calstation.connection.clock import BenchClock
 from calstation.connection.devices import Endpoints
 from calstation.connection.identify import has_frames, is_text, line_values
 from calstation.devices import OtherModelError, SampleBatch
@@ -77,8 +76,7 @@ class ImuTest:
         """Wait until the unit is ready, then observe its stream."""
         imu, clock, profile = self.imu, self.at.clock, self.setup.imu
         yield Finding("judged_as", "info", {"product": self.setup.product.name, "profile": profile.name})
-        if isinstance(clock, BenchClock):
-            clock.attach(lambda: {0: imu.received})
+        clock.attach(lambda: {0: imu.received})
         begin = clock.now()
         while clock.now() - begin < _READY_TIMEOUT:
             clock.sleep(_SLICE)

@@ -1,19 +1,19 @@
 """Application of a solution to the live output of its unit, which is read for a few seconds."""
 
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
-from calstation.config import VIRTUAL_UNIT, RunConfiguration, RunRequest, library, load_configuration
+from calstation.config import RunConfiguration, RunRequest, load_bench, load_configuration
 from calstation.connection.imu_session import open_imu_session, read_contiguous
 from calstation.devices import SampleBatch
-from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.errors import DeviceFaultError
 from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
-from calstation.physics import NAMES, FloatArray
-from calstation.records import ImuSection, LogMeta, open_log, read_truth
+from calstation.physics import FloatArray
+from calstation.records import open_log
 from calstation.results.plots import Applied, ImuOutput
 
 #: Duration of the captured stream, s.
@@ -25,6 +25,13 @@ class OtherUnit:
     """Result if the fixture contains a different unit with this serial number; the solution was not applied."""
 
     serial: str
+
+
+class RecordedUnits(Protocol):
+    """The virtual bench of a station, see `load_bench`."""
+
+    def with_recorded_unit(self, recording: Path, setup: RunConfiguration) -> RunConfiguration:
+        """Return the configuration with the unit of a recording in the fixture. Raises InputError."""
 
 
 def apply_to_unit(
@@ -60,7 +67,8 @@ def read_unit(
     """
     setup = load_configuration(RunRequest(serial, station, product))
     if setup.station.bench is not None and recording is not None:
-        setup = _with_recorded_unit(recording, open_log(recording).meta, setup)
+        bench: RecordedUnits = load_bench()
+        setup = bench.with_recorded_unit(recording, setup)
     meta = setup.log_meta()
     count = round(seconds * meta.imu.sample_rate_hz)
     with open_imu_session(progress, setup) as unit:
@@ -73,34 +81,6 @@ def read_unit(
     if parts is None:
         raise DeviceFaultError("connection.samples_lost")
     return ImuOutput(meta, [_block(parts)], setup.after_registers, named=setup.imu.has_commands)
-
-
-def _with_recorded_unit(path: Path, meta: LogMeta, setup: RunConfiguration) -> RunConfiguration:
-    """Configure the virtual bench with the recording's unit, from the seed of its run or the truth file next to it."""
-    seed = None if meta.run is None else meta.run.seed
-    truth = {name: value for name, value in read_truth(path).items() if name in NAMES}
-    known = seed is not None or bool(truth)
-    request = replace(
-        setup.request,
-        serial=meta.imu.serial if known else VIRTUAL_UNIT,
-        product=_product_like(meta.imu, setup.request) if known else setup.request.product,
-        seed=seed,
-    )
-    setup = load_configuration(request)
-    if truth:
-        bench = {**(setup.station.bench or {}), "parameters": truth}
-        setup = replace(setup, station=setup.station.model_copy(update={"bench": bench}))
-    return setup
-
-
-def _product_like(imu: ImuSection, request: RunRequest) -> Path | None:
-    """Return the product whose IMU noise equals the recorded unit's; the requested product is tried first."""
-    for path in (request.product, *(library.find("products", name) for name in library.names("products"))):
-        with suppress(ConfigurationError):
-            noise = load_configuration(replace(request, product=path)).imu.noise
-            if np.allclose([noise.gyro_arw, noise.accel_vrw], [imu.gyro_arw, imu.accel_vrw], rtol=1e-3, atol=0.0):
-                return path
-    return request.product
 
 
 def _block(parts: list[SampleBatch]) -> SampleBlock:

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from calstation.config import PairConfiguration, RunConfiguration
-from calstation.connection.clock import BenchClock, RealClock
 from calstation.connection.devices import imu_endpoints, open_imu
 from calstation.devices import OtherModelError, SampleBatch
 from calstation.devices.profiles import StatusSection
@@ -20,6 +19,7 @@ from calstation.errors import CalstationError, ConfigurationError, DeviceFaultEr
 from calstation.estimation.common import SampleBlock
 from calstation.estimation.pairs import Alignment, PairAligner
 from calstation.results import PairSession
+from calstation.sequencer import Clock
 
 #: Time without samples after which a unit is woken or its port reopened, and interval between attempts, s.
 _WAKE_AFTER = 2.0
@@ -112,9 +112,7 @@ class _Unit:
 class LivePair:
     """Open IMUs on one body, and the session that monitors them."""
 
-    def __init__(
-        self, session: PairSession, units: list[_Unit], statuses: list[StatusSection], clock: RealClock | BenchClock
-    ) -> None:
+    def __init__(self, session: PairSession, units: list[_Unit], statuses: list[StatusSection], clock: Clock) -> None:
         self.session = session
         self._units, self._statuses, self._clock = units, statuses, clock
         context = session.context
@@ -195,9 +193,9 @@ def open_pair(
     `folder` contains the stored calibrations of pairs. Raises DeviceFaultError or ConfigurationError.
     """
     with ExitStack() as stack:
-        ports, clock = stack.enter_context(imu_endpoints(setup, check_cancelled))
+        at = stack.enter_context(imu_endpoints(setup, check_cancelled))
         units = []
-        for unit, port in zip(setup.units, ports, strict=True):
+        for unit, port in zip(setup.units, at.imus, strict=True):
             check_cancelled()
             units.append(_Unit(unit, port))
             stack.callback(units[-1].close)
@@ -205,11 +203,10 @@ def open_pair(
         for number, serial in enumerate(serials, 1):
             if not serial:
                 raise ConfigurationError("connection.pair_serial_missing", number=number)
-        if isinstance(clock, BenchClock):
-            clock.attach(lambda: {place: unit.imu.received for place, unit in enumerate(units)})
+        at.clock.attach(lambda: {place: unit.imu.received for place, unit in enumerate(units)})
         primary = setup.primary.imu
         held = units[0].imu.read_registers() if primary.registers else {}
         meta = setup.log_meta(serials, held)
         fits = stack.enter_context(ThreadPoolExecutor(1, "fit"))
         session = PairSession(meta, folder, setup.primary.sources["station"].path, fits.submit)
-        yield LivePair(session, units, [unit.imu.status for unit in setup.units], clock)
+        yield LivePair(session, units, [unit.imu.status for unit in setup.units], at.clock)

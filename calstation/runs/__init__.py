@@ -1,10 +1,10 @@
 """The engine process and the life cycle of a run: start, resume, finalize, start-up recovery.
 
-Steps and motion are in `sequencer`; simulations use `RunHooks`.
+Steps and motion are in `sequencer`; a run on a virtual bench has the hooks of the bench.
 """
 
 from calstation.runs.engine import INTERNAL, Engine
-from calstation.runs.hooks import RunHooks
+from calstation.runs.hooks import BenchRuns, RunHooks, station_hooks
 from calstation.runs.incomplete import close_incomplete_job, finish_incomplete, recover_startup
 from calstation.runs.preparation import prepare
 from calstation.runs.resume import Resumable, filled, find_resumable, resumable_run, serial_of

@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Iterator
 from multiprocessing.connection import Connection
 from queue import Empty
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from calstation import __version__, applog
 from calstation.config import RegisterOperation, RunRequest
@@ -16,9 +16,6 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.jobs import ChildProcess
 from calstation.runs.channel import BEAT, Channel
 from calstation.sequencer import Command, Control, Event, Fault, Finalized, Settled, StopReason, from_json
-
-if TYPE_CHECKING:
-    from calstation.runs.hooks import RunHooks
 
 #: Maximum uninterruptible wait for a message, s.
 _SLICE = 0.2
@@ -62,10 +59,10 @@ class Engine:
         self._polled = time.monotonic()
 
     @classmethod
-    def start(cls, request: RunRequest | RegisterOperation, hooks: "type[RunHooks] | None" = None) -> "Engine":
-        """Start a run, with `hooks`, or a register operation in a new process."""
+    def start(cls, request: RunRequest | RegisterOperation) -> "Engine":
+        """Start a run or a register operation in a new process."""
         units = sum(map(bool, request.serials)) or 1 if isinstance(request, RunRequest) else 1
-        return cls(ChildProcess("engine", _engine, request, hooks), units)
+        return cls(ChildProcess("engine", _engine, request), units)
 
     @property
     def _has_ending(self) -> bool:
@@ -179,9 +176,7 @@ class Engine:
         return fault
 
 
-def _engine(
-    connection: "Connection[Any, Any]", request: RunRequest | RegisterOperation, hooks: "type[RunHooks] | None"
-) -> None:
+def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterOperation) -> None:
     """Entry point of the engine's process; signals that can be handled end it only after a safe stop."""
     applog.configure("engine")
     logger.info("engine begins, calstation %s", __version__)
@@ -205,10 +200,9 @@ def _engine(
     )
     try:
         if isinstance(request, RunRequest):
-            from calstation.runs.hooks import RunHooks
             from calstation.runs.run import execute
 
-            execute(request, channel.emit, control, hooks or RunHooks)
+            execute(request, channel.emit, control)
         else:
             from calstation.registers import run_operation
 

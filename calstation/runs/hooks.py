@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
+
+from calstation.config import load_bench
 
 if TYPE_CHECKING:  # the window uses hooks but no devices or logs
-    from calstation.config import RunConfiguration
+    from calstation.config import RunConfiguration, StationConfig
     from calstation.connection import Devices
     from calstation.records import RawLogWriter
     from calstation.sequencer import Emit
@@ -15,7 +17,7 @@ if TYPE_CHECKING:  # the window uses hooks but no devices or logs
 class RunHooks:
     """Callbacks of one run; every method does nothing unless a subclass overrides it.
 
-    Pass the class to `Engine.start` or `execute`; the engine's process imports it.
+    Only a run on a virtual bench has others, see `station_hooks`.
     """
 
     def adjust(self, setup: RunConfiguration) -> RunConfiguration:
@@ -31,3 +33,19 @@ class RunHooks:
 
     def log_opened(self, log: RawLogWriter) -> None:
         """Process the run's log, which is open and empty."""
+
+
+class BenchRuns(Protocol):
+    """The virtual bench of a station, see `load_bench`."""
+
+    @property
+    def hooks(self) -> type[RunHooks]:
+        """Hooks of a run on the bench."""
+
+
+def station_hooks(station: StationConfig) -> RunHooks:
+    """Return the hooks of a run at a station: those of its virtual bench, or hooks that do nothing on hardware."""
+    if station.bench is None:
+        return RunHooks()
+    bench: BenchRuns = load_bench()
+    return bench.hooks()

@@ -15,6 +15,7 @@ from calstation.config import (
     RunConfiguration,
     RunRequest,
     confirmation_required,
+    load_station,
     new_batch_id,
     pin_known,
     prepare_batch,
@@ -29,7 +30,7 @@ from calstation.records import RESERVE, LogMeta, RawLogWriter, append_audit, fre
 from calstation.registers import UnverifiedTransfer, check_flash, check_interrupted
 from calstation.results import History, StageChain, current_calibration, register_pending
 from calstation.runs.cycle import Cycle
-from calstation.runs.hooks import RunHooks
+from calstation.runs.hooks import RunHooks, station_hooks
 from calstation.runs.incomplete import finish_incomplete
 from calstation.runs.resume import Continuation
 from calstation.sequencer import Control, Emit, Event, Message, to_json
@@ -150,10 +151,13 @@ class OpenRun:
         self.prepared.emit(event)
 
 
-def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) -> tuple[PreparedRun, ...]:
+def prepare(
+    request: RunRequest, emit: Emit, control: Control, hooks: type[RunHooks] | None = None
+) -> tuple[PreparedRun, ...]:
     """Check everything that can be checked before a device is opened; return the run of each unit.
 
-    Raises ConfigurationError or InputError if the run is not possible as requested.
+    `hooks` replaces the hooks of the station. Raises ConfigurationError or InputError if the run is not possible as
+    requested.
     """
     cycle, continuation = Cycle(), None
     if request.resume is not None:
@@ -161,7 +165,8 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
         request = continuation.request
     elif request.serials and request.batch is None:
         request = replace(request, batch=new_batch_id())
-    setups = prepare_batch(request, hooks.adjust)
+    called = station_hooks(load_station(request.station)[1]) if hooks is None else hooks()
+    setups = prepare_batch(request, called.adjust)
     _check_folder(request.out)
     for log in finish_incomplete(request.out):
         emit(Message("incomplete_run", {"log": str(log)}))
@@ -171,14 +176,14 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     for setup in allowed:
         check_flash(setup, request.out, partial(_emit_of_slot, emit, setup.request.slot or ""))
         check_interrupted(setup, request.out)
-    accompanied = hooks.listener(allowed[0], request.out, emit)
+    accompanied = called.listener(allowed[0], request.out, emit)
 
     def listener(event: Event) -> None:
         cycle.follow(event)
         accompanied(event)
 
     units = tuple(
-        PreparedRun(setup, history, listener, control, hooks, continuation, started, cycle) for setup in allowed
+        PreparedRun(setup, history, listener, control, called, continuation, started, cycle) for setup in allowed
     )
     for unit in units:
         meta, _ = unit.meta(None)  # refuses a run that cannot be resumed unchanged

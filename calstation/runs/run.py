@@ -40,12 +40,13 @@ from calstation.sequencer import (
 logger = logging.getLogger(__name__)
 
 
-def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHooks] = RunHooks) -> None:
+def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHooks] | None = None) -> None:
     """Execute a run to its end and emit the verdict of every unit; a result JSON is written next to each log.
 
-    Raises ConfigurationError or InputError, before any device is opened, if the run is not possible as requested.
+    `hooks` replaces the hooks of the station, see `station_hooks`. Raises ConfigurationError or InputError, before any
+    device is opened, if the run is not possible as requested.
     """
-    units = prepare(request, emit, control, hooks())
+    units = prepare(request, emit, control, hooks)
     first = units[0]
     hand_over = HandOver(first.folder, first.setup.sources["station"].path, first.setup.station, first.listener)
     hand_over.start()

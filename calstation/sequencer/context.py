@@ -1,6 +1,6 @@
 """The task of a run and the objects its parts share: table, units, clock, operator commands and event listener."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Protocol
@@ -152,6 +152,10 @@ class Clock(Protocol):
     def tick(self) -> float:
         """Period at which the devices are polled, s."""
 
+    @property
+    def speed(self) -> float:
+        """Multiple of real time; 0 if time advances only by `sleep`."""
+
     def now(self) -> float:
         """Return the station time, s."""
 
@@ -160,6 +164,12 @@ class Clock(Protocol):
 
     def idle(self, seconds: float) -> None:
         """Let `seconds` of host time pass while the station computes."""
+
+    def attach(self, received: Callable[[], Mapping[int, int]]) -> None:
+        """Let `sleep` wait for the IMUs' readers if the time is simulated.
+
+        `received` returns the number of bytes that each reader has read, by the index of the IMU at the station.
+        """
 
 
 class Solving(Protocol):

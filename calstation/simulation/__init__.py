@@ -1,9 +1,10 @@
 """Code that uses the true values of the virtual bench or injects faults: studies, soak tests, fault plans, recordings.
 
-Production packages do not import it; its hooks are passed to a run by the caller.
+Production packages do not import it: they load the bench of a station with a section `[bench]` by its name.
 """
 
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
+from calstation.simulation.bench_settings import bench_config, pair_bench_config
 from calstation.simulation.hooks import BenchHooks
 from calstation.simulation.method_study import run_method_study
 from calstation.simulation.recordings import record_on_bench, recordings_folder

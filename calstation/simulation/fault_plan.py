@@ -15,6 +15,7 @@ from calstation.bench import Order, OrderName
 from calstation.config import RunConfiguration, in_file
 from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, load, near_miss
+from calstation.simulation.bench_settings import bench_settings
 
 #: Kinds that the running bench injects.
 ORDERS: tuple[str, ...] = get_args(OrderName)
@@ -109,7 +110,7 @@ class FaultPlan(StrictModel):
         station = setup.station
         site = station.site.model_copy(update={"latitude_deg": station.site.latitude_deg + wrong})
         setup = replace(setup, station=station.model_copy(update={"site": site}))
-        return replace(setup, bench_overrides=self._overrides(setup.bench_settings() or {}, setup.number))
+        return replace(setup, bench_overrides=self._overrides(bench_settings(setup), setup.number))
 
     def _overrides(self, settings: Mapping[str, Any], number: int) -> dict[str, Any]:
         """Return the bench settings of a unit that faults change from the start, and the orders for later faults."""
@@ -137,17 +138,27 @@ def load_fault_plan(path: Path) -> FaultPlan:
 
 def fault_plan(setup: RunConfiguration) -> FaultPlan:
     """Return the fault plan of a run; empty if its configuration has none. Raises ConfigurationError."""
-    return FaultPlan() if setup.fault_plan is None else load_fault_plan(setup.fault_plan)
+    path = _plan_file(setup)
+    return FaultPlan() if path is None else load_fault_plan(path)
 
 
 def with_faults(setup: RunConfiguration) -> RunConfiguration:
     """Return the configuration of a run adjusted by its fault plan. Raises ConfigurationError."""
-    if setup.fault_plan is None:
+    path = _plan_file(setup)
+    if path is None:
         return setup
-    plan = fault_plan(setup)
-    with in_file(setup.fault_plan):
+    plan = load_fault_plan(path)
+    with in_file(path):
         _check_units(plan, setup)
     return plan.adjust(setup)
+
+
+def _plan_file(setup: RunConfiguration) -> Path | None:
+    """Return the file of the fault plan: from the request, or else from the station file."""
+    if setup.request.faults is not None:
+        return setup.request.faults
+    name = (setup.station.bench or {}).get("faults")
+    return None if name is None else setup.sources["station"].path.parent / str(name)
 
 
 def _check_units(plan: FaultPlan, setup: RunConfiguration) -> None:

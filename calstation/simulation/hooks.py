@@ -9,8 +9,8 @@ from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calstation.bench import BenchClock
 from calstation.config import RunConfiguration
-from calstation.connection import BenchClock
 from calstation.runs import RunHooks
 from calstation.sequencer import Emit, Event, Message, StageStarted, StepStarted
 from calstation.simulation.fault_plan import CAPTURES, FaultPlan, fault_plan, with_faults
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class BenchHooks(RunHooks):
-    """Injects the faults of the run's plan and moves a simulated manual rig; has no effect on hardware."""
+    """Injects the faults of the run's plan and moves a simulated manual rig; see `station_hooks`."""
 
     def __init__(self) -> None:
         self._clock: BenchClock | None = None

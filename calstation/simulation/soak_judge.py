@@ -18,6 +18,7 @@ from calstation.physics import INDEX, FloatArray
 from calstation.records import open_log
 from calstation.results import Result, load_result
 from calstation.runs import finish_incomplete
+from calstation.simulation.bench_settings import bench_config
 from calstation.simulation.fault_plan import HOST, SET_UP, with_faults
 from calstation.simulation.soak_plan import FROM_LISTENER, MILD, Planned
 
@@ -167,7 +168,7 @@ def _wrong(
     if must_fail:
         return [f"passed with {', '.join(happened)}"]
     setup = load_configuration(request, with_faults)
-    truth = BenchConfig.model_validate(setup.bench_config()).truth().parameters
+    truth = BenchConfig.model_validate(bench_config(setup)).truth().parameters
     if outcome == "failed":
         if any(_outside(check, result, truth, -SIGMAS) for check in result.failed_checks):
             return []  # the truth is outside, or so close that noise may move the estimate outside

@@ -13,7 +13,6 @@ from calstation.errors import ConfigurationError
 from calstation.results import deliver_pending
 from calstation.runs import Engine
 from calstation.sequencer import Command, StepStarted
-from calstation.simulation.hooks import BenchHooks
 from calstation.simulation.soak_judge import Judged, judge_run, resident_mb
 from calstation.simulation.soak_plan import STAGES, Planned, plans, write_request
 
@@ -112,7 +111,7 @@ def _observe(request: RunRequest, planned: Planned, patience: float) -> tuple[bo
     moment = random.Random(planned.seed).randrange(2, 15)
     steps, memory = 0, 0.0
     deadline = time.monotonic() + patience
-    with Engine.start(request, BenchHooks) as engine:
+    with Engine.start(request) as engine:
         while not engine.ended:
             memory = max(memory, resident_mb(engine.process.pid))
             for event in engine.poll():

@@ -13,7 +13,6 @@ from calstation.config import (
     RunRequest,
     StationConfig,
     at_slot,
-    batch_bench_config,
     check,
     library,
     load_station,
@@ -28,6 +27,7 @@ from calstation.errors import ConfigurationError
 from calstation.physics import orientation_matrix
 from calstation.schema import validate
 from calstation.sequencer import table_task, unit_task
+from calstation.simulation import bench_config
 from calstation.simulation.fault_plan import with_faults
 from tests.helpers import complaint, raises_code
 from tests.site_folder import BENCH, PRODUCT, STATION, SiteFolder
@@ -143,7 +143,6 @@ def test_run_with_a_single_unit_needs_no_batch(site_folder: SiteFolder) -> None:
     (setup,) = prepare_batch(request)
     assert setup == prepare_run(request)
     assert setup.slot is None
-    assert batch_bench_config((setup,)) == setup.bench_config()
 
 
 def test_batch_ids_differ() -> None:
@@ -192,7 +191,7 @@ def test_product_with_a_different_schedule_cannot_share_the_table(site_folder: S
     first, second = prepare_batch(batch(site_folder, "SN-000001", "SN-000002"))
     assert (first.product.name, second.product.name) == ("short", "same plan")
     assert [s.sources["imu"].path.stem for s in (first, second)] == ["bench_nav", "bench_tactical"]
-    config = batch_bench_config((first, second))
+    config = bench_config(first, second)
     assert config is not None
     assert [config["grade"], config["secondaries"][0]["grade"]] == ["nav", "tactical"]
     with raises_code(ConfigurationError, "batch.other_plan"):
@@ -239,8 +238,8 @@ def test_bench_of_a_batch_simulates_each_unit(site_folder: SiteFolder) -> None:
     write(site_folder, bench={**bench, "secondaries": [{"ready_time_s": 3.0}, {"grade": "mems"}]})
     request = batch(site_folder, "SN-000001", "", "SN-000003")
     setups = prepare_batch(replace(request, serials=("SN-000001", "SN-000002", "SN-000003")))
-    config = batch_bench_config(setups)
-    alone = prepare_run(site_folder.request(serial="SN-000001")).bench_config()
+    config = bench_config(*setups)
+    alone = bench_config(prepare_run(site_folder.request(serial="SN-000001")))
     assert config is not None
     second, third = config.pop("secondaries")
     assert config == {**alone, "unit": 1} if alone else False
@@ -254,7 +253,7 @@ def test_bench_of_a_batch_simulates_each_unit(site_folder: SiteFolder) -> None:
     assert second["clock_drift_ppm"] != third["clock_drift_ppm"]
     whole = BenchConfig.model_validate({**config, "secondaries": [second, third]})
     assert whole.secondaries[0].truth().parameters[-3:] != pytest.approx([0.1, -0.2, 0.0])
-    assert BenchConfig.model_validate(setups[1].bench_config()).truth().parameters == pytest.approx(
+    assert BenchConfig.model_validate(bench_config(setups[1])).truth().parameters == pytest.approx(
         whole.secondaries[0].truth().parameters
     )
 
@@ -266,11 +265,11 @@ def test_shipped_batch_station_has_sixteen_units(tmp_path: Path) -> None:
     serials = tuple(f"SN-{number:06d}" for number in range(1, 17))
     setups = prepare_batch(RunRequest(serials[0], path, out=tmp_path, serials=serials))
     assert [setup.request.slot for setup in setups] == list(station.slot_names)
-    config = batch_bench_config(setups)
+    config = bench_config(*setups)
     assert config is not None
     assert len(BenchConfig.model_validate(config).secondaries) == 15
     plain = prepare_run(RunRequest(serials[0], library.find("stations", "virtual_bench"), out=tmp_path))
-    assert BenchConfig.model_validate(plain.bench_config()) == BenchConfig.model_validate({**config, "secondaries": []})
+    assert BenchConfig.model_validate(bench_config(plain)) == BenchConfig.model_validate({**config, "secondaries": []})
 
 
 def test_fault_plan_applies_to_the_unit_it_names(site_folder: SiteFolder, tmp_path: Path) -> None:
@@ -279,7 +278,7 @@ def test_fault_plan_applies_to_the_unit_it_names(site_folder: SiteFolder, tmp_pa
     plan = tmp_path / "plan.toml"
     plan.write_text(tomli_w.dumps({"fault": faults}), encoding="utf-8")
     request = replace(batch(site_folder, "SN-000001", "SN-000002", "SN-000003"), faults=plan)
-    config = batch_bench_config(prepare_batch(request, with_faults))
+    config = bench_config(*prepare_batch(request, with_faults))
     assert config is not None
     units = (config, *config["secondaries"])
     assert [unit["serial"] for unit in units] == ["SN-000001", "SN-000002-OTHER", "SN-000003"]

@@ -109,7 +109,7 @@ def test_simulated_time_does_not_wait_for_a_closed_link(
         first, left, third = answering(open_)
         left.close()
         open_.clock.sleep(0.4)  # within it, the bench notices that the line is closed
-        monkeypatch.setattr("calstation.connection.clock._READ_TIMEOUT", np.inf)
+        monkeypatch.setattr("calstation.bench.client._READ_TIMEOUT", np.inf)
         for _ in range(5):
             open_.clock.sleep(0.4)
         assert len(first.read())

@@ -3,7 +3,7 @@
 import json
 from concurrent.futures import ThreadPoolExecutor
 
-from calstation.connection import BenchClock
+from calstation.bench import BenchClock
 from calstation.errors import DeviceFaultError
 from tests.connection.fake_links import server
 from tests.helpers import raises_code

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 import tomli_w
 
+from calstation.bench import BenchClock, BenchHost
 from calstation.cli.app import run_app
 from calstation.connection import (
-    BenchClock,
     LinkTestRequest,
     TableReset,
     TableState,
@@ -20,7 +20,6 @@ from calstation.connection import (
     reset_table,
     table_reset,
 )
-from calstation.connection.bench_process import BenchHost
 from calstation.connection.devices import open_table
 from calstation.errors import DeviceFaultError
 from calstation.sequencer import check_power

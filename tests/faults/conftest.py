@@ -14,7 +14,6 @@ from calstation.messages import entry
 from calstation.records import open_log
 from calstation.runs import execute
 from calstation.sequencer import Control, Event, Fault, Finalized, Message, StateChanged, StepStarted
-from calstation.simulation import BenchHooks
 from tests.site_folder import PRODUCT, STATION
 
 SERIAL = "SN-000042"
@@ -133,7 +132,7 @@ class FaultRuns:
             on_event(event)
 
         request = replace(self.request(*faults, stages=stages, **bench), unfinished=unfinished)
-        execute(request, emit, Control(), BenchHooks)
+        execute(request, emit, Control())
         return ran
 
 

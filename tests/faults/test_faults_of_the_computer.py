@@ -14,7 +14,6 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.records import open_log
 from calstation.runs import Engine, finish_incomplete
 from calstation.sequencer import Event, Fault, Finalized, Message, StageEnded, StepStarted
-from calstation.simulation import BenchHooks
 from calstation.simulation.fault_plan import FaultPlan, load_fault_plan
 from tests.faults.conftest import FaultRuns, fault
 from tests.helpers import raises_code
@@ -36,7 +35,7 @@ def test_full_disk_is_a_fault_and_recorded_samples_are_kept(
     fault_runs: FaultRuns, kind: str, words: str, ends: str | None
 ) -> None:
     events: list[Event] = []
-    with Engine.start(fault_runs.request(fault(kind, step=4)), BenchHooks) as engine:
+    with Engine.start(fault_runs.request(fault(kind, step=4))) as engine:
         events += engine.events()
     (emitted,) = [event for event in events if isinstance(event, Fault)]
     assert words in emitted.text
@@ -75,7 +74,7 @@ def test_disk_slower_than_the_watchdog_does_not_stop_the_run(
 
 @pytest.mark.long
 def test_killed_engine_leaves_an_incomplete_run_and_a_stopped_table(fault_runs: FaultRuns) -> None:
-    with Engine.start(fault_runs.request(fault("engine_killed", step=4), watchdog_ms=1000), BenchHooks) as engine:
+    with Engine.start(fault_runs.request(fault("engine_killed", step=4), watchdog_ms=1000)) as engine:
         events = engine.events()
         with raises_code(DeviceFaultError, "run.engine_ended"):
             list(events)

@@ -22,11 +22,11 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
+from calstation.bench import BenchClock, BenchHost
 from calstation.config import RunRequest, library, this_computer, versions
 from calstation.config import access as role
 from calstation.config.editing import check_data
-from calstation.connection import BenchClock, FoundPort
-from calstation.connection.bench_process import BenchHost
+from calstation.connection import FoundPort
 from calstation.devices.links.opening import Reason
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator.verdict import VerdictPanel

@@ -22,6 +22,7 @@ from calstation.judgement import judge
 from calstation.physics import INDEX, NAMES, parameter_vector
 from calstation.records import ConformitySection, Limit, Rule
 from calstation.results import StageChain, one_blas_thread
+from calstation.simulation import bench_config
 from procedures import method
 
 PRODUCT = Path("data/products/mems_c_fast.toml")
@@ -49,7 +50,7 @@ def calibrate(seed: int, sigmas: dict[str, float] | None = None) -> tuple[list[D
     Without `sigmas`, a nominal unit of the grade is calibrated, without decisions.
     """
     resolved = load_configuration(RunRequest(f"SN-{seed:06d}", product=PRODUCT))
-    meta, settings = resolved.log_meta(), resolved.bench_config()
+    meta, settings = resolved.log_meta(), bench_config(resolved)
     rng = np.random.default_rng(seed)
     truth = {name: float(rng.normal(0.0, SPREAD * sigma)) for name, sigma in (sigmas or {}).items()}
     config = BenchConfig.model_validate({**settings, "seed": seed, "flash_file": None, "parameters": truth})

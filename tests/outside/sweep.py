@@ -26,6 +26,7 @@ from calstation.estimation.common import SampleBlock
 from calstation.judgement import Check, estimated_stage, judge
 from calstation.physics import INDEX, NAMES, FloatArray, group_indices, parameter_vector
 from calstation.results import StageChain, one_blas_thread
+from calstation.simulation import bench_config
 from procedures import method
 from tests.outside.plain_bench import PlainBench, Site, Unit
 
@@ -85,7 +86,7 @@ def run(case: Case) -> Outcome:
     product_file = Path("data/products") / f"{PRODUCTS[case.grade]}.toml"
     resolved = load_configuration(RunRequest("SN-000001", product=product_file))
     meta = resolved.log_meta()
-    settings = resolved.bench_config()
+    settings = bench_config(resolved)
     assert settings is not None
     config = BenchConfig.model_validate(bench_settings(case, settings))
     meta = meta.model_copy(update={"imu": meta.imu.model_copy(update={"sample_rate_hz": config.sample_rate_hz})})

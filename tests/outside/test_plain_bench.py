@@ -13,6 +13,7 @@ from calstation.bench.truth.kinematics import JointProfile
 from calstation.config import load_configuration
 from calstation.physics import INDEX
 from calstation.results import load_result
+from calstation.simulation import bench_config
 from tests.outside.sweep import Case, plain_bench_of, run
 from tests.site_folder import SiteFolder
 
@@ -110,7 +111,7 @@ def test_run_through_the_protocols_reports_the_effect(site_folder: SiteFolder) -
     result = load_result(Path(ended.result_file))
     assert result.passed is False
     found = result.parameters
-    configured = load_configuration(site_folder.request()).bench_config()
+    configured = bench_config(load_configuration(site_folder.request()))
     truth = BenchConfig.model_validate(configured).truth().parameters
     # At the faces, f³ is f times g².
     for axis, expected in (("x", 0.0), ("y", 3e-3), ("z", 0.0)):

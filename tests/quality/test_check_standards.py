@@ -25,7 +25,7 @@ from calstation.records import audit_path, open_log, read_audit
 from calstation.results import History, load_result
 from calstation.runs import finalize, prepare
 from calstation.sequencer import Control, Message
-from calstation.simulation import BenchHooks
+from calstation.simulation import bench_config
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
@@ -173,7 +173,7 @@ def write(site: SiteFolder, interval_days: float = 7.0, off: float = 0.0) -> Non
     """Write the product; `off` is the error of the reference gyro scale factors, equivalent to a station error."""
     site.write({"stages": list(STAGES)})
     request = replace(site.request(), serial=GOLDEN)
-    true = BenchConfig.model_validate(load_configuration(request).bench_config()).truth().parameters
+    true = BenchConfig.model_validate(bench_config(load_configuration(request))).truth().parameters
     solved = [p.name for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign", "accel_bias", "accel_misalign")]
     reference = {
         name: {"value": float(true[NAMES.index(name)]) + (off if name == "gyro_scale_x" else 0.0), "sigma": 0.0}
@@ -185,14 +185,14 @@ def write(site: SiteFolder, interval_days: float = 7.0, off: float = 0.0) -> Non
 
 def refused(site: SiteFolder, code: str, **changes: Any) -> ConfigurationError:
     with raises_code(ConfigurationError, code) as caught:
-        prepare(replace(site.request(), **changes), site.events.append, Control(), BenchHooks())
+        prepare(replace(site.request(), **changes), site.events.append, Control())
     assert isinstance(caught.value, ConfigurationError)
     return caught.value
 
 
 def allowed(site: SiteFolder, **changes: Any) -> str | None:
     """Prepare a run; return the override in the configuration of its log."""
-    meta, _ = prepare(replace(site.request(), **changes), site.events.append, Control(), BenchHooks())[0].meta(None)
+    meta, _ = prepare(replace(site.request(), **changes), site.events.append, Control())[0].meta(None)
     assert meta.run is not None
     return meta.run.standard_override
 
@@ -409,7 +409,7 @@ def test_runs_of_the_fast_product_agree_with_the_truth(
         site_folder.request = lambda *stages, made=request: made  # type: ignore[method-assign,misc]
         result = load_result(Path(site_folder.run().result_file))
         del site_folder.request  # type: ignore[method-assign]
-        truth = BenchConfig.model_validate(load_configuration(request).bench_config()).truth()
+        truth = BenchConfig.model_validate(bench_config(load_configuration(request))).truth()
         verdict = judge_result(standard(truth.parameters), stable, result)
         assert verdict.passed
         total, degrees = total + verdict.t_squared, degrees + verdict.degrees

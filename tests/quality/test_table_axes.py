@@ -22,6 +22,7 @@ from calstation.physics import (
     rotation_vector,
 )
 from calstation.results import load_result, resolve
+from calstation.simulation import bench_config
 from calstation.simulation.study import draw_unit, simulate_stages, study_prior
 from procedures import method
 from tests.site_folder import SiteFolder
@@ -148,7 +149,7 @@ def test_run_and_re_solved_log_give_the_same_table_geometry(site_folder: SiteFol
     ended = site_folder.run("rate", "six_position")
     result = load_result(Path(ended.result_file))
     assert set(result.table) == set(TABLE_QUANTITIES)
-    truth = BenchConfig.model_validate(load_configuration(site_folder.request()).bench_config()).truth()
+    truth = BenchConfig.model_validate(bench_config(load_configuration(site_folder.request()))).truth()
     for value, true in zip(result.table.values(), truth_of(truth.table), strict=True):
         assert abs(value.value - true) < 4.0 * value.sigma
     assert resolve(Path(ended.log)).result.table == result.table

@@ -9,16 +9,17 @@ from typing import Any
 import pytest
 import tomli_w
 
+from calstation.bench import BenchHost
 from calstation.cli.app import run_app
 from calstation.config import RunRequest, load_configuration
 from calstation.config.library import shipped_folder
-from calstation.connection.bench_process import BenchHost
 from calstation.devices.imu import Closing, Step
 from calstation.errors import ConfigurationError, InputError
 from calstation.registers import journal as register_journal
 from calstation.registers import journal_folder, read_unit
 from calstation.runs import execute
 from calstation.sequencer import Control, Event, Finalized, Message
+from calstation.simulation import bench_config
 from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import RegisterOperations
 from tests.site_folder import STATION, SiteFolder
@@ -39,7 +40,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def hardware(site_folder: SiteFolder) -> Iterator[RunRequest]:
     """Request a unit and a table on hardware ports that exist on every computer."""
     setup = load_configuration(site_folder.request())
-    config = setup.bench_config()
+    config = bench_config(setup)
     assert config is not None
     with closing(BenchHost.start({**config, "speed": 1.0, "watchdog_ms": 60_000})) as bench:
         endpoints = bench.endpoints

@@ -39,7 +39,7 @@ from calstation.reports.source import load_source
 from calstation.results import Result, resolve
 from calstation.runs import execute
 from calstation.sequencer import Control, Event, Finalized
-from calstation.simulation import BenchHooks, make_recording
+from calstation.simulation import make_recording
 from tests.helpers import ignore_progress
 from tests.reports.certificates import KINDS, LABORATORY, Made, make
 from tests.reports.test_fonts import RARE, fonts_of, write_font
@@ -565,7 +565,7 @@ def test_manual_calibration_has_a_certificate_without_a_table(tmp_path: Path) ->
     station, product = (shipped_folder() / kind for kind in ("stations/virtual_hand.toml", "products/mems_hand.toml"))
     events: list[Event] = []
     request = RunRequest("SN-000007", station, product, None, tmp_path / "runs", "tester")
-    execute(request, events.append, Control(), BenchHooks)
+    execute(request, events.append, Control())
     ended = events[-1]
     assert isinstance(ended, Finalized)
     for language in LANGUAGES:

@@ -13,6 +13,7 @@ from calstation.config import RunRequest, library, prepare_batch
 from calstation.physics import INDEX, ORIENTATIONS
 from calstation.records import SUFFIX, RawLogWriter
 from calstation.results import resolve
+from calstation.simulation import bench_config
 from procedures import method
 from tests.estimation.simulated_stages import block_of
 from tests.helpers import sampled
@@ -30,7 +31,7 @@ def test_log_of_a_reoriented_unit_agrees_with_the_truth_and_passes(orientation: 
     product = library.find("products", "tactical_b_fast")
     _, setup = prepare_batch(RunRequest("SN-1", path, product, serials=("SN-1", "SN-2"), out=tmp_path))
 
-    bench = setup.bench_config()
+    bench = bench_config(setup)
     assert bench is not None
     truth = BenchConfig(**bench).truth()
     log = tmp_path / f"SN-2{SUFFIX}"

@@ -15,7 +15,6 @@ from calstation.errors import ConfigurationError
 from calstation.records import AuditEvent, audit_path, read_audit
 from calstation.runs import prepare
 from calstation.sequencer import Control
-from calstation.simulation import BenchHooks
 from tests.helpers import raises_code
 from tests.results.test_history import write
 from tests.site_folder import SiteFolder
@@ -51,7 +50,7 @@ def overdue(site: SiteFolder, **station: Any) -> RunRequest:
 
 
 def prepared(site: SiteFolder, request: RunRequest) -> None:
-    prepare(request, site.events.append, Control(), BenchHooks())
+    prepare(request, site.events.append, Control())
 
 
 def events(home: Path, name: str) -> list[AuditEvent]:

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calstation.bench import BenchClock, BenchHost
 from calstation.config import RunRequest, compatible_products, library, prepare_run
-from calstation.connection import BenchClock
-from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import RealClock
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError, InsufficientDataError
 from calstation.physics import NAMES, compose, group_matrix, group_vector
 from calstation.results import solve
+from calstation.simulation import bench_config
 from tests.site_folder import SiteFolder
 
 
@@ -47,16 +47,16 @@ def test_every_shipped_product_can_be_run(site_folder: SiteFolder, product: str)
     request = type(request)(request.serial, product=library.find("products", product))
     setup = prepare_run(request)
     assert setup.stages == ("rate", "six_position", "excitation", "azimuth_flip")
-    assert setup.bench_config() is not None
+    assert bench_config(setup)["serial"] == "SN-000001"
 
 
 def test_serial_number_determines_the_simulated_unit_for_a_seed() -> None:
     def drawn(serial: str, seed: int | None = None) -> int:
         setup = prepare_run(RunRequest(serial, seed=seed))
-        assert setup.bench_seed == (seed or 1)
-        bench = setup.bench_config()
-        assert bench is not None
-        return int(bench["seed"])
+        run = setup.log_meta().run
+        assert run is not None
+        assert run.seed == (seed or 1)
+        return int(bench_config(setup)["seed"])
 
     units = [drawn("SN-000001"), drawn("SN-000002"), drawn("SN-000001", 7)]
     assert len(set(units)) == 3

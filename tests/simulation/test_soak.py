@@ -14,7 +14,7 @@ from calstation.cli.app import run_app
 from calstation.config import RunConfiguration, load_configuration
 from calstation.physics import INDEX
 from calstation.results import Result
-from calstation.simulation import Soak
+from calstation.simulation import Soak, bench_config
 from calstation.simulation.fault_plan import KINDS
 from calstation.simulation.soak_judge import Judged, _bench_report, _keeps_axes_on, _set_up, _wrong
 from calstation.simulation.soak_plan import OTHER_FAULTS, STAGE_FAULTS, Planned, devices, plans, write_request
@@ -71,7 +71,7 @@ def result_of(outcome: str, **sections: Any) -> Result:
 def test_verdicts_are_assessed_by_the_truth(tmp_path: Path) -> None:
     request = write_request(GOOD, tmp_path, ("rate", "six_position"))
     setup = load_configuration(request)
-    truth = float(BenchConfig.model_validate(setup.bench_config()).truth().parameters[INDEX["accel_bias_x"]])
+    truth = float(BenchConfig.model_validate(bench_config(setup)).truth().parameters[INDEX["accel_bias_x"]])
 
     def wrong(
         happened: tuple[str, ...] = (), *, error: float = 0.0, limit: float = 0.0074, failed: bool = False, faulty=False

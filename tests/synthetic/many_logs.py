@@ -15,6 +15,7 @@ from calstation.bench.truth import GRADES, GradeName, Simulator
 from calstation.config import RunConfiguration, RunRequest, library, load_configuration
 from calstation.jobs import ProgressCallback
 from calstation.records import SUFFIX, LogMeta, RawLogWriter
+from calstation.simulation import bench_config
 from calstation.simulation.study import FAST, block_of
 from procedures import method
 
@@ -57,7 +58,7 @@ def _record(job: tuple[Path, GradeName, int, int, int]) -> Path:
     started = _BEGIN + number / count * _PERIOD
     request = RunRequest(serial, None, library.find("products", FAST[grade]), seed=seed)
     setup = load_configuration(request)
-    bench = setup.bench_config()
+    bench = bench_config(setup)
     assert bench is not None
     bench["seed"] = zlib.crc32(f"{seed} {serial}".encode())
     bench |= STATIONS[station]

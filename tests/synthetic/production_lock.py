@@ -18,7 +18,7 @@ from calstation.results import Result
 from calstation.runs import execute, prepare
 from calstation.schema import read_toml
 from calstation.sequencer import Control, Event, Finalized
-from calstation.simulation import BenchHooks
+from calstation.simulation import bench_config
 
 GOLDEN, UNIT = "SN-000001", "SN-000042"
 PRODUCT = "nav_a_fast"
@@ -81,7 +81,7 @@ class _Site:
         self._reference: dict[str, Any] = {}
         self._write()
         resolved = load_configuration(replace(self._request, serial=GOLDEN))
-        true = BenchConfig.model_validate(resolved.bench_config()).truth().parameters
+        true = BenchConfig.model_validate(bench_config(resolved)).truth().parameters
         for name, value in zip(NAMES, true.tolist(), strict=True):
             limit = resolved.product.limits[name.rsplit("_", 1)[0]]
             self._reference[name] = {"value": value, "sigma": _REFERENCE * (limit.sigma_below or 0.0)}
@@ -109,7 +109,7 @@ class _Site:
         """Calibrate the golden unit through the bench's protocols."""
         self._write(error)
         events: list[Event] = []
-        execute(replace(self._request, serial=GOLDEN), events.append, Control(), BenchHooks)
+        execute(replace(self._request, serial=GOLDEN), events.append, Control())
         (run,) = (event for event in events if isinstance(event, Finalized))
         compared = Result.from_json(run.result).check_standard
         assert compared is not None
@@ -128,7 +128,7 @@ class _Site:
     def _production(self, override: str | None = None) -> ConfigurationError | None:
         """Prepare a production run like `calstation run`; return the error that refuses it."""
         try:
-            prepare(replace(self._request, override_standard=override), lambda _: None, Control(), BenchHooks())
+            prepare(replace(self._request, override_standard=override), lambda _: None, Control())
         except ConfigurationError as error:
             return error
         return None

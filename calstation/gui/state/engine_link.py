@@ -5,7 +5,6 @@ from PySide6.QtCore import QObject, QTimer, Signal
 from calstation.config import RegisterOperation, RunRequest
 from calstation.runs import Engine
 from calstation.sequencer import Command
-from calstation.simulation import BenchHooks
 
 
 class EngineLink(QObject):
@@ -37,7 +36,7 @@ class EngineLink(QObject):
         assert self._engine is None, "a run is in progress"
         self.operation = order if isinstance(order, RegisterOperation) else None
         self.request = order if isinstance(order, RunRequest) else order.request
-        self._engine = Engine.start(order, BenchHooks)
+        self._engine = Engine.start(order)
         self.running_changed.emit(True)
         self._timer.start()
 

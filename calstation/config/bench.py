@@ -1,0 +1,34 @@
+"""The virtual bench that takes the place of a station's devices; this package knows its settings as data only."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pydantic import BaseModel
+
+from calstation import BENCH_MODULE
+
+if TYPE_CHECKING:
+    from calstation.config.run_configuration import RunConfiguration
+
+
+class BenchSettings(Protocol):
+    """Meaning of the section `[bench]` of a station file."""
+
+    @property
+    def model(self) -> type[BaseModel]:
+        """Model of the section, without the `STATION_ENTRIES`."""
+
+    def check(self, setup: "RunConfiguration", where: str) -> None:
+        """Check the settings of a station's bench; `where` names them. Raises ConfigurationError."""
+
+    def seed(self, setup: "RunConfiguration") -> int:
+        """Return the seed of the bench."""
+
+
+def load_bench() -> Any:
+    """Return the bench of every station with a section `[bench]`.
+
+    Besides `BenchSettings` it implements the protocols of the packages above, which open its devices and call its hooks
+    during a run.
+    """
+    return import_module(BENCH_MODULE).BENCH

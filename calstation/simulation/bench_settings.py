@@ -1,0 +1,116 @@
+"""Settings of the virtual bench of a station, from the files of a run and from its request."""
+
+import random
+import zlib
+from collections.abc import Mapping
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from calstation.config import STATION_ENTRIES, PairConfiguration, RunConfiguration
+from calstation.devices.profiles import TableProfile
+
+#: Folder of the flash memories of the units, next to the runs.
+_FLASH_FOLDER = "bench"
+
+#: Seed of a bench if its file does not specify one.
+DEFAULT_SEED = 1
+
+#: Largest drift of the clock of a further unit, ppm.
+_CLOCK_DRIFT = 20.0
+
+#: Settings in a station file that apply to the first unit only.
+_OF_THE_FIRST = ("serial", "orders")
+
+#: Settings that secondaries on one body share with the primary.
+_OF_THE_BODY = ("seed", "speed", "body", "grade", "instability", "imu_transport", "ready_time_s")
+
+#: Bench settings in the form of JSON, see `BenchConfig`.
+Settings = dict[str, Any]
+
+
+def bench_config(*setups: RunConfiguration) -> Settings:
+    """Return the configuration of the bench process for these units on one table."""
+    first, *others = (_unit_config(setup, bench_settings(setup)) for setup in setups)
+    if not others:
+        return first
+    further = [{"clock_drift_ppm": _clock_drift(own["seed"]), **own, "orders": []} for own in others]
+    numbers = [setup.number for setup in setups]
+    # the first unit contains the fault orders for all of them
+    secondaries = [{**own, "unit": number} for own, number in zip(further, numbers[1:], strict=True)]
+    return {**first, "unit": numbers[0], "secondaries": secondaries}
+
+
+def pair_bench_config(setup: PairConfiguration) -> Settings:
+    """Return the configuration of the bench process for the IMUs on one body."""
+    bench = setup.primary.station.bench or {}
+    shared = {name: value for name, value in bench.items() if name in _OF_THE_BODY}
+    own: Any = bench.get("secondaries", [])
+    secondaries = []
+    for index, unit in enumerate(setup.secondaries):
+        section = {**shared, **(own[index] if index < len(own) else {})}
+        secondaries.append(_unit_config(unit, _settings(unit, section)))
+    return {**bench_config(setup.primary), "secondaries": secondaries}
+
+
+def bench_settings(setup: RunConfiguration) -> Settings:
+    """Return the bench settings from site, table and unit, overridden by the station file, then by the request."""
+    bench: Settings = dict(setup.station.bench or {})
+    if setup.slot is not None:
+        number = setup.station.slot_names.index(setup.slot.name)
+        own = [{}, *bench.get("secondaries", ())][number:][:1]
+        without = ("secondaries", *(_OF_THE_FIRST if number else ()))
+        bench = {**{name: value for name, value in bench.items() if name not in without}, **(own[0] if own else {})}
+    return _settings(setup, bench)
+
+
+def _unit_config(setup: RunConfiguration, settings: Settings) -> Settings:
+    """Return the settings of a unit with a seed that depends on its serial number."""
+    seed = zlib.crc32(f"{settings.get('seed', DEFAULT_SEED)} {settings['serial']}".encode())
+    return {**settings, "seed": seed, **setup.bench_overrides}
+
+
+def _settings(setup: RunConfiguration, bench: Mapping[str, Any]) -> Settings:
+    """Return the settings of a unit; `bench` is its section of the station file."""
+    site, table, stream = setup.station.site, setup.table, setup.imu.stream
+    settings: Settings = {
+        "grade": setup.product.bench_grade,
+        "serial": setup.request.serial,
+        "table_protocol": "drives" if table.two_drives else table.protocol,
+        "imu_protocol": setup.imu.protocol,
+        "sample_rate_hz": stream.sample_rate_hz,
+        "output": stream.output,
+        "behind_registers": setup.after_registers,
+        "outer_lever": table.outer_lever,
+        "latitude_deg": site.latitude_deg,
+        "height_m": site.height_m,
+        "azimuth_deg": site.azimuth_deg or 0.0,
+        "gravity_mps2": site.gravity_mps2,
+        "outer_axis": table.outer_axis,
+        "inner_axis": table.inner_axis,
+        "low_deg": [table.outer.low_deg, table.inner.low_deg],
+        "high_deg": [table.outer.high_deg, table.inner.high_deg],
+        **_gimbal(table),
+        **({} if setup.slot is None else {"orientation": setup.slot.orientation, "lever_m": setup.slot.lever_m}),
+        **{name: value for name, value in bench.items() if name not in STATION_ENTRIES},
+    }
+    if setup.request.seed is not None:
+        settings["seed"] = setup.request.seed
+    if setup.request.speed is not None:
+        settings["speed"] = setup.request.speed
+    flash = f"{quote(str(settings['serial']), safe='')}_{settings.get('seed', DEFAULT_SEED)}.flash"
+    return {"flash_file": str(setup.request.out / _FLASH_FOLDER / flash), **settings}
+
+
+def _gimbal(table: TableProfile) -> Settings:
+    """Return the settings of a gimbal; {} for a table."""
+    gimbal = table.geometry().gimbal
+    if gimbal is None:
+        return {}
+    travel = float(np.rad2deg(max(abs(end) for ends in gimbal.travel for end in ends)))
+    return {"joint_order": gimbal.order, "joint_travel_deg": travel}
+
+
+def _clock_drift(seed: int) -> float:
+    return random.Random(seed).uniform(-_CLOCK_DRIFT, _CLOCK_DRIFT)
