@@ -7,7 +7,6 @@ from calstation.config import access, editing, library, versions
 from calstation.config.batch import new_batch_id, prepare_batch, unit_requests
 from calstation.config.bench import BenchSettings, load_bench
 from calstation.config.blocks import arrange_entries
-from calstation.config.check_standards import CheckStandardSection
 from calstation.config.confirmation import (
     Action,
     ConfirmationRequired,
@@ -18,19 +17,17 @@ from calstation.config.confirmation import (
 )
 from calstation.config.editing import check, detect_kind, edit_toml, line_of, read_text
 from calstation.config.forms import FORMS, Form, FormCell, FormColumn, FormRow, cells_with_problem
-from calstation.config.laboratory import InstrumentSection, LaboratorySection, ReportSection, missing_report_places
 from calstation.config.library import locate, pair_folder, site_folder
-from calstation.config.link_defaults import LinkDefaults, imu_defaults, is_manual_table, table_defaults
 from calstation.config.pair import PairConfiguration, load_pair_configuration
 from calstation.config.product import (
     DEFAULT_PRODUCT,
+    CheckStandardSection,
     ProductConfig,
     in_file,
     load_product,
     manual_product,
     schedule_values,
 )
-from calstation.config.records import RecordsSection, check_database_url, has_password
 from calstation.config.request import Confirmation, RegisterOperation, RunRequest, computer_user, plain_text
 from calstation.config.run_configuration import (
     ManualRigError,
@@ -51,7 +48,6 @@ from calstation.config.schedules import (
     schedule_options,
     schedule_problems,
 )
-from calstation.config.sign_in import SignInSection
 from calstation.config.site_check import (
     confirmation_key,
     gravity_beyond,
@@ -63,7 +59,16 @@ from calstation.config.site_check import (
     this_computer,
 )
 from calstation.config.slot_form import SLOTS, with_one_unit, with_slots
-from calstation.config.slots import MAX_UNITS, STATION_ENTRIES, SlotSection, takes_one_unit
+from calstation.config.slots import (
+    MAX_UNITS,
+    STATION_ENTRIES,
+    LinkDefaults,
+    SlotSection,
+    imu_defaults,
+    is_manual_table,
+    table_defaults,
+    takes_one_unit,
+)
 from calstation.config.station import (
     DEFAULT_STATION,
     MANUAL_STATION,
@@ -72,5 +77,15 @@ from calstation.config.station import (
     at_slot,
     load_station,
     uses_manual_rig,
+)
+from calstation.config.station_sections import (
+    InstrumentSection,
+    LaboratorySection,
+    RecordsSection,
+    ReportSection,
+    SignInSection,
+    check_database_url,
+    has_password,
+    missing_report_places,
 )
 from calstation.config.versions import Version, save_noise

@@ -75,10 +75,9 @@ def replace_header(text: str, path: KeyPath, header: str, first: Mapping[str, An
     """Replace the header of a table, and the headers of its subtables accordingly; `first` values are put first."""
     lines: list[str] = []
     for block in _blocks(text):
-        if not block.inside(path):
+        if block.path is None or not block.inside(path):
             lines += block.lines
             continue
-        assert block.path is not None
         number = next(i for i, line in enumerate(block.lines) if line.lstrip().startswith("["))
         key, below = header.strip("[]"), block.path[len(path) :]
         own = f"[{'.'.join((key, *map(str, below)))}]" if below else header

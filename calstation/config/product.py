@@ -9,12 +9,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.config import library
-from calstation.config.check_standards import CheckStandardSection
 from calstation.devices.codecs import SLOTS, legal_range, parameter_of
 from calstation.devices.profiles import ImuProfile, RegisterEntry
 from calstation.errors import ConfigurationError
-from calstation.physics import EFFECTS, INDEX, PARAMETERS, further_parameter, named
-from calstation.records import ChecksSection, ConformitySection, Limit, check_limit_names
+from calstation.physics import EFFECTS, INDEX, NAMES, PARAMETERS, further_parameter, named
+from calstation.records import ChecksSection, ConformitySection, Day, Limit, check_limit_names
 from calstation.schema import EntryError, Pattern, Problem, StrictModel, load_once, near_miss
 from procedures import DEFAULT_STAGES, method
 
@@ -53,6 +52,32 @@ class ConfirmationSection(StrictModel):
 
     #: Release of a failed unit, register writes outside a run, and the issue of a certificate.
     required_for: list[Literal["override", "registers", "certificate"]] = Field(default_factory=list)
+
+
+class ReferenceSection(StrictModel):
+    """`[check_standards.reference.NAME]`: reference value of a parameter and its standard deviation, SI."""
+
+    value: float
+    sigma: float = Field(ge=0)
+
+
+class CheckStandardSection(StrictModel):
+    """`[[check_standards]]` of a product: a unit that stays at the station and checks it (golden unit)."""
+
+    serial: str = Field(min_length=1)
+    interval_days: float = Field(gt=0)  #: Longest time between two of its passed runs.
+    #: Date on which the reference values were determined; without it, the unit is assumed to change only at a power-up.
+    date: Day | None = None
+    #: Reference by parameter; the outer lever belongs to the mounting and is not compared.
+    reference: dict[str, ReferenceSection] = Field(min_length=1)
+
+    @field_validator("reference")
+    @classmethod
+    def _known(cls, reference: dict[str, ReferenceSection]) -> dict[str, ReferenceSection]:
+        for name in reference:
+            if name not in NAMES:
+                raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, NAMES))
+        return reference
 
 
 class ProductConfig(StrictModel):
@@ -230,9 +255,7 @@ def _needed(register: RegisterEntry, name: str, interval: tuple[float, float]) -
     parameter = parameter_of(name) if name in SLOTS else None
     if parameter is None:
         return interval
-    reach = legal_range(name, {parameter: max(map(abs, interval))}, register.effective_convention)
-    assert reach is not None
-    return reach
+    return legal_range(name, {parameter: max(map(abs, interval))}, register.effective_convention) or interval
 
 
 def manual_product() -> Path | None:

@@ -14,8 +14,8 @@ from pydantic import BaseModel, JsonValue
 from calstation import __version__
 from calstation.config import library, versions
 from calstation.config.bench import BenchSettings, load_bench
-from calstation.config.check_standards import CheckStandardSection
 from calstation.config.product import (
+    CheckStandardSection,
     ProductConfig,
     in_file,
     load_product,
@@ -118,6 +118,11 @@ class RunConfiguration:
         """Number of the unit's slot in a batch; 1 for a single unit."""
         slot = self.slot
         return 1 if slot is None or self.request.batch is None else self.station.slot_names.index(slot.name) + 1
+
+    @property
+    def register_map(self) -> RegisterMap:
+        """Registers of the unit by parameter."""
+        return RegisterMap(tuple(self.imu.registers))
 
     @property
     def by_hand(self) -> bool:
@@ -351,7 +356,7 @@ def check_gimbal(setup: RunConfiguration) -> None:
     if setup.table.gimbal is None:
         return
     misalignments = {NAMES[i] for i in group_indices("gyro_misalign")}
-    if setup.after_registers or not misalignments <= set(RegisterMap(tuple(setup.imu.registers)).parameters):
+    if setup.after_registers or not misalignments <= set(setup.register_map.parameters):
         raise ConfigurationError("product.gimbal_needs_registers", imu=setup.imu.name)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calstation.config.station import StationSite
+from calstation.config.station_sections import StationSite
 from calstation.estimation.common import resolves_earth_rate
 from calstation.messages import Finding, Value
 from calstation.physics import normal_gravity

@@ -1,13 +1,16 @@
-"""The slots of a station: mounting positions of units on one table, each with its own link."""
+"""The links of a station, with their defaults, and its slots: mounting positions of units on one table."""
 
 import re
 from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
 
 from pydantic import Field, field_validator
 
 from calstation.config import library
+from calstation.config.product import load_product
 from calstation.devices.links import SOCKETS, host_and_port
-from calstation.devices.profiles import SerialSettings, TableProfile, load_table_profile
+from calstation.devices.profiles import SerialSettings, TableProfile, load_imu_profile, load_table_profile
 from calstation.errors import ConfigurationError
 from calstation.schema import EntryError, StrictModel
 
@@ -87,3 +90,37 @@ def takes_one_unit(profile: str) -> bool:
 def takes_one(table: TableProfile) -> bool:
     """Return whether a table takes a single unit."""
     return table.by_hand or table.gimbal is not None or table.protocol == "imu_link"
+
+
+@dataclass(frozen=True)
+class LinkDefaults:
+    """Link settings of a device profile."""
+
+    serial: SerialSettings
+    timeout: float | None  #: Host time for a reply, s; None for a device that is never queried.
+    unit: int | None  #: Modbus unit number.
+    by_hand: bool = False  #: Whether it is a manual table, which has no link.
+
+
+def table_defaults(profile: str) -> LinkDefaults | None:
+    """Return the link settings of a table profile, or None if there is no valid profile with this name."""
+    try:
+        table = load_table_profile(library.find("tables", profile))
+    except ConfigurationError:
+        return None
+    return LinkDefaults(table.serial, table.timeout_s, table.unit, table.by_hand)
+
+
+def imu_defaults(product: Path | None, profile: str | None = None) -> LinkDefaults | None:
+    """Return the link settings of an IMU profile, by default the product's, or None if it is invalid."""
+    try:
+        imu = load_imu_profile(library.find("imus", profile or load_product(product)[1].imu))
+    except ConfigurationError:
+        return None
+    return LinkDefaults(imu.link, imu.timeout_s, None)
+
+
+def is_manual_table(profile: str) -> bool:
+    """Return whether a table profile is for a manual rig; False if it cannot be read."""
+    defaults = table_defaults(profile)
+    return defaults is not None and defaults.by_hand

@@ -9,15 +9,21 @@ from typing import Annotated
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.config import library
-from calstation.config.laboratory import InstrumentSection, LaboratorySection, ReportSection
-from calstation.config.link_defaults import is_manual_table
-from calstation.config.records import RecordsSection
-from calstation.config.sign_in import SignInSection
-from calstation.config.slots import MAX_UNITS, DeviceSection, SlotSection, takes_one
-from calstation.devices.links import host_and_port
+from calstation.config.slots import MAX_UNITS, DeviceSection, SlotSection, is_manual_table, takes_one
+from calstation.config.station_sections import (
+    FurtherImuLinkSection,
+    HandoverSection,
+    InstrumentSection,
+    LabelSection,
+    LaboratorySection,
+    RecordsSection,
+    ReportSection,
+    SignInSection,
+    StationSite,
+    TableLinkSection,
+)
 from calstation.devices.profiles import load_table_profile
 from calstation.errors import CalstationError, ConfigurationError
-from calstation.records import SiteSection
 from calstation.schema import EntryError, StrictModel, load, near_miss
 
 DEFAULT_STATION = "virtual_bench"
@@ -30,52 +36,6 @@ VIRTUAL_UNIT = "SN-000001"
 
 #: host:port without a scheme.
 _WITHOUT_SCHEME = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
-
-
-class TableLinkSection(DeviceSection):
-    """`[table]` of a station: its table profile. A manual table needs no port and ignores one."""
-
-    profile: str
-    unit: int | None = Field(default=None, ge=0, le=255)  #: Modbus unit number; default from the profile.
-
-
-class FurtherImuLinkSection(DeviceSection):
-    """`[imu2]` and `[imu3]` of a station: the link of a secondary IMU on the same body."""
-
-    profile: str | None = None  #: Name of its IMU profile; default: the product's.
-    #: Its serial number, for a unit that cannot report one.
-    serial_number: str | None = Field(default=None, pattern=r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-
-
-class HandoverSection(StrictModel):
-    """`[handover]` of a station: the existing folder, relative to the station file, that receives results."""
-
-    folder: str = Field(min_length=1)
-
-
-class LabelSection(StrictModel):
-    """`[label]` of a station: its label printer, ``tcp://host:port``."""
-
-    printer: str
-
-    @field_validator("printer")
-    @classmethod
-    def _address(cls, printer: str) -> str:
-        if not printer.startswith("tcp://") or host_and_port(printer) is None:
-            raise EntryError("station.not_an_address", port=printer, scheme="tcp")
-        return printer
-
-
-class StationSite(SiteSection):
-    """`[site]` of a station: its location, and the computers on which it was confirmed."""
-
-    #: Confirmation keys, see `calstation.config.site_check.confirmation_key`.
-    confirmed_on: list[str] = Field(default_factory=list)
-
-    @property
-    def place(self) -> SiteSection:
-        """Only the location."""
-        return SiteSection.model_validate(self.model_dump(exclude={"confirmed_on"}))
 
 
 class StationConfig(StrictModel):

@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import cast
 
 import tomlkit
 
@@ -116,8 +117,7 @@ def save_noise(
     """
     report(0.0)
     document = tomlkit.parse(editing.read_text(library.find("imus", profile)))
-    noise = document["noise"]
-    assert isinstance(noise, tomlkit.items.Table)
+    noise = cast(tomlkit.items.Table, document["noise"])
     for name, value in values.items():
         unit, shown, size = NOISE_DISPLAY[name]
         noise[name] = float(f"{value:.4g}")

@@ -5,7 +5,7 @@ Protocols are implemented in `devices`, motion in `sequencer`.
 
 from calstation.connection.capture import Capture, import_capture
 from calstation.connection.compatibility import incompatibilities, station_conflicts
-from calstation.connection.devices import BenchDevices, Devices, Endpoints, connected
+from calstation.connection.devices import BenchDevices, Devices, Endpoints, RealClock, connected
 from calstation.connection.imu_session import ImuSession, capture_rest, open_imu_session
 from calstation.connection.line_server import LineServer
 from calstation.connection.link_test import (

@@ -1,13 +1,13 @@
 """Opening of a station's devices, or of its virtual bench, and closing in the right order."""
 
 import os
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
 
 from calstation.config import PairConfiguration, RunConfiguration, load_bench
-from calstation.connection.clock import RealClock
 from calstation.connection.identify import LinkSettings, identify
 from calstation.connection.port_lock import lock_ports
 from calstation.devices.imu import StreamedImu
@@ -19,6 +19,27 @@ from calstation.devices.table import open_table as table_on
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.messages import Text
 from calstation.sequencer import Clock
+
+
+class RealClock:
+    """Clock whose station time is the host's monotonic time, s."""
+
+    #: Interval at which the devices are polled, s.
+    tick = 0.05
+    speed = 1.0
+
+    def now(self) -> float:
+        """Return the time, s."""
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Wait for `seconds`."""
+        time.sleep(seconds)
+
+    idle = sleep
+
+    def attach(self, received: Callable[[], Mapping[int, int]]) -> None:
+        """Do nothing: samples arrive in real time."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +112,7 @@ def connected(
         imus: dict[int, StreamedImu] = {}
         failed: dict[int, DeviceFaultError] = {}
         if table is not None and len(setups) > 1:
-            identify(table, None, link_settings(setup, at.table, at.imu), check_cancelled)
+            identify(table, None, link_settings(setup, at), check_cancelled)
             imus, failed = _answering(setups, at.imus, stack, check_cancelled)
         else:
             imus[0] = imu = open_imu(setup, at.imu)
@@ -100,7 +121,7 @@ def connected(
                 table = ManualTable(setup.table) if setup.table.by_hand else SharedTable(imu, table_profile(setup))
             if not isinstance(table, ManualTable):
                 # Identify first: not even a stop may be sent to a device that may not be the table.
-                identify(table, imu, link_settings(setup, at.table, at.imu), check_cancelled)
+                identify(table, imu, link_settings(setup, at), check_cancelled)
             imu.start()
         at.clock.attach(lambda: {index: imu.received for index, imu in imus.items()})
         yield Devices(table, tuple(imus.get(index) for index in range(len(setups))), at.clock, failed)
@@ -225,14 +246,15 @@ def open_imu(setup: RunConfiguration, port: str) -> StreamedImu:
     return imu_on(link, imu_profile(setup), setup.request.serial)
 
 
-def link_settings(setup: RunConfiguration, table: str, imu: str) -> LinkSettings:
-    """Return the link settings of both devices at these ports."""
+def link_settings(setup: RunConfiguration, at: Endpoints) -> LinkSettings:
+    """Return the link settings of both devices at their ports."""
     profile = table_profile(setup)
     serial = setup.station.table.serial or profile.serial
-    return LinkSettings(table, profile, serial, imu, imu_profile(setup), imu_settings(setup))
+    return LinkSettings(at.table, profile, serial, at.imu, imu_profile(setup), imu_settings(setup))
 
 
 def imu_settings(setup: RunConfiguration) -> SerialSettings:
+    """Return the serial settings of the IMU's port."""
     return setup.station.imu.serial or setup.imu.link
 
 

@@ -120,7 +120,7 @@ def _found_on_table_port(
     setup: RunConfiguration, at: Endpoints, found: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
     """Yield a finding if another device replies on the table's port."""
-    link, ids = link_settings(setup, at.table, at.imu), {finding.id for finding in found}
+    link, ids = link_settings(setup, at), {finding.id for finding in found}
     if ids & _MAYBE_IMU:
         progress(0.6, note="listening_around")
         if link.two_lines and imu_on_table_port(link):
@@ -156,7 +156,7 @@ def _found_on_imu_port(
     setup: RunConfiguration, at: Endpoints, found: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
     """Yield a finding if the table replies on the IMU's port, or if the IMU streams at another baud rate."""
-    link, ids = link_settings(setup, at.table, at.imu), {finding.id for finding in found}
+    link, ids = link_settings(setup, at), {finding.id for finding in found}
     if ids & {"silent", "no_frames"} and link.two_lines and not setup.table.by_hand:
         progress(0.4, note="listening_around")
         if table_on_imu_port(link):

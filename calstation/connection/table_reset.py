@@ -55,6 +55,7 @@ class TableReset:
 
     @property
     def clear(self) -> bool:
+        """Whether no fault is latched any more."""
         return self.left is None
 
 
@@ -90,7 +91,7 @@ def _identified(progress: ProgressCallback, request: LinkTestRequest) -> Iterato
         table = open_table(setup, at.table)
         with closing(table):
             progress(0.5, note="asking")
-            yield table, identify(table, None, link_settings(setup, at.table, at.imu))
+            yield table, identify(table, None, link_settings(setup, at))
 
 
 def reset(table: Table) -> TableReset:

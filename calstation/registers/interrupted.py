@@ -10,7 +10,7 @@ from calstation.devices import Imu
 from calstation.devices.imu import Closing, Holds, Transferred, finish, recognise, restore
 from calstation.registers import journal
 from calstation.registers.journal import journal_folder
-from calstation.registers.preconditions import check_unit_model, register_map, undecided
+from calstation.registers.preconditions import check_unit_model, undecided
 from calstation.registers.verification import finish_verification
 from calstation.sequencer import Emit, Message, RunInBackground, VerificationData, check_power
 
@@ -52,7 +52,7 @@ def recover_interrupted(
         return None
     identity = imu.identify()
     check_unit_model(entry, identity.model)
-    registers = register_map(setup)
+    registers = setup.register_map
     holds = recognise(imu, entry, registers)
     about = {"serial": entry.serial, "holds": holds, "utc": entry.utc, "by": entry.by, "why": entry.why}
     if holds is Holds.OLD:

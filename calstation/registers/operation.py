@@ -42,7 +42,6 @@ from calstation.registers.preconditions import (
     check_product,
     check_register_map,
     check_unit_model,
-    register_map,
 )
 from calstation.registers.unit_registers import unit_registers
 from calstation.registers.verification import finish_restored, finish_verification, verification_step
@@ -178,14 +177,14 @@ class _ActiveOperation:
             check_unit_model(entry, self.identity.model)
         if self.entry is None:
             check_no_interrupted(imu, self.setup, request.out)
-        elif self.restoring and recognise(imu, self.entry, register_map(self.setup)) is Holds.OLD:
+        elif self.restoring and recognise(imu, self.entry, self.setup.register_map) is Holds.OLD:
             self.entry.close(Closing.KEPT)
             return self._settled(self.entry.old, Closing.KEPT, "")
         return None
 
     def write(self, imu: Imu) -> Transferred:
         """Write, read back, commit, restart and read again. Raises DeviceFaultError or ConfigurationError."""
-        entries = register_map(self.setup)
+        entries = self.setup.register_map
         if self.entry is not None:
             return (put_back if self.restoring else finish)(imu, entries, self.entry)
         return transfer(imu, entries, self.operation.request.serial, self.values, self._begin)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from calstation.config import RunConfiguration
 from calstation.devices import Imu
-from calstation.devices.imu import Closing, Holds, RegisterMap, recognise
+from calstation.devices.imu import Closing, Holds, recognise
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.registers import journal
 from calstation.registers.journal import Transfer, journal_folder, map_digest
@@ -16,10 +16,6 @@ from calstation.sequencer import Emit, Message
 
 #: Fraction of the flash cycles above which a warning is emitted.
 _NEAR = 0.9
-
-
-def register_map(setup: RunConfiguration) -> RegisterMap:
-    return RegisterMap(tuple(setup.imu.registers))
 
 
 def check_flash(setup: RunConfiguration, runs: Path, emit: Emit) -> None:
@@ -53,7 +49,7 @@ def check_register_map(entry: Transfer, setup: RunConfiguration) -> None:
         raise InputError("transfer.other_profile", **about, recorded=recorded.profile, product=recorded.product)
     if recorded.map and recorded.map != map_digest(profile.registers):
         raise InputError("transfer.other_meaning", **about)
-    if not recorded.map and entry.old and set(entry.old) != set(register_map(setup).parameters):
+    if not recorded.map and entry.old and set(entry.old) != set(setup.register_map.parameters):
         raise InputError("transfer.other_parameters", **about)
 
 
@@ -83,7 +79,7 @@ def check_no_interrupted(imu: Imu, setup: RunConfiguration, runs: Path) -> None:
     entry = journal.interrupted(runs, setup.request.serial, journal_folder(setup.station))
     if entry is not None:
         check_unit_model(entry, imu.identify().model)
-        holds = recognise(imu, entry, register_map(setup))
+        holds = recognise(imu, entry, setup.register_map)
         if holds is not Holds.OLD:
             raise undecided(entry, holds)
         entry.close(Closing.KEPT)

@@ -15,7 +15,6 @@ from calstation.physics import compose
 from calstation.records import open_log
 from calstation.registers import journal
 from calstation.registers.journal import journal_folder
-from calstation.registers.preconditions import register_map
 from calstation.results import Registers, Result
 
 
@@ -46,6 +45,7 @@ class UnitRegisters:
         return {register.parameter: register.value for register in self.registers}
 
     def to_json(self) -> dict[str, Any]:
+        """Return the data for JSON."""
         return asdict(self)
 
     @classmethod
@@ -107,7 +107,7 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
             raise InputError("transfer.log_missing", path=str(log))
         found = compose(open_log(log).meta.registers, found)
     progress(0.5)
-    entries = register_map(setup)
+    entries = setup.register_map
     named = [name for name in entries.parameters if name in found and name not in registers.kept]
     complete = dict.fromkeys(entries.parameters, 0.0) | {name: found[name] for name in named}
     rounded = written or entries.rounded(complete)
@@ -128,7 +128,7 @@ def unit_registers(
         identity.serial,
         identity.model,
         identity.firmware,
-        _rows(register_map(setup), values),
+        _rows(setup.register_map, values),
         journal.cycles(runs, identity.serial, journal_folder(setup.station)),
         setup.station.bench is not None,
     )

@@ -42,7 +42,6 @@ from calstation.physics import (
     rotation_matrix,
 )
 from calstation.records import context_from_meta, prior_from_meta
-from calstation.registers.preconditions import register_map
 from calstation.sequencer import RunInBackground, TurnDrift, Turned, VerificationData
 
 #: Maximum deviation in standard deviations; noise exceeds it with a probability of about 1e-8.
@@ -80,6 +79,7 @@ class VerificationCheck:
         return abs(self.value - self.expected) <= self.tolerance
 
     def to_json(self) -> dict[str, Any]:
+        """Return the data for JSON, with the outcome."""
         return {**asdict(self), "passed": self.passed}
 
 
@@ -104,7 +104,7 @@ def finish_verification(
     """
     run: RunInBackground = run_in_background or (lambda work: work())
     checks = _prior_checks(setup, done, data, restored=False)
-    run(lambda: close_checked(imu, register_map(setup), done.entry, checks, data))
+    run(lambda: close_checked(imu, setup.register_map, done.entry, checks, data))
 
 
 def finish_restored(setup: RunConfiguration, done: Transferred, data: VerificationData) -> None:
@@ -139,6 +139,7 @@ def close_checked(
 
 
 def verification_step(data: VerificationData) -> Step:
+    """Return the entry of the journal for data that were verified."""
     if not data.corrected:
         return Step.READ_BACK
     return Step.TURNED if data.turns or data.drifts or len(data.carried) else Step.AT_REST

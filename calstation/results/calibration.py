@@ -7,7 +7,6 @@ from datetime import datetime, timedelta
 import numpy as np
 
 from calstation.config import RunConfiguration
-from calstation.devices.imu import RegisterMap
 from calstation.errors import InputError
 from calstation.estimation.common import Posterior
 from calstation.physics import NAMES, FloatArray, composition, group_indices, parameter_vector
@@ -66,7 +65,7 @@ def current_calibration(
     in a preview, the unit is assumed to hold the registers of its latest calibration. Return the calibration and the
     message that reports it; without a calibration, return None and the reason.
     """
-    entries, serial, imu = RegisterMap(tuple(setup.imu.registers)), setup.request.serial, setup.log_meta().imu
+    entries, serial, imu = setup.register_map, setup.request.serial, setup.log_meta().imu
     none = Message("prior_no_calibration", {"serial": serial})
     for record in history.passed(serial):
         try:

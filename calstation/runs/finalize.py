@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from functools import partial
 
 from calstation.devices import Imu
-from calstation.devices.imu import Entry, RegisterMap, Transferred, flash_registers, transfer
+from calstation.devices.imu import Entry, Transferred, flash_registers, transfer
 from calstation.estimation import Solution
 from calstation.estimation.common import Posterior
 from calstation.judgement import (
@@ -44,7 +44,7 @@ class Finalization:
         self.run = run
         self._setup = run.setup
         self.imu = imu
-        self._entries = RegisterMap(tuple(run.setup.imu.registers))
+        self._entries = run.setup.register_map
         self._old: Mapping[str, float] = {}
         self._wanted: Mapping[str, float] = {}
         self._done: Transferred | None = None

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calstation.config import RunConfiguration, RunRequest, SignInSection, check_station, library, load_configuration
-from calstation.devices.imu import RegisterMap
 from calstation.physics import GROUPS, NAMES, ManualMove, Orientation, TableGeometry, group_indices, orientation_matrix
 from calstation.sequencer import DURATION, plan_time, table_task
 
@@ -75,7 +74,7 @@ def run_summary(request: RunRequest) -> RunSummary:
         stages=tuple(
             StageSummary(p.name, float(plan_time(p.steps(), p.rule, (0.0, 0.0), setup.table.settle_s))) for p in plans
         ),
-        transfer=DURATION if RegisterMap(tuple(setup.imu.registers)).parameters else None,
+        transfer=DURATION if setup.register_map.parameters else None,
         targets=_targets(setup),
         attempts_allowed=setup.product.attempts_allowed,
         load_angle=(load.outer_deg, load.inner_deg),

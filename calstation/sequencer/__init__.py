@@ -17,7 +17,6 @@ from calstation.sequencer.context import (
     RunContext,
     RunInBackground,
     Slot,
-    StatusMasks,
     Task,
     UnitTask,
 )

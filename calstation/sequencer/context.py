@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from calstation.devices import Imu, Table
-from calstation.devices.profiles import Span
+from calstation.devices.profiles import Span, StatusSection
 from calstation.errors import CalstationError
 from calstation.estimation import Ranking, Solution
 from calstation.estimation.common import ImuModel, SampleBlock
@@ -32,15 +32,6 @@ class Output(StrEnum):
     ALWAYS = "always"
     ASKED = "asked"
     NEVER = "never"
-
-
-@dataclass(frozen=True)
-class StatusMasks:
-    """Bit masks of the IMU's status word: data valid since power-up, output saturated, self-test failed."""
-
-    ready: int = 0
-    saturated: int = 0
-    failed: int = 0
 
 
 @dataclass(frozen=True)
@@ -91,7 +82,7 @@ class UnitTask:
     model: ImuModel
     preflight: PreflightLimits
     geometry: TableGeometry
-    masks: StatusMasks = field(default_factory=StatusMasks)
+    masks: StatusSection = field(default_factory=StatusSection)
     span: Span = field(default_factory=Span)
     wrap: float = np.inf
     corrected: Output = Output.NEVER

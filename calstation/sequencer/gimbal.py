@@ -1,7 +1,7 @@
 """Control of a gimbal: returns to zero, stabilised turns with the correction in the unit's registers, verification."""
 
-from collections.abc import Callable, Mapping
-from typing import Any, cast
+from collections.abc import Mapping
+from typing import cast
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from calstation.devices import Gimbal, TableStatus
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.estimation.gimbal import BIAS_TIME, GimbalIteration, Motion, drift_matrix, turned_motion
 from calstation.physics import AXES, FloatArray, GimbalJoints, GimbalTurn, GimbalZero
+from calstation.sequencer.context import RunInBackground
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import GimbalTurned, StepStarted
 from calstation.sequencer.guard import check_joints, check_motion
@@ -31,9 +32,7 @@ class GimbalLoop:
     former values; the values in flash change only in the transfer at the end of a run.
     """
 
-    def __init__(
-        self, control_loop: ControlLoop, run_in_background: Callable[[Callable[[], Any]], Any] = lambda work: work()
-    ) -> None:
+    def __init__(self, control_loop: ControlLoop, run_in_background: RunInBackground = lambda work: work()) -> None:
         self._control_loop = control_loop
         self._context = control_loop.context
         self._run_in_background = run_in_background
@@ -65,7 +64,8 @@ class GimbalLoop:
         if iteration.axis_done and iteration.courses[-1].axis == step.axis:
             return
         command = iteration.next_turn()
-        assert command is not None, "the plan ends with the last axis"
+        if command is None:
+            raise RuntimeError("a turn after the last axis")
         if not self._ready or (command.home and not self._zeroed):
             self._zero(step.rest + BIAS_TIME)
         self._ready = False  # an interruption locks the joints, and the turn is repeated from zero
@@ -88,8 +88,7 @@ class GimbalLoop:
 
     def verification_turns(self) -> tuple[TurnDrift, ...]:
         """Turn once about every axis with the unit's registers and return the drifts. Raises DeviceFaultError."""
-        step = self._context.task.gimbal_turn
-        assert step is not None, "the station has no gimbal"
+        step = cast(GimbalTurn, self._context.task.gimbal_turn)
         drifts = []
         for axis in range(3):
             self._zero(step.rest + BIAS_TIME)
@@ -112,9 +111,7 @@ class GimbalLoop:
 
     @property
     def _joints(self) -> GimbalJoints:
-        joints = self._context.task.geometry.gimbal
-        assert joints is not None, "the station has no gimbal"
-        return joints
+        return cast(GimbalJoints, self._context.task.geometry.gimbal)
 
     def _begin_step(self, kind: str, label: tuple[str | float, ...]) -> None:
         stamps = self._control_loop.stamps
@@ -172,9 +169,7 @@ class GimbalLoop:
         return float(self._measured()[axis])
 
     def _measured(self) -> FloatArray:
-        joints = self._control_loop.status.joints
-        assert joints is not None, "a gimbal measures its joints"
-        return joints
+        return cast(FloatArray, self._control_loop.status.joints)
 
     def _at_zero(self, status: TableStatus) -> bool:
         joints = status.joints

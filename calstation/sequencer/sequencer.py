@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar, cast
 
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
@@ -15,6 +15,9 @@ from calstation.sequencer.events import Message, StageEnded, StageRanked, StageS
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.plan import StagePlan, StageTrack, plan_time, planned, step_time
 from calstation.sequencer.units import Unit
+
+if TYPE_CHECKING:
+    from calstation.records import RawLogWriter
 
 _Result = TypeVar("_Result")
 
@@ -175,8 +178,7 @@ class Sequencer:
         for event in solution_events(solution):
             unit.emit(event)
         # Once the log is on disk, a solved stage need not be repeated.
-        journal = unit.slot.journal
-        assert journal is not None, "a run has a log"
+        journal = cast("RawLogWriter", unit.slot.journal)
         self._wait_for(journal.begin_sync())
         journal.service()
 
@@ -256,12 +258,8 @@ class Sequencer:
 
 
 def _solving(unit: Unit) -> Solving:
-    solving = unit.slot.solving
-    assert solving is not None, "a run has solvers"
-    return solving
+    return cast(Solving, unit.slot.solving)
 
 
 def _evaluation(unit: Unit) -> Evaluation:
-    evaluation = unit.slot.evaluation
-    assert evaluation is not None, "a run is evaluated"
-    return evaluation
+    return cast(Evaluation, unit.slot.evaluation)

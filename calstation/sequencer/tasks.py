@@ -12,7 +12,7 @@ from calstation.estimation import RepeatedSchedule
 from calstation.estimation.common import BIAS_SIGMAS, REST_RATE
 from calstation.physics import GimbalTurn, group_indices
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
-from calstation.sequencer.context import Output, PreflightLimits, StatusMasks, Task, UnitTask
+from calstation.sequencer.context import Output, PreflightLimits, Task, UnitTask
 from calstation.sequencer.plan import StagePlan, StopRule
 
 
@@ -39,7 +39,7 @@ def unit_task(setup: RunConfiguration, meta: LogMeta | None = None) -> UnitTask:
     context = context_from_meta(meta)
     prior, biases = prior_from_meta(meta), group_indices("gyro_bias")
     spread = BIAS_SIGMAS * prior.sigma[biases] + REST_RATE
-    warm_up, status = setup.product.warm_up, setup.imu.status
+    warm_up = setup.product.warm_up
     return UnitTask(
         serial=setup.request.serial,
         model=context.imu,
@@ -53,7 +53,7 @@ def unit_task(setup: RunConfiguration, meta: LogMeta | None = None) -> UnitTask:
             warm_up_timeout=warm_up.timeout_s,
         ),
         geometry=replace(setup.table.geometry(), orientation=context.table.orientation),
-        masks=StatusMasks(status.ready, status.saturated, status.failed),
+        masks=setup.imu.status,
         span=span(setup.imu.frame),
         wrap=setup.imu.frame.counter_period,
         corrected=corrected_output(setup),

@@ -1,11 +1,11 @@
 """The requested stream of a unit, which is restarted with the same kind of output if the unit restarts."""
 
 from collections.abc import Callable
-from typing import Any
 
 from calstation.devices import ImuIdentity, NoFramesError, OtherModelError
 from calstation.devices.links import PortLostError
 from calstation.errors import DeviceFaultError
+from calstation.sequencer.context import RunInBackground
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.units import NO_DATA, Unit
 
@@ -30,7 +30,7 @@ class UnitStream:
         self,
         control_loop: ControlLoop,
         unit: Unit,
-        run_in_background: Callable[[Callable[[], Any]], Any],
+        run_in_background: RunInBackground,
         check_cancelled: Callable[[], None],
     ) -> None:
         self._unit = unit

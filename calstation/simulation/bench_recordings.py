@@ -3,10 +3,11 @@
 Each recording is a raw log as written by a station with such hardware, together with its true parameters.
 """
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -27,10 +28,14 @@ from calstation.bench.truth import (
     rotation,
 )
 from calstation.bench.truth import GradeName as GradeName
+from calstation.config import site_folder
+from calstation.errors import ConfigurationError
 from calstation.estimation.common import ImuModel, SampleBlock, snap_angles
 from calstation.estimation.gimbal import BIAS_TIME, GimbalIteration, turned_motion
+from calstation.jobs import ProgressCallback
+from calstation.messages import os_reason
 from calstation.physics import AXES, NAMES, PARAMETERS, FloatArray, group_indices, pair_name
-from calstation.records import LogFacts, LogMeta, RawLogWriter, context_from_meta
+from calstation.records import LogFacts, LogMeta, RawLogWriter, context_from_meta, truth_path, write_atomic
 from procedures import method
 
 Kind = Literal["hand", "pair", "gimbal"]
@@ -52,6 +57,30 @@ def make_recording(kind: Kind, path: Path, grade: GradeName = "mems", seed: int 
     """
     makers = {"hand": _manual_rig, "pair": _pair, "gimbal": _gimbal}
     return makers[kind](path, grade, seed)
+
+
+def recordings_folder() -> Path:
+    """Return the folder in which the window saves recordings of the virtual bench."""
+    return site_folder() / "recordings"
+
+
+def record_on_bench(progress: ProgressCallback, kind: str, path: Path, grade: str, seed: int) -> Path:
+    """Job: write a recording and the file with its true parameters, replacing existing files.
+
+    Raises ConfigurationError if the file cannot be written.
+    """
+    progress(0.0)
+    partial = path.with_name(f".{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial.unlink(missing_ok=True)
+        _, truth = make_recording(cast(Kind, kind), partial, cast(GradeName, grade), seed)
+        progress(0.9)
+        write_atomic(truth_path(path), json.dumps(truth, indent=1) + "\n")
+        partial.replace(path)
+    except OSError as exc:
+        raise ConfigurationError("csv.not_written", file=path, reason=os_reason(exc)) from exc
+    return path
 
 
 def _unit(grade: GradeName, seed: int, *, plain: bool = False) -> ImuTruth:

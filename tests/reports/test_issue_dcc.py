@@ -16,7 +16,7 @@ from signxml.xades.xades import XAdESVerifier
 
 from calstation.cli.app import run_app
 from calstation.config import ReportSection, prepare_run
-from calstation.config.laboratory import SigningSection
+from calstation.config.station_sections import SigningSection
 from calstation.reports.signing import PASSWORD_VARIABLE
 from calstation.results import load_result
 from calstation.runs import automatic_report

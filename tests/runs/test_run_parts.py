@@ -8,7 +8,7 @@ import pytest
 
 from calstation.bench import BenchClock, BenchHost
 from calstation.config import RunRequest, compatible_products, library, prepare_run
-from calstation.connection.clock import RealClock
+from calstation.connection import RealClock
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError, InsufficientDataError
 from calstation.physics import NAMES, compose, group_matrix, group_vector
 from calstation.results import solve

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from calstation.devices import ImuIdentity, LinkStats, NoFramesError, SampleBatch, TableIdentity, TableStatus
+from calstation.devices.profiles import StatusSection
 from calstation.errors import DeviceFaultError
 from calstation.estimation import Ranking, Solution
 from calstation.estimation.common import Consistency, ImuModel, Posterior, SampleBlock
@@ -37,7 +38,6 @@ from calstation.sequencer import (
     Slot,
     StagePlan,
     State,
-    StatusMasks,
     StopRule,
     Task,
     UnitTask,
@@ -365,7 +365,7 @@ class Scene:
             MODEL,
             PreflightLimits(r"SN-\d+", GRAVITY, **preflight),
             GEOMETRY,
-            StatusMasks(ready=1, saturated=2, failed=4),
+            StatusSection(ready=1, saturated=2, failed=4),
         )
 
     def run(self, solved: tuple[Solution, ...] = (), after: LastSample | None = None) -> Any:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calstation.connection.clock import TICK
+from calstation.connection import RealClock
 from calstation.devices.profiles import Span
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation import Solution
@@ -42,7 +42,7 @@ def states(scene: Scene) -> list[str]:
     return [event.state for event in scene.events_of(StateChanged)]
 
 
-@pytest.fixture(params=[pytest.param(TICK, marks=pytest.mark.long), FakeClock.tick])
+@pytest.fixture(params=[pytest.param(RealClock.tick, marks=pytest.mark.long), FakeClock.tick])
 def tick(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> float:
     """The polling interval, s: the interval of hardware and the longer one of all other tests."""
     monkeypatch.setattr(FakeClock, "tick", request.param)

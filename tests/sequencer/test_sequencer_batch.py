@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from calstation.devices import SampleBatch
+from calstation.devices.profiles import StatusSection
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation import Solution
 from calstation.messages import Text
@@ -37,7 +38,6 @@ from calstation.sequencer import (
     StageStarted,
     State,
     StateChanged,
-    StatusMasks,
     StepStarted,
     StopRule,
     Task,
@@ -73,7 +73,11 @@ class Member:
         self.imu = FakeImu(batch.clock, batch.table, serial=f"SN-{index + 1}")
         self.journal, self.solving = FakeJournal(), FakeSolving()
         self.unit = UnitTask(
-            self.imu.serial, MODEL, PreflightLimits(r"SN-\d+", GRAVITY), GEOMETRY, StatusMasks(1, 2, 4)
+            self.imu.serial,
+            MODEL,
+            PreflightLimits(r"SN-\d+", GRAVITY),
+            GEOMETRY,
+            StatusSection(ready=1, saturated=2, failed=4),
         )
         self.passes, self.writes = True, True
         self.goes_on = True

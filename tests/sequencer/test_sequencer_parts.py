@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calstation.devices.profiles import Span
+from calstation.devices.profiles import Span, StatusSection
 from calstation.estimation.common import SampleBlock
 from calstation.physics import COUNT, INDEX, Dwell, Finish, Move, Prepare, RoundEnd, named, reached
-from calstation.sequencer import LastSample, StatusMasks, StopRule, move_time, plan_time, planned
+from calstation.sequencer import LastSample, StopRule, move_time, plan_time, planned
 from calstation.sequencer.acquisition import INTERRUPTION, Acquisition, Stamps
 from tests.sequencer.fakes import MODEL, RATE, UNIT, FakeClock, FakeImu, FakeTable, endless
 
@@ -91,7 +91,9 @@ def test_slow_poll_gives_no_angle() -> None:
 def test_status_bits_and_gaps_are_detected() -> None:
     clock = FakeClock()
     imu = FakeImu(clock, FakeTable(clock), ready_at=0.2)
-    acquisition = Acquisition(imu, replace(UNIT, masks=StatusMasks(1, 2, 4)), clock, Stamps(), lambda block: None)
+    acquisition = Acquisition(
+        imu, replace(UNIT, masks=StatusSection(ready=1, saturated=2, failed=4)), clock, Stamps(), lambda block: None
+    )
     assert acquisition.recent is None
     clock.sleep(0.1)
     assert not acquisition.drain().ready

@@ -11,7 +11,7 @@ MULTI_POSITION, GIMBAL, CROSS_CALIBRATION = "multi_position", "gimbal", "cross_c
 #: Stage names of the methods, in the order of the tabs.
 STAGES = (MULTI_POSITION, GIMBAL, CROSS_CALIBRATION)
 
-#: The kind of recording (`simulation.recordings.Kind`) that each method solves.
+#: The kind of recording (`simulation.Kind`) that each method solves.
 RECORDED_AS = {MULTI_POSITION: "hand", GIMBAL: "gimbal", CROSS_CALIBRATION: "pair"}
 
 

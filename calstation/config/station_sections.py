@@ -1,0 +1,182 @@
+"""Sections of a station file: links, site, hand-over, sign-in, certificates, and the shared database."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Literal
+from urllib.parse import unquote
+
+from pydantic import Field, field_validator, model_validator
+
+from calstation.config.slots import DeviceSection
+from calstation.devices.links import host_and_port
+from calstation.errors import ConfigurationError
+from calstation.records import InstrumentSection as InstrumentSection
+from calstation.records import LaboratorySection as LaboratorySection
+from calstation.records import SiteSection
+from calstation.schema import EntryError, Pattern, StrictModel
+
+#: Schemes of the databases that are supported.
+_SCHEMES = ("postgresql+psycopg", "sqlite")
+
+#: ``user:password@`` after the scheme; a password may have any character but @, unlike in a well-formed URL.
+_PASSWORD = re.compile(r"[^:/]*:[^@]*@")
+#: Key of a URL option that contains a credential; `sslkey` is a path.
+_SECRET = re.compile(r"[?&][^=&]*(password|passwd|secret|token)[^=&]*=", re.IGNORECASE)
+
+
+class TableLinkSection(DeviceSection):
+    """`[table]` of a station: its table profile. A manual table needs no port and ignores one."""
+
+    profile: str
+    unit: int | None = Field(default=None, ge=0, le=255)  #: Modbus unit number; default from the profile.
+
+
+class FurtherImuLinkSection(DeviceSection):
+    """`[imu2]` and `[imu3]` of a station: the link of a secondary IMU on the same body."""
+
+    profile: str | None = None  #: Name of its IMU profile; default: the product's.
+    #: Its serial number, for a unit that cannot report one.
+    serial_number: str | None = Field(default=None, pattern=r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+
+
+class HandoverSection(StrictModel):
+    """`[handover]` of a station: the existing folder, relative to the station file, that receives results."""
+
+    folder: str = Field(min_length=1)
+
+
+class LabelSection(StrictModel):
+    """`[label]` of a station: its label printer, ``tcp://host:port``."""
+
+    printer: str
+
+    @field_validator("printer")
+    @classmethod
+    def _address(cls, printer: str) -> str:
+        if not printer.startswith("tcp://") or host_and_port(printer) is None:
+            raise EntryError("station.not_an_address", port=printer, scheme="tcp")
+        return printer
+
+
+class StationSite(SiteSection):
+    """`[site]` of a station: its location, and the computers on which it was confirmed."""
+
+    #: Confirmation keys, see `calstation.config.site_check.confirmation_key`.
+    confirmed_on: list[str] = Field(default_factory=list)
+
+    @property
+    def place(self) -> SiteSection:
+        """Only the location."""
+        return SiteSection.model_validate(self.model_dump(exclude={"confirmed_on"}))
+
+
+class SignInSection(StrictModel):
+    """`[sign_in]` of a station: every run needs the badge of its operator."""
+
+    badge_pattern: Pattern  #: Regular expression for the whole badge.
+    #: Names by badge; if there are any, other badges are refused.
+    names: dict[str, Annotated[str, Field(min_length=1)]] = Field(default_factory=dict)
+    #: Badges of the engineers, who release failed units and confirm for one another, each with a personal PIN.
+    engineers: list[str] = Field(default_factory=list)
+    idle_minutes: float | None = Field(default=None, gt=0)  #: Idle time after which the window signs the operator out.
+
+    @model_validator(mode="after")
+    def _badges(self) -> "SignInSection":
+        for badge in self.names:
+            if not self.is_badge(badge):
+                raise EntryError("station.badge_unlike", "names", badge=badge, pattern=self.badge_pattern)
+        for badge in self.engineers:
+            if not self.is_badge(badge):
+                raise EntryError("station.badge_unlike", "engineers", badge=badge, pattern=self.badge_pattern)
+            if self.names and badge not in self.names:
+                raise EntryError("station.engineer_unnamed", "engineers", badge=badge)
+        return self
+
+    def is_badge(self, text: str) -> bool:
+        """Return whether a text has the form of a badge."""
+        return re.fullmatch(self.badge_pattern, text) is not None
+
+    def operator(self, badge: str | None) -> str:
+        """Return the name of the operator with a badge, or the badge if the station lists no names.
+
+        Raises ConfigurationError if the badge is missing or not accepted.
+        """
+        if not badge:
+            raise ConfigurationError("station.badge_missing")
+        if badge not in self.names and (self.names or not self.is_badge(badge)):
+            raise ConfigurationError("station.badge_unknown", badge=badge)
+        return self.names.get(badge, badge)
+
+
+class SigningSection(StrictModel):
+    """`[report.signing]` of a station: the site's certificate for signatures."""
+
+    #: PKCS #12 file, relative to the station file; its password is in the environment or in the keyring.
+    certificate: str = Field(min_length=1)
+
+
+class ReportSection(StrictModel):
+    """`[report]` of a station: language and templates of its reports, and the folder of automatic ones."""
+
+    #: Existing folder, relative to the station file, for automatic reports of all verdicts; None for no such reports.
+    folder: str | None = Field(default=None, min_length=1)
+    #: None for English, or for the window's language if the window issues the report.
+    language: Literal["en", "zh"] | None = None
+    #: Folder with the site's own templates, relative to the station file; default: ``reports`` in the site's folder.
+    template: str | None = Field(default=None, min_length=1)
+    signing: SigningSection | None = None  #: None for reports without signatures.
+
+
+def missing_report_places(section: ReportSection, station: Path) -> Iterator[EntryError]:
+    """Yield errors for missing files and folders in `[report]` of the station file `station`, which prevent reports.
+
+    The files may be on a share that is currently not mounted, so reading a station file does not check this.
+    """
+    beside = station.absolute().parent
+    for entry in ("folder", "template"):
+        name = getattr(section, entry)
+        if name is not None and not (path := beside / Path(name).expanduser()).is_dir():
+            yield EntryError("station.no_report_place", "report", entry, path=path)
+    if section.signing is not None and not (path := beside / Path(section.signing.certificate).expanduser()).is_file():
+        yield EntryError("station.no_report_place", "report", "signing", "certificate", path=path)
+
+
+class RecordsSection(StrictModel):
+    """`[records]` of a station; without it, records stay on the computer."""
+
+    #: ``postgresql+psycopg://USER@HOST/NAME`` or ``sqlite:////PATH``, without a password.
+    database: str | None = None
+    #: Folder or URL for copies of the logs, e.g. ``/mnt/share/logs`` or ``s3://bucket/prefix``, without credentials.
+    archive: str | None = Field(default=None, min_length=1)
+
+    @field_validator("database")
+    @classmethod
+    def _database(cls, url: str | None) -> str | None:
+        if url is not None:
+            check_database_url(url)
+        return url
+
+    @field_validator("archive")
+    @classmethod
+    def _archive(cls, url: str | None) -> str | None:
+        if url is not None and has_password(url):
+            raise EntryError("database.password_in_archive")
+        return url
+
+
+def check_database_url(url: str) -> None:
+    """Raise EntryError for an unsupported URL, or one with a password; the error does not contain the URL."""
+    scheme, separator, _ = url.partition("://")
+    if not separator:
+        raise EntryError("database.no_url")
+    if scheme not in _SCHEMES:
+        raise EntryError("database.other_kind", kind=scheme)
+    if has_password(url):
+        raise EntryError("database.password_in_url")
+
+
+def has_password(url: str) -> bool:
+    """Return whether a URL contains a password or another credential; False for a path."""
+    rest = url.partition("://")[2]
+    return bool(_PASSWORD.match(rest) or _SECRET.search(unquote(rest)))
