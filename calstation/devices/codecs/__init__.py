@@ -22,5 +22,5 @@ from calstation.devices.codecs.frame_checks import (
     check_function,
     parametric_crc,
 )
-from calstation.devices.codecs.numbers import ByteOrder, Number, NumberName, WordOrder, check_code, check_orders, number
+from calstation.devices.codecs.numbers import ByteOrder, Number, NumberName, WordOrder, is_code, number, order_error
 from calstation.devices.codecs.packets import PacketKind, Reply, ReplyKind, quoted, quoted_text, register_text

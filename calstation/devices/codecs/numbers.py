@@ -146,13 +146,14 @@ def number(name: str) -> Number:
     raise EntryError("profile.unknown_type", value=name)
 
 
-def check_orders(name: str, word_order: WordOrder | None) -> None:
-    """Check that a number type can have this word order; raises EntryError."""
+def order_error(name: str, word_order: WordOrder | None) -> EntryError | None:
+    """Return the error of a number type that cannot have this word order; None if it can."""
     kind = number(name)
     if word_order == "fraction_first" and (kind.fraction == 0 or kind.fraction % 8):
-        raise EntryError("profile.fraction_first", "word_order", type=name)
+        return EntryError("profile.fraction_first", "word_order", type=name)
     if word_order in ("little", "big") and kind.width % 2:
-        raise EntryError("profile.no_words", "word_order", type=name)
+        return EntryError("profile.no_words", "word_order", type=name)
+    return None
 
 
 def _known(name: str) -> str:
@@ -164,7 +165,6 @@ def _known(name: str) -> str:
 NumberName = Annotated[str, AfterValidator(_known)]
 
 
-def check_code(code: str) -> None:
-    """Check that a device code in a profile is a decimal number in ASCII digits; raises EntryError."""
-    if not (code.isascii() and code.isdecimal() and code == str(int(code))):
-        raise EntryError("profile.not_a_code")
+def is_code(code: str) -> bool:
+    """Return whether a device code in a profile is a decimal number in ASCII digits without leading zeros."""
+    return code.isascii() and code.isdecimal() and code == str(int(code))

@@ -1,21 +1,116 @@
-"""Entry types and a section that several profiles contain."""
+"""Entry types and rules that several profiles have in common."""
 
-from typing import Annotated, Literal, TypeVar
+from collections.abc import Callable, Iterable, Iterator
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from calstation.schema import EntryError, StrictModel
 
 LAST_ADDRESS = 0xFFFF
 
 T = TypeVar("T")
+M = TypeVar("M", bound=StrictModel)
+
+#: The result of a rule: an error, or several, or nothing if the section obeys the rule.
+Errors = EntryError | Iterable[EntryError] | Literal[False] | None
+Rule = Callable[[M], Errors]
+Rules = tuple[Rule[M], ...]
 
 
-def require(value: T, is_valid: object, code: str) -> T:
-    """Return a value, or raise EntryError with a code if it is not valid."""
+def as_errors(errors: Errors) -> Iterable[EntryError]:
+    """Return the errors in the result of a rule."""
+    return [errors] if isinstance(errors, EntryError) else errors or ()
+
+
+def violations(section: M, rules: Rules[M]) -> Iterator[EntryError]:
+    """Yield the errors of a section; a rule is applied only if the section obeys all rules before it."""
+    return (error for rule in rules for error in as_errors(rule(section)))
+
+
+def check(section: M, rules: Rules[M]) -> M:
+    """Return a section that obeys some rules; raises the first EntryError."""
+    for error in violations(section, rules):
+        raise error
+    return section
+
+
+class ProfileSection(StrictModel):
+    """A section of a profile, whose entries must obey `rules`."""
+
+    rules: ClassVar[Rules[Any]] = ()
+
+    @model_validator(mode="after")
+    def _check_rules(self) -> Self:
+        return check(self, self.rules)
+
+
+def only_if(applies: Callable[[Any], bool], *rules: Rule[Any]) -> Rules[Any]:
+    """Return rules that hold only for the sections to which they apply."""
+    return tuple(lambda section, rule=rule: applies(section) and rule(section) for rule in rules)
+
+
+def each(name: str, *rules: Rule[Any]) -> Rule[Any]:
+    """Return the rule that every element of an entry obeys some rules."""
+    return each_item(name, lambda section, key, element: violations(element, rules))
+
+
+def each_item(name: str, rule: Callable[[Any, Any, Any], Errors]) -> Rule[Any]:
+    """Return the rule that every element of an entry obeys a rule of section, element number or key, and element."""
+
+    def of_elements(section: StrictModel) -> Iterator[EntryError]:
+        elements = getattr(section, name)
+        for key, element in elements.items() if isinstance(elements, dict) else enumerate(elements):
+            yield from (within(error, name, key) for error in as_errors(rule(section, key, element)))
+
+    return of_elements
+
+
+def needs(owner: str, *names: str) -> Rule[Any]:
+    """Return the rule that a section has these entries; `owner` is formatted with the section."""
+    return lambda section: (
+        EntryError("profile.needed_by", name, owner=owner.format(section))
+        for name in names
+        if not is_given(section, name)
+    )
+
+
+def excludes(other: str, *names: str) -> Rule[Any]:
+    """Return the rule that a section has none of these entries beside `other`, which is formatted with the section."""
+    return lambda section: (
+        EntryError("profile.not_with", name, other=other.format(section)) for name in names if is_given(section, name)
+    )
+
+
+def only_with(owner: str, *names: str) -> Rule[Any]:
+    """Return the rule that a section has none of these entries, because they belong to `owner`."""
+    return lambda section: (
+        EntryError("profile.belongs_to", name, owner=owner) for name in names if is_given(section, name)
+    )
+
+
+def is_given(section: StrictModel, name: str) -> bool:
+    """Return whether an entry differs from its default."""
+    default = type(section).model_fields[name].get_default(call_default_factory=True)
+    return bool(getattr(section, name) != default)
+
+
+def within(error: EntryError, *prefix: str | int) -> EntryError:
+    """Return the error of a section at the key path `prefix`."""
+    return EntryError(error.code, *prefix, *error.place, **error.values)
+
+
+def require(value: T, is_valid: object, code: str, **values: Any) -> T:
+    """Return a value, or raise EntryError with a code and further values if it is not valid."""
     if not is_valid:
-        raise EntryError(code, value=value)
+        raise EntryError(code, value=value, **values)
     return value
+
+
+def one_of(kinds: Iterable[str]) -> AfterValidator:
+    """Return the validator of a name of a checksum."""
+    names = list(kinds)
+    return AfterValidator(lambda kind: require(kind, kind in names, "profile.unknown_check", names=names))
 
 
 def hex_bytes(text: str) -> bytes:

@@ -3,26 +3,42 @@
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from itertools import combinations, pairwise
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from calstation.devices.codecs import (
     CHECK_WIDTHS,
     ByteOrder,
     CheckFunction,
+    Number,
     NumberName,
     WordOrder,
     check_function,
-    check_orders,
     number,
+    order_error,
     parametric_crc,
 )
-from calstation.devices.profiles.entries import HexText, Scale, hex_bytes
+from calstation.devices.profiles.entries import (
+    HexText,
+    ProfileSection,
+    Rules,
+    Scale,
+    check,
+    each,
+    each_item,
+    excludes,
+    hex_bytes,
+    is_given,
+    needs,
+    one_of,
+    only_if,
+    only_with,
+)
 from calstation.messages import Text
 from calstation.physics import FloatArray
-from calstation.schema import EntryError, StrictModel, entry, near_miss
+from calstation.schema import EntryError, StrictModel, near_miss
 
 LARGEST_FRAME = 65_536
 
@@ -33,7 +49,7 @@ STATUS_WORDS = ("status", "status2", "status3")
 FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
 
 
-class FrameField(StrictModel):
+class FrameField(ProfileSection):
     """A number in the frame: value = raw × scale + offset; "spare" bytes are skipped.
 
     at : first byte in the frame or item, or column in a text frame; directly after the previous field if absent
@@ -56,10 +72,7 @@ class FrameField(StrictModel):
     prefix: str = ""
     base: Literal[10, 16] = 10
 
-    @model_validator(mode="after")
-    def _orders(self) -> "FrameField":
-        check_orders(self.type, self.word_order)
-        return self
+    rules: ClassVar[Rules["FrameField"]] = (lambda f: order_error(f.type, f.word_order),)
 
     @property
     def width(self) -> int:
@@ -72,11 +85,21 @@ class FrameField(StrictModel):
         return number(self.type).kind == "f"
 
     @property
+    def counts_samples(self) -> bool:
+        """Whether the type suits a counter: unsigned, or floating-point seconds with `per_sample`."""
+        return is_given(self, "per_sample") if self.is_float else number(self.type) == Number("u", self.width)
+
+    def fits_word(self, width: int) -> bool:
+        """Return whether a status word is an integer of at most `width` bytes; True for any other field."""
+        return self.name not in STATUS_WORDS or (number(self.type).whole and self.width <= width)
+
+    @property
     def is_spare(self) -> bool:
+        """Whether the field has no meaning."""
         return self.name.startswith("spare")
 
 
-class CrcSection(StrictModel):
+class CrcSection(ProfileSection):
     """The checksum of a frame, computed over all bytes from `start` up to the checksum.
 
     kind : name of a checksum in `frame_checks`, or "crc" with the parameters below (Rocksoft model)
@@ -84,7 +107,7 @@ class CrcSection(StrictModel):
     byte_order : order of the checksum itself, by default the frame's; in a text frame the checksum is hexadecimal
     """
 
-    kind: str
+    kind: Annotated[str, one_of([*CHECK_WIDTHS, "crc"])]
     start: int = Field(ge=0)
     pad: int = Field(default=0, ge=0, le=64)
     byte_order: ByteOrder | None = None
@@ -95,26 +118,18 @@ class CrcSection(StrictModel):
     reflect_out: bool = False
     final_xor: int = Field(default=0, ge=0, lt=1 << 32)
 
-    @field_validator("kind")
-    @classmethod
-    def _known(cls, kind: str) -> str:
-        if kind != "crc" and kind not in CHECK_WIDTHS:
-            raise EntryError("profile.unknown_check", value=kind, names=[*CHECK_WIDTHS, "crc"])
-        return kind
-
-    @model_validator(mode="after")
-    def _parameters(self) -> "CrcSection":
-        if self.kind != "crc":
-            fixed = {"kind", "start", "pad", "byte_order"}
-            for name in sorted(self.model_fields_set - fixed):
-                raise EntryError("profile.belongs_to", name, owner='kind = "crc"')
-            return self
-        if not self.width or not self.polynomial:
-            raise EntryError("profile.needed_by", "polynomial" if self.width else "width", owner='kind = "crc"')
-        for name in ("polynomial", "initial", "final_xor"):
-            if getattr(self, name) >> self.width:
-                raise EntryError("profile.too_many_bits", name, value=getattr(self, name), bits=self.width)
-        return self
+    rules: ClassVar[Rules["CrcSection"]] = (
+        *only_if(
+            lambda crc: crc.kind != "crc",
+            only_with('kind = "crc"', "final_xor", "initial", "polynomial", "reflect_in", "reflect_out", "width"),
+        ),
+        *only_if(lambda crc: crc.kind == "crc", needs('kind = "crc"', "width", "polynomial")),
+        lambda crc: (
+            EntryError("profile.too_many_bits", name, value=getattr(crc, name), bits=crc.width)
+            for name in ("polynomial", "initial", "final_xor")
+            if crc.width and getattr(crc, name) >> crc.width
+        ),
+    )
 
     @property
     def size(self) -> int:
@@ -161,6 +176,7 @@ class ItemSection(StrictModel):
 
     @property
     def header(self) -> int:
+        """Size of id and length in bytes."""
         return number(self.id).width + number(self.length).width
 
 
@@ -171,7 +187,7 @@ class IdSection(StrictModel):
     value: HexText
 
 
-class FrameSection(StrictModel):
+class FrameSection(ProfileSection):
     """`[frame]`: sync, fields and checksum of a frame, and the optional parts of its header.
 
     sync : first bytes in hexadecimal; in a text frame, its first characters
@@ -205,6 +221,7 @@ class FrameSection(StrictModel):
 
     @property
     def sync_bytes(self) -> bytes:
+        """First bytes of every frame."""
         return self.sync.encode("ascii") if self.format == "text" else hex_bytes(self.sync)
 
     @property
@@ -226,6 +243,7 @@ class FrameSection(StrictModel):
         return np.inf if counter.is_float else 2.0 ** (8 * counter.width) / counter.per_sample
 
     def field(self, name: str) -> FrameField | None:
+        """Return the field with a name; None if there is none."""
         return next((f for f in self.fields if f.name == name), None)
 
     def named(self, name: str) -> FrameField:
@@ -258,6 +276,19 @@ class FrameSection(StrictModel):
                 ends_of[f.item or ""] = max(end, ends_of.get(f.item or "", 0))
         return self.items.at + sum(self.items.header + end for end in ends_of.values()) + trailer
 
+    @property
+    def end(self) -> int:
+        """Index of the first byte after the fields of the shortest frame."""
+        return self.min_size() - self.crc.size - len(self.tail_bytes)
+
+    @property
+    def longest(self) -> float:
+        """Largest size in bytes that the length of the frame can state; infinite without a length."""
+        if self.length is None:
+            return np.inf
+        stated = (1 << 8 * number(self.length.extended or self.length.type).width) - 1
+        return min(stated + self.length.adds, self.max_size)
+
     def _header(self) -> dict[str, tuple[int, int]]:
         """Return the byte ranges [first, last + 1) of sync, length and id."""
         ranges = {"sync": (0, len(self.sync_bytes))}
@@ -267,117 +298,126 @@ class FrameSection(StrictModel):
             ranges["id"] = (self.id.at, self.id.at + len(hex_bytes(self.id.value)))
         return ranges
 
-    @model_validator(mode="after")
-    def _consistent(self) -> "FrameSection":
-        names = [f.name for f in self.fields]
-        for i, name in enumerate(names):
-            if name in names[:i]:
-                raise EntryError("profile.field_twice", "fields", i, name=name)
-        if self.format == "text":
-            self._check_text()
-            return self
-        if "byte_order" not in self.model_fields_set:
-            raise EntryError("entry.missing", "byte_order")
-        self._refuse_in_fields("profile.belongs_to", "prefix", "base", owner='format = "text"')
-        self._check_header()
-        if self.items is not None:
-            self._check_items(self.items)
-        else:
-            self._check_plain()
-        return self
-
-    def _check_text(self) -> None:
-        for name in ("length", "items", "id"):
-            if getattr(self, name) is not None:
-                raise EntryError("profile.not_with", name, other='format = "text"')
-        if not self.tail_bytes:
-            raise EntryError("profile.text_without_end", "tail")
-        if self.crc.start > len(self.sync_bytes) + 1:
-            raise EntryError("profile.check_after_sync", "crc", "start", value=self.crc.start)
-        self._refuse_in_fields("profile.not_with", "item", "word_order", other='format = "text"')
-
-    def _refuse_in_fields(self, code: str, *names: str, **values: str) -> None:
-        """Raise EntryError with a code for the first field with one of these entries."""
-        for i, f in enumerate(self.fields):
-            for name in names:
-                if getattr(f, name) != FrameField.model_fields[name].default:
-                    raise EntryError(code, "fields", i, name, **values)
-
-    def _check_header(self) -> None:
-        """Check that sync, length and id do not overlap, and that the checksum is within the frame."""
-        for (a, at), (b, other) in combinations(self._header().items(), 2):
-            if at[0] < other[1] and other[0] < at[1]:
-                raise EntryError("profile.header_overlap", b, "at", other=a, first=at[0], last=at[1] - 1)
-        end = self.min_size() - self.crc.size - len(self.tail_bytes)
-        if self.crc.start >= end:
-            raise EntryError("profile.check_after_frame", "crc", "start", value=self.crc.start, last=end - 1)
-        if self.length is not None and self.items is None:
-            longest = (1 << 8 * number(self.length.extended or self.length.type).width) - 1 + self.length.adds
-            longest = min(longest, self.max_size)
-            if longest < self.min_size():
-                raise EntryError("profile.length_too_short", "length", longest=longest, needed=self.min_size())
-
-    def _check_items(self, items: ItemSection) -> None:
-        if self.length is None:
-            raise EntryError("profile.needed_by", "length", owner="items")
-        for i, f in enumerate(self.fields):
-            if f.item is None:
-                raise EntryError("profile.needed_by", "fields", i, "item", owner="items")
-            if len(hex_bytes(f.item)) != number(items.id).width:
-                raise EntryError("profile.item_id_size", "fields", i, "item", value=f.item)
-        if items.at < self.body:
-            raise EntryError("profile.items_in_header", "items", "at", value=items.at, last=self.body - 1)
-        ordered = sorted(self.positions(), key=lambda position: (position[0].item or "", position[1]))
-        for (first, _, end), (second, begin, _) in pairwise(ordered):
-            if first.item == second.item and begin < end:
-                at = ("fields", self.fields.index(second), "at")
-                raise EntryError("profile.fields_overlap", *at, other=first.name, byte=begin)
-
-    def _check_plain(self) -> None:
-        if self.length is not None and self.length.extended:
-            self._refuse_in_fields("profile.not_with", "at", other="length.extended")
-        self._refuse_in_fields("profile.belongs_to", "item", owner="items")
-        end = self.body
-        for i, (_, begin, stop) in enumerate(self.positions()):
-            if begin < end:
-                raise EntryError("profile.field_order", "fields", i, "at", value=begin, last=end - 1)
-            end = stop
-        if end + self.crc.size + len(self.tail_bytes) > self.max_size:
-            raise EntryError("profile.fields_too_long", "fields", size=end, limit=self.max_size)
+    rules: ClassVar[Rules["FrameSection"]] = (
+        each_item(
+            "fields", lambda s, i, f: s.field(f.name) is not f and EntryError("profile.field_twice", name=f.name)
+        ),
+        *only_if(
+            lambda s: s.format == "text",
+            excludes('format = "text"', "length", "items", "id"),
+            lambda s: not s.tail_bytes and EntryError("profile.text_without_end", "tail"),
+            lambda s: (
+                s.crc.start > len(s.sync_bytes) + 1
+                and EntryError("profile.check_after_sync", "crc", "start", value=s.crc.start)
+            ),
+            each("fields", excludes('format = "text"', "item", "word_order")),
+        ),
+        *only_if(
+            lambda s: s.format == "binary",
+            lambda s: "byte_order" not in s.model_fields_set and EntryError("entry.missing", "byte_order"),
+            each("fields", only_with('format = "text"', "prefix", "base")),
+            lambda s: (
+                EntryError("profile.header_overlap", b, "at", other=a, first=at[0], last=at[1] - 1)
+                for (a, at), (b, other) in combinations(s._header().items(), 2)
+                if at[0] < other[1] and other[0] < at[1]
+            ),
+            lambda s: (
+                s.crc.start >= s.end
+                and EntryError("profile.check_after_frame", "crc", "start", value=s.crc.start, last=s.end - 1)
+            ),
+        ),
+        *only_if(
+            lambda s: s.items is not None,
+            needs("items", "length"),
+            each("fields", needs("items", "item")),
+            each_item(
+                "fields",
+                lambda s, i, f: (
+                    len(hex_bytes(f.item)) != number(s.items.id).width
+                    and EntryError("profile.item_id_size", "item", value=f.item)
+                ),
+            ),
+            lambda s: (
+                s.items.at < s.body
+                and EntryError("profile.items_in_header", "items", "at", value=s.items.at, last=s.body - 1)
+            ),
+            lambda s: (
+                EntryError("profile.fields_overlap", "fields", s.fields.index(f), "at", other=a.name, byte=begin)
+                for (a, _, end), (f, begin, _) in pairwise(sorted(s.positions(), key=lambda at: (at[0].item, at[1])))
+                if a.item == f.item and begin < end
+            ),
+        ),
+        *only_if(
+            lambda s: s.format == "binary" and s.items is None,
+            lambda s: (
+                s.longest < s.min_size()
+                and EntryError("profile.length_too_short", "length", longest=s.longest, needed=s.min_size())
+            ),
+            *only_if(lambda s: s.length and s.length.extended, each("fields", excludes("length.extended", "at"))),
+            each("fields", only_with("items", "item")),
+            lambda s: (
+                EntryError("profile.field_order", "fields", i, "at", value=begin, last=end - 1)
+                for i, ((_, _, end), (_, begin, _)) in enumerate(pairwise([(None, 0, s.body), *s.positions()]))
+                if begin < end
+            ),
+            lambda s: (
+                s.min_size() > s.max_size
+                and EntryError("profile.fields_too_long", "fields", size=s.end, limit=s.max_size)
+            ),
+        ),
+    )
 
 
-def check_samples(frame: FrameSection) -> None:
-    """Check that a frame has the fields of a sample; raises EntryError."""
-    for i, f in enumerate(frame.fields):
-        if f.name not in FIELDS and not f.is_spare:
-            remedy = near_miss(f.name, FIELDS, Text("profile.call_it_spare"))
-            raise EntryError("entry.unknown_name", "fields", i, "name", name=f.name, remedy=remedy)
-    for name in ("counter", *CHANNELS):
-        if frame.field(name) is None:
-            raise EntryError("profile.field_missing", "fields", name=name)
-    words = sum(f.name in STATUS_WORDS for f in frame.fields)
-    for i, f in enumerate(frame.fields):
-        with entry("fields", i):
-            _check_field(f, words)
+def _unknown_name(f: FrameField) -> EntryError:
+    remedy = near_miss(f.name, FIELDS, Text("profile.call_it_spare"))
+    return EntryError("entry.unknown_name", "name", name=f.name, remedy=remedy)
 
 
-def _check_field(f: FrameField, words: int) -> None:
-    """Check that the keys of a field suit its meaning; `words` is the number of status words."""
-    is_counter, is_word = f.name == "counter", f.name in STATUS_WORDS
-    if f.reach is not None and f.name not in CHANNELS:
-        raise EntryError("profile.only_of_channels", "reach")
-    if f.per_sample != 1.0 and not is_counter:
-        raise EntryError("profile.only_of_counter", "per_sample")
-    if (is_counter or is_word) and (f.scale != 1.0 or f.offset != 0.0):
-        code = "profile.counter_scaled" if is_counter else "profile.status_scaled"
-        raise EntryError(code, "scale" if f.scale != 1.0 else "offset")
-    kind = number(f.type)
-    if is_counter and (kind.kind == "i" or kind.fraction or (kind.kind == "f" and f.per_sample == 1.0)):
-        raise EntryError("profile.counter_type", "type", value=f.type)
-    if is_word and words > 1 and (not kind.whole or f.width > 2):
-        raise EntryError("profile.status_word_type", "type", value=f.type)
-    if is_word and not kind.whole:
-        raise EntryError("profile.status_type", "type", value=f.type)
+#: Rules of a frame with the fields of a sample.
+SAMPLE_RULES: Rules[FrameSection] = (
+    each("fields", lambda f: f.name not in FIELDS and not f.is_spare and _unknown_name(f)),
+    lambda s: (
+        EntryError("profile.field_missing", "fields", name=name)
+        for name in ("counter", *CHANNELS)
+        if s.field(name) is None
+    ),
+    each(
+        "fields",
+        *only_if(
+            lambda f: f.name not in CHANNELS,
+            lambda f: is_given(f, "reach") and EntryError("profile.only_of_channels", "reach"),
+        ),
+        *only_if(
+            lambda f: f.name != "counter",
+            lambda f: is_given(f, "per_sample") and EntryError("profile.only_of_counter", "per_sample"),
+        ),
+        *only_if(
+            lambda f: f.name == "counter",
+            lambda f: is_given(f, "scale") and EntryError("profile.counter_scaled", "scale"),
+            lambda f: is_given(f, "offset") and EntryError("profile.counter_scaled", "offset"),
+            lambda f: not f.counts_samples and EntryError("profile.counter_type", "type", value=f.type),
+        ),
+        *only_if(
+            lambda f: f.name in STATUS_WORDS,
+            lambda f: is_given(f, "scale") and EntryError("profile.status_scaled", "scale"),
+            lambda f: is_given(f, "offset") and EntryError("profile.status_scaled", "offset"),
+        ),
+    ),
+    *only_if(
+        lambda s: sum(f.name in STATUS_WORDS for f in s.fields) > 1,
+        each("fields", lambda f: not f.fits_word(2) and EntryError("profile.status_word_type", "type", value=f.type)),
+    ),
+    each("fields", lambda f: not f.fits_word(8) and EntryError("profile.status_type", "type", value=f.type)),
+)
+
+
+def check_samples(frame: FrameSection) -> FrameSection:
+    """Return a frame that has the fields of a sample; raises EntryError."""
+    return check(frame, SAMPLE_RULES)
+
+
+#: A frame with the fields of a sample.
+SampleFrame = Annotated[FrameSection, AfterValidator(check_samples)]
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,31 @@
 """IMU profiles (`data/imus`): stream frame, commands, register map, noise and priors, validated as a whole."""
 
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field, create_model, field_validator, model_validator
 
 from calstation.devices.codecs import number
-from calstation.devices.profiles.entries import ModelName, SerialSettings
-from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, FrameSection, check_samples, span
+from calstation.devices.profiles.entries import (
+    ModelName,
+    ProfileSection,
+    Rules,
+    SerialSettings,
+    excludes,
+    needs,
+    only_if,
+    violations,
+    within,
+)
+from calstation.devices.profiles.frame import CHANNELS, SAMPLE_RULES, STATUS_WORDS, FrameSection, SampleFrame, span
 from calstation.devices.profiles.imu_protocols import PROTOCOLS, ImuProtocol
 from calstation.devices.profiles.imu_sections import CorrectedSection, NoiseSection, StatusSection, StreamSection
-from calstation.devices.profiles.registers import RegisterEntry, check_registers
+from calstation.devices.profiles.registers import REGISTER_RULES, RegisterEntry
 from calstation.physics import GROUPS, NAMES, PARAMETERS, EffectName, FloatArray, entry_of
-from calstation.schema import EntryError, KeyPath, StrictModel, entry, load_once, near_miss
+from calstation.schema import EntryError, KeyPath, StrictModel, load_once, near_miss
 
 P = TypeVar("P", bound=ImuProtocol)
 
@@ -25,6 +36,10 @@ SHORTEST_WRAP = 0.1
 
 #: Default changes of a parameter over a power-up and over a year, in prior sigmas.
 _POWER_UP, _YEAR = 0.01, 0.1
+
+
+#: The entry that selects the protocol, as it is written in messages.
+_PROTOCOL = 'protocol = "{0.protocol}"'
 
 
 class PriorSigma(StrictModel):
@@ -46,13 +61,13 @@ class Stability(StrictModel):
 
 if TYPE_CHECKING:
 
-    class _ProtocolSections(StrictModel):
+    class _ProtocolSections(ProfileSection):
         protocol: str
 
-else:  # the sections are fields, so that errors name them as in the file
+else:  # the sections are fields so that errors name them as in the file
     _ProtocolSections = create_model(
         "_ProtocolSections",
-        __base__=StrictModel,
+        __base__=ProfileSection,
         protocol=(Literal["stream", *PROTOCOLS], "framed"),
         **{protocol.section: (protocol | None, None) for protocol in PROTOCOLS.values()},
     )
@@ -74,7 +89,7 @@ class ImuProfile(_ProtocolSections):
     model: ModelName
     link: SerialSettings
     stream: StreamSection
-    frame: FrameSection
+    frame: SampleFrame
     status: StatusSection = StatusSection()
     corrected: CorrectedSection | None = None
     flash_cycles_max: int | None = Field(default=None, ge=1)
@@ -84,12 +99,6 @@ class ImuProfile(_ProtocolSections):
     prior: dict[str, PriorSigma] = Field(default_factory=dict)
     stability: dict[str, Stability] = Field(default_factory=dict)
     states: list[EffectName] = Field(default_factory=list)
-
-    @field_validator("frame")
-    @classmethod
-    def _sample(cls, frame: FrameSection) -> FrameSection:
-        check_samples(frame)
-        return frame
 
     @field_validator("prior", "stability")
     @classmethod
@@ -122,60 +131,23 @@ class ImuProfile(_ProtocolSections):
     def _by_address(cls, registers: list[RegisterEntry]) -> list[RegisterEntry]:
         return sorted((r.at_row(i) for i, r in enumerate(registers)), key=lambda r: r.key)
 
-    @model_validator(mode="after")
-    def _whole(self) -> "ImuProfile":
-        owner = f'protocol = "{self.protocol}"'
-        for name, protocol in PROTOCOLS.items():
-            present = getattr(self, protocol.section) is not None
-            if self.protocol == name and not present:
-                raise EntryError("profile.needed_by", protocol.section, owner=owner)
-            if self.protocol != name and present:
-                raise EntryError("profile.not_with", protocol.section, other=owner)
-        commands = self.protocol_section
-        if commands is None and self.registers:
-            raise EntryError("profile.not_with", "registers", other=owner)
-        if self.corrected is not None:
-            self._check_corrected(self.corrected, owner)
-        for key_path, frame in self.frames.items():
-            self._check_frame(frame, *key_path)
-        if commands is not None:
-            commands.check_profile(self)
-        pages = commands is not None and commands.has_pages
-        check_registers(self.registers, self.prior_sigmas(), self.without_register, pages=pages)
-        return self
-
-    def _check_corrected(self, section: CorrectedSection, owner: str) -> None:
-        commands = self.protocol_section
-        if self.stream.order == "after_registers":
-            raise EntryError("profile.not_with", "corrected", other='stream.order = "after_registers"')
-        if commands is None:
-            raise EntryError("profile.not_with", "corrected", other=owner)
-        given = {name for name in ("stream", "start") if getattr(section, name) not in (None, [])}
-        if commands.corrected_entry not in given:
-            raise EntryError("profile.needed_by", "corrected", commands.corrected_entry, owner=owner)
-        for name in given - {commands.corrected_entry}:
-            raise EntryError("profile.not_with", "corrected", name, other=owner)
-        if section.stream is not None:
-            raw = commands.raw_stream
-            if raw is None:
-                raise EntryError("profile.needed_by", commands.section, "stream", owner="corrected.stream")
-            if section.stream in raw:
-                raise EntryError("profile.stream_value_of_raw", "corrected", "stream", value=section.stream)
-        if section.frame is not None:
-            with entry("corrected", "frame"):
-                check_samples(section.frame)
-
-    def _check_frame(self, frame: FrameSection, *key_path: str) -> None:
-        """Check status bits, baud rate and counter of a frame."""
-        rate, name = self.stream.sample_rate_hz, ".".join(key_path)
-        check_status(self.status, frame, name)
-        if "baud" in self.link.model_fields_set:
-            check_baud(self.link, frame, rate, name)
-        seconds = frame.counter_period / rate
-        if seconds < SHORTEST_WRAP:
-            counter = frame.named("counter")
-            at: KeyPath = (*key_path, "fields", frame.fields.index(counter), "type")
-            raise EntryError("profile.counter_too_short", *at, type=counter.type, seconds=seconds, rate=rate)
+    rules: ClassVar[Rules["ImuProfile"]] = (
+        lambda p: (
+            error
+            for name, protocol in PROTOCOLS.items()
+            for rule in [needs if name == p.protocol else excludes]
+            for error in violations(p, (rule(_PROTOCOL, protocol.section),))
+        ),
+        *only_if(lambda p: not p.has_commands, excludes(_PROTOCOL, "registers")),
+        *only_if(
+            lambda p: p.stream.order == "after_registers", excludes('stream.order = "after_registers"', "corrected")
+        ),
+        *only_if(lambda p: not p.has_commands, excludes(_PROTOCOL, "corrected")),
+        *only_if(lambda p: p.corrected is not None, lambda p: _corrected_errors(p, p.corrected, p.protocol_section)),
+        lambda p: (error for at, frame in p.frames.items() for error in _frame_errors(p, frame, at)),
+        lambda p: p.protocol_section is not None and violations(p, p.protocol_section.profile_rules),
+        *REGISTER_RULES,
+    )
 
     @property
     def frames(self) -> dict[tuple[str, ...], FrameSection]:
@@ -241,17 +213,39 @@ class ImuProfile(_ProtocolSections):
         return np.array(changes)
 
 
-def check_status(status: StatusSection, frame: FrameSection, name: str) -> None:
-    """Check that the frame `name` contains the bits of the status masks, and that no bit has two meanings."""
+def _corrected_errors(profile: ImuProfile, section: CorrectedSection, commands: ImuProtocol) -> Iterator[EntryError]:
+    """Yield the errors of the entry that starts the corrected stream."""
+    for name in sorted(("stream", "start"), key=lambda name: name != commands.corrected_entry):
+        rule = needs if name == commands.corrected_entry else excludes
+        owner = _PROTOCOL.format(profile)
+        yield from (within(error, "corrected") for error in violations(section, (rule(owner, name),)))
+    if section.stream is not None:
+        raw = commands.raw_stream
+        if raw is None:
+            yield EntryError("profile.needed_by", commands.section, "stream", owner="corrected.stream")
+        elif section.stream in raw:
+            yield EntryError("profile.stream_value_of_raw", "corrected", "stream", value=section.stream)
+    if section.frame is not None:
+        yield from (within(error, "corrected", "frame") for error in violations(section.frame, SAMPLE_RULES))
+
+
+def _frame_errors(profile: ImuProfile, frame: FrameSection, key_path: KeyPath) -> Iterator[EntryError]:
+    """Yield the errors of the status masks, the baud rate and the counter for a frame."""
+    name, status, rate = ".".join(map(str, key_path)), profile.status, profile.stream.sample_rate_hz
     words = [(i, frame.field(word)) for i, word in enumerate(STATUS_WORDS)]
     present = sum(((1 << 8 * f.width) - 1) << 16 * i for i, f in words if f is not None)
-    masks = {"ready": status.ready, "saturated": status.saturated, "failed": status.failed}
-    for key, mask in masks.items():
+    for key, mask in status:
         if mask & ~present:
-            raise EntryError("profile.mask_outside_frame", "status", key, value=mask, frame=name)
+            yield EntryError("profile.mask_outside_frame", "status", key, value=mask, frame=name)
     for key in ("saturated", "failed"):
-        if masks["ready"] & masks[key]:
-            raise EntryError("profile.mask_of_ready", "status", key)
+        if status.ready & getattr(status, key):
+            yield EntryError("profile.mask_of_ready", "status", key)
+    if "baud" in profile.link.model_fields_set:
+        check_baud(profile.link, frame, rate, name)
+    counter, seconds = frame.named("counter"), frame.counter_period / rate
+    if seconds < SHORTEST_WRAP:
+        at = (*key_path, "fields", frame.fields.index(counter), "type")
+        yield EntryError("profile.counter_too_short", *at, type=counter.type, seconds=seconds, rate=rate)
 
 
 def check_baud(settings: SerialSettings, frame: FrameSection, rate: float, name: str = "frame") -> None:

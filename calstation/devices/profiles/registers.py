@@ -1,9 +1,9 @@
 """The register map of a profile (`[[registers]]`), validated as a whole: names, overlaps, ranges, completeness."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from itertools import pairwise
-from typing import Literal
+from itertools import combinations, pairwise
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field, PrivateAttr
 
@@ -14,17 +14,20 @@ from calstation.devices.codecs import (
     Convention,
     NumberName,
     WordOrder,
-    check_orders,
     legal_range,
     matrix_slots,
     number,
     offset_slots,
+    order_error,
     parameter_of,
 )
-from calstation.devices.profiles.entries import LAST_ADDRESS, Address, Scale
+from calstation.devices.profiles.entries import LAST_ADDRESS, Address, ProfileSection, Rules, Scale, within
 from calstation.messages import Text
 from calstation.physics import AXES, EFFECT_PARAMETERS, EFFECT_STATES, GROUPS, NAMES, PARAMETERS
-from calstation.schema import EntryError, StrictModel, entry, field_name, near_miss
+from calstation.schema import EntryError, field_name, near_miss
+
+if TYPE_CHECKING:
+    from calstation.devices.profiles.imu import ImuProfile
 
 #: Number of standard deviations of its prior for which a parameter must fit its register.
 _MAX_SIGMAS = 3.0
@@ -48,7 +51,7 @@ _ALL = {a + b for a in AXES for b in AXES}
 _MATRICES = (_ALL, {pair for pair in _ALL if pair[0] >= pair[1]}, {axis + axis for axis in AXES})
 
 
-class RegisterEntry(StrictModel):
+class RegisterEntry(ProfileSection):
     """Consecutive calibration registers; SI value = number in the register × scale.
 
     address : address of the first register; page : page to select before access, if the unit has pages
@@ -100,9 +103,11 @@ class RegisterEntry(StrictModel):
 
     @property
     def end(self) -> int:
+        """Address after the last register."""
         return self.address + max(1, self.span * len(self.names))
 
     def address_of(self, index: int) -> int:
+        """Return the address of a number by its index in the entry."""
         return self.address + self.span * index
 
     @property
@@ -117,6 +122,7 @@ class RegisterEntry(StrictModel):
 
     @property
     def effective_convention(self) -> Convention:
+        """The convention of matrix and offset, by default that of `Convention`."""
         return self.convention or Convention()
 
     @property
@@ -136,133 +142,146 @@ class RegisterEntry(StrictModel):
         addresses = f"{self.address}" if last == self.address else f"{self.address}-{last}"
         return Text.of("profile.at_page", addresses=addresses, page=self.page) if self.page else addresses
 
+    rules: ClassVar[Rules["RegisterEntry"]] = (
+        lambda register: (
+            EntryError("entry.unknown_parameter", "parameters", i, name=name, remedy=near_miss(name, _KNOWN))
+            for i, name in enumerate(register.parameters)
+            if name and name not in _KNOWN
+        ),
+        lambda register: order_error(register.type, register.word_order),
+        lambda register: (
+            EntryError("profile.range_order", "range", low=low, high=high)
+            for low, high in [register.range]
+            if low >= high
+        ),
+        lambda register: (
+            EntryError("profile.range_beyond_type", "range", low=low, high=high, least=least, most=most, **values)
+            for (low, high), (least, most) in [(register.range, register.bounds)]
+            for values in [{"type": register.type, "scale": register.scale}]
+            if low < least * (1 + 1e-6) - 1e-300 or high > most * (1 + 1e-6)
+        ),
+        lambda register: (
+            register.convention is not None
+            and not set(register.names) & set(SLOTS)
+            and EntryError("profile.convention_without_matrix", "convention")
+        ),
+        lambda register: (
+            register.end - 1 > LAST_ADDRESS
+            and EntryError("profile.past_last_address", "address", address=register.address, last=register.end - 1)
+        ),
+        lambda register: (
+            register.tolerance > _MAX_TOLERANCE * (register.range[1] - register.range[0])
+            and EntryError("profile.tolerance_too_large", "tolerance", value=register.tolerance)
+        ),
+    )
 
-def check_registers(
-    entries: Sequence[RegisterEntry], sigmas: Mapping[str, float], without: Sequence[str], *, pages: bool
-) -> None:
-    """Check a register map as a whole; raises EntryError for the first invalid entry.
-
-    sigmas : standard deviations of the parameters' priors, SI
-    without : parameters and groups that the profile declares to have no register
-    pages : whether the link can select pages
-    """
-    for register in entries:
-        with entry("registers", register.row):
-            _check_entry(register, sigmas, pages)
-    ordered = sorted(entries, key=lambda e: e.key)
-    for a, b in pairwise(ordered):
-        if a.page == b.page and b.address < a.end:
-            key_path = ("registers", b.row, "address")
-            other = field_name(("registers", a.row))
-            raise EntryError("profile.registers_overlap", *key_path, mine=b.label, other=other, at=a.label)
-    seen: dict[str, RegisterEntry] = {}
-    for register in ordered:
-        for name in filter(None, register.names):
-            if name in seen:
-                key_path = ("registers", register.row, "parameters")
-                raise EntryError("profile.parameter_twice", *key_path, name=name, other=seen[name].label)
-            seen[name] = register
-    for sensor in SENSORS:
-        _check_sensor(sensor, seen)
-    _check_missing(set(seen), without)
+    def contents(self) -> Iterator[tuple[str, int, str]]:
+        """Yield name, address and parameter of each number that belongs to a parameter."""
+        for i, name in enumerate(self.names):
+            if parameter := parameter_of(name):
+                yield name, self.address_of(i), parameter
 
 
-def _check_entry(register: RegisterEntry, sigmas: Mapping[str, float], pages: bool) -> None:
-    for i, name in enumerate(register.parameters):
-        if name and name not in _KNOWN:
-            remedy = near_miss(name, _KNOWN)
-            raise EntryError("entry.unknown_parameter", "parameters", i, name=name, remedy=remedy)
-    check_orders(register.type, register.word_order)
-    if register.page and not pages:
-        raise EntryError("profile.no_pages", "page")
-    low, high = register.range
-    if low >= high:
-        raise EntryError("profile.range_order", "range", low=low, high=high)
-    least, most = register.bounds
-    if low < least * (1 + 1e-6) - 1e-300 or high > most * (1 + 1e-6):
-        values = {"type": register.type, "scale": register.scale, "least": least, "most": most}
-        raise EntryError("profile.range_beyond_type", "range", low=low, high=high, **values)
-    if register.convention is not None and not set(register.names) & set(SLOTS):
-        raise EntryError("profile.convention_without_matrix", "convention")
-    if register.end - 1 > LAST_ADDRESS:
-        raise EntryError("profile.past_last_address", "address", address=register.address, last=register.end - 1)
-    if register.tolerance > _MAX_TOLERANCE * (high - low):
-        raise EntryError("profile.tolerance_too_large", "tolerance", value=register.tolerance)
+def _prior_errors(register: RegisterEntry, sigmas: Mapping[str, float]) -> Iterator[EntryError]:
+    """Yield the errors of a register that cannot represent its parameters within their priors, of these sigmas, SI."""
     legal = {name: _MAX_SIGMAS * sigma for name, sigma in sigmas.items()}
-    for i, name in enumerate(register.names):
-        parameter = parameter_of(name)
-        if parameter and parameter not in _EFFECTS:
-            _check_prior(register, parameter, sigmas)
+    low, high = register.range
+    for name, address, parameter in register.contents():
+        if parameter not in _EFFECTS and parameter not in sigmas:
+            group = PARAMETERS[NAMES.index(parameter)].group
+            yield EntryError("profile.no_prior", "parameters", name=parameter, group=group)
+        if parameter not in _EFFECTS and register.step > sigmas[parameter]:
+            values = {"step": register.step, "parameter": parameter, "sigma": sigmas[parameter]}
+            yield EntryError("profile.register_too_coarse", "scale", **values)
         if name in SLOTS:
             needed = legal_range(name, legal, register.effective_convention)
         else:
             needed = (-legal[name], legal[name]) if name in legal else None
         if needed is not None and (needed[0] < low or needed[1] > high):
-            least, most = needed
-            values = {"name": name, "address": register.address_of(i), "parameter": parameter}
-            raise EntryError("profile.range_too_narrow", "range", least=least, most=most, low=low, high=high, **values)
+            values = {"name": name, "address": address, "parameter": parameter, "least": needed[0], "most": needed[1]}
+            yield EntryError("profile.range_too_narrow", "range", low=low, high=high, **values)
 
 
-def _check_prior(register: RegisterEntry, parameter: str, sigmas: Mapping[str, float]) -> None:
-    if parameter not in sigmas:
-        group = PARAMETERS[NAMES.index(parameter)].group
-        raise EntryError("profile.no_prior", "parameters", name=parameter, group=group)
-    if register.step > sigmas[parameter]:
-        raise EntryError(
-            "profile.register_too_coarse", "scale", step=register.step, parameter=parameter, sigma=sigmas[parameter]
-        )
-
-
-def _check_sensor(sensor: str, seen: Mapping[str, RegisterEntry]) -> None:
-    """Check that a sensor's matrix can be inverted and that all its registers have the same convention."""
-    matrix = [slot for slot in matrix_slots(sensor) if slot in seen]
-    offset = [slot for slot in offset_slots(sensor) if slot in seen]
+def _sensor_errors(seen: Mapping[str, RegisterEntry], sensor: str) -> Iterator[EntryError]:
+    """Yield the errors of a matrix that cannot be inverted, and of registers with different conventions."""
+    matrix, offset = (
+        [slot for slot in slots if slot in seen] for slots in (matrix_slots(sensor), offset_slots(sensor))
+    )
     slots = matrix or offset
     if not slots:
         return
     key_path = ("registers", seen[slots[0]].row)
     parameters = {parameter_of(slot) for slot in matrix_slots(sensor) + offset_slots(sensor)}
-    direct = [name for name in NAMES if name in seen and name in parameters]
-    if direct:
-        raise EntryError("profile.parameter_and_matrix", *key_path, name=direct[0], slot=slots[0])
+    for name in NAMES:
+        if name in seen and name in parameters:
+            yield EntryError("profile.parameter_and_matrix", *key_path, name=name, slot=slots[0])
     for alike in (matrix, offset):
         for slot in alike[1:]:
             if seen[slot].effective_convention != seen[alike[0]].effective_convention:
-                raise EntryError("profile.two_conventions", *key_path, "convention", other=seen[slot].label)
+                yield EntryError("profile.two_conventions", *key_path, "convention", other=seen[slot].label)
     if matrix and offset:
-        _check_agreement(seen[matrix[0]], seen[offset[0]])
+        yield from _contradictions(seen[offset[0]], seen[matrix[0]], ("matrix", "identity", "negated"))
+        yield from _contradictions(seen[matrix[0]], seen[offset[0]], ("offset", "added"))
     pairs = {slot.rsplit("_", 1)[1] for slot in matrix}
     if pairs and pairs not in _MATRICES:
-        raise EntryError("profile.matrix_incomplete", *key_path, sensor=sensor, present=sorted(pairs))
+        yield EntryError("profile.matrix_incomplete", *key_path, sensor=sensor, present=sorted(pairs))
     if offset and len(offset) < 3:
-        raise EntryError("profile.offset_incomplete", *key_path, sensor=sensor)
+        yield EntryError("profile.offset_incomplete", *key_path, sensor=sensor)
 
 
-def _check_agreement(matrix: RegisterEntry, offset: RegisterEntry) -> None:
-    """Check that neither entry contradicts the part of the convention defined by the other entry."""
-    for register, other, fields in (
-        (offset, matrix, ("matrix", "identity", "negated")),
-        (matrix, offset, ("offset", "added")),
-    ):
-        stated = register.convention.model_fields_set if register.convention else set()
-        for name in fields:
-            value, its = (getattr(entry_.effective_convention, name) for entry_ in (register, other))
-            if name in stated and value != its:
-                key_path = ("registers", register.row, "convention", name)
-                raise EntryError("profile.convention_contradicts", *key_path, value=value, other=other.label, its=its)
+def _contradictions(register: RegisterEntry, other: RegisterEntry, fields: Sequence[str]) -> Iterator[EntryError]:
+    """Yield the errors of an entry that contradicts the fields of the convention defined by the other entry."""
+    stated = register.convention.model_fields_set if register.convention else set()
+    for name in fields:
+        value, its = (getattr(entry.effective_convention, name) for entry in (register, other))
+        if name in stated and value != its:
+            key_path = ("registers", register.row, "convention", name)
+            yield EntryError("profile.convention_contradicts", *key_path, value=value, other=other.label, its=its)
 
 
-def _check_missing(seen: set[str], without: Sequence[str]) -> None:
-    parameters = {parameter_of(name) for name in seen}
-    for i, name in enumerate(without):
-        if name not in NAMES and name not in GROUPS:
-            remedy = near_miss(name, NAMES + GROUPS)
-            raise EntryError("entry.unknown_parameter", "without_register", i, name=name, remedy=remedy)
-        inside = [p.name for p in PARAMETERS if name in (p.name, p.group) and p.name in parameters]
-        if inside:
-            raise EntryError("profile.has_register", "without_register", i, name=inside[0])
-    if not parameters:
-        return
-    for p in PARAMETERS:
-        if p.name not in parameters and p.group != _NEVER_IN_REGISTERS and not {p.name, p.group} & set(without):
-            raise EntryError("profile.parameter_without_register", "registers", name=p.name, group=p.group)
+def _by_name(profile: "ImuProfile") -> dict[str, RegisterEntry]:
+    return {name: register for register in profile.registers for name in register.names if name}
+
+
+#: Rules of the register map of a profile.
+REGISTER_RULES: Rules["ImuProfile"] = (
+    lambda profile: (
+        EntryError("profile.no_pages", "registers", register.row, "page")
+        for register in profile.registers
+        if register.page and not (profile.protocol_section and profile.protocol_section.has_pages)
+    ),
+    lambda profile: (
+        within(error, "registers", register.row)
+        for register in profile.registers
+        for error in _prior_errors(register, profile.prior_sigmas())
+    ),
+    lambda profile: (
+        EntryError("profile.registers_overlap", "registers", b.row, "address", mine=b.label, other=other, at=a.label)
+        for a, b in pairwise(profile.registers)
+        for other in [field_name(("registers", a.row))]
+        if a.page == b.page and b.address < a.end
+    ),
+    lambda profile: (
+        EntryError("profile.parameter_twice", "registers", b.row, "parameters", name=name, other=a.label)
+        for (a, name), (b, other) in combinations(((r, name) for r in profile.registers for name in r.names), 2)
+        if name and name == other
+    ),
+    lambda profile: (error for sensor in SENSORS for error in _sensor_errors(_by_name(profile), sensor)),
+    lambda profile: (
+        EntryError("entry.unknown_parameter", "without_register", i, name=name, remedy=near_miss(name, NAMES + GROUPS))
+        for i, name in enumerate(profile.without_register)
+        if name not in NAMES + GROUPS
+    ),
+    lambda profile: (
+        EntryError("profile.has_register", "without_register", i, name=p.name)
+        for i, name in enumerate(profile.without_register)
+        for p in PARAMETERS
+        if name in (p.name, p.group) and p.name in map(parameter_of, _by_name(profile))
+    ),
+    lambda profile: (
+        EntryError("profile.parameter_without_register", "registers", name=p.name, group=p.group)
+        for present in [set(map(parameter_of, _by_name(profile)))]
+        for p in PARAMETERS
+        if present and not {p.name, p.group} & {*present, *profile.without_register, _NEVER_IN_REGISTERS}
+    ),
+)

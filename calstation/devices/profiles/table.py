@@ -1,15 +1,28 @@
 """Table profiles (`data/tables`): axes, limits, accuracy, and registers or text lines, validated as a whole."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Annotated, ClassVar, Literal, TypeVar
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field
 
-from calstation.devices.profiles.entries import ModelName, SerialSettings
+from calstation.devices.profiles.entries import (
+    ModelName,
+    ProfileSection,
+    Rules,
+    SerialSettings,
+    excludes,
+    needs,
+    only_if,
+    require,
+    violations,
+    within,
+)
 from calstation.devices.profiles.table_registers import (
     JOINTS,
+    MAP_RULES,
     JointSection,
     ModbusRegister,
     StatusBits,
@@ -32,6 +45,9 @@ _SECTIONS = {
     "hand": None,
 }
 
+#: The entry that selects the protocol, as it is written in messages.
+_PROTOCOL = 'protocol = "{0.protocol}"'
+
 #: Entry of `[text]` that frames the lines of a protocol.
 _FRAMING = {"atl": "prompt", "mn": "checked"}
 
@@ -45,7 +61,15 @@ _ROUNDING = 1e-9
 S = TypeVar("S", bound=StrictModel)
 
 
-class ImuLinkSection(StrictModel):
+def _check_length(axis: list[float]) -> list[float]:
+    length = math.hypot(*axis)
+    return require(axis, abs(length - 1.0) <= 1e-3, "profile.not_a_unit_vector", length=length)
+
+
+UnitVector = Annotated[list[float], Field(min_length=3, max_length=3), AfterValidator(_check_length)]
+
+
+class ImuLinkSection(ProfileSection):
     """`[imu_link]`: axes of an inertial system, commanded over its link.
 
     gap : unused registers that may be read along with used ones
@@ -70,11 +94,11 @@ class ModbusSection(ImuLinkSection):
     timeout_s: float = Field(gt=0, le=60)
     serial: SerialSettings = SerialSettings()
 
-    @model_validator(mode="after")
-    def _two_drives(self) -> "ModbusSection":
-        if self.unit == self.inner_unit:
-            raise EntryError("profile.same_unit", "inner_unit", unit=self.unit)
-        return self
+    rules: ClassVar[Rules["ModbusSection"]] = (
+        lambda modbus: (
+            modbus.unit == modbus.inner_unit and EntryError("profile.same_unit", "inner_unit", unit=modbus.unit)
+        ),
+    )
 
 
 class AccuracySection(StrictModel):
@@ -96,7 +120,7 @@ class AccuracySection(StrictModel):
     poll_jitter_s: float = Field(default=0.0, ge=0)
 
 
-class TableProfile(StrictModel):
+class TableProfile(ProfileSection):
     """A type of table, with all data that its driver, the plans and the solvers need.
 
     model : text that the table's own model name must contain
@@ -115,8 +139,8 @@ class TableProfile(StrictModel):
     name: str
     model: ModelName
     protocol: Literal["modbus", "imu_link", "atl", "acl", "mn", "gimbal", "hand"]
-    outer_axis: list[float] = Field(min_length=3, max_length=3)
-    inner_axis: list[float] = Field(min_length=3, max_length=3)
+    outer_axis: UnitVector
+    inner_axis: UnitVector
     outer_lever: Literal["estimated", "fixed"]
     settle_s: float = Field(default=1.5, ge=0, le=60)
     outer: JointSection
@@ -134,51 +158,22 @@ class TableProfile(StrictModel):
     text: TextSection | None = None
     gimbal: GimbalSection | None = None
 
-    @field_validator("outer_axis", "inner_axis")
-    @classmethod
-    def _unit_vector(cls, axis: list[float]) -> list[float]:
-        if abs(math.hypot(*axis) - 1.0) > 1e-3:
-            raise EntryError("profile.not_a_unit_vector", value=axis, length=math.hypot(*axis))
-        return axis
-
-    @field_validator("faults")
-    @classmethod
-    def _faults(cls, faults: dict[str, str]) -> dict[str, str]:
-        if "0" in faults:
-            raise EntryError("profile.fault_zero", "0")
-        return faults
-
-    @model_validator(mode="after")
-    def _whole(self) -> "TableProfile":
-        if abs(float(np.dot(self.outer_axis, self.inner_axis))) > 0.5:
-            raise EntryError("profile.axes_too_close")
-        needed = _SECTIONS[self.protocol]
-        if needed is not None and getattr(self, needed) is None:
-            raise EntryError("profile.needed_by", needed, owner=self._own_protocol)
-        for section in filter(None, _SECTIONS.values()):
-            if section != needed and getattr(self, section) is not None:
-                self._refuse(section)
-        self._check_middle()
-        if self.lines is None and not self.by_hand:
-            self.map.check((self.outer, self.inner), self.accuracy.encoder_sigma_deg, self.faults)
-            return self
-        for section in ("status_bits", "commands", "registers"):
-            if getattr(self, section):
-                self._refuse(section)
-        if self.lines is not None:
-            self._check_text(self.lines)
-        elif self.link_loss_stop_s is not None:
-            self._refuse("link_loss_stop_s")
-        return self
-
-    def _check_middle(self) -> None:
-        for name in ("middle", "middle_axis"):
-            if self.gimbal is None and getattr(self, name) is not None:
-                self._refuse(name)
-            if self.gimbal is not None and getattr(self, name) is None:
-                raise EntryError("profile.needed_by", name, owner=self._own_protocol)
-        if self.gimbal is not None and sorted(self.joint_order) != sorted(AXES):
-            raise EntryError("profile.gimbal_axes", "middle_axis")
+    rules: ClassVar[Rules["TableProfile"]] = (
+        lambda p: "0" in p.faults and EntryError("profile.fault_zero", "faults", "0"),
+        lambda p: abs(float(np.dot(p.outer_axis, p.inner_axis))) > 0.5 and EntryError("profile.axes_too_close"),
+        lambda p: needs(_PROTOCOL, *filter(None, [_SECTIONS[p.protocol]]))(p),
+        lambda p: excludes(_PROTOCOL, *(s for s in _SECTIONS.values() if s and s != _SECTIONS[p.protocol]))(p),
+        *only_if(lambda p: p.gimbal is None, excludes(_PROTOCOL, "middle", "middle_axis")),
+        *only_if(
+            lambda p: p.gimbal is not None,
+            needs(_PROTOCOL, "middle", "middle_axis"),
+            lambda p: sorted(p.joint_order) != sorted(AXES) and EntryError("profile.gimbal_axes", "middle_axis"),
+        ),
+        *only_if(lambda p: p.lines is None and not p.by_hand, *MAP_RULES),
+        *only_if(lambda p: p.lines or p.by_hand, excludes(_PROTOCOL, "status_bits", "commands", "registers")),
+        *only_if(lambda p: p.by_hand, excludes(_PROTOCOL, "link_loss_stop_s")),
+        lambda p: p.lines is not None and _wrong_framing(p, p.lines),
+    )
 
     @property
     def joint_order(self) -> str:
@@ -199,23 +194,6 @@ class TableProfile(StrictModel):
         if not isinstance(section, kind):
             raise TypeError(f"{self.name} has protocol {self.protocol!r}")
         return section
-
-    @property
-    def _own_protocol(self) -> str:
-        return f'protocol = "{self.protocol}"'
-
-    def _refuse(self, *key_path: str) -> None:
-        raise EntryError("profile.not_with", *key_path, other=self._own_protocol)
-
-    def _check_text(self, text: TextSection) -> None:
-        for protocol, key in _FRAMING.items():
-            if self.protocol == protocol and not getattr(text, key):
-                raise EntryError("profile.needed_by", "text", key, owner=self._own_protocol)
-            if self.protocol != protocol and getattr(text, key):
-                self._refuse("text", key)
-        step, sigma = 10.0**-text.decimals, self.accuracy.encoder_sigma_deg
-        if step > _MAX_ROUNDING * sigma:
-            raise EntryError("profile.angle_too_coarse", "text", "decimals", step=step, sigma=sigma)
 
     @property
     def map(self) -> TableMap:
@@ -312,6 +290,15 @@ class TableProfile(StrictModel):
             ),
             gimbal,
         )
+
+
+def _wrong_framing(profile: TableProfile, lines: TextSection) -> Iterator[EntryError]:
+    for protocol, key in _FRAMING.items():
+        rule = needs if profile.protocol == protocol else excludes
+        yield from (within(error, "text") for error in violations(lines, (rule(_PROTOCOL.format(profile), key),)))
+    step, sigma = 10.0**-lines.decimals, profile.accuracy.encoder_sigma_deg
+    if step > _MAX_ROUNDING * sigma:
+        yield EntryError("profile.angle_too_coarse", "text", "decimals", step=step, sigma=sigma)
 
 
 def _radians(first: float, second: float) -> tuple[float, float]:

@@ -4,17 +4,31 @@ A table has one controller, or a drive for each axis. Registers of a drive (`con
 defined once, or once for each axis: `outer_controlword`, `inner_controlword`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations, pairwise
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field
 
-from calstation.devices.codecs import Number, check_code, number
-from calstation.devices.profiles.entries import LAST_ADDRESS, Address, Scale
+from calstation.devices.codecs import Number, is_code, number
+from calstation.devices.profiles.entries import (
+    LAST_ADDRESS,
+    Address,
+    ProfileSection,
+    Rules,
+    Scale,
+    each_item,
+    excludes,
+    needs,
+    only_if,
+    only_with,
+)
 from calstation.messages import Text
-from calstation.schema import EntryError, StrictModel, entry, near_miss
+from calstation.schema import EntryError, StrictModel, near_miss
+
+if TYPE_CHECKING:
+    from calstation.devices.profiles.table import TableProfile
 
 JOINTS = ("outer", "inner")
 #: Registers of the table, or of each axis's own drive.
@@ -51,7 +65,7 @@ def _table_type(name: str) -> str:
     return name
 
 
-class ModbusRegister(StrictModel):
+class ModbusRegister(ProfileSection):
     """A holding register with a 0-based address; value = raw × scale in degrees, °/s, °/s² or s; a text has `words`.
 
     scale : negative if the table counts in the opposite sense
@@ -66,14 +80,17 @@ class ModbusRegister(StrictModel):
 
     @property
     def count(self) -> int:
+        """Number of 16-bit registers."""
         return self.words if self.words is not None else self.number.width // 2
 
     @property
     def end(self) -> int:
+        """Address after the last register."""
         return self.address + self.count
 
     @property
     def number(self) -> Number:
+        """Type of the number in the registers."""
         return number(self.type)
 
     @property
@@ -89,33 +106,29 @@ class ModbusRegister(StrictModel):
     def __str__(self) -> str:
         return f"{self.address}" if self.count == 1 else f"{self.address}-{self.end - 1}"
 
-    @model_validator(mode="after")
-    def _consistent(self) -> "ModbusRegister":
-        if self.type != "text" and self.words is not None:
-            raise EntryError("profile.belongs_to", "words", owner='type = "text"')
-        if self.type == "text":
-            if self.words is None:
-                raise EntryError("profile.needed_by", "words", owner='type = "text"')
-            for name in ("scale", "word_order"):
-                if getattr(self, name) != type(self).model_fields[name].default:
-                    raise EntryError("profile.not_with", name, other='type = "text"')
-        if self.end - 1 > LAST_ADDRESS:
-            raise EntryError("profile.past_last_address", address=self.address, last=self.end - 1)
-        return self
+    rules: ClassVar[Rules["ModbusRegister"]] = (
+        *only_if(lambda s: s.type != "text", only_with('type = "text"', "words")),
+        *only_if(
+            lambda s: s.type == "text",
+            needs('type = "text"', "words"),
+            excludes('type = "text"', "scale", "word_order"),
+        ),
+        lambda s: (
+            s.end - 1 > LAST_ADDRESS and EntryError("profile.past_last_address", address=s.address, last=s.end - 1)
+        ),
+    )
 
 
-class StatusBit(StrictModel):
+class StatusBit(ProfileSection):
     """A status flag: a bit of a register, or a constant (`homed` with absolute encoders)."""
 
     word: Literal["statusword", "status2"] = "statusword"
     bit: int | None = Field(default=None, ge=0, le=63)
     always: bool | None = None
 
-    @model_validator(mode="after")
-    def _one_way(self) -> "StatusBit":
-        if (self.bit is None) == (self.always is None):
-            raise EntryError("profile.bit_or_always")
-        return self
+    rules: ClassVar[Rules["StatusBit"]] = (
+        lambda bit: (bit.bit is None) == (bit.always is None) and EntryError("profile.bit_or_always"),
+    )
 
 
 def _is_whole(given: Any) -> bool:
@@ -167,7 +180,7 @@ class TableCommands(StrictModel):
     rate: Writes | None = None
 
 
-class JointSection(StrictModel):
+class JointSection(ProfileSection):
     """`[outer]`, `[inner]`: travel in degrees, largest rate and acceleration in °/s and °/s²."""
 
     low_deg: float
@@ -175,13 +188,16 @@ class JointSection(StrictModel):
     max_rate_dps: float = Field(gt=0)
     max_acceleration_dps2: float = Field(gt=0)
 
-    @model_validator(mode="after")
-    def _ordered(self) -> "JointSection":
-        if self.low_deg >= self.high_deg:
-            raise EntryError("profile.travel_order", low=self.low_deg, high=self.high_deg)
-        if not self.low_deg <= 0.0 <= self.high_deg:
-            raise EntryError("profile.travel_without_home", low=self.low_deg, high=self.high_deg)
-        return self
+    rules: ClassVar[Rules["JointSection"]] = (
+        lambda joint: (
+            joint.low_deg >= joint.high_deg
+            and EntryError("profile.travel_order", low=joint.low_deg, high=joint.high_deg)
+        ),
+        lambda joint: (
+            not joint.low_deg <= 0.0 <= joint.high_deg
+            and EntryError("profile.travel_without_home", low=joint.low_deg, high=joint.high_deg)
+        ),
+    )
 
 
 @dataclass(frozen=True)
@@ -206,167 +222,166 @@ class TableMap:
         """Return the registers that set the rates of continuous rotation, outer and inner."""
         return self.names("turn_rate") or self.names("target_rate")
 
-    def check(self, axes: Sequence[JointSection], encoder_sigma: float, faults: Mapping[str, str]) -> None:
-        """Raise EntryError for the first entry with which a table cannot be driven; `encoder_sigma` is in degrees."""
-        self._check_names()
-        self._check_overlaps()
-        self._check_types()
-        self._check_bits()
-        self._check_commands()
-        self._check_signs()
-        self._check_watchdog()
-        self._check_ranges(axes, encoder_sigma)
-        self._check_faults(faults)
-
-    def _check_names(self) -> None:
-        of_drives = DRIVE_REGISTERS + OPTIONAL_DRIVE_REGISTERS
-        known = [*of_drives, *(name for plain in (*of_drives, *JOINT_REGISTERS) for name in _of_joints(plain))]
-        for name in self.registers:
-            if name not in known:
-                raise EntryError("entry.unknown", "registers", name, remedy=near_miss(name, known))
-        for plain in (*JOINT_REGISTERS, *of_drives):
-            present = [name for name in _of_joints(plain) if name in self.registers]
-            missing = [name for name in _of_joints(plain) if name not in present]
-            if missing and plain in JOINT_REGISTERS and plain not in OPTIONAL_JOINT_REGISTERS:
-                raise EntryError("entry.missing", "registers", missing[0])
-            if present and plain in self.registers:
-                raise EntryError("profile.same_register_twice", "registers", present[0], other=plain)
-            if present and missing:
-                raise EntryError("profile.needed_by", "registers", missing[0], owner=f"registers.{present[0]}")
-            if plain in DRIVE_REGISTERS and not present and plain not in self.registers:
-                raise EntryError("profile.drive_register_missing", "registers", plain, name=plain)
-            if plain in DRIVE_REGISTERS and plain in self.registers and self.inner_apart:
-                raise EntryError("profile.one_register_of_two_drives", "registers", plain, name=plain)
-        for name, other in (("outer_low", "outer_high"), ("outer_high", "outer_low")):
-            if name in self.registers and other not in self.registers:
-                raise EntryError("profile.needed_by", "registers", other, owner=f"registers.{name}")
-
-    def _check_overlaps(self) -> None:
-        drives: dict[bool, list[tuple[str, ModbusRegister]]] = {}
-        for name, register in sorted(self.registers.items(), key=lambda item: item[1].address):
-            drives.setdefault(self.inner_apart and name.startswith("inner_"), []).append((name, register))
-        for drive in drives.values():
-            for (first, a), (second, b) in pairwise(drive):
-                if b.address < a.end:
-                    key_path = ("registers", second, "address")
-                    values = {"mine": str(b), "other": f"registers.{first}", "at": str(a)}
-                    raise EntryError("profile.registers_overlap", *key_path, **values)
-
-    def _check_types(self) -> None:
-        for name, register in self.registers.items():
-            plain = name.removeprefix("outer_").removeprefix("inner_")
-            if plain in TEXTS and register.type != "text":
-                raise EntryError("profile.register_is_text", "registers", name, "type", type=register.type)
-            if plain not in TEXTS and register.type == "text":
-                raise EntryError("profile.register_is_number", "registers", name, "type", type=register.type)
-            if plain in WORDS and (not register.number.whole or register.scale != 1.0):
-                raise EntryError("profile.register_is_word", "registers", name)
-
-    def _check_bits(self) -> None:
-        seen: dict[tuple[str, int], str] = {}
-        for name in StatusBits.model_fields:
-            bit: StatusBit | None = getattr(self.bits, name)
-            key_path = ("status_bits", name)
-            if bit is None:
-                continue
-            if bit.bit is None:
-                if name != "homed" or not bit.always:
-                    raise EntryError("profile.only_homed_is_constant", *key_path)
-                continue
-            registers = self.names(bit.word)
-            if not registers:
-                raise EntryError("profile.needs_register", *key_path, register=bit.word)
-            width = min(8 * self.registers[register].number.width for register in registers)
-            if bit.bit >= width:
-                raise EntryError("entry.out_of_range", *key_path, value=bit.bit, low=0, high=width - 1)
-            if other := seen.get((bit.word, bit.bit)):
-                raise EntryError("profile.same_bit", *key_path, other=other, bit=bit.bit)
-            seen[bit.word, bit.bit] = name
-        if self.bits.interlock is not None and self.names("interlock"):
-            raise EntryError("profile.interlock_twice", "status_bits", "interlock")
-
-    def _check_commands(self) -> None:
-        commands = {name: writes for name, writes in self.commands if writes is not None}
-        for name, writes in commands.items():
-            for register, value in (item for write in writes for item in write.items()):
-                with entry("commands", name):
-                    self._check_write(register, value)
-        for (a, first), (b, second) in combinations(commands.items(), 2):
-            if first == second:
-                raise EntryError("profile.same_write", "commands", b, other=f"commands.{a}")
-        for name in self.turning() if self.commands.rate is not None else ():
-            if self.registers[name].bounds[0] >= 0.0:
-                raise EntryError("profile.turn_rate_unsigned", "registers", name, "type")
-
-    def _check_write(self, register: str, value: int) -> None:
-        if register not in WRITTEN:
-            remedy = near_miss(register, WRITTEN, Text.of("entry.choose_from", names=WRITTEN))
-            raise EntryError("profile.register_not_written", name=register, remedy=remedy)
-        if not self.names(register):
-            raise EntryError("profile.needs_register", register=register)
-        for name in self.names(register):
-            low, high = self.registers[name].number.bounds
-            if not low <= value <= high:
-                raise EntryError("profile.value_beyond_register", value=value, name=name, low=low, high=high)
-
-    def _check_ranges(self, axes: Sequence[JointSection], encoder_sigma: float) -> None:
-        for joint, axis in zip(JOINTS, axes, strict=True):
-            rate, acceleration = axis.max_rate_dps, axis.max_acceleration_dps2
-            limits = {
-                "travel": (axis.low_deg, axis.high_deg),
-                "rate": (-rate, rate),
-                "acceleration": (-acceleration, acceleration),
-            }
-            for plain, limit in JOINT_REGISTERS.items():
-                name, (low, high) = f"{joint}_{plain}", limits[limit]
-                low = 0.0 if plain in MAGNITUDES else low
-                register = self.registers.get(name)
-                least, most = (low, high) if register is None else register.bounds
-                if register is not None and (low < least or high > most):
-                    values = {"type": register.type, "scale": register.scale, "least": least, "most": most}
-                    code = f"profile.narrower_than_{limit}"
-                    raise EntryError(code, "registers", name, joint=joint, low=low, high=high, **values)
-            for name in (f"{joint}_position", f"{joint}_target"):
-                step = self.registers[name].step
-                if step > _MAX_STEP * encoder_sigma:
-                    raise EntryError("profile.angle_too_coarse", "registers", name, step=step, sigma=encoder_sigma)
-
-    def _check_signs(self) -> None:
-        """Check that angles are sent and read in the same sense, and that magnitudes are not negative."""
-        turning = self.turning() if self.commands.rate is not None else ()
-        for name in (f"{joint}_{plain}" for joint in JOINTS for plain in JOINT_REGISTERS):
-            register = self.registers.get(name)
-            if register is None:
-                continue
-            joint, _, plain = name.partition("_")
-            key_path, scale = ("registers", name, "scale"), register.scale
-            if plain in MAGNITUDES and scale < 0.0:
-                raise EntryError("profile.negative_magnitude", *key_path, scale=scale)
-            position = self.registers[f"{joint}_position"].scale
-            if scale * position <= 0.0 and (plain not in MAGNITUDES or name in turning):
-                code = "profile.turn_rate_needed" if plain in MAGNITUDES else "profile.opposite_sense"
-                other = f"registers.{joint}_position"
-                raise EntryError(code, *key_path, joint=joint, scale=scale, other=other, its=position)
-
-    def _check_watchdog(self) -> None:
-        for name in self.names("watchdog"):
-            if self.registers[name].scale < 0.0:
-                raise EntryError("profile.negative_timeout", "registers", name, "scale")
-        fed = self.names("heartbeat")
-        if fed and not self.names("watchdog"):
-            raise EntryError("profile.heartbeat_without_watchdog", "registers", fed[0])
-
-    def _check_faults(self, faults: Mapping[str, str]) -> None:
-        for code in faults:
-            with entry("faults", code):
-                check_code(code)
-                for name in self.names("fault"):
-                    low, high = self.registers[name].number.bounds
-                    if int(code) > high:
-                        raise EntryError(
-                            "profile.value_beyond_register", value=int(code), name=name, low=low, high=high
-                        )
-
 
 def _of_joints(name: str) -> tuple[str, str]:
     return f"outer_{name}", f"inner_{name}"
+
+
+_OF_DRIVES = DRIVE_REGISTERS + OPTIONAL_DRIVE_REGISTERS
+_KNOWN = (*_OF_DRIVES, *(name for plain in (*_OF_DRIVES, *JOINT_REGISTERS) for name in _of_joints(plain)))
+
+
+def _unknown_register(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
+    if name not in _KNOWN:
+        yield EntryError("entry.unknown", remedy=near_miss(name, _KNOWN))
+
+
+def _missing_registers(profile: "TableProfile") -> Iterator[EntryError]:
+    table = profile.map
+    for plain in (*JOINT_REGISTERS, *_OF_DRIVES):
+        present = [name for name in _of_joints(plain) if name in table.registers]
+        missing = [name for name in _of_joints(plain) if name not in present]
+        if missing and plain in JOINT_REGISTERS and plain not in OPTIONAL_JOINT_REGISTERS:
+            yield EntryError("entry.missing", "registers", missing[0])
+        if present and plain in table.registers:
+            yield EntryError("profile.same_register_twice", "registers", present[0], other=plain)
+        if present and missing:
+            yield EntryError("profile.needed_by", "registers", missing[0], owner=f"registers.{present[0]}")
+        if plain in DRIVE_REGISTERS and not table.names(plain):
+            yield EntryError("profile.drive_register_missing", "registers", plain, name=plain)
+        if plain in DRIVE_REGISTERS and plain in table.registers and table.inner_apart:
+            yield EntryError("profile.one_register_of_two_drives", "registers", plain, name=plain)
+    for name, other in (("outer_low", "outer_high"), ("outer_high", "outer_low")):
+        if name in table.registers and other not in table.registers:
+            yield EntryError("profile.needed_by", "registers", other, owner=f"registers.{name}")
+
+
+def _overlaps(profile: "TableProfile") -> Iterator[EntryError]:
+    drives: dict[bool, list[tuple[str, ModbusRegister]]] = {}
+    for name, register in sorted(profile.registers.items(), key=lambda item: item[1].address):
+        drives.setdefault(profile.two_drives and name.startswith("inner_"), []).append((name, register))
+    for drive in drives.values():
+        for (first, a), (second, b) in pairwise(drive):
+            if b.address < a.end:
+                values = {"mine": str(b), "other": f"registers.{first}", "at": str(a)}
+                yield EntryError("profile.registers_overlap", "registers", second, "address", **values)
+
+
+def _wrong_type(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
+    plain = name.removeprefix("outer_").removeprefix("inner_")
+    if plain in TEXTS and register.type != "text":
+        yield EntryError("profile.register_is_text", "type", type=register.type)
+    if plain not in TEXTS and register.type == "text":
+        yield EntryError("profile.register_is_number", "type", type=register.type)
+    if plain in WORDS and (not register.number.whole or register.scale != 1.0):
+        yield EntryError("profile.register_is_word")
+
+
+def _wrong_bits(profile: "TableProfile") -> Iterator[EntryError]:
+    seen: dict[tuple[str, int], str] = {}
+    for name, bit in profile.map.bits:
+        key_path = ("status_bits", name)
+        if bit is None:
+            continue
+        if bit.bit is None:
+            if name != "homed" or not bit.always:
+                yield EntryError("profile.only_homed_is_constant", *key_path)
+            continue
+        registers = profile.map.names(bit.word)
+        if not registers:
+            yield EntryError("profile.needs_register", *key_path, register=bit.word)
+        last = min(8 * profile.registers[register].number.width for register in registers) - 1
+        if bit.bit > last:
+            yield EntryError("entry.out_of_range", *key_path, value=bit.bit, low=0, high=last)
+        if other := seen.get((bit.word, bit.bit)):
+            yield EntryError("profile.same_bit", *key_path, other=other, bit=bit.bit)
+        seen[bit.word, bit.bit] = name
+    if profile.map.bits.interlock is not None and profile.map.names("interlock"):
+        yield EntryError("profile.interlock_twice", "status_bits", "interlock")
+
+
+def _wrong_commands(profile: "TableProfile") -> Iterator[EntryError]:
+    commands = [(name, writes) for name, writes in profile.map.commands if writes is not None]
+    for command, register, value in ((name, *item) for name, writes in commands for w in writes for item in w.items()):
+        if register not in WRITTEN:
+            remedy = near_miss(register, WRITTEN, Text.of("entry.choose_from", names=WRITTEN))
+            yield EntryError("profile.register_not_written", "commands", command, name=register, remedy=remedy)
+        if not profile.map.names(register):
+            yield EntryError("profile.needs_register", "commands", command, register=register)
+        for name in profile.map.names(register):
+            low, high = profile.registers[name].number.bounds
+            if not low <= value <= high:
+                values = {"value": value, "name": name, "low": low, "high": high}
+                yield EntryError("profile.value_beyond_register", "commands", command, **values)
+    for (a, first), (b, second) in combinations(commands, 2):
+        if first == second:
+            yield EntryError("profile.same_write", "commands", b, other=f"commands.{a}")
+    for name in profile.map.turning() if profile.map.commands.rate is not None else ():
+        if profile.registers[name].bounds[0] >= 0.0:
+            yield EntryError("profile.turn_rate_unsigned", "registers", name, "type")
+
+
+def _wrong_signs(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
+    """Yield the errors of angles sent in another sense than they are read, and of magnitudes that are negative."""
+    joint, _, plain = name.partition("_")
+    if plain not in JOINT_REGISTERS:
+        return
+    if plain in MAGNITUDES and register.scale < 0.0:
+        yield EntryError("profile.negative_magnitude", "scale", scale=register.scale)
+    turns = profile.map.commands.rate is not None and name in profile.map.turning()
+    other = f"{joint}_position"
+    if register.scale * profile.registers[other].scale <= 0.0 and (plain not in MAGNITUDES or turns):
+        code = "profile.turn_rate_needed" if plain in MAGNITUDES else "profile.opposite_sense"
+        values = {"other": f"registers.{other}", "its": profile.registers[other].scale}
+        yield EntryError(code, "scale", joint=joint, scale=register.scale, **values)
+
+
+def _wrong_watchdog(profile: "TableProfile") -> Iterator[EntryError]:
+    for name in profile.map.names("watchdog"):
+        if profile.registers[name].scale < 0.0:
+            yield EntryError("profile.negative_timeout", "registers", name, "scale")
+    for name in profile.map.names("heartbeat"):
+        if not profile.map.names("watchdog"):
+            yield EntryError("profile.heartbeat_without_watchdog", "registers", name)
+
+
+def _narrow_or_coarse(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
+    joint, _, plain = name.partition("_")
+    if plain not in JOINT_REGISTERS:
+        return
+    section, limit = {"outer": profile.outer, "inner": profile.inner}[joint], JOINT_REGISTERS[plain]
+    rate, acceleration = section.max_rate_dps, section.max_acceleration_dps2
+    limits = {"travel": (section.low_deg, section.high_deg), "rate": (-rate, rate)}
+    low, high = limits.get(limit, (-acceleration, acceleration))
+    low = 0.0 if plain in MAGNITUDES else low
+    least, most = register.bounds
+    if low < least or high > most:
+        values = {"type": register.type, "scale": register.scale, "least": least, "most": most}
+        yield EntryError(f"profile.narrower_than_{limit}", joint=joint, low=low, high=high, **values)
+    sigma = profile.accuracy.encoder_sigma_deg
+    if plain in ("position", "target") and register.step > _MAX_STEP * sigma:
+        yield EntryError("profile.angle_too_coarse", step=register.step, sigma=sigma)
+
+
+def _wrong_code(profile: "TableProfile", code: str, meaning: str) -> Iterator[EntryError]:
+    if not is_code(code):
+        yield EntryError("profile.not_a_code")
+    for name in profile.map.names("fault"):
+        low, high = profile.registers[name].number.bounds
+        if int(code) > high:
+            yield EntryError("profile.value_beyond_register", value=int(code), name=name, low=low, high=high)
+
+
+#: Rules of the registers, bits and commands of a profile.
+MAP_RULES: Rules["TableProfile"] = (
+    each_item("registers", _unknown_register),
+    _missing_registers,
+    _overlaps,
+    each_item("registers", _wrong_type),
+    _wrong_bits,
+    _wrong_commands,
+    each_item("registers", _wrong_signs),
+    _wrong_watchdog,
+    each_item("registers", _narrow_or_coarse),
+    each_item("faults", _wrong_code),
+)

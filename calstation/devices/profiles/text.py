@@ -1,16 +1,16 @@
 """The section `[text]` of a table with text commands: the lines to send and the meaning of the replies."""
 
 import re
-from collections.abc import Mapping, Sequence
-from itertools import combinations
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations, product
 from string import Formatter
-from typing import ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field
 
-from calstation.devices.profiles.entries import SerialSettings
+from calstation.devices.profiles.entries import ProfileSection, Rules, SerialSettings, require
 from calstation.messages import Text
-from calstation.schema import EntryError, StrictModel, check_pattern, entry, near_miss
+from calstation.schema import EntryError, Pattern, StrictModel, entry, near_miss
 
 #: Values that the lines of each command may contain in braces, besides `axis`, in degrees, °/s and °/s²; also as
 #: `outer_angle`, `inner_rate` and so on. The first value is required.
@@ -20,7 +20,7 @@ _MAY_BE_ALIKE = ({"disable", "stop"}, {"disable", "reset"}, {"stop", "reset"})
 _NEVER_ALWAYS = ("fault", "moving", "settled")
 
 
-class CommandLines(StrictModel):
+class CommandLines(ProfileSection):
     """`[text.commands]`: the lines of each command, in order; lines with {axis} are sent for outer, then inner.
 
     rate : omitted if the table must never rotate continuously; heartbeat : only for a table with a watchdog
@@ -35,28 +35,31 @@ class CommandLines(StrictModel):
     reset: list[str] = Field(min_length=1)
     heartbeat: list[str] = Field(default_factory=list)
 
-    @model_validator(mode="after")
-    def _can_be_sent(self) -> "CommandLines":
-        lines = {name: getattr(self, name) for name in type(self).model_fields if getattr(self, name)}
-        for name, command_lines in lines.items():
-            values = _VALUES.get(name, ())
-            named: set[str] = set()
-            for i, line in enumerate(command_lines):
-                with entry(name, i):
-                    named |= _check_line(line, values)
-            if values:
-                _check_both_axes(name, values[0], named)
-        for a, b in combinations(lines, 2):
-            if lines[a] == lines[b] and {a, b} not in _MAY_BE_ALIKE:
-                raise EntryError("profile.same_lines", b, other=a)
-        return self
+    rules: ClassVar[Rules["CommandLines"]] = (
+        lambda s: (error for name, lines in s.given.items() for error in _line_errors(lines, name)),
+        lambda s: (
+            EntryError("profile.same_lines", b, other=a)
+            for a, b in combinations(s.given, 2)
+            if s.given[a] == s.given[b] and {a, b} not in _MAY_BE_ALIKE
+        ),
+    )
+
+    @property
+    def given(self) -> dict[str, list[str]]:
+        """Lines of each command that has any."""
+        return {name: lines for name, lines in self if lines}
 
 
-def _check_both_axes(command: str, value: str, named: set[str]) -> None:
-    for joint in ("outer", "inner"):
+def _line_errors(lines: Sequence[str], command: str) -> Iterator[EntryError]:
+    """Yield the errors of the lines of a command; its first value must be sent for both axes."""
+    values, named = _VALUES.get(command, ()), set[str]()
+    for i, line in enumerate(lines):
+        with entry(command, i):
+            named |= _check_line(line, values)
+    for value, joint in product(values[:1], ("outer", "inner")):
         if value not in named and f"{joint}_{value}" not in named:
             missing = f"{joint}_{value}" if any(name.endswith(f"_{value}") for name in named) else value
-            raise EntryError("profile.value_not_sent", command, name=missing)
+            yield EntryError("profile.value_not_sent", command, name=missing)
 
 
 def _check_line(line: str, values: Sequence[str]) -> set[str]:
@@ -84,34 +87,31 @@ def _check_line(line: str, values: Sequence[str]) -> set[str]:
     return braces
 
 
+def _check_query_line(line: str) -> str:
+    _check_line(line, ())
+    return line
+
+
+def _check_groups(pattern: str) -> str:
+    return require(pattern, re.compile(pattern).groupindex, "profile.no_named_group")
+
+
 class Query(StrictModel):
     """A query: the line to send, once for each axis if it contains {axis}, and the pattern of its reply.
 
     answer : regular expression that is searched for in the reply; its named groups are the values
     """
 
-    send: str = Field(min_length=1)
-    answer: str
-
-    @field_validator("send")
-    @classmethod
-    def _line(cls, send: str) -> str:
-        _check_line(send, ())
-        return send
-
-    @field_validator("answer")
-    @classmethod
-    def _pattern(cls, answer: str) -> str:
-        if not re.compile(check_pattern(answer)).groupindex:
-            raise EntryError("profile.no_named_group", value=answer)
-        return answer
+    send: Annotated[str, Field(min_length=1), AfterValidator(_check_query_line)]
+    answer: Annotated[Pattern, AfterValidator(_check_groups)]
 
     @property
     def groups(self) -> Mapping[str, int]:
+        """Named groups of the pattern."""
         return re.compile(self.answer).groupindex
 
 
-class Flag(StrictModel):
+class Flag(ProfileSection):
     """Source of a status flag: a bit or the text of a group in a query's reply, or a constant.
 
     base : number base of the group that contains the bit
@@ -124,13 +124,10 @@ class Flag(StrictModel):
     matches: str | None = None
     always: bool | None = None
 
-    @model_validator(mode="after")
-    def _one_way(self) -> "Flag":
-        if sum(way is not None for way in (self.bit, self.matches, self.always)) != 1:
-            raise EntryError("profile.flag_needs_one_source")
-        if (self.query is None) != (self.always is not None):
-            raise EntryError("profile.flag_needs_query")
-        return self
+    rules: ClassVar[Rules["Flag"]] = (
+        lambda s: [s.bit, s.matches, s.always].count(None) != 2 and EntryError("profile.flag_needs_one_source"),
+        lambda s: (s.query is None) != (s.always is not None) and EntryError("profile.flag_needs_query"),
+    )
 
 
 class Flags(StrictModel):
@@ -159,7 +156,7 @@ class CheckedLines(StrictModel):
     counts_head: bool = False
 
 
-class TextSection(StrictModel):
+class TextSection(ProfileSection):
     """`[text]`: the framing of lines, and the lines themselves.
 
     axes : names of the outer and the inner axis in the lines
@@ -181,9 +178,9 @@ class TextSection(StrictModel):
     line_end: str = Field(default="\r\n", min_length=1)
     prompt: str = ""
     checked: CheckedLines | None = None
-    silent: str | None = None
+    silent: Pattern | None = None
     flush: str | None = None
-    refused: str | None = None
+    refused: Pattern | None = None
     decimals: int = Field(default=4, ge=0, le=9)
     rest_rate_dps: float = Field(default=0.002, gt=0)
     settled_deg: float = Field(default=0.0005, gt=0)
@@ -193,32 +190,32 @@ class TextSection(StrictModel):
     queries: dict[str, Query]
     flags: Flags
 
-    @field_validator("axes")
-    @classmethod
-    def _two(cls, axes: list[str]) -> list[str]:
-        if len(set(axes)) != len(cls.joint_names) or len(axes) != len(cls.joint_names) or not all(axes):
-            raise EntryError(f"profile.{'two_axis' if len(cls.joint_names) == 2 else 'joint'}_names", value=axes)
-        return axes
+    rules: ClassVar[Rules[Any]] = (
+        lambda s: (
+            not len(s.axes) == len(set(s.axes) - {""}) == len(s.joint_names)
+            and EntryError(f"profile.{'two_axis' if len(s.joint_names) == 2 else 'joint'}_names", "axes", value=s.axes)
+        ),
+        lambda s: s._query_errors(),
+        lambda s: (
+            EntryError("profile.silent_matches_query", "silent", query=name, line=query.send)
+            for name, query in s.queries.items()
+            if s.silent is not None and re.search(s.silent, query.send)
+        ),
+        lambda s: (
+            s.refused is not None and re.search(s.refused, "") and EntryError("profile.refused_matches_all", "refused")
+        ),
+        lambda s: s._flag_errors(),
+        lambda s: (
+            s.flush is not None
+            and s.flush not in s.queries
+            and EntryError("profile.no_such_query", "flush", name=s.flush, remedy=near_miss(s.flush, s.queries))
+        ),
+    )
 
-    @field_validator("silent", "refused")
-    @classmethod
-    def _pattern(cls, pattern: str | None) -> str | None:
-        check_pattern(pattern or "")
-        return pattern
-
-    @model_validator(mode="after")
-    def _whole(self) -> "TextSection":
-        self._check_queries()
-        self._check_patterns()
-        self._check_flags()
-        if self.flush is not None and self.flush not in self.queries:
-            raise EntryError("profile.no_such_query", "flush", **self._unknown_query(self.flush))
-        return self
-
-    def _check_queries(self) -> None:
+    def _query_errors(self) -> Iterator[EntryError]:
         for name in ("identity", "position", "rate"):
             if name not in self.queries:
-                raise EntryError("entry.missing", "queries", name)
+                yield EntryError("entry.missing", "queries", name)
         needed: dict[str, tuple[str, ...]] = {"identity": ("model",)}
         for name in ("position", "rate"):
             needed[name] = ("value",) if "{axis}" in self.queries[name].send else self.joint_names
@@ -226,19 +223,11 @@ class TextSection(StrictModel):
         for name, groups in needed.items():
             for group in groups if name in self.queries else ():
                 if group not in self.queries[name].groups:
-                    raise EntryError("profile.group_missing", "queries", name, "answer", group=group)
+                    yield EntryError("profile.group_missing", "queries", name, "answer", group=group)
         if self.commands.heartbeat and "watchdog" not in self.queries:
-            raise EntryError("profile.heartbeat_without_watchdog", "commands", "heartbeat")
+            yield EntryError("profile.heartbeat_without_watchdog", "commands", "heartbeat")
 
-    def _check_patterns(self) -> None:
-        """Check that `silent` does not match a query and that `refused` does not match every reply."""
-        for name, query in self.queries.items():
-            if self.silent is not None and re.search(self.silent, query.send):
-                raise EntryError("profile.silent_matches_query", "silent", query=name, line=query.send)
-        if self.refused is not None and re.search(self.refused, ""):
-            raise EntryError("profile.refused_matches_all", "refused")
-
-    def _check_flags(self) -> None:
+    def _flag_errors(self) -> Iterator[EntryError]:
         seen: dict[tuple[str | None, str, int | str | None], str] = {}
         for name in Flags.model_fields:
             flag: Flag | None = getattr(self.flags, name)
@@ -247,19 +236,18 @@ class TextSection(StrictModel):
                 continue
             if flag.query is None:
                 if name in _NEVER_ALWAYS:
-                    raise EntryError("profile.flag_cannot_be_constant", *key_path)
+                    yield EntryError("profile.flag_cannot_be_constant", *key_path)
                 continue
             if flag.query not in self.queries:
-                raise EntryError("profile.no_such_query", *key_path, **self._unknown_query(flag.query))
+                yield EntryError(
+                    "profile.no_such_query", *key_path, name=flag.query, remedy=near_miss(flag.query, self.queries)
+                )
             if flag.group not in self.queries[flag.query].groups:
-                raise EntryError("profile.no_such_group", *key_path, query=flag.query, group=flag.group)
+                yield EntryError("profile.no_such_group", *key_path, query=flag.query, group=flag.group)
             source = (flag.query, flag.group, flag.matches if flag.bit is None else flag.bit)
             if other := seen.get(source):
-                raise EntryError("profile.same_flag", *key_path, other=other)
+                yield EntryError("profile.same_flag", *key_path, other=other)
             seen[source] = name
-
-    def _unknown_query(self, name: str) -> dict[str, str | Text]:
-        return {"name": name, "remedy": near_miss(name, self.queries)}
 
 
 class GimbalCommands(CommandLines):
@@ -283,8 +271,7 @@ class GimbalSection(TextSection):
     joint_names: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     commands: GimbalCommands
 
-    @model_validator(mode="after")
-    def _has_watchdog(self) -> "GimbalSection":
-        if not self.commands.heartbeat:
-            raise EntryError("entry.missing", "commands", "heartbeat")
-        return self
+    rules: ClassVar[Rules[Any]] = (
+        *TextSection.rules,
+        lambda s: not s.commands.heartbeat and EntryError("entry.missing", "commands", "heartbeat"),
+    )

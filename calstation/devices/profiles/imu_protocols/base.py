@@ -1,16 +1,13 @@
 """Base of the sections that describe how commands are sent to an IMU."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from calstation.schema import StrictModel
-
-if TYPE_CHECKING:
-    from calstation.devices.profiles.imu import ImuProfile
+from calstation.devices.profiles.entries import ProfileSection, Rules
 
 
-class ImuProtocol(StrictModel):
+class ImuProtocol(ProfileSection):
     """Section of an IMU profile for the commands of one protocol, with timeouts in host time, s.
 
     timeout_s : for a reply; commit_timeout_s : for writing the flash
@@ -19,6 +16,9 @@ class ImuProtocol(StrictModel):
 
     #: Name of the section in a profile.
     section: ClassVar[str]
+
+    #: Rules of a profile that depend on the protocol.
+    profile_rules: ClassVar[Rules[Any]] = ()
 
     #: Entry of `[corrected]` that starts the corrected stream.
     corrected_entry: ClassVar[Literal["stream", "start"]] = "stream"
@@ -41,6 +41,3 @@ class ImuProtocol(StrictModel):
     def raw_stream(self) -> tuple[int, ...] | None:
         """Values that switch the raw stream on and off; None if no value switches the stream."""
         return None
-
-    def check_profile(self, profile: "ImuProfile") -> None:
-        """Check the entries of a profile that depend on the protocol; raises EntryError."""

@@ -1,19 +1,16 @@
 """Protocol "modbus": registers over Modbus RTU on the line of the stream."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import combinations
-from typing import TYPE_CHECKING, ClassVar
+from typing import Any, ClassVar
 
 from pydantic import Field
 
 from calstation.devices.codecs import ByteOrder, WordOrder, number
-from calstation.devices.profiles.entries import LAST_ADDRESS, Address, Word
+from calstation.devices.profiles.entries import LAST_ADDRESS, Address, ProfileSection, Rules, Word, within
 from calstation.devices.profiles.imu_protocols.base import ImuProtocol
 from calstation.devices.profiles.registers import RegisterEntry
-from calstation.schema import EntryError, StrictModel, entry
-
-if TYPE_CHECKING:
-    from calstation.devices.profiles.imu import ImuProfile
+from calstation.schema import EntryError, StrictModel
 
 
 class TextRegisters(StrictModel):
@@ -23,7 +20,7 @@ class TextRegisters(StrictModel):
     words: int = Field(ge=1, le=64)
 
 
-class WordCommand(StrictModel):
+class WordCommand(ProfileSection):
     """A command given by writing a value to a holding register.
 
     done : value of the register once the command is done; if absent, the reply to the write confirms it
@@ -32,6 +29,10 @@ class WordCommand(StrictModel):
     address: Address
     value: Word
     done: Word | None = None
+
+    rules: ClassVar[Rules["WordCommand"]] = (
+        lambda s: s.done == s.value and EntryError("profile.done_at_once", "done", value=s.done),
+    )
 
 
 class StreamSwitch(StrictModel):
@@ -43,6 +44,7 @@ class StreamSwitch(StrictModel):
 
     @property
     def values(self) -> tuple[int, ...]:
+        """Values that it writes."""
         return (self.on,) if self.off is None else (self.on, self.off)
 
 
@@ -68,14 +70,17 @@ class ModbusProtocol(ImuProtocol):
 
     @staticmethod
     def address_span(width: int) -> int:
+        """Return the number of 16-bit registers of a number of `width` bytes."""
         return max(1, width // 2)
 
     @property
     def has_pages(self) -> bool:
+        """Whether there is a register that selects the page."""
         return self.page is not None
 
     @property
     def raw_stream(self) -> tuple[int, ...] | None:
+        """Values of the register that switches the stream on and off; None without such a register."""
         return None if self.stream is None else self.stream.values
 
     @property
@@ -98,41 +103,44 @@ class ModbusProtocol(ImuProtocol):
         switch = {} if self.stream is None else {"stream": self.stream.values}
         return {"commit": (self.commit.value,), "reset": (self.reset.value,), **switch}
 
-    def check_profile(self, profile: "ImuProfile") -> None:
-        """Check that the unit's own registers and its calibration registers do not overlap.
+    rules: ClassVar[Rules["ModbusProtocol"]] = (
+        lambda s: (
+            EntryError("profile.past_last_address", name, address=begin, last=end - 1)
+            for name, (begin, end) in s.ranges.items()
+            if end - 1 > LAST_ADDRESS
+        ),
+        lambda s: (
+            EntryError("profile.registers_overlap", b, mine=_span(*other), other=f"modbus.{a}", at=_span(*at))
+            for (a, at), (b, other) in combinations(s.ranges.items(), 2)
+            # commands that share a register are distinguished by the value
+            if not {a, b} <= s.written.keys() and at[0] < other[1] and other[0] < at[1]
+        ),
+        lambda s: (
+            EntryError("profile.same_write", b, other=f"modbus.{a}")
+            for (a, values), (b, others) in combinations(s.written.items(), 2)
+            if s.ranges[a] == s.ranges[b] and set(values) & set(others)
+        ),
+    )
+    # Commands and the page register exist on every page, so calibration registers must not overlap them on any page.
+    profile_rules: ClassVar[Rules[Any]] = (
+        lambda p: (
+            within(error, "registers", register.row)
+            for register in p.registers
+            for error in _register_errors(register, p.modbus.ranges)
+        ),
+    )
 
-        Commands and the page register exist on every page, so calibration registers must not overlap them on any page.
-        """
-        ranges, written = self.ranges, self.written
-        for name, (begin, end) in ranges.items():
-            if end - 1 > LAST_ADDRESS:
-                raise EntryError("profile.past_last_address", "modbus", name, address=begin, last=end - 1)
-        for (a, at), (b, other) in combinations(ranges.items(), 2):
-            distinguished = a in written and b in written  # by the written value
-            if not distinguished and at[0] < other[1] and other[0] < at[1]:
-                values = {"mine": _span(*other), "other": f"modbus.{a}", "at": _span(*at)}
-                raise EntryError("profile.registers_overlap", "modbus", b, **values)
-        for a, b in combinations(written, 2):
-            if ranges[a] == ranges[b] and set(written[a]) & set(written[b]):
-                raise EntryError("profile.same_write", "modbus", b, other=f"modbus.{a}")
-        for name, command in (("commit", self.commit), ("reset", self.reset)):
-            if command.done == command.value:
-                raise EntryError("profile.done_at_once", "modbus", name, "done", value=command.done)
-        for register in profile.registers:
-            with entry("registers", register.row):
-                _check_register(register, ranges)
 
-
-def _check_register(register: RegisterEntry, ranges: Mapping[str, tuple[int, int]]) -> None:
+def _register_errors(register: RegisterEntry, ranges: Mapping[str, tuple[int, int]]) -> Iterator[EntryError]:
     width = number(register.type).width
     if width % 2:
-        raise EntryError("profile.not_whole_registers", "type", type=register.type)
+        yield EntryError("profile.not_whole_registers", "type", type=register.type)
     if register.span != width // 2:
-        raise EntryError("profile.span", "span", value=register.span, type=register.type, needed=width // 2)
+        yield EntryError("profile.span", "span", value=register.span, type=register.type, needed=width // 2)
     for name, (begin, end) in ranges.items():
         if register.address < end and begin < register.end:
             values = {"mine": register.label, "other": f"modbus.{name}", "at": _span(begin, end)}
-            raise EntryError("profile.registers_overlap", "address", **values)
+            yield EntryError("profile.registers_overlap", "address", **values)
 
 
 def _span(begin: int, end: int) -> str:

@@ -1,15 +1,13 @@
 """Protocol "vectornav": lines $VN...*checksum on the line of a VectorNav's stream."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
+from calstation.devices.profiles.entries import Rules
 from calstation.devices.profiles.imu_protocols.base import ImuProtocol
 from calstation.devices.profiles.imu_sections import CommandLine
-from calstation.schema import EntryError, KeyPath
-
-if TYPE_CHECKING:
-    from calstation.devices.profiles.imu import ImuProfile
+from calstation.schema import EntryError
 
 
 class VectorNavProtocol(ImuProtocol):
@@ -30,17 +28,20 @@ class VectorNavProtocol(ImuProtocol):
 
     @staticmethod
     def address_span(width: int) -> int:
+        """Return 0: a register has all its numbers at one address."""
         return 0
 
-    def check_profile(self, profile: "ImuProfile") -> None:
-        """Check that the clock in nanoseconds agrees with the sample rate."""
-        rate = profile.stream.sample_rate_hz
-        expected = 1e9 / rate
-        for key_path, frame in profile.frames.items():
-            counter = frame.named("counter")
-            if counter.per_sample != 1.0 and abs(counter.per_sample - expected) > 1e-3 * expected:
-                at: KeyPath = (*key_path, "fields", frame.fields.index(counter), "per_sample")
-                raise EntryError("profile.clock_rate", *at, value=counter.per_sample, rate=rate, expected=expected)
+    # The clock in nanoseconds agrees with the sample rate.
+    profile_rules: ClassVar[Rules[Any]] = (
+        lambda profile: (
+            EntryError("profile.clock_rate", *at, value=counter.per_sample, rate=rate, expected=1e9 / rate)
+            for rate in [profile.stream.sample_rate_hz]
+            for key_path, frame in profile.frames.items()
+            for counter in [frame.named("counter")]
+            for at in [(*key_path, "fields", frame.fields.index(counter), "per_sample")]
+            if counter.per_sample != 1.0 and abs(counter.per_sample * rate - 1e9) > 1e6
+        ),
+    )
 
 
 PROTOCOL = VectorNavProtocol
