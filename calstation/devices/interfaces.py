@@ -19,10 +19,12 @@ class OtherModelError(DeviceFaultError):
 
     @property
     def found(self) -> str:
+        """Model that replied."""
         return str(self.values["found"])
 
     @property
     def expected(self) -> str:
+        """Model that the profile names."""
         return str(self.values["expected"])
 
 

@@ -34,9 +34,7 @@ class Pair:
 
 
 class Unit:
-    """In-memory `register_table.RegisterLink` of one drive; `unplugged` simulates a disconnected cable."""
-
-    received = b""
+    """In-memory link of one drive; `unplugged` simulates a disconnected cable."""
 
     def __init__(self, drive):
         self.drive, self.unplugged, self.writes = drive, False, []
@@ -53,15 +51,25 @@ class Unit:
         self.writes.append((address, list(values), repeat))
         self.drive.write(address, values)
 
-    def close(self):
-        return
+
+class Line:
+    """In-memory link of a register table with both drives."""
+
+    def __init__(self, units):
+        self.units = dict(zip((None, PROFILE.modbus.inner_unit), units, strict=True))
+
+    def read(self, address, count, unit=None):
+        return self.units[unit].read(address, count)
+
+    def write(self, address, values, repeat=True, unit=None):
+        self.units[unit].write(address, values, repeat)
 
 
 @pytest.fixture
 def pair():
     drives = Pair()
     drives.units = [Unit(drive) for drive in drives.drives]
-    drives.table = RegisterTable(drives.units[0], PROFILE, drives.units[1])
+    drives.table = RegisterTable(Line(drives.units), PROFILE)
     return drives
 
 
@@ -151,7 +159,7 @@ def test_continuous_rotation_requires_a_stop_time_on_link_loss_in_the_profile(pa
     with raises_code(ConfigurationError, "table.would_not_stop"):
         table.rate(0.1, 0.0, 0.5)
     stated = PROFILE.model_copy(update={"link_loss_stop_s": 1.0})
-    table = RegisterTable(pair.units[0], stated, pair.units[1])
+    table = RegisterTable(Line(pair.units), stated)
     table.rate(*np.deg2rad([0.0, -15.0, 40.0]))
     pair.pass_time(3.0)
     np.testing.assert_allclose(table.status().rates, np.deg2rad([0.0, -15.0]), atol=1e-6)

@@ -93,11 +93,11 @@ class Zeros:
 
     received = b""
 
-    def read(self, address: int, count: int) -> list[int]:
+    def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
         assert 0 <= address <= address + count <= 1 << 16
         return [0] * count
 
-    def write(self, address: int, values: list[int], repeat: bool = True) -> None:
+    def write(self, address: int, values: list[int], repeat: bool = True, unit: int | None = None) -> None:
         assert 0 <= address <= address + len(values) <= 1 << 16
         assert all(0 <= value <= 0xFFFF for value in values)
 
@@ -107,8 +107,7 @@ class Zeros:
 
 def check_obeys(profile: TableProfile) -> None:
     """Assert that a loaded profile supports all commands that it allows."""
-    inner = Zeros() if profile.two_drives else None
-    table = RegisterTable(Zeros(), profile, inner)
+    table = RegisterTable(Zeros(), profile)
     limits = profile.geometry().limits
     table.status()
     for command in (table.enable, table.home, table.stop, table.heartbeat, table.reset_fault, table.disable):

@@ -37,6 +37,7 @@ class Number:
 
     @property
     def bounds(self) -> tuple[float, float]:
+        """Lowest and highest number."""
         if self.kind == "f":
             largest = float(np.finfo(np.float32 if self.width == 4 else np.float64).max)
             return -largest, largest

@@ -40,6 +40,7 @@ class BinaryFrame:
         self._layouts: dict[tuple[int, bytes], Layout] = {}
 
     def size(self, buffer: bytes, start: int) -> int | None:
+        """Return the size of the frame at `start`, see `PacketKind`."""
         length = self._frame.length
         if length is None:
             return self.shortest
@@ -57,6 +58,7 @@ class BinaryFrame:
         return size if self.shortest <= size <= self._frame.max_size else 0
 
     def is_valid(self, packet: bytes) -> bool:
+        """Return whether tail, checksum and items of a frame are correct."""
         end = len(packet) - len(self._tail) - self._check_size
         if not packet.endswith(self._tail):
             return False
@@ -163,6 +165,7 @@ class Layout:
         self._odd = [(f, at, number(f.type)) for f, at, kind in native if kind is None]
 
     def read(self, packets: bytes) -> dict[str, Column]:
+        """Return the numbers of consecutive packets by field."""
         rows = np.frombuffer(packets, self._plain)
         with np.errstate(invalid="ignore"):  # a signalling NaN is treated like any NaN
             columns: dict[str, Column] = {

@@ -77,6 +77,7 @@ class FrameDecoder:
         self.since_frame = 0
 
     def feed(self, data: bytes) -> Decoded:
+        """Return the packets that new bytes complete."""
         buffer = self._buffer + data
         replies: list[Reply] = []
         packets: list[bytes] = []

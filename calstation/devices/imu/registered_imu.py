@@ -16,7 +16,7 @@ from calstation.devices.codecs import SENSORS, matrix_slots, number
 from calstation.devices.imu.registers import RegisterMap, alike
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
-from calstation.devices.links import SerialLink
+from calstation.devices.links import Question, SerialLink
 from calstation.devices.profiles import ImuProfile, ImuProtocol, RegisterEntry
 from calstation.errors import DeviceFaultError
 
@@ -39,11 +39,13 @@ class RegisteredImu(StreamedImu):
         super().__init__(link, profile, serial)
         times = profile.section_of(ImuProtocol)
         self._registers = RegisterMap(tuple(profile.registers))
-        self._commit_timeout, self._reset_timeout = times.commit_timeout_s, times.reset_timeout_s
+        self._timeout, self._commit_timeout = times.timeout_s, times.commit_timeout_s
+        self._reset_timeout = times.reset_timeout_s
         self._streaming = False
         self._burns_until = 0.0
 
     def start(self, *, corrected: bool = False) -> None:
+        """Start the stream, see `Imu.start`."""
         self._switch_on(corrected=corrected)
         self._streaming = True
         section = self._profile.corrected
@@ -79,6 +81,7 @@ class RegisteredImu(StreamedImu):
         return identity
 
     def read_registers(self) -> dict[str, float]:
+        """Return the calibration registers by parameter, SI."""
         with self._quiet():
             return self._registers.decode({e.key: self._read_entry(e) for e in self._registers.entries})
 
@@ -168,6 +171,10 @@ class RegisteredImu(StreamedImu):
                 self._write_entry(mark.entry, list(mark.before))
             raise DeviceFaultError("imu.not_restarted", seconds=self._reset_timeout)
         return False
+
+    def _send(self, question: Question[T], attempts: int = ATTEMPTS, timeout: float | None = None) -> T:
+        """Send a command and return the content of its reply; by default within the protocol's reply timeout."""
+        return self.exchange(question, timeout=timeout or self._timeout, attempts=attempts)
 
     def _quiet(self) -> AbstractContextManager[None]:
         """Return a context for register access, in which the stream is off if the unit requires it."""

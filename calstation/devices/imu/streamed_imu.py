@@ -31,6 +31,7 @@ class ImuRefusalError(DeviceFaultError, Refusal):
 
     @property
     def reason(self) -> Text:
+        """Meaning of the unit's error code."""
         return cast(Text, self.values["reason"])
 
 
@@ -71,8 +72,8 @@ class StreamedImu(Imu):
 
     @property
     def stats(self) -> LinkStats:
-        d = self._decoder
-        count = self._count
+        """Counts since the link was opened."""
+        d, count = self._decoder, self._count
         return LinkStats(self._frames, self._bytes, d.crc_errors, d.skipped, count.gaps, count.restarts)
 
     @property
@@ -128,6 +129,7 @@ class StreamedImu(Imu):
 
     @property
     def lost(self) -> bool:
+        """Whether the link has failed."""
         return self._failure is not None
 
     def _expect(self, frame: FrameSection) -> None:

@@ -22,12 +22,14 @@ class TextLine:
         self._max_size = frame.max_size
 
     def size(self, buffer: bytes, start: int) -> int | None:
+        """Return the size of the line at `start`, see `PacketKind`."""
         end = buffer.find(self._tail, start, start + self._max_size)
         if end >= 0:
             return end - start + len(self._tail)
         return 0 if len(buffer) - start >= self._max_size else None
 
     def is_valid(self, packet: bytes) -> bool:
+        """Return whether the checksum of a line is correct."""
         body, mark, stated = packet[: -len(self._tail)].rpartition(self._mark)
         if not mark:
             return False
@@ -35,6 +37,7 @@ class TextLine:
         return stated.upper() == check.encode()
 
     def body(self, packet: bytes) -> bytes:
+        """Return a line without its checksum."""
         return packet.rpartition(self._mark)[0]
 
 

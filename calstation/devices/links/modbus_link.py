@@ -38,23 +38,25 @@ def exception_text(number: int) -> Text:
     return Text.of(f"modbus.exception_{kind}", number=number)
 
 
-class NoAnswerError(DeviceFaultError):
-    """The device does not reply, even after repeated requests."""
+class ModbusUnitError(DeviceFaultError):
+    """A transfer with a Modbus unit has failed."""
 
     @property
     def unit(self) -> int:
+        """Unit number of the device."""
         return int(self.values["unit"])
 
 
-class ModbusRefusalError(DeviceFaultError):
+class NoAnswerError(ModbusUnitError):
+    """The device does not reply, even after repeated requests."""
+
+
+class ModbusRefusalError(ModbusUnitError):
     """The device replied with a Modbus exception."""
 
     @property
-    def unit(self) -> int:
-        return int(self.values["unit"])
-
-    @property
     def exception(self) -> int:
+        """Number of the Modbus exception."""
         return int(self.values["number"])
 
 
@@ -78,6 +80,7 @@ class ModbusLink:
 
     @property
     def received(self) -> bytes:
+        """The bytes received last, valid or not."""
         return self._carrier.received
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:

@@ -48,6 +48,7 @@ class RtuReply:
         self.sync = bytes([unit])
 
     def size(self, buffer: bytes, start: int) -> int | None:
+        """Return the size of the frame at `start`, see `PacketKind`."""
         if len(buffer) < start + 3:
             return None
         function = buffer[start + 1]
@@ -58,9 +59,11 @@ class RtuReply:
         return 5 if function & ~REFUSED in (READ, WRITE, WRITE_MANY) else 0
 
     def is_valid(self, packet: bytes) -> bool:
+        """Return whether the checksum of a frame is correct."""
         return check_bytes("crc16_modbus", packet[:-2], "little") == packet[-2:]
 
     def reply(self, packet: bytes) -> Reply:
+        """Return function code and data of a frame."""
         return Reply(packet[1], packet[2:-2])
 
 
@@ -75,6 +78,7 @@ class RtuRequest:
 
     @staticmethod
     def read(unit: int, address: int, count: int) -> "RtuRequest":
+        """Return a request that reads holding registers."""
         return RtuRequest(unit, READ, struct.pack(">HH", address, count), bytes([2 * count]))
 
     @staticmethod
@@ -89,11 +93,13 @@ class RtuRequest:
 
     @property
     def frame(self) -> bytes:
+        """The bytes to send, with the checksum."""
         body = bytes([self.unit, self.function]) + self.payload
         return body + check_bytes("crc16_modbus", body, "little")
 
     @property
     def address(self) -> int:
+        """Address of the first register."""
         return int.from_bytes(self.payload[:2], "big")
 
     def question(self, refusal: Callable[[int], Refusal]) -> Question[bytes]:
@@ -123,6 +129,7 @@ class RtuLine:
 
     @property
     def open(self) -> bool:
+        """Whether the port is open."""
         return self._link is not None
 
     def connect(self) -> None:

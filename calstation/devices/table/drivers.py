@@ -44,27 +44,22 @@ class ManualTable(Table):
         )
 
     def identify(self) -> TableIdentity:
+        """Return the model of the profile; a manual rig has no serial number."""
         return TableIdentity(self._profile.model, "by hand")
 
     def status(self) -> TableStatus:
+        """Return the state of a table at rest at unknown angles."""
         return self._status
 
-    def enable(self) -> None: ...
+    def enable(self) -> None:
+        """Do nothing: a manual rig has no drives, no faults and no link."""
 
-    def disable(self) -> None: ...
-
-    def home(self) -> None: ...
+    disable = home = stop = reset_fault = heartbeat = close = enable
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
+        """Raise ConfigurationError: only the operator moves the rig."""
         raise ConfigurationError("table.rig_cannot_move", profile=self._profile.name)
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        raise ConfigurationError("table.rig_cannot_move", profile=self._profile.name)
-
-    def stop(self) -> None: ...
-
-    def reset_fault(self) -> None: ...
-
-    def heartbeat(self) -> None: ...
-
-    def close(self) -> None: ...
+        """Raise ConfigurationError like `move`."""
+        self.move(outer, inner, 0.0, acceleration)

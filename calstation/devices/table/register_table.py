@@ -6,7 +6,6 @@ there the IMU's driver owns the port, and registers are read and written by two 
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -39,19 +38,34 @@ _POLLED = ("statusword", "status2", "fault", "interlock", "watchdog", "position"
 _LARGEST_READ = 120  # largest number of registers in one transfer
 
 
-class RegisterLink(Protocol):
-    """Link to the registers; calls are bounded in time and raise DeviceFaultError; `received` are the latest bytes."""
+class ImuWords:
+    """Registers of the axes over commands of their IMU. Raises DeviceFaultError if it refuses or is silent."""
 
-    @property
-    def received(self) -> bytes: ...
+    received = b""
 
-    def read(self, address: int, count: int) -> list[int]:
-        """Read registers; a lost transfer is repeated."""
+    def __init__(self, imu: FramedImu, *, owned: bool) -> None:
+        self._imu, self._owned = imu, owned
 
-    def write(self, address: int, values: list[int], repeat: bool = True) -> None:
+    def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
+        """Read registers; a lost transfer is repeated. There is only one unit."""
+        try:
+            return self._imu.read_words(address, count)
+        except ImuRefusalError as exc:
+            code = "table.system_read_busy" if isinstance(exc, ImuBusyError) else "table.system_read_refused"
+            raise DeviceFaultError(code, address=address, last=address + count - 1, reason=exc.reason) from exc
+
+    def write(self, address: int, values: list[int], repeat: bool = True, unit: int | None = None) -> None:
         """Write registers; a lost transfer is repeated only if `repeat`."""
+        try:
+            self._imu.write_words(address, values, repeat)
+        except ImuRefusalError as exc:
+            code = "table.system_write_busy" if isinstance(exc, ImuBusyError) else "table.system_write_refused"
+            raise DeviceFaultError(code, address=address, reason=exc.reason) from exc
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Close the IMU if it was opened for the table only."""
+        if self._owned:
+            self._imu.close()
 
 
 def encode(register: ModbusRegister, value: float, name: str) -> list[int]:
@@ -75,24 +89,18 @@ def _words(register: ModbusRegister, raw: float) -> list[int]:
 
 
 class RegisterTable(Table):
-    """Driver of a table as described by its profile. Moves are absolute, so a repeated transfer does not add motion.
+    """Driver of a table as described by its profile. Moves are absolute, so a repeated transfer does not add motion."""
 
-    inner : link to the inner axis's own drive, if it has one
-    """
-
-    def __init__(self, link: RegisterLink, profile: TableProfile, inner: RegisterLink | None = None) -> None:
+    def __init__(self, link: ModbusLink | ImuWords, profile: TableProfile) -> None:
         section = profile.section_of(ImuLinkSection)
-        self._link, self._inner = link, inner
-        self._profile, self._map = profile, profile.map
+        self._link, self._profile, self._map = link, profile, profile.map
         self._rest_rate = section.rest_rate_dps
         self._powered = False
         self._polled = [register_name for name in _POLLED for register_name in self._map.names(name)]
-        self._spans = [
-            (drive, *span)
-            for drive in (link, inner)
-            if drive is not None
-            for span in _spans([self._map.registers[n] for n in self._polled if self._drive(n) is drive], section.gap)
-        ]
+        drives: dict[int | None, list[ModbusRegister]] = {None: []}
+        for name in self._polled:
+            drives.setdefault(self._unit(name), []).append(self._map.registers[name])
+        self._spans = [(unit, *span) for unit, part in drives.items() for span in _spans(part, section.gap)]
         self._limits = profile.geometry().limits
 
     def identify(self) -> TableIdentity:
@@ -106,7 +114,7 @@ class RegisterTable(Table):
 
     def status(self) -> TableStatus:
         """Poll the table, with one transfer for each drive if the profile's layout allows it."""
-        words = [(drive, start, drive.read(start, end - start)) for drive, start, end in self._spans]
+        words = [(unit, start, self._link.read(start, end - start, unit)) for unit, start, end in self._spans]
         value = {name: self._pick(words, name) for name in self._polled}
         position, rate = (np.array([value[f"{joint}_{name}"] for joint in JOINTS]) for name in ("position", "rate"))
         at_rest = bool(np.all(np.abs(rate) < self._rest_rate))
@@ -174,18 +182,22 @@ class RegisterTable(Table):
             self._put("controlword", word)
 
     def heartbeat(self) -> None:
+        """Feed the table's watchdog if it has one."""
         self._put("heartbeat", 1)
 
     def close(self) -> None:
+        """Close the link."""
         self._link.close()
 
     @property
     def received(self) -> bytes:
+        """The bytes received last."""
         return self._link.received
 
-    def _drive(self, name: str) -> RegisterLink:
-        """Return the link of a register; the inner axis may have its own drive."""
-        return self._inner if self._inner is not None and name.startswith("inner_") else self._link
+    def _unit(self, name: str) -> int | None:
+        """Return the unit number of a register of the inner axis's own drive; None for the link's own unit."""
+        modbus = self._profile.modbus
+        return modbus.inner_unit if modbus is not None and name.startswith("inner_") else None
 
     def _flags(self, name: str, value: Mapping[str, float]) -> list[bool]:
         """Return a flag for each drive; empty if the profile has no source for it."""
@@ -214,16 +226,16 @@ class RegisterTable(Table):
 
     def _on_both(self, writes: list[tuple[str, int]]) -> None:
         """Write to every drive that replies, then raise the first DeviceFaultError, if any."""
-        lost: dict[int, DeviceFaultError] = {}
+        lost: dict[int | None, DeviceFaultError] = {}
         for name, raw in writes:
             for register_name in self._map.names(name):
-                drive = id(self._drive(register_name))
-                if drive in lost:
+                unit = self._unit(register_name)
+                if unit in lost:
                     continue
                 try:
                     self._put_one(register_name, raw)
                 except DeviceFaultError as exc:
-                    lost[drive] = exc
+                    lost[unit] = exc
         if lost:
             raise next(iter(lost.values()))
 
@@ -233,7 +245,7 @@ class RegisterTable(Table):
 
     def _put_one(self, register_name: str, raw: int, repeat: bool = True) -> None:
         register = self._map.registers[register_name]
-        self._drive(register_name).write(register.address, _words(register, raw), repeat)
+        self._link.write(register.address, _words(register, raw), repeat, self._unit(register_name))
 
     def _command(self, command: str, values: Sequence[Mapping[str, float]] = (), repeat: bool = True) -> None:
         for words in [self._encoded(register_name) for register_name in values]:
@@ -258,23 +270,20 @@ class RegisterTable(Table):
 
     def _write_together(self, encoded: Mapping[str, list[int]]) -> None:
         """Write adjacent registers of one axis in one transfer, and others separately."""
-        drive = self._drive(next(iter(encoded)))
-        pending: list[int] = []
-        start = end = -1
+        together: list[tuple[int, list[int]]] = []
         for name, words in encoded.items():
-            register = self._map.registers[name]
-            if register.address != end:
-                if pending:
-                    drive.write(start, pending)
-                pending, start = [], register.address
-            pending = pending + words
-            end = register.end
-        drive.write(start, pending)
+            address = self._map.registers[name].address
+            if together and together[-1][0] + len(together[-1][1]) == address:
+                together[-1][1].extend(words)
+            else:
+                together.append((address, list(words)))
+        for address, words in together:
+            self._link.write(address, words, unit=self._unit(next(iter(encoded))))
 
-    def _pick(self, words: list[tuple[RegisterLink, int, list[int]]], name: str) -> float:
-        register, drive = self._map.registers[name], self._drive(name)
-        for source, start, values in words:
-            if source is drive and start <= register.address < start + len(values):
+    def _pick(self, words: list[tuple[int | None, int, list[int]]], name: str) -> float:
+        register = self._map.registers[name]
+        for unit, start, values in words:
+            if unit == self._unit(name) and start <= register.address < start + len(values):
                 first = register.address - start
                 value = decode(register, values[first : first + register.count])
                 if not math.isfinite(value):
@@ -284,7 +293,7 @@ class RegisterTable(Table):
 
     def _text(self, name: str) -> str:
         register = self._map.registers[name]
-        return register_text(self._drive(name).read(register.address, register.count))
+        return register_text(self._link.read(register.address, register.count, self._unit(name)))
 
 
 class ModbusTable(RegisterTable):
@@ -293,8 +302,7 @@ class ModbusTable(RegisterTable):
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
         modbus = profile.section_of(ModbusSection)
         link = ModbusLink(port, modbus.unit, modbus.timeout_s, serial or modbus.serial)
-        inner = None if modbus.inner_unit is None else OtherUnit(link, modbus.inner_unit)
-        super().__init__(link, profile, inner)
+        super().__init__(link, profile)
         self._port = port
         self._texts: dict[str, str] = {}
         link.greet = self._greet
@@ -308,51 +316,6 @@ class ModbusTable(RegisterTable):
             text = super()._text(name)
             if text != expected:
                 raise DeviceFaultError("table.other_table", port=self._port, found=text, expected=expected)
-
-
-class OtherUnit:
-    """Registers of a second unit on a line whose port the first unit owns; implements `RegisterLink`."""
-
-    received = b""
-
-    def __init__(self, link: ModbusLink, unit: int) -> None:
-        self._link, self._unit = link, unit
-
-    def read(self, address: int, count: int) -> list[int]:
-        return self._link.read(address, count, self._unit)
-
-    def write(self, address: int, values: list[int], repeat: bool = True) -> None:
-        self._link.write(address, values, repeat, self._unit)
-
-    def close(self) -> None:
-        """Do nothing: the first unit closes the link."""
-
-
-class ImuWords:
-    """A `RegisterLink` over commands of the IMU. Raises DeviceFaultError if it refuses or is silent."""
-
-    received = b""
-
-    def __init__(self, imu: FramedImu, *, owned: bool) -> None:
-        self._imu, self._owned = imu, owned
-
-    def read(self, address: int, count: int) -> list[int]:
-        try:
-            return self._imu.read_words(address, count)
-        except ImuRefusalError as exc:
-            code = "table.system_read_busy" if isinstance(exc, ImuBusyError) else "table.system_read_refused"
-            raise DeviceFaultError(code, address=address, last=address + count - 1, reason=exc.reason) from exc
-
-    def write(self, address: int, values: list[int], repeat: bool = True) -> None:
-        try:
-            self._imu.write_words(address, values, repeat)
-        except ImuRefusalError as exc:
-            code = "table.system_write_busy" if isinstance(exc, ImuBusyError) else "table.system_write_refused"
-            raise DeviceFaultError(code, address=address, reason=exc.reason) from exc
-
-    def close(self) -> None:
-        if self._owned:
-            self._imu.close()
 
 
 class SharedTable(RegisterTable):

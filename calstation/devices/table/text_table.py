@@ -47,6 +47,7 @@ class TextTable(Table):
         return identity
 
     def status(self) -> TableStatus:
+        """Poll the state of the table."""
         answers = self._poll()
         angles, rates = (_joints_of(answers[name], self._text.joint_names) for name in ("position", "rate"))
         at_rest = bool(np.all(np.abs(rates) < self._text.rest_rate_dps))
@@ -66,9 +67,11 @@ class TextTable(Table):
         )
 
     def enable(self) -> None:
+        """Switch both axes on."""
         self._send("enable")
 
     def disable(self) -> None:
+        """Switch both axes off."""
         self._send("disable")
 
     def home(self) -> None:
@@ -91,19 +94,24 @@ class TextTable(Table):
         self._send("rate", rate=(outer, inner), acceleration=(acceleration, acceleration))
 
     def stop(self) -> None:
+        """Decelerate to rest."""
         self._send("stop")
 
     def reset_fault(self) -> None:
+        """Clear a latched fault."""
         self._send("reset")
 
     def heartbeat(self) -> None:
+        """Feed the table's watchdog if it has one."""
         self._send("heartbeat")
 
     def close(self) -> None:
+        """Close the link."""
         self._link.close()
 
     @property
     def received(self) -> bytes:
+        """The bytes received last."""
         return self._link.received
 
     def _send(self, command: str, repeat: bool = True, **values: tuple[float, float]) -> None:
@@ -220,9 +228,11 @@ class GimbalTable(TextTable, Gimbal):
         self._send("home")
 
     def lock(self) -> None:
+        """Lock the joints and average the gyro output as the gyro bias."""
         self._send("lock")
 
     def stabilise(self) -> None:
+        """Hold the unit at rest in space."""
         self._send("stabilise")
 
     def turn(self, axis: int, angle: float, rate: float) -> None:
@@ -233,10 +243,12 @@ class GimbalTable(TextTable, Gimbal):
             self._link.command(line.format(axis=self._section.axes[axis], **values), repeat=False)
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
+        """Raise ConfigurationError: a gimbal is commanded in turns."""
         raise ConfigurationError("table.gimbal_cannot_move", profile=self._profile.name)
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        raise ConfigurationError("table.gimbal_cannot_move", profile=self._profile.name)
+        """Raise ConfigurationError like `move`."""
+        self.move(outer, inner, 0.0, acceleration)
 
 
 def _is_set(flag: Flag, groups: Mapping[str, str]) -> bool:

@@ -26,16 +26,19 @@ class CommandReply:
         self._order = frame.byte_order
 
     def size(self, buffer: bytes, start: int) -> int | None:
+        """Return the size of the reply at `start`, see `PacketKind`."""
         header = len(self.sync)
         if len(buffer) - start < header + _REPLY_HEADER:
             return None
         return header + _REPLY_HEADER + buffer[start + header + 1] + self._width
 
     def is_valid(self, packet: bytes) -> bool:
+        """Return whether the checksum of a reply is correct."""
         body = packet[len(self.sync) : -self._width]
         return check_bytes(self._crc, body, self._order) == packet[-self._width :]
 
     def reply(self, packet: bytes) -> Reply:
+        """Return op and payload of a reply."""
         body = packet[len(self.sync) : -self._width]
         return Reply(body[0], body[_REPLY_HEADER:])
 
@@ -58,6 +61,7 @@ class FramedImu(RegisteredImu):
 
     @staticmethod
     def reply_kind(profile: ImuProfile) -> ReplyKind:
+        """Return the kind of packets that reply to commands."""
         return CommandReply(profile.section_of(FramedProtocol), profile.frame)
 
     def read_words(self, address: int, count: int) -> list[int]:
@@ -74,7 +78,7 @@ class FramedImu(RegisteredImu):
         body = struct.pack(self._format(f"{len(values)}H"), *values)
         question = self._question("write_words", head + body, head)
         attempts = ATTEMPTS if repeat else 1
-        self.exchange(question, timeout=self._commands.timeout_s, attempts=attempts, urgent=repeat)
+        self.exchange(question, timeout=self._timeout, attempts=attempts, urgent=repeat)
 
     def _switch_on(self, *, corrected: bool) -> None:
         section = self._profile.corrected if corrected else None
@@ -131,8 +135,7 @@ class FramedImu(RegisteredImu):
     def _ask(
         self, name: str, payload: bytes, begins: bytes = b"", attempts: int = ATTEMPTS, timeout: float | None = None
     ) -> bytes:
-        question = self._question(name, payload, begins)
-        return self.exchange(question, timeout=timeout or self._commands.timeout_s, attempts=attempts)
+        return self._send(self._question(name, payload, begins), attempts, timeout)
 
     def _other_questions(self) -> Iterator[Question[bytes]]:
         """Yield the identity query, then register reads of decreasing length."""

@@ -29,6 +29,7 @@ class ModbusImu(RegisteredImu):
 
     @staticmethod
     def reply_kind(profile: ImuProfile) -> ReplyKind:
+        """Return the kind of packets that reply to commands."""
         return RtuReply(profile.section_of(ModbusProtocol).unit)
 
     def _switch_on(self, *, corrected: bool) -> None:
@@ -56,7 +57,7 @@ class ModbusImu(RegisteredImu):
             self._read(self._section.commit.address, 1)
 
     def _restart(self) -> None:
-        self._order(self._section.reset, self._section.timeout_s)
+        self._order(self._section.reset, self._timeout)
 
     def _read_entry(self, entry: RegisterEntry) -> list[float]:
         self._select_page(entry.page)
@@ -130,11 +131,11 @@ class ModbusImu(RegisteredImu):
                 self._write(stream.address, [self._word])
 
     def _read(self, address: int, count: int, attempts: int = ATTEMPTS) -> list[int]:
-        data = self._ask(RtuRequest.read(self._section.unit, address, count), attempts)
+        data = self._send(_question(RtuRequest.read(self._section.unit, address, count)), attempts)
         return list(struct.unpack(f">{count}H", data[1 : 1 + 2 * count]))
 
     def _write(self, address: int, values: list[int], attempts: int = ATTEMPTS, timeout: float | None = None) -> None:
-        self._ask(RtuRequest.write(self._section.unit, address, values), attempts, timeout)
+        self._send(_question(RtuRequest.write(self._section.unit, address, values)), attempts, timeout)
 
     def _other_questions(self) -> Iterator[Question[bytes]]:
         """Yield reads of text registers, whole and in part, since these do not depend on the page."""
@@ -142,10 +143,6 @@ class ModbusImu(RegisteredImu):
         for words in (*(text.words for text in self._texts), *range(1, longest.words)):
             address = next((text.address for text in self._texts if text.words == words), longest.address)
             yield _question(RtuRequest.read(self._section.unit, address, words))
-
-    def _ask(self, request: RtuRequest, attempts: int, timeout: float | None = None) -> bytes:
-        timeout = timeout or self._section.timeout_s
-        return self.exchange(_question(request), timeout=timeout, attempts=attempts)
 
 
 class ModbusBusyError(ImuBusyError):

@@ -45,6 +45,7 @@ class VectorNavImu(RegisteredImu):
 
     @staticmethod
     def reply_kind(profile: ImuProfile) -> ReplyKind:
+        """Return the kind of packets that reply to commands."""
         return LineReply(profile.section_of(VectorNavProtocol))
 
     def _switch_on(self, *, corrected: bool) -> None:
@@ -80,7 +81,7 @@ class VectorNavImu(RegisteredImu):
 
     def _ask(self, words: str, *, timeout: float | None = None, attempts: int = ATTEMPTS) -> list[str]:
         """Send a line and return the other fields of the reply, which repeats its command and register."""
-        return self.exchange(self._question(words), timeout=timeout or self._section.timeout_s, attempts=attempts)
+        return self._send(self._question(words), attempts, timeout)
 
     def _other_questions(self) -> Iterator[Question[list[str]]]:
         for register in (*_IDENTITY, *(entry.address for entry in self._registers.entries)):
