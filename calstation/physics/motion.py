@@ -5,11 +5,6 @@ from typing import TypeAlias
 
 
 @dataclass(frozen=True)
-class Prepare:
-    """Switch the power on, wait until ready, home if not homed, and warm up."""
-
-
-@dataclass(frozen=True)
 class Move:
     """Move both joints to absolute cumulative angles; a full revolution is a move of 2π."""
 
@@ -69,9 +64,4 @@ class GimbalTurn:
     alternate: bool  #: Whether every second turn is in the opposite direction.
 
 
-@dataclass(frozen=True)
-class Finish:
-    """Move to the load position and switch the axes off."""
-
-
-Step: TypeAlias = Prepare | Move | Dwell | RoundEnd | ManualMove | GimbalZero | GimbalTurn | Finish
+Step: TypeAlias = Move | Dwell | RoundEnd | ManualMove | GimbalZero | GimbalTurn

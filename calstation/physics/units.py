@@ -5,15 +5,16 @@ from decimal import Decimal
 
 import numpy as np
 
-from calstation.physics.further_parameters import EFFECT_PARAMETERS, further_parameter
-from calstation.physics.parameters import INDEX, PARAMETERS
+from calstation.physics.further_parameters import EFFECT_PARAMETERS, PAIR_PARAMETERS, group_of
+from calstation.physics.parameters import PARAMETERS
 
 DEGREE = np.pi / 180.0
 ARCSECOND = DEGREE / 3600.0
 DEGREE_PER_HOUR = DEGREE / 3600.0
 STANDARD_GRAVITY = 9.80665
-FIGURE_SPACE, POINT_SPACE = "\u2007", "\u2008"
 MICRO_G = 1e-6 * STANDARD_GRAVITY
+#: Spaces as wide as a digit and as a decimal point.
+FIGURE_SPACE, POINT_SPACE = "\u2007", "\u2008"
 
 #: Display unit of a quantity that is not one of the 30 parameters, and its size in SI, by its SI unit.
 _BY_UNIT: dict[str, tuple[str, float]] = {
@@ -36,32 +37,23 @@ _BY_UNIT: dict[str, tuple[str, float]] = {
     "1": ("ppm", 1e-6),
 }
 
-#: Display unit of each parameter group and its size in SI.
+#: Display unit of each parameter group and its size in SI: that of its SI unit, with three exceptions.
 DISPLAY: dict[str, tuple[str, float]] = {
-    "gyro_bias": ("°/h", DEGREE_PER_HOUR),
-    "gyro_scale": ("ppm", 1e-6),
-    "gyro_misalign": ("″", ARCSECOND),
-    "accel_bias": ("µg", MICRO_G),
-    "accel_scale": ("ppm", 1e-6),
-    "accel_misalign": ("″", ARCSECOND),
-    "accel_quadratic": ("µg/g²", MICRO_G / STANDARD_GRAVITY**2),
-    "inner_lever": ("mm", 1e-3),
-    "outer_lever": ("mm", 1e-3),
-    "secondary_gyro_bias": ("°/h", DEGREE_PER_HOUR),
-    "secondary_gyro_matrix": ("1", 1.0),
-    "secondary_accel_bias": ("µg", MICRO_G),
-    "secondary_accel_matrix": ("1", 1.0),
-    "secondary_lever": ("mm", 1e-3),
+    **{p.group: _BY_UNIT[p.unit] for p in PARAMETERS},
+    **{p.group: _BY_UNIT[p.unit] for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)},
+    **dict.fromkeys(("secondary_gyro_matrix", "secondary_accel_matrix"), ("1", 1.0)),
     "clock_offset": ("µs", 1e-6),
-    **{p.group: _BY_UNIT[p.unit] for p in EFFECT_PARAMETERS},
 }
 
 #: SI unit, display unit and its size in SI of each entry of `[noise]` in an IMU profile.
 NOISE_DISPLAY: dict[str, tuple[str, str, float]] = {
-    "gyro_arw": ("rad/√s", "°/√h", DEGREE / 60.0),
-    "accel_vrw": ("m/s/√s", "µg/√Hz", MICRO_G),
-    "gyro_bias_instability": ("rad/s", "°/h", DEGREE_PER_HOUR),
-    "accel_bias_instability": ("m/s²", "µg", MICRO_G),
+    name: (unit, *_BY_UNIT[unit])
+    for name, unit in (
+        ("gyro_arw", "rad/√s"),
+        ("accel_vrw", "m/s/√s"),
+        ("gyro_bias_instability", "rad/s"),
+        ("accel_bias_instability", "m/s²"),
+    )
 }
 
 
@@ -72,8 +64,7 @@ def unit_of(unit: str) -> tuple[str, float]:
 
 def unit_of_parameter(name: str) -> tuple[str, float]:
     """Return the display unit of a parameter or group, and its size in SI. Raises KeyError for an unknown name."""
-    parameter = PARAMETERS[INDEX[name]] if name in INDEX else further_parameter(name)
-    return DISPLAY[name if parameter is None else parameter.group]
+    return DISPLAY[group_of(name)]
 
 
 def display_by_unit(unit: str, value: float) -> tuple[float, str]:

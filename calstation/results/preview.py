@@ -16,7 +16,7 @@ from calstation.estimation.common import PlannedSamples, profile
 from calstation.jobs import ProgressCallback
 from calstation.judgement import is_partial
 from calstation.messages import Text
-from calstation.physics import JOINTS, NAMES, Finish, FloatArray, GimbalTurn, ManualMove, Move, RoundEnd, Step, named
+from calstation.physics import JOINTS, NAMES, FloatArray, GimbalTurn, ManualMove, Move, RoundEnd, Step, named
 from calstation.records import LogMeta, context_from_meta
 from calstation.results.calibration import current_calibration
 from calstation.results.history import History
@@ -204,8 +204,6 @@ class _Previewer:
                     if found is not None:
                         reason = found
                         break
-                elif isinstance(step, Finish):
-                    break
                 else:
                     if isinstance(step, ManualMove):
                         error = Text("preview.manual_motion")

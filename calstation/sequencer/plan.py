@@ -9,7 +9,6 @@ import numpy as np
 from calstation.physics import (
     GROUPS,
     Dwell,
-    Finish,
     FloatArray,
     GimbalTurn,
     GimbalZero,
@@ -136,8 +135,6 @@ def planned(
         if isinstance(step, Move):
             start = (step.outer, step.inner)
         yield step, seconds
-        if isinstance(step, Finish):
-            return
         if isinstance(step, RoundEnd) and (rule.open_ended or rule.reason(step.rounds, elapsed, None) is not None):
             return
 

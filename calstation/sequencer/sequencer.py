@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar, cast
 
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
-from calstation.physics import Dwell, Finish, FloatArray, ManualMove, Move, Prepare, RoundEnd
+from calstation.physics import Dwell, FloatArray, ManualMove, Move, RoundEnd
 from calstation.sequencer.context import Evaluation, Output, RunContext, Solving
 from calstation.sequencer.control import State, StopRequested
 from calstation.sequencer.driving import POLL, Driving
@@ -199,9 +199,7 @@ class Sequencer:
                     return reasons[0], rounds
                 if stage.rule.open_ended:
                     track = self._track = StageTrack(stage.name, duration)
-            elif isinstance(step, Finish):
-                break
-            elif not isinstance(step, Prepare):
+            else:
                 track.begin(clock.now(), step_time(step, drive.runner.position(), self._context.task.settle))
                 drive.runner.run(step)
                 track.end(self._sigmas())

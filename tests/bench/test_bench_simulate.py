@@ -8,7 +8,7 @@ import pytest
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import GRADES, Simulator
-from calstation.physics import COUNT, PARAMETERS, Dwell, Finish, Move, Prepare, RoundEnd
+from calstation.physics import COUNT, PARAMETERS, Dwell, Move, RoundEnd
 
 RATE, ACCELERATION = np.deg2rad(30.0), np.deg2rad(60.0)
 
@@ -24,8 +24,8 @@ def endless():
 
 def test_time_counter_step_and_joint_angles_continue_across_stages():
     simulator = Simulator(BenchConfig(grade="nav", seed=1).truth(), 1)
-    first = simulator.run([Prepare(), Dwell(2.0), Move(np.pi / 2, 0.0, RATE, ACCELERATION), Dwell(3.0)], "rate")
-    second = simulator.run([Dwell(1.0), Move(0.0, 0.0, RATE, ACCELERATION), Finish()], "six_position")
+    first = simulator.run([Dwell(2.0), Move(np.pi / 2, 0.0, RATE, ACCELERATION), Dwell(3.0)], "rate")
+    second = simulator.run([Dwell(1.0), Move(0.0, 0.0, RATE, ACCELERATION)], "six_position")
     assert np.array_equal(first.step[:401], [0] * 400 + [1])
     seq = np.concatenate([first.seq, second.seq])
     assert np.array_equal(seq, np.arange(len(seq)))

@@ -8,7 +8,7 @@ import pytest
 
 from calstation.devices.profiles import Span, StatusSection
 from calstation.estimation.common import SampleBlock
-from calstation.physics import COUNT, INDEX, Dwell, Finish, Move, Prepare, RoundEnd, named, reached
+from calstation.physics import COUNT, INDEX, Dwell, Move, RoundEnd, named, reached
 from calstation.sequencer import LastSample, StopRule, move_time, plan_time, planned
 from calstation.sequencer.acquisition import INTERRUPTION, Acquisition, Stamps
 from tests.sequencer.fakes import MODEL, RATE, UNIT, FakeClock, FakeImu, FakeTable, endless
@@ -20,8 +20,8 @@ def test_move_time_matches_trapezoidal_and_triangular_profiles() -> None:
     assert move_time((0.0, 5.0), Move(0.25, 0.0, 1.0, 1.0)) == pytest.approx(6.0)
 
 
-def test_plan_ends_at_its_finish_step() -> None:
-    steps = [Prepare(), Move(1.0, 0.0, 1.0, 1.0), Dwell(5.0), Finish(), Dwell(100.0)]
+def test_duration_of_a_plan_includes_settling() -> None:
+    steps = [Move(1.0, 0.0, 1.0, 1.0), Dwell(5.0)]
     assert plan_time(steps, StopRule(), (0.0, 0.0)) == pytest.approx(2.0 + 1.5 + 5.0)
 
 
