@@ -12,7 +12,7 @@ from simulated_stages import block_of, errors_in_sigma, solved
 from calstation.estimation.common import PlannedSamples, Posterior, nis_consistency, stage_data, starts
 from calstation.estimation.navigation import ClosedLoopFilter, ReferencePass, navigation_pass, reference_pass
 from calstation.estimation.navigation.group_update import State, predict, update
-from calstation.estimation.navigation.reference import Reference
+from calstation.estimation.navigation.velocity_group import Reference
 from calstation.physics import COUNT, PARAMETERS, Dwell, Move, interval_work, propagate, skew
 
 

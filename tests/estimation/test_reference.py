@@ -10,8 +10,9 @@ from calstation.bench import BenchConfig
 from calstation.bench.truth import SensorStream
 from calstation.bench.truth.kinematics import JointProfile
 from calstation.estimation.common import SampleBlock, filter_noise, stage_data
-from calstation.estimation.navigation.reference import smoothed_reference
-from calstation.physics import compensation, increments, normal_gravity, rotation_rate
+from calstation.estimation.navigation.reference_pass import smoothed_reference
+from calstation.estimation.navigation.velocity_group import Setting
+from calstation.physics import compensation, increments, interval_work, normal_gravity, rotation_rate
 
 STRIDE = 20
 
@@ -34,18 +35,12 @@ def motion():
 
 def reference(truth, data, attitude, tilt_sigma=0.02):
     gravity = normal_gravity(truth.table.latitude, truth.table.height)
-    constants = compensation(truth.parameters)
-    return smoothed_reference(
-        constants,
-        rotation_rate(truth.table.latitude),
-        gravity,
-        filter_noise(context_of(truth)),
-        increments(constants, data.dt, data.gyro, data.accel),
-        data.dt,
-        (0, len(data), STRIDE),
-        attitude,
-        tilt_sigma,
-    )
+    constants, noise, work = compensation(truth.parameters), filter_noise(context_of(truth)), interval_work()
+    earth = rotation_rate(truth.table.latitude)
+    setting = Setting(earth, gravity, data.dt, STRIDE, noise.rate, noise.force, noise.velocity)
+    motion = increments(constants, data.dt, data.gyro, data.accel)
+    work.attitude[:] = attitude
+    return smoothed_reference(constants, setting, noise.velocity, motion, (0, len(data)), tilt_sigma, work)
 
 
 def test_reference_follows_the_effect_of_gyro_noise(motion):

@@ -12,11 +12,14 @@ import numpy as np
 from calstation.estimation.common import StageData, Start
 from calstation.estimation.navigation.navigation_pass import NavigationPass
 from calstation.estimation.navigation.small_matrices import cholesky, forward
-from calstation.estimation.navigation.velocity_group import OBSERVED, VelocityGroup, observe
+from calstation.estimation.navigation.velocity_group import OBSERVED, Reference, VelocityGroup, observe
 from calstation.physics import DV, PHI, FloatArray, rotate
 
 if TYPE_CHECKING:
     from filterpy.kalman import KalmanFilter
+
+#: The closed loop follows no reference.
+_NONE = Reference(np.empty((0, 3, 3)), np.empty((0, 3)))
 
 
 class ClosedLoopFilter(NavigationPass):
@@ -38,7 +41,8 @@ class ClosedLoopFilter(NavigationPass):
         self.group = group = self._group(count)
         for g in range(groups):
             start = first + g * count * self.stride
-            observe(self.constants, self.setting, self._motion(data), start, self.arm_velocity, self.work, group)
+            motion = self._motion(data)
+            observe(self.constants, self.setting, motion, start, _NONE, self.arm_velocity, self.work, group)
             innovation = self._update(group)
             index = start + self.stride * np.arange(1, count + 1)
             self._history.append((index, group.attitude.copy(), group.rate.copy(), innovation.reshape(-1, 3)))

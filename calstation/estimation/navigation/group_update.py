@@ -15,7 +15,7 @@ import numba as nb
 import numpy as np
 
 from calstation.estimation.navigation.small_matrices import add_product, cholesky, forward
-from calstation.estimation.navigation.velocity_group import NAVIGATION, Setting, VelocityGroup, observe_along
+from calstation.estimation.navigation.velocity_group import NAVIGATION, Reference, Setting, VelocityGroup, observe
 from calstation.physics import STATES, Compensation, FloatArray, Increments, IntervalWork
 
 
@@ -62,8 +62,7 @@ def process(
     s: Setting,
     motion: Increments,
     start: int,
-    attitudes: FloatArray,
-    velocities: FloatArray,
+    reference: Reference,
     arm_velocity: FloatArray,
     work: IntervalWork,
     group: VelocityGroup,
@@ -77,8 +76,7 @@ def process(
     c, s : constants of the assumed parameters and of the pass
     motion : increments of all samples
     start : index of the first sample
-    attitudes, velocities : reference C_bn and velocity, m/s, at the ends of the intervals, shapes (g k, 3, 3) and
-        (g k, 3)
+    reference : trajectory at the ends of the g k intervals
     arm_velocity : C (ω_nb × outer_lever) at the last observation, m/s, shape (3,); updated in place
     work, state : state of navigation and filter; updated in place
     group : decay and noise of the bias drift on input; the last group on output
@@ -88,7 +86,8 @@ def process(
     for g in range(len(out.H)):
         part = slice(g * count, (g + 1) * count)
         first = start + g * count * s.stride
-        observe_along(c, s, motion, first, attitudes[part], velocities[part], arm_velocity, work, group)
+        near = Reference(reference.attitude[part], reference.velocity[part])
+        observe(c, s, motion, first, near, arm_velocity, work, group)
         predict(group, state, moved)
         for i in range(NAVIGATION):
             state.x[i] += group.shift[i]

@@ -56,6 +56,13 @@ class Setting(NamedTuple):
     variance: float  #: Variance of an observation, (m/s)².
 
 
+class Reference(NamedTuple):
+    """Attitude C_bn, shape (m, 3, 3), and velocity, m/s, shape (m, 3), at the ends of m intervals."""
+
+    attitude: FloatArray
+    velocity: FloatArray
+
+
 class VelocityGroup(NamedTuple):
     """Output of `observe` for n observations of a filter with m states: 39, or 45 with bias drift."""
 
@@ -121,21 +128,26 @@ def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q
 
 
 @nb.njit(cache=True)
+def arm_motion(work: IntervalWork, earth: FloatArray, lever: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return ω_nb in b, rad/s, and the velocity of the lever arm, C (ω_nb × r), m/s, shape (3,) each."""
+    C, r, w, u = work.attitude, lever, np.empty(3), np.empty(3)
+    for i in range(3):
+        w[i] = work.rate[i] - C[0, i] * earth[0] - C[1, i] * earth[1] - C[2, i] * earth[2]
+    x, y, z = w[1] * r[2] - w[2] * r[1], w[2] * r[0] - w[0] * r[2], w[0] * r[1] - w[1] * r[0]
+    for i in range(3):
+        u[i] = C[i, 0] * x + C[i, 1] * y + C[i, 2] * z
+    return w, u
+
+
+@nb.njit(cache=True)
 def observation(work: IntervalWork, earth: FloatArray, c: Compensation, z: FloatArray, H: FloatArray) -> FloatArray:
     """Write the velocity observation z = u − v and its Jacobian, and return the arm velocity u = C(ω_nb × r), m/s.
 
     The blocks of H are [u×] for φ, I for δv, C [r×] ∂ω for the gyro parameters and −C [ω_nb×] for the outer lever.
     """
-    C, r = work.attitude, c.outer_lever
-    w = np.empty(3)
+    C, r, jacobian = work.attitude, c.outer_lever, work.rate_jacobian
+    w, u = arm_motion(work, earth, r)
     for i in range(3):
-        w[i] = work.rate[i]
-        for j in range(3):
-            w[i] -= C[j, i] * earth[j]
-    arm = (w[1] * r[2] - w[2] * r[1], w[2] * r[0] - w[0] * r[2], w[0] * r[1] - w[1] * r[0])
-    u = np.empty(3)
-    for i in range(3):
-        u[i] = C[i, 0] * arm[0] + C[i, 1] * arm[1] + C[i, 2] * arm[2]
         z[i] = u[i] - work.velocity[i]
         H[i, _DV + i] = 1.0
         H[i, _LEVER] = -(C[i, 1] * w[2] - C[i, 2] * w[1])
@@ -143,11 +155,16 @@ def observation(work: IntervalWork, earth: FloatArray, c: Compensation, z: Float
         H[i, _LEVER + 2] = -(C[i, 0] * w[1] - C[i, 1] * w[0])
         a, b, d = C[i, 1] * r[2] - C[i, 2] * r[1], C[i, 2] * r[0] - C[i, 0] * r[2], C[i, 0] * r[1] - C[i, 1] * r[0]
         for p in range(_GYROS):
-            jacobian = work.rate_jacobian
             H[i, PARAMETER_START + p] = a * jacobian[0, p] + b * jacobian[1, p] + d * jacobian[2, p]
+    write_attitude_columns(u, H)
+    return u
+
+
+@nb.njit(cache=True)
+def write_attitude_columns(u: FloatArray, H: FloatArray) -> None:
+    """Write [u×] into the φ columns of H, whose diagonal is 0."""
     H[0, 1], H[0, 2], H[1, 2] = -u[2], u[1], -u[0]
     H[1, 0], H[2, 0], H[2, 1] = u[2], -u[1], u[0]
-    return u
 
 
 @nb.njit(cache=True)
@@ -190,6 +207,7 @@ def observe(
     s: Setting,
     motion: Increments,
     start: int,
+    reference: Reference,
     arm_velocity: FloatArray,
     work: IntervalWork,
     group: VelocityGroup,
@@ -201,39 +219,12 @@ def observe(
     c, s : constants of the assumed parameters and of the pass
     motion : increments of all samples
     start : index of the first sample
+    reference : trajectory to which the navigation state is reset after every interval; empty for none
     arm_velocity : C(ω_nb × r) at the last observation, m/s, shape (3,); updated in place
     work : navigation state; updated in place
     group : output
     """
-    count = group.attitude.shape[0]
-    steps, forces = np.empty((count, NAVIGATION, STATES)), np.empty((count, 3))
-    group.H[:] = 0.0
-    for k in range(count):
-        first = start + k * s.stride
-        propagate(c, s.earth, s.gravity, s.dt, motion, first, first + s.stride, work)
-        forces[k] = work.force
-        _linearise(c, s, k, arm_velocity, work, group, steps)
-    _refer_to_end(s, steps, forces, np.zeros((count + 1, NAVIGATION)), group)
-
-
-@nb.njit(cache=True)
-def observe_along(
-    c: Compensation,
-    s: Setting,
-    motion: Increments,
-    start: int,
-    attitudes: FloatArray,
-    velocities: FloatArray,
-    arm_velocity: FloatArray,
-    work: IntervalWork,
-    group: VelocityGroup,
-) -> None:
-    """Do the same as `observe` along a reference, to which the navigation state is reset after every interval.
-
-    `attitudes` and `velocities` are the reference C_bn and velocity, m/s, at the ends of the intervals, shapes
-    (k, 3, 3) and (k, 3).
-    """
-    count = group.attitude.shape[0]
+    count, along = group.attitude.shape[0], len(reference.attitude) > 0
     steps, forces = np.empty((count, NAVIGATION, STATES)), np.empty((count, 3))
     shifts, step, turned = np.zeros((count + 1, NAVIGATION)), np.zeros(NAVIGATION), np.empty((3, 3))
     group.H[:] = 0.0
@@ -241,22 +232,24 @@ def observe_along(
         first = start + k * s.stride
         propagate(c, s.earth, s.gravity, s.dt, motion, first, first + s.stride, work)
         forces[k] = work.force
-        for i in range(3):
-            for j in range(3):
-                turned[i, j] = 0.0
-                for m in range(3):
-                    turned[i, j] += attitudes[k, i, m] * work.attitude[j, m]
-        step[PHI] = rotation_vector(turned)
-        for i in range(3):
-            step[_DV + i] = velocities[k, i] - work.velocity[i]
-        work.attitude[:] = attitudes[k]
-        work.velocity[:] = velocities[k]
+        if along:
+            attitude, velocity = reference.attitude[k], reference.velocity[k]
+            for i in range(3):
+                for j in range(3):
+                    turned[i, j] = 0.0
+                    for m in range(3):
+                        turned[i, j] += attitude[i, m] * work.attitude[j, m]
+            step[PHI] = rotation_vector(turned)
+            for i in range(3):
+                step[_DV + i] = velocity[i] - work.velocity[i]
+            work.attitude[:], work.velocity[:] = attitude, velocity
         _linearise(c, s, k, arm_velocity, work, group, steps)
-        for i in range(NAVIGATION):
-            t = -step[i]
-            for j in range(NAVIGATION):
-                t += steps[k, i, j] * shifts[k, j]
-            shifts[k + 1, i] = t
+        if along:
+            for i in range(NAVIGATION):
+                t = -step[i]
+                for j in range(NAVIGATION):
+                    t += steps[k, i, j] * shifts[k, j]
+                shifts[k + 1, i] = t
     _refer_to_end(s, steps, forces, shifts, group)
 
 
