@@ -140,7 +140,7 @@ class Check:
 
     @classmethod
     def from_json(cls, row: Mapping[str, Any]) -> "Check":
-        """Read a check from a result JSON of any version of the program."""
+        """Read a check from a result JSON."""
         kind, subject = CheckId.of(row.get("kind"), row.get("subject", ""), row["name"])
         limit, acceptance = row["limit"], row.get("acceptance")
         return cls(

@@ -108,7 +108,7 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
         found = compose(open_log(log).meta.registers, found)
     progress(0.5)
     entries = setup.register_map
-    named = [name for name in entries.parameters if name in found and name not in registers.kept]
+    named = [name for name in entries.parameters if name in found]
     complete = dict.fromkeys(entries.parameters, 0.0) | {name: found[name] for name in named}
     rounded = written or entries.rounded(complete)
     return TargetRegisters(

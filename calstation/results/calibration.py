@@ -34,7 +34,8 @@ class Calibration:
         prior in `meta`.
         """
         run = meta.run
-        assert run is not None, "the log of a run has a run section"
+        if run is None:
+            raise ValueError("the log of a run has a run section")
         elapsed = datetime.fromisoformat(run.started_utc) - datetime.fromisoformat(self.section.started_utc)
         years = max(elapsed / _YEAR, 0.0)
         mean, covariance = self.posterior.mean, self.posterior.covariance

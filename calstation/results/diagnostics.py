@@ -11,21 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.estimation import Innovations, stage_residuals
-from calstation.estimation.common import (
-    EXCESSIVE as EXCESSIVE,
-)
-from calstation.estimation.common import (
-    NOTABLE as NOTABLE,
-)
-from calstation.estimation.common import (
-    Consistency,
-    RestResiduals,
-    rest_residuals,
-    stage_data,
-)
-from calstation.estimation.common import (
-    PositionResidual as PositionResidual,
-)
+from calstation.estimation.common import Consistency, PositionResidual, RestResiduals, rest_residuals, stage_data
 from calstation.jobs import ProgressCallback
 from calstation.records import Log, context_from_meta, open_log
 from calstation.results.solver_chain import StageChain, one_blas_thread, solve

@@ -8,7 +8,7 @@ import io
 import json
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from operator import attrgetter
@@ -71,10 +71,11 @@ class HandOver:
         self._thread: threading.Thread | None = None
         self._delivery: Delivery | None = None
 
-    def start(self) -> None:
+    def start(self) -> threading.Thread:
         """Start delivering the results that are pending from earlier runs."""
         self._thread = threading.Thread(target=self._deliver, name="handover", daemon=True)
         self._thread.start()
+        return self._thread
 
     def finish(self) -> None:
         """Deliver all pending results, and emit a message if some remain or earlier ones were delivered.
@@ -86,9 +87,7 @@ class HandOver:
         before = 0 if self._delivery is None else self._delivery.done
         self._delivery = None
         if self._thread is None or not self._thread.is_alive():
-            self.start()
-            assert self._thread is not None
-            self._thread.join(_WAIT)
+            self.start().join(_WAIT)
         unresponsive = Text.of("handover.no_answer", seconds=_WAIT)
         ended = self._delivery or Delivery(self._folder, 0, len(_waiting(self._runs)), unresponsive)
         values = {"folder": str(ended.folder)}
@@ -184,8 +183,8 @@ def _append(folder: Path, name: str, result: Result) -> None:
         if f",{name}.json\n".encode() in tail:
             return
         begin = "" if not tail or tail.endswith(b"\n") else "\n"  # the last line may be truncated by a power failure
-        header = "" if size else _line([*COLUMNS, "result"])
-        os.write(handle, (begin + header + _line(cells)).encode())
+        header = "" if size else csv_line([*COLUMNS, "result"])
+        os.write(handle, (begin + header + csv_line(cells)).encode())
         os.fsync(handle)
 
 
@@ -193,7 +192,8 @@ def _cell(value: Any) -> str:
     return "" if value is None else " ".join(str(value).split())
 
 
-def _line(cells: list[str]) -> str:
+def csv_line(cells: Sequence[str | None]) -> str:
+    """Return a line of a CSV file; None is an empty cell."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow(cells)
     return text.getvalue()

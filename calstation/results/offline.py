@@ -1,7 +1,5 @@
 """Jobs: solving a range of a log with progress, and exporting logs, results and runs."""
 
-import csv
-import io
 import json
 import math
 from collections.abc import Iterator, Sequence
@@ -12,7 +10,8 @@ from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.physics import INDEX, NAMES, EffectName
-from calstation.records import IndexedRun, RunFilter, RunRecord, Verdict, export_csv, partial_path, write_atomic
+from calstation.records import IndexedRun, RunFilter, Verdict, export_csv, partial_path, write_atomic
+from calstation.results.handover import csv_line
 from calstation.results.history import History
 from calstation.results.plots import StageSpan
 from calstation.results.resolving import Resolved, resolve
@@ -125,18 +124,13 @@ def export_runs(report: ProgressCallback, folder: Path, wanted: RunFilter, targe
     return target
 
 
-def _result_of(history: History, run: RunRecord) -> Result | None:
-    """Return the result of a run; None for an incomplete run that was not closed."""
-    return None if run.verdict is Verdict.INCOMPLETE and run.result is None else history.result(run)
-
-
 def _run_results(history: History, runs: Sequence[IndexedRun]) -> Iterator[str]:
-    """Return the text of a list of result JSONs in pieces, one for each result."""
+    """Yield the text of a list of result JSONs in pieces; incomplete runs that were not closed have none."""
     begin = "["
     for run in runs:
-        result = _result_of(history, run.record)
-        if result is not None:
-            yield begin + "\n" + json.dumps(result.to_json(), allow_nan=False, ensure_ascii=False)
+        if run.record.verdict is not Verdict.INCOMPLETE or run.record.result is not None:
+            result = history.result(run.record).to_json()
+            yield begin + "\n" + json.dumps(result, allow_nan=False, ensure_ascii=False)
             begin = ","
     yield "[]\n" if begin == "[" else "\n]\n"
 
@@ -145,7 +139,7 @@ def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[str]:
     """Return the header row, then the row of each run."""
     found = dict.fromkeys(name for run in runs for name in run.values)
     names = [*(name for name in NAMES if name in found), *(name for name in found if name not in INDEX)]
-    yield _csv_row([*_RUN_COLUMNS, *(column for name in names for column in (name, f"{name}_sigma"))])
+    yield csv_line([*_RUN_COLUMNS, *(column for name in names for column in (name, f"{name}_sigma"))])
     for run in runs:
         record = run.record
         cells = [record.serial, record.started_utc, repr(record.duration), record.product, record.station]
@@ -153,25 +147,17 @@ def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[str]:
         cells += ["; ".join(check.name for check in run.failed_checks), record.batch, record.slot]
         for name in names:
             cells += [repr(run.values[name]), repr(run.sigmas.get(name, math.nan))] if name in run.values else ["", ""]
-        yield _csv_row(cells)
-
-
-def _csv_row(cells: Sequence[str | None]) -> str:
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerow(cells)
-    return stream.getvalue()
+        yield csv_line(cells)
 
 
 def _parameters_csv(result: Result, stored: Result | None) -> str:
     before = stored.parameters if stored is not None else {}
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
     head = ("parameter", "value", "sigma", "unit", "stage", "online_value", "online_sigma", "difference_in_sigma")
-    writer.writerow(head)
+    lines = [csv_line(head)]
     for name, row in result.parameters.items():
         online = before.get(name)
         compared = ["", "", ""]
         if online is not None:
             compared = [repr(online.value), repr(online.sigma), f"{in_sigma(row, online):.6g}"]
-        writer.writerow([name, repr(row.value), repr(row.sigma), row.unit, row.stage, *compared])
-    return stream.getvalue()
+        lines.append(csv_line([name, repr(row.value), repr(row.sigma), row.unit, row.stage, *compared]))
+    return "".join(lines)

@@ -283,7 +283,8 @@ def resolve_with_state(report: ProgressCallback, run: FinishedRun, state: Effect
 
     Raises InputError or ConfigurationError if the log cannot be used or solved.
     """
-    assert run.log is not None
+    if run.log is None:
+        raise ValueError("the log of the run is missing")
     log, stages = run.result.log, tuple(run.result.stages)
     count = log.last_seq - log.first_seq + 1
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AliasChoices, BeforeValidator, Field, JsonValue, PlainSerializer
+from pydantic import BeforeValidator, Field, JsonValue, PlainSerializer
 
 from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.estimation.common import Consistency
@@ -111,7 +111,6 @@ class Registers(ResultSection):
     old: dict[str, Number] = Field(default_factory=dict)
     new: dict[str, Number] | None = None  #: None if nothing was written.
     verified: bool = False  #: Whether the unit's output was compared and agrees.
-    kept: dict[str, JsonValue] = Field(default_factory=dict)  #: Registers that an older version left unchanged.
     #: Estimate of the parameters from which verified registers were written, before registers are applied.
     estimate: JointEstimate | None = None
     proof: list[Verification] = Field(default_factory=list)  #: The comparisons of the output.
@@ -171,7 +170,7 @@ class Result(ResultSection):
     unit: Unit
     stages: list[str]  #: Solved stages.
     #: Whether the run, or the solution of its log, omitted stages of the product.
-    partial: bool = Field(default=False, validation_alias=AliasChoices("partial", "part"))
+    partial: bool = False
     passed: bool | None = None  #: None if there are no limits, or data and model were not tested.
     #: Whether data and model were tested; False if a log was solved again for its parameters only, without a verdict.
     tested: bool = True
@@ -183,7 +182,7 @@ class Result(ResultSection):
     unobservable: list[str] = Field(default_factory=list)  #: Parameters that the run's own data did not determine.
     checks: list[CheckField] = Field(default_factory=list)
     not_compared: list[str] = Field(default_factory=list)  #: Parameters with a limit that no stage determined.
-    conformity: Conformity | None = None  #: None if no value has limits, or for a result of an older version.
+    conformity: Conformity | None = None  #: None if no value has limits.
     consistency: dict[str, StageConsistency] = Field(default_factory=dict)
     #: Observability and details by stage, as reported by its method.
     observability: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
@@ -203,7 +202,7 @@ class Result(ResultSection):
     software: Software | None = None
     started_utc: str | None = None
     duration_s: Number = 0.0
-    #: Phases from the start of the run to the result, in order; empty for a result of an older version.
+    #: Phases from the start of the run to the result, in order.
     cycle: list[CyclePhase] = Field(default_factory=list)
     error: str | None = None  #: The fault that ended the run, in English.
     error_code: str | None = None  #: Catalogue code of the fault.

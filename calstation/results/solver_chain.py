@@ -90,11 +90,15 @@ class StageChain:
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the started stage."""
-        assert self._solver is not None, "start a stage before feeding it"
         if not has_gyros(block.counts) and not method(self._stage).without_gyros:
             self._lacks_gyros = True
             return
-        self._solver.feed(block)
+        self._started().feed(block)
+
+    def _started(self) -> StageSolver:
+        if self._solver is None:
+            raise RuntimeError("no stage has been started")
+        return self._solver
 
     def sigma(self) -> FloatArray:
         """Return the current standard deviations of the 30 parameters, shape (30,), SI."""
@@ -106,23 +110,22 @@ class StageChain:
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the started stage; its posterior becomes the next prior. Raises InputError if the solution diverges."""
-        assert self._solver is not None, "start a stage before finishing it"
+        solver = self._started()
         if self._lacks_gyros:
             raise InsufficientDataError("recording.no_gyros")
         if self._resting is not None:
-            self._resting.feed(self._solver.buffer.block())
+            self._resting.feed(solver.buffer.block())
         try:
-            solution = self._solver.finish(progress)
+            solution = solver.finish(progress)
         except np.linalg.LinAlgError as exc:
             what = Text.of("solution.diverged", detail=str(exc))
             raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
         shown = [message for earlier in self.solutions for message in earlier.messages]
         # a message without the name of its stage, such as that of the quiet table, is shown once
         solution = replace(solution, messages=tuple(m for m in solution.messages if m not in shown))
-        buffer, self._solver = self._solver.buffer, None
-        solved = solution.posterior
+        self._solver, solved = None, solution.posterior
         if self._diagnostics:
-            solution = self._tested(solution, buffer)
+            solution = self._tested(solution, solver.buffer)
         else:
             solution = replace(self._model.with_states(solution), observability={}, tests=())
         self._gravity = gravity_sensitivity(self._solved, solved, solution.estimated, self._gravity)

@@ -41,11 +41,6 @@ def result(value: float, sigma: float) -> Result:
 RESULT, STORED = result(0.1 + 0.2, 1e-8), result(0.3, 2e-8)
 
 
-def test_partial_run_key_of_earlier_results_is_read() -> None:
-    assert Result.from_json({**RESULT.to_json(), "part": True}).partial
-    assert not RESULT.partial
-
-
 def test_range_is_solved_like_on_the_command_line(tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     spans = log_index(Progress(), log, tmp_path / "picture").spans

@@ -14,7 +14,7 @@ from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.verdict import verdict_badge, verdict_text
 from calstation.gui.operator import advice
 from calstation.gui.state import AppContext, ReleaseBar
-from calstation.gui.text import Words, bind, of_parameter, on_language_change, parameter_text, say, term
+from calstation.gui.text import Words, bind, of_parameter, on_language_change, say, term
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
     CellTable,
@@ -183,8 +183,6 @@ def _register_texts(registers: Registers) -> list[str]:
         texts = [say("engineer.registers_written")]
     if registers.proved_on == "read_back":
         texts.append(say("engineer.registers_read_back"))
-    if registers.kept:
-        texts.append(say("engineer.registers_kept", names=", ".join(map(parameter_text, registers.kept))))
     return texts
 
 
