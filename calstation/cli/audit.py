@@ -24,16 +24,16 @@ def audit_command(file: Path | None, event: str | None, by: str | None, since: s
     except ValueError as exc:
         raise ConfigurationError("cli.not_a_date", option="--since", value=since, program="calstation audit") from exc
     path, trail = _read(file)
-    known = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in trail.events)))  # includes events of later versions
+    known = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in trail.entries)))  # includes events of later versions
     if event is not None and event not in known:
         raise ConfigurationError("cli.unknown_choice", option="--event", value=event, choices=tuple(known))
     events = [
         each
-        for each in trail.events
+        for each in trail.entries
         if event in (None, each.event) and by in (None, each.by, each.confirmed_by) and each.utc >= first
     ]
     report(_row(path, trail, events), json, [*map(_line, events), *_state(path, trail)])
-    return 0 if trail.first_bad is None else InputError.exit_code
+    return 0 if trail.damage is None else InputError.exit_code
 
 
 def check_audit_command(file: Path | None, json: str | None) -> int:
@@ -44,7 +44,7 @@ def check_audit_command(file: Path | None, json: str | None) -> int:
     check_json(json)
     path, trail = _read(file)
     report(_row(path, trail, []), json, _state(path, trail))
-    return 0 if trail.first_bad is None else InputError.exit_code
+    return 0 if trail.damage is None else InputError.exit_code
 
 
 def _read(file: Path | None) -> tuple[Path, AuditTrail]:
@@ -56,8 +56,8 @@ def _read(file: Path | None) -> tuple[Path, AuditTrail]:
 
 def _row(path: Path, trail: AuditTrail, events: list[AuditEvent]) -> dict[str, Any]:
     return {
-        **{"file": str(path), "kind": "audit", "lines": len(trail.events), "interrupted": list(trail.interrupted)},
-        **{"first_bad": trail.first_bad, "digest": trail.digest},
+        **{"file": str(path), "kind": "audit", "lines": len(trail.entries), "interrupted": list(trail.incomplete)},
+        **{"first_bad": trail.damage and trail.damage.number, "digest": trail.digest},
         "events": [each.model_dump() for each in events],
     }
 
@@ -65,10 +65,10 @@ def _row(path: Path, trail: AuditTrail, events: list[AuditEvent]) -> dict[str, A
 def _state(path: Path, trail: AuditTrail) -> list[str]:
     if not path.exists():
         return [say("audit.none", file=path)]
-    lines = [say("audit.interrupted", file=path, line=number) for number in trail.interrupted]
-    if trail.first_bad is not None:
-        return [*lines, say("audit.damaged", file=path, line=trail.first_bad)]
-    return [*lines, say("audit.intact", file=path, lines=len(trail.events), digest=trail.digest)]
+    lines = [say("audit.interrupted", file=path, line=number) for number in trail.incomplete]
+    if trail.damage is not None:
+        return [*lines, say("audit.damaged", file=path, line=trail.damage.number)]
+    return [*lines, say("audit.intact", file=path, lines=len(trail.entries), digest=trail.digest)]
 
 
 def _line(each: AuditEvent) -> str:

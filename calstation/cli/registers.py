@@ -19,7 +19,7 @@ from calstation.devices.imu import Step
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import ConfigurationError, DeviceFaultError, StoppedError
 from calstation.physics import PARAMETERS, display
-from calstation.registers import Kind, Transfer, UnitRegisters, journal, moves_table, read_unit
+from calstation.registers import Transfer, UnitRegisters, journal, moves_table, read_unit
 from calstation.sequencer import Fault, Settled
 
 _VERIFICATIONS = {Step.TURNED: "turn", Step.AT_REST: "rest", Step.READ_BACK: "read_back"}
@@ -30,7 +30,7 @@ class _UnitTransfers:
     """Transfers to the unit with a serial number at one kind of station, oldest first."""
 
     serial: str
-    kind: Kind
+    kind: str  #: ``hardware`` or ``virtual``.
     transfers: list[Transfer]
 
     @property
@@ -48,8 +48,8 @@ def list_command(runs: Path, serial: str | None, json: str | None) -> int:
         _UnitTransfers(name, kind, found)
         for name in known
         if serial in (None, name)
-        for kind, found in journal.by_station(runs, name, site).items()
-        if found
+        for kind, folder in (("hardware", site), ("virtual", runs))
+        if (found := journal.history(folder, name))
     ]
     rows: dict[str, dict[str, Any]] = {}
     for unit in units:
@@ -174,7 +174,7 @@ def _prior_sigmas(profile: str) -> dict[str, float]:
     return {}
 
 
-def _json(transfer: Transfer, kind: Kind) -> dict[str, object]:
+def _json(transfer: Transfer, kind: str) -> dict[str, object]:
     unit = transfer.unit_type
     return {
         **{name: getattr(transfer, name) for name in ("id", "utc", "by", "why", "source")},

@@ -14,8 +14,8 @@ from calstation.records.audit import (
     audit_writer,
     read_audit,
 )
+from calstation.records.chained_lines import Chain, ChainedFile
 from calstation.records.check_id import MODEL_KINDS, CheckId, CheckKind, read_check_ids
-from calstation.records.checked_lines import DamagedLineError, Line, Lines, append_line, read_lines
 from calstation.records.columns import RecordingMeta
 from calstation.records.convert import export_corrected, export_csv, import_csv, partial_path, write_log
 from calstation.records.csv_log import is_text, meta_path
@@ -77,15 +77,7 @@ from calstation.records.raw_read import (
     solved_stages,
     step_labels,
 )
-from calstation.records.reports import (
-    IssuedReport,
-    append_report,
-    audit_values,
-    issued_reports,
-    read_reports,
-    reports_locked,
-    reports_path,
-)
-from calstation.records.resolves import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolves_path
+from calstation.records.reports import IssuedReport, audit_values, issued_reports, read_reports, report_file
+from calstation.records.resolves import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolve_file
 from calstation.records.run_index import RunIndex, from_columns, to_columns
 from calstation.records.verdict import Verdict

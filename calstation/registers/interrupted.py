@@ -47,7 +47,7 @@ def recover_interrupted(
     Raises DeviceFaultError if no decision was made, the output is wrong, or the link failed.
     """
     request, imu, table = setup.request, devices.imu, devices.table
-    entry = journal.interrupted(runs, request.serial, journal_folder(setup.station))
+    entry = journal.interrupted(journal_folder(setup.station, runs), request.serial)
     if entry is None:
         return None
     identity = imu.identify()

@@ -141,9 +141,9 @@ class _ActiveOperation:
     @classmethod
     def of(cls, operation: RegisterOperation, setup: RunConfiguration, emit: Emit) -> "_ActiveOperation":
         """Determine what an operation does. Raises InputError, or ConfigurationError if the flash is worn out."""
-        request, site = operation.request, journal_folder(setup.station)
-        runs, serial = request.out, request.serial
-        entry = journal.interrupted(runs, serial, site)
+        runs, serial = operation.request.out, operation.request.serial
+        folder = journal_folder(setup.station, runs)
+        entry = journal.interrupted(folder, serial)
         if entry is not None:
             check_register_map(entry, setup)
         if operation.what == "write":
@@ -153,8 +153,8 @@ class _ActiveOperation:
             check_product(entry, setup)
             return cls(operation, setup, emit, entry, {}, "")
         if operation.what == "finish":
-            raise InputError("transfer.nothing_to_finish", folder=str(site or runs), serial=serial)
-        earlier = _earlier(runs, serial, operation.transfer, site)
+            raise InputError("transfer.nothing_to_finish", folder=str(folder), serial=serial)
+        earlier = _earlier(folder, serial, operation.transfer, hardware=setup.station.bench is None)
         check_register_map(earlier, setup)
         check_product(earlier, setup)
         check_flash(setup, runs, emit)
@@ -225,7 +225,8 @@ class _ActiveOperation:
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Transfer:
         request, why = self.operation.request, "hand" if self.operation.what == "write" else "restore"
         purpose = Purpose.of(self.setup, self.identity.model, why, self.source)
-        return journal.begin(request.out, request.serial, old, new, purpose, journal_folder(self.setup.station))
+        folder = journal_folder(self.setup.station, request.out)
+        return journal.begin(folder, request.serial, old, new, purpose)
 
 
 def _at_rest(work: _ActiveOperation, check_cancelled: CheckCancelled) -> Settled:
@@ -292,15 +293,15 @@ def _context(work: _ActiveOperation, devices: Devices, control: Control) -> RunC
     return RunContext(replace(table_task(setup), stages=()), devices.table, (slot,), devices.clock, work.emit, control)
 
 
-def _earlier(runs: Path, serial: str, ident: str | None, site: Path | None) -> Transfer:
+def _earlier(folder: Path, serial: str, ident: str | None, *, hardware: bool) -> Transfer:
     """Return the transfer that replaced the registers to restore. Raises InputError."""
-    folder = str(site or runs)
-    known = journal.history(runs, serial, site)
+    known = journal.history(folder, serial)
     if not known:
-        raise InputError("transfer.none_known" if site else "transfer.none_known_here", folder=folder, serial=serial)
+        code = "transfer.none_known" if hardware else "transfer.none_known_here"
+        raise InputError(code, folder=str(folder), serial=serial)
     found = [transfer_ for transfer_ in known if ident in (None, transfer_.id)]
     if not found:
-        raise InputError("transfer.unknown_id", folder=folder, serial=serial, id=ident)
+        raise InputError("transfer.unknown_id", folder=str(folder), serial=serial, id=ident)
     return found[-1]
 
 

@@ -24,9 +24,8 @@ def check_flash(setup: RunConfiguration, runs: Path, emit: Emit) -> None:
     Raises ConfigurationError if the profile's `flash_cycles_max` is reached or the journal is damaged.
     """
     serial = setup.request.serial
-    site = journal_folder(setup.station)
-    used = journal.cycles(runs, serial, site)
-    truncated = journal.truncated(runs, serial, site)
+    folder = journal_folder(setup.station, runs)
+    used, truncated = journal.cycles(folder, serial), journal.truncated(folder, serial)
     if truncated is not None:
         emit(Message("journal_torn", {"serial": serial, "file": str(truncated)}))
     most = setup.imu.flash_cycles_max
@@ -69,14 +68,14 @@ def check_unit_model(entry: Transfer, model: str) -> None:
 
 def check_interrupted(setup: RunConfiguration, runs: Path) -> None:
     """Check, before any device is opened, the unit type of an interrupted transfer. Raises InputError."""
-    entry = journal.interrupted(runs, setup.request.serial, journal_folder(setup.station))
+    entry = journal.interrupted(journal_folder(setup.station, runs), setup.request.serial)
     if entry is not None:
         check_register_map(entry, setup)
 
 
 def check_no_interrupted(imu: Imu, setup: RunConfiguration, runs: Path) -> None:
     """Raise DeviceFaultError if a transfer to the unit awaits a decision; close a transfer that changed nothing."""
-    entry = journal.interrupted(runs, setup.request.serial, journal_folder(setup.station))
+    entry = journal.interrupted(journal_folder(setup.station, runs), setup.request.serial)
     if entry is not None:
         check_unit_model(entry, imu.identify().model)
         holds = recognise(imu, entry, setup.register_map)

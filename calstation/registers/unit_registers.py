@@ -129,7 +129,7 @@ def unit_registers(
         identity.model,
         identity.firmware,
         _rows(setup.register_map, values),
-        journal.cycles(runs, identity.serial, journal_folder(setup.station)),
+        journal.cycles(journal_folder(setup.station, runs), identity.serial),
         setup.station.bench is not None,
     )
 

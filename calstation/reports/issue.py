@@ -5,7 +5,7 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 
@@ -30,13 +30,12 @@ from calstation.records import (
     IssuedReport,
     Log,
     LogMeta,
-    append_report,
     audit_path,
     audit_values,
     audit_writer,
     issued_reports,
     read_audit,
-    reports_locked,
+    report_file,
 )
 from calstation.reports.analysis import analyse
 from calstation.reports.content import Certificate, build_certificate, certificate_number, earliest_issue, performed
@@ -319,7 +318,7 @@ def _record(
     about = {"serial": result.serial, "certificate": certificate.identification, "verdict": certificate.verdict}
     about |= {"log_sha256": result.log.sha256, **audit_values(record)}
     try:
-        with reports_locked(folder):
+        with report_file(folder).locked():
             with audit_writer(site_folder()) as audit:
                 now = issued_reports(folder, audit.trail(), record.number)
                 if now == [record] and not before:
@@ -334,7 +333,7 @@ def _record(
                     pin=people.pin,
                     **about,
                 )
-            append_report(folder, record)
+            report_file(folder).append(asdict(record))
     except OSError as exc:
         raise InputError("report.unwritable", file=folder, reason=os_reason(exc)) from exc
 

@@ -26,7 +26,7 @@ from calstation.records import (
     being_written,
     read_contents,
     read_resolves,
-    resolves_path,
+    resolve_file,
     solved_stages,
 )
 from calstation.results.result import SCHEMA, Result, load_result
@@ -139,7 +139,7 @@ class History:
 
     def resolves(self, log: Path) -> list[ResolveRecord]:
         """Return the offline solutions of a log of the folder, the oldest first. Raises InputError."""
-        path = resolves_path(self._folder)
+        path = resolve_file(self._folder).path
         status = path.stat() if path.exists() else None
         stamp = None if status is None else (status.st_mtime_ns, status.st_size)
         if stamp != self._resolves[0]:

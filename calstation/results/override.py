@@ -66,9 +66,9 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
 def recorded_release(result: Result) -> bool:
     """Return whether the site's audit trail is intact and contains the release of a result. Raises InputError."""
     trail = read_audit(audit_path(site_folder()))
-    events = (event for event in trail.events if event.event == "override")
+    events = (event for event in trail.entries if event.event == "override")
     same = (event for event in events if event.values.get("log_sha256") == result.log.sha256)
-    return trail.first_bad is None and any(result.override == _override(event) for event in same)
+    return trail.damage is None and any(result.override == _override(event) for event in same)
 
 
 def _override(event: AuditEvent) -> Override:

@@ -34,7 +34,7 @@ from calstation.records import (
     append_resolve,
     damage_summary,
     open_log,
-    resolves_path,
+    resolve_file,
     solved_stages,
     step_labels,
 )
@@ -92,7 +92,7 @@ def resolve(
     try:
         append_resolve(path.absolute().parent, _record_of(path, resolved.result, stored_result(log)))
     except OSError as exc:
-        file = resolves_path(path.parent)
+        file = resolve_file(path.parent).path
         unrecorded = ("resolve_unrecorded", {"file": str(file), "reason": os_reason(exc)})
         return replace(resolved, messages=(*resolved.messages, unrecorded))
     return resolved

@@ -185,6 +185,7 @@ class Finalization:
         return compose(self.run.meta.registers, answer) if self._setup.after_registers else answer
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
-        log, site = self.run.log.path, journal_folder(self._setup.station)
+        log = self.run.log.path
+        folder = journal_folder(self._setup.station, log.parent)
         purpose = Purpose.of(self._setup, self.imu.identify().model, "run", log.name)
-        return register_journal.begin(log.parent, self.run.serial, old, new, purpose, site)
+        return register_journal.begin(folder, self.run.serial, old, new, purpose)

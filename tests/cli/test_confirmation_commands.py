@@ -43,4 +43,4 @@ def test_pins_are_set_and_changed(calstation, answers: dict[str, str], home: Pat
     assert calstation("pin", "--badge", "B0003").code == 0
     assert access.check("444444", "B0003")
     assert calstation("pin").code == 2, "the present PIN of the site is another"
-    assert [each.event for each in read_audit(audit_path(home)).events][-2:] == ["pin_set", "pin_changed"]
+    assert [each.event for each in read_audit(audit_path(home)).entries][-2:] == ["pin_set", "pin_changed"]

@@ -139,7 +139,7 @@ def test_pin_is_not_set_if_the_audit_trail_is_unwritable(home: Path) -> None:
     assert access.check("246813")
     (home / "audit.jsonl").rmdir()
     (home / "kept").rename(home / "audit.jsonl")
-    assert [each.event for each in read_audit(audit_path(home)).events] == ["pin_set"]
+    assert [each.event for each in read_audit(audit_path(home)).entries] == ["pin_set"]
 
 
 def test_clock_set_back_causes_a_single_delay(clock: Clock) -> None:

@@ -123,7 +123,7 @@ def test_first_badge_pin_requires_the_site_pin_and_later_ones_the_old_pin(home: 
     assert access.check("000000")
     with raises_code(ConfigurationError, "access.wrong_pin"):
         access.set_pin("000000", "555555", "B0002")
-    events = read_audit(audit_path(home)).events
+    events = read_audit(audit_path(home)).entries
     assert [(each.event, each.values.get("badge")) for each in events] == [
         ("pin_set", None), ("pin_set", "B0001"), ("pin_set", "B0002"), ("pin_changed", "B0001"),
     ]  # fmt: skip

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from calstation.devices.imu import Closing, Holds, finish, recognise, restore, transfer
 from calstation.errors import CalstationError
-from calstation.records import checked_lines
+from calstation.records import chained_lines
 from calstation.registers import journal as register_journal
 from tests.devices.powered_unit import SERIAL, UNITS, PowerLost, Supply, Unit, registers
 from tests.helpers import sampled
@@ -36,7 +36,7 @@ class Station:
 
 @pytest.fixture(autouse=True)
 def _journal_under_power(monkeypatch: pytest.MonkeyPatch) -> None:
-    write = checked_lines._write
+    write = chained_lines._write
 
     def write_while_powered(handle: int, data: bytes) -> None:
         given = Station.supply.take(len(data))
@@ -44,7 +44,7 @@ def _journal_under_power(monkeypatch: pytest.MonkeyPatch) -> None:
         if given < len(data) or Station.supply.exhausted:
             raise PowerLost
 
-    monkeypatch.setattr(checked_lines, "_write", write_while_powered)
+    monkeypatch.setattr(chained_lines, "_write", write_while_powered)
     # The cut is at a byte of these files, not of a real disk: nothing need wait for one, nor for a busy flash.
     monkeypatch.setattr("os.fsync", lambda handle: None)
     monkeypatch.setattr("calstation.devices.imu.drivers.modbus.POLL", 0.0)

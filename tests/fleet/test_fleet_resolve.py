@@ -26,7 +26,7 @@ from calstation.fleet import FleetRequest, FleetSummary, Selection, cluster, res
 from calstation.fleet.sources import StoredLog
 from calstation.fleet.store import Wanted
 from calstation.fleet.task import Assignment
-from calstation.records import export_csv, open_log, resolves_path, write_log
+from calstation.records import export_csv, open_log, resolve_file, write_log
 from calstation.results import resolve
 from tests.cli.conftest import Done
 from tests.helpers import raises_code
@@ -60,7 +60,7 @@ def test_solutions_equal_the_resolve_command_and_are_computed_once(logs: list[Pa
     assert counts(summary) == (6, 0, 0)
     assert sorted(set(seen)) == list(range(7))
     assert not summary.stopped
-    assert not resolves_path(logs[0].parent).exists()
+    assert not resolve_file(logs[0].parent).path.exists()
     found = {result["log"]["file"]: result for result in map(json.loads, solved_results(url, summary))}
     for log in logs:
         assert found[str(log)] == resolve(log).result.to_json()

@@ -608,7 +608,7 @@ def test_two_engineers_confirm_a_write_if_the_product_requires_it(engineer: Engi
         engineer.type(f"registers_{key}_edit", text)
     engineer.press("registers_confirm_button")
     engineer.until(lambda: "Verified at rest; no turn was made." in engineer.says())
-    event = read_audit(audit_path(library.site_folder())).events[-1]
+    event = read_audit(audit_path(library.site_folder())).entries[-1]
     assert (event.event, event.by, event.confirmed_by) == ("registers", "B0001", "B0002")
 
 

@@ -21,7 +21,7 @@ from pytestqt.qtbot import QtBot
 
 from calstation.gui.history import HistoryPage
 from calstation.gui.text import language
-from calstation.records import OnlineDifference, append_resolve, resolves_path
+from calstation.records import OnlineDifference, append_resolve, resolve_file
 from calstation.results import load_result
 from tests.gui import test_history_page as base
 from tests.gui.test_history_page import NOW, WAIT, button, rows, select_row, shown, visible_texts, write_run
@@ -338,7 +338,7 @@ def test_offline_solutions_are_listed_in_the_details(
     assert table.isVisible()
     select_row(page, 1, qtbot)
     assert not table.isVisible()
-    path = resolves_path(folder)
+    path = resolve_file(folder).path
     path.write_text(path.read_text("utf-8").replace('"wang"', '"zhou"'), "utf-8")
     select_row(page, 0, qtbot)
     assert not table.isVisible()

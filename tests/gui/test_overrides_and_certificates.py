@@ -36,7 +36,7 @@ def fill(operator: Operator, panel: str, **texts: str) -> None:
 
 
 def events_of(operator: Operator) -> list[AuditEvent]:
-    return [*read_audit(audit_path(operator.site_folder.home)).events]
+    return [*read_audit(audit_path(operator.site_folder.home)).entries]
 
 
 def use(operator: Operator, product: dict[str, object], **station: object) -> None:

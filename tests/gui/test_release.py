@@ -100,7 +100,7 @@ def test_two_engineers_release_a_unit_on_the_history_page(operator: Operator, fa
     assert "PASS" not in texts(operator)
     assert not operator.widget("history_release_button", QPushButton).isVisible()
     assert json.loads(failed.read_text("utf-8"))["outcome"] == "failed"
-    event = read_audit(audit_path(operator.site_folder.home)).events[-1]
+    event = read_audit(audit_path(operator.site_folder.home)).entries[-1]
     assert (event.event, event.by, event.confirmed_by) == ("override", "B0001", "B0002")
     language.use("zh_CN")
     assert "不合格，已放行" in texts(operator)

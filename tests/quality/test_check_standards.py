@@ -252,7 +252,7 @@ def test_production_requires_a_passed_check_standard(site: SiteFolder, capsys: p
     made = load_result(Path(site.run().result_file))
     assert made.standard_override == "golden unit at the laboratory"
     assert made.check_standard is None
-    event = read_audit(audit_path(site_folder())).events[-1]
+    event = read_audit(audit_path(site_folder())).entries[-1]
     assert (event.event, event.by, event.why) == ("standard_overridden", "tester", "golden unit at the laboratory")
     assert event.values["overridden"] == [f"out {GOLDEN}"]
 

@@ -22,10 +22,16 @@ def trail(tmp_path: Path) -> Path:
     return audit_path(tmp_path)
 
 
+def first_bad(trail: Path) -> int | None:
+    """Return the number of the first damaged line."""
+    damage = read_audit(trail).damage
+    return damage and damage.number
+
+
 def test_event_is_read_as_written(trail: Path) -> None:
     found = read_audit(trail)
-    assert (found.first_bad, found.interrupted, len(found.events)) == (None, (), 3)
-    last = found.events[-1]
+    assert (found.damage, found.incomplete, len(found.entries)) == (None, (), 3)
+    last = found.entries[-1]
     assert (last.event, last.by, last.confirmed_by, last.why) == ("override", "wang", "li", 'scratch, "accepted"\n')
     assert last.values == {"serial": "SN-1", "limit": 1.5e-7}
     assert found.digest == last.digest
@@ -41,7 +47,7 @@ def test_digest_is_the_sha_256_of_the_rest_of_the_line(trail: Path) -> None:
 
 
 def test_missing_trail_is_empty(tmp_path: Path) -> None:
-    assert read_audit(audit_path(tmp_path)).events == ()
+    assert read_audit(audit_path(tmp_path)).entries == ()
 
 
 @pytest.mark.parametrize("line", [0, 1, 2])
@@ -51,14 +57,14 @@ def test_change_of_any_line_is_detected(trail: Path, line: int) -> None:
         changed = bytearray(lines[line])
         changed[i] ^= 1
         trail.write_bytes(b"".join([*lines[:line], bytes(changed), *lines[line + 1 :]]))
-        assert read_audit(trail).first_bad == line + 1
+        assert first_bad(trail) == line + 1
 
 
 def test_removed_or_moved_line_is_detected_at_the_next_line(trail: Path) -> None:
     one, two, three = trail.read_bytes().splitlines(keepends=True)
     for lines, bad in (([two, three], 1), ([one, three], 2), ([one, three, two], 2), ([one, one, two, three], 2)):
         trail.write_bytes(b"".join(lines))
-        assert read_audit(trail).first_bad == bad
+        assert first_bad(trail) == bad
 
 
 def test_line_with_a_recomputed_digest_is_detected_at_the_next_line(tmp_path: Path, trail: Path) -> None:
@@ -67,7 +73,7 @@ def test_line_with_a_recomputed_digest_is_detected_at_the_next_line(tmp_path: Pa
     digest = hashlib.sha256(rest.encode()).hexdigest()
     lines[1] = f'{rest[:-1]}, "digest": "{digest}"}}\n'
     trail.write_text("".join(lines), encoding="utf-8")
-    assert read_audit(trail).first_bad == 3
+    assert first_bad(trail) == 3
 
 
 def test_truncated_line_is_reported_and_the_chain_continues_after_it(tmp_path: Path, trail: Path) -> None:
@@ -75,11 +81,11 @@ def test_truncated_line_is_reported_and_the_chain_continues_after_it(tmp_path: P
     start = whole.rstrip(b"\n").rindex(b"\n") + 1
     for end in range(start + 1, len(whole) - 1):
         trail.write_bytes(whole[:end])
-        assert (read_audit(trail).interrupted, read_audit(trail).first_bad) == ((3,), None)
+        assert (read_audit(trail).incomplete, first_bad(trail)) == ((3,), None)
         append_audit(tmp_path, "pin_changed", "li")
         found = read_audit(trail)
-        assert (found.interrupted, found.first_bad) == ((3,), None)
-        assert [each.event for each in found.events] == ["pin_set", "file_saved", "interrupted", "pin_changed"]
+        assert (found.incomplete, found.damage) == ((3,), None)
+        assert [each.event for each in found.entries] == ["pin_set", "file_saved", "pin_changed"]
         assert trail.read_bytes().startswith(whole[:end])
 
 
@@ -87,21 +93,21 @@ def test_line_without_its_newline_is_complete(tmp_path: Path, trail: Path) -> No
     trail.write_bytes(trail.read_bytes()[:-1])
     append_audit(tmp_path, "pin_changed", "li")
     found = read_audit(trail)
-    assert (found.interrupted, found.first_bad, len(found.events)) == ((), None, 4)
+    assert (found.incomplete, found.damage, len(found.entries)) == ((), None, 4)
 
 
 def test_modified_last_line_is_not_treated_as_incomplete(tmp_path: Path, trail: Path) -> None:
     trail.write_bytes(trail.read_bytes()[:-1].replace(b"SN-1", b"SN-2"))
-    assert read_audit(trail).first_bad == 3
+    assert first_bad(trail) == 3
     append_audit(tmp_path, "pin_changed", "li")
-    assert read_audit(trail).first_bad == 3
+    assert first_bad(trail) == 3
 
 
 def test_change_of_an_incomplete_line_is_detected(tmp_path: Path, trail: Path) -> None:
     trail.write_bytes(trail.read_bytes()[:-60])
     append_audit(tmp_path, "pin_changed", "li")
     trail.write_bytes(trail.read_bytes().replace(b"SN-1", b"SN-2"))
-    assert read_audit(trail).first_bad == 3
+    assert first_bad(trail) == 3
 
 
 def _append_many(folder: Path) -> None:
@@ -118,10 +124,10 @@ def test_concurrent_processes_append_to_one_chain(tmp_path: Path) -> None:
         process.join()
         assert process.exitcode == 0
     found = read_audit(audit_path(tmp_path))
-    assert (len(found.events), found.first_bad) == (40, None)
+    assert (len(found.entries), found.damage) == (40, None)
 
 
 def test_trail_locked_by_another_process_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("calstation.records.audit._LOCKED_WITHIN", 0.0)
+    monkeypatch.setattr("calstation.records.chained_lines.LOCK_TIMEOUT", 0.0)
     with files.locked(tmp_path / ".audit.lock", 1.0), raises_code(ConfigurationError, "audit.unwritable"):
         append_audit(tmp_path, "pin_set", "wang")

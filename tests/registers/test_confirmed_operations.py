@@ -29,7 +29,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_manual_write_is_in_the_audit_trail(site_folder: SiteFolder) -> None:
     operations = RegisterOperations(replace(site_folder.request(), operator="wang"))
     operations.write(VALUES, at_rest=True)
-    (event,) = read_audit(audit_path(site())).events
+    (event,) = read_audit(audit_path(site())).entries
     assert (event.event, event.by, event.confirmed_by) == ("registers", "wang", None)
     assert event.values == {"serial": SERIAL, "what": "write", "source": "x.h5", "station": "test bench", "pin": None}
 
@@ -40,10 +40,10 @@ def test_without_the_second_engineer_nothing_is_written(site_folder: SiteFolder)
     with raises_code(ConfigurationError, "confirmation.registers_required"):
         RegisterOperations(request).write(VALUES, at_rest=True)
     assert not journal.history(request.out, SERIAL)
-    assert not read_audit(audit_path(site())).events
+    assert not read_audit(audit_path(site())).entries
     RegisterOperations(request).do("write", VALUES, at_rest=True, people=BOTH)
     assert journal.history(request.out, SERIAL)[-1].closing == "done"
-    (event,) = read_audit(audit_path(site())).events
+    (event,) = read_audit(audit_path(site())).entries
     assert (event.by, event.confirmed_by, event.values["pin"]) == ("B0001", "B0002", "personal")
 
 
@@ -72,7 +72,7 @@ def test_choosing_another_product_does_not_bypass_the_second_engineer(
     for what in ("finish", "restore"):
         with raises_code(InputError, "transfer.other_product"):
             RegisterOperations(replace(request, product=lenient)).do(what, at_rest=True)
-    assert [event.event for event in read_audit(audit_path(site())).events] == ["registers"]
+    assert [event.event for event in read_audit(audit_path(site())).entries] == ["registers"]
 
 
 def transfer(request: RunRequest) -> journal.Transfer:

@@ -1,6 +1,5 @@
 """The register journal is on disk before a call returns, and is used only if it reads back undamaged."""
 
-import json
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -9,11 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from calstation.config import load_configuration
 from calstation.devices.imu import Closing, Step
 from calstation.errors import ConfigurationError
-from calstation.records import append_line
+from calstation.records import ChainedFile
 from calstation.registers import journal
 from tests.helpers import raises_code
+from tests.site_folder import SiteFolder
 
 OLD, NEW = {"gyro_bias_x": 1e-6, "gyro_bias_y": float("nan")}, {"gyro_bias_x": 2e-6, "gyro_bias_y": -0.0}
 
@@ -164,6 +165,7 @@ def test_damaged_journal_blocks_its_unit_with_file_line_and_remedy(tmp_path: Pat
             "by": None,
             "why": "run",
             "source": "",
+            "unit_type": {},
             "old": {},
             "new": {"a": 10**400},
         },
@@ -173,41 +175,8 @@ def test_damaged_journal_blocks_its_unit_with_file_line_and_remedy(tmp_path: Pat
 )
 def test_unknown_journal_line_blocks_the_unit(tmp_path: Path, content: dict[str, object]) -> None:
     made = begun(tmp_path)
-    append_line(made.path, {"id": made.id, "utc": "", **content})
+    ChainedFile[dict[str, object]](made.path, dict).append({"id": made.id, "utc": "", **content})
     assert complaint(tmp_path).startswith(f"Data: {made.path}, line 4: its content is unknown to this program")
-
-
-def before_checks(path: Path) -> None:
-    """Convert a journal to the first version without checksums."""
-    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    for line in lines:
-        for later in ("chain", "model", "profile", "product", "map"):
-            line.pop(later, None)
-    path.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
-
-
-def test_journal_without_checksums_is_read_and_continued(tmp_path: Path) -> None:
-    made = begun(tmp_path)
-    before_checks(made.path)
-    found = journal.interrupted(tmp_path, "SN-1")
-    assert repr(found) == repr(made)
-    assert found is not None
-    found.close(Closing.RESTORED)
-    assert [t.closing for t in journal.history(tmp_path, "SN-1")] == ["restored"]
-    with made.path.open("a", encoding="utf-8") as stream:
-        stream.write(json.dumps({"event": "closed", "id": made.id, "utc": "", "closing": "done"}) + "\n")
-    assert "line 5: its checksum is missing" in complaint(tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("right", "wrong"), [("1e-06", "1" + "0" * 400), ('"old"', '"olc"'), ('"committing"', '"comitting"')]
-)
-def test_journal_without_checksums_is_validated(tmp_path: Path, right: str, wrong: str) -> None:
-    made = begun(tmp_path)
-    before_checks(made.path)
-    text = made.path.read_text(encoding="utf-8")
-    made.path.write_text(text.replace(right, wrong), encoding="utf-8")
-    assert "its content is unknown to this program" in complaint(tmp_path)
 
 
 def test_a_truncated_last_line_is_ignored_and_reported(tmp_path: Path) -> None:
@@ -240,27 +209,18 @@ def test_a_journal_is_continued_after_a_power_cut(tmp_path_factory: pytest.TempP
     assert [t.id for t in journal.history(runs, "SN-1")] == [first.id, later.id]
 
 
-def test_unit_on_hardware_has_one_journal_for_all_runs_folders(tmp_path: Path) -> None:
-    site, monday, tuesday = tmp_path / "site", tmp_path / "monday", tmp_path / "tuesday"
-    made = journal.begin(monday, "SN-1", OLD, NEW, journal.Purpose(None, "run", ""), site=site)
+def test_unit_on_hardware_has_one_journal_for_all_runs_folders(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, site_folder: SiteFolder
+) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "site"))
+    virtual = load_configuration(site_folder.request()).station
+    hardware = virtual.model_copy(update={"bench": None})
+    monday, tuesday = tmp_path / "monday", tmp_path / "tuesday"
+    made = begin(journal.journal_folder(hardware, monday))
     made.note(Step.COMMITTING)
-    for runs in (monday, tuesday):
-        found = journal.interrupted(runs, "SN-1", site)
-        assert found is not None
-        assert found.id == made.id
-        assert journal.cycles(runs, "SN-1", site) == 1
-    assert journal.serials(site) == ["SN-1"]
-
-
-def test_transfers_of_earlier_versions_are_found_in_the_runs_folder(tmp_path: Path) -> None:
-    site = tmp_path / "site"
-    virtual = begun(tmp_path)
-    assert journal.interrupted(tmp_path, "SN-1", site) is None, "a virtual unit of the same number"
-    before_checks(virtual.path)
-    found = journal.interrupted(tmp_path, "SN-1", site)
+    assert journal.journal_folder(hardware, tuesday) == tmp_path / "site"
+    found = journal.interrupted(journal.journal_folder(hardware, tuesday), "SN-1")
     assert found is not None
-    found.close(Closing.RESTORED)
-    made = journal.begin(tmp_path, "SN-1", OLD, NEW, journal.Purpose(None, "run", ""), site=site)
-    assert made.path.parent == site / journal.FOLDER
-    assert [t.id for t in journal.history(tmp_path, "SN-1", site)] == [virtual.id, made.id]
-    assert journal.cycles(tmp_path, "SN-1", site) == 1
+    assert (found.id, found.cycles) == (made.id, 1)
+    assert journal.serials(tmp_path / "site") == ["SN-1"]
+    assert journal.history(journal.journal_folder(virtual, monday), "SN-1") == [], "a virtual unit of the same number"

@@ -61,14 +61,8 @@ def test_different_runs_folders_share_the_journal(
     assert not (hardware.out / register_journal.FOLDER).exists()
     assert register_journal.serials(home) == [SERIAL]
 
-    opened = register_journal.begin(
-        hardware.out,
-        SERIAL,
-        {},
-        {},
-        register_journal.Purpose(None, "run", ""),
-        site=journal_folder(load_configuration(hardware).station),
-    )
+    folder = journal_folder(load_configuration(hardware).station, hardware.out)
+    opened = register_journal.begin(folder, SERIAL, {}, {}, register_journal.Purpose(None, "run", ""))
     events: list[Event] = []
     execute(replace(hardware, out=tuesday, stages=("rate",)), events.append, Control())
     assert isinstance(events[-1], Finalized)

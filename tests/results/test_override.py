@@ -63,7 +63,7 @@ def test_release_is_recorded_in_result_index_and_audit_trail(home: Path, failed:
     (run,) = history.runs(RunFilter(verdict="failed"))
     assert (run.verdict, run.released) == ("failed", True)
     assert history.failures("SN-1") == 1
-    event = read_audit(audit_path(home)).events[-1]
+    event = read_audit(audit_path(home)).entries[-1]
     assert (event.event, event.by, event.confirmed_by, event.why) == (
         "override", "B0001", "B0002", "scratched label only",
     )  # fmt: skip
@@ -76,7 +76,7 @@ def test_one_person_cannot_release_if_two_are_required(home: Path, failed: Path)
         with pytest.raises(ConfigurationError):
             release(failed, second=second)
     assert failed.read_bytes() == before
-    assert "override" not in {each.event for each in read_audit(audit_path(home)).events}
+    assert "override" not in {each.event for each in read_audit(audit_path(home)).entries}
 
 
 def test_only_a_failed_run_is_released_once_with_a_reason(failed: Path) -> None:
@@ -103,7 +103,7 @@ def test_one_of_two_simultaneous_releases_is_refused(home: Path, failed: Path, m
     override = load_result(failed).override
     assert override is not None
     assert override.why == "first"
-    assert [each.why for each in read_audit(audit_path(home)).events if each.event == "override"] == ["first"]
+    assert [each.why for each in read_audit(audit_path(home)).entries if each.event == "override"] == ["first"]
 
 
 def test_release_is_refused_without_log_and_configuration_files(failed: Path) -> None:

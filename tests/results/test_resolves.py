@@ -9,7 +9,7 @@ import pytest
 from calstation import __version__
 from calstation.config import computer_user
 from calstation.errors import InputError
-from calstation.records import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolves_path
+from calstation.records import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolve_file
 from calstation.results import History, Result, offline_solve, online_difference, resolve
 from tests.cli.conftest import six_position_rows, write_log
 from tests.helpers import ignore_progress
@@ -76,12 +76,12 @@ def test_solution_of_a_log_without_a_result_is_recorded_without_a_difference(tmp
 
 def test_failed_recording_is_a_message_of_the_solution(tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
-    resolves_path(tmp_path).mkdir()
+    resolve_file(tmp_path).path.mkdir()
     solved = resolve(log)
     assert solved.result.stages == ["six_position"]
     (key, values) = solved.messages[-1]
     assert key == "resolve_unrecorded"
-    assert values["file"] == str(resolves_path(tmp_path))
+    assert values["file"] == str(resolve_file(tmp_path).path)
 
 
 def test_largest_difference_is_measured_in_sigmas() -> None:
@@ -113,10 +113,10 @@ def test_two_programs_append_complete_lines(tmp_path: Path) -> None:
 def test_modified_record_is_detected(tmp_path: Path) -> None:
     for _ in range(3):
         append_resolve(tmp_path, RECORD)
-    path = resolves_path(tmp_path)
+    path = resolve_file(tmp_path).path
     path.write_text(path.read_text("utf-8").replace('"li"', '"xu"', 1), "utf-8")
     with pytest.raises(InputError, match=r"resolves\.jsonl, line 1"):
         read_resolves(tmp_path)
     path.write_text(json.dumps({"other": 1}) + "\n", "utf-8")
-    with pytest.raises(InputError, match="not a record of offline solutions"):
+    with pytest.raises(InputError, match=r"resolves\.jsonl, line 1"):
         read_resolves(tmp_path)

@@ -54,7 +54,7 @@ def prepared(site: SiteFolder, request: RunRequest) -> None:
 
 
 def events(home: Path, name: str) -> list[AuditEvent]:
-    return [each for each in read_audit(audit_path(home)).events if each.event == name]
+    return [each for each in read_audit(audit_path(home)).entries if each.event == name]
 
 
 def test_override_requires_a_pin_at_a_site_with_a_pin(site_folder: SiteFolder, home: Path, asked: list[str]) -> None:

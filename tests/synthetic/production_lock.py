@@ -100,7 +100,7 @@ class _Site:
     def overridden(self) -> LockStep:
         """Request a production run that is refused and that an engineer permits."""
         allowed = self._production() is not None and self._production(REASON) is None
-        event = read_audit(audit_path(library.site_folder())).events[-1]
+        event = read_audit(audit_path(library.site_folder())).entries[-1]
         recorded = (event.event, event.why) == ("standard_overridden", REASON)
         values = {"reason": REASON, "by": event.by, "event": event.event}
         return LockStep("lock_overridden", values, allowed and recorded)

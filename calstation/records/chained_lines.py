@@ -1,0 +1,170 @@
+"""Append-only files of JSON lines with a SHA-256 chain: audit trail, issued reports, offline solutions, journals.
+
+Every line ends with ``, "previous": "...", "digest": "..."}``. `digest` is the SHA-256 of the UTF-8 bytes of the line
+without ``, "digest": "..."``; `previous` is the digest of the line before, or 64 zeros in the first line. A power
+failure or a killed program can only leave an incomplete last line. It is kept: the next append closes it with
+``#incomplete``, and `previous` of the new line is the SHA-256 of the digest before it and its bytes.
+"""
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from pydantic import TypeAdapter
+
+from calstation.errors import InputError
+from calstation.messages import Text, os_reason
+from calstation.records.files import locked, sync_folder, write_atomic
+
+#: Digest before the first line.
+START = "0" * 64
+
+#: Longest time to wait for another program that appends a line, s.
+LOCK_TIMEOUT = 5.0
+
+_CLOSED = b"#incomplete"
+_ENDING = re.compile(rb'(, "previous": "[0-9a-f]{64}"), "digest": "([0-9a-f]{64})"\}')
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Damage:
+    """The first line that was changed, removed or inserted later."""
+
+    number: int  #: Number of the line, from 1.
+    why: Text
+
+
+@dataclass(frozen=True)
+class Chain(Generic[T]):
+    """Content of a chained file."""
+
+    entries: tuple[T, ...] = ()  #: Entries of all lines that agree with their own digest, the oldest first.
+    incomplete: tuple[int, ...] = ()  #: Numbers of the lines left incomplete by a killed program.
+    torn: bool = False  #: Whether the last line is incomplete.
+    damage: Damage | None = None
+    digest: str = START  #: Digest at the end; a copy stored elsewhere proves that nothing before it was changed.
+
+
+class ChainedFile(Generic[T]):
+    """A chained file whose lines contain entries of one type, which pydantic validates."""
+
+    def __init__(self, path: Path, entry: Any) -> None:
+        self.path = path
+        self._entry: TypeAdapter[T] = TypeAdapter(entry)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Lock the file for other programs, in a folder that is created. Raises OSError, also after `LOCK_TIMEOUT`."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with locked(self.path.with_name(f".{self.path.stem}.lock"), LOCK_TIMEOUT):
+            yield
+
+    def read(self) -> Chain[T]:
+        """Read and verify the file; it is empty if it is missing. Raises OSError."""
+        try:
+            content = self.path.read_bytes()
+        except (FileNotFoundError, NotADirectoryError):
+            return Chain()
+        if not content:
+            return Chain(damage=Damage(1, Text("log.line_missing")))
+        *lines, rest = content.split(b"\n")
+        entries: list[T] = []
+        incomplete: list[int] = []
+        unconfirmed: list[int] = []  # incomplete lines without a valid line after them
+        damage: Damage | None = None
+        digest = START
+        for number, line in enumerate([*lines, rest] if rest else lines, 1):
+            last = bool(rest) and number > len(lines)
+            if number > 1 and (line.endswith(_CLOSED) or (last and not _ENDING.search(line))):
+                unconfirmed.append(number)
+            else:
+                why = self._take(line, digest, entries)
+                if why is None:
+                    incomplete += unconfirmed
+                elif damage is None:
+                    damage = Damage(min([*unconfirmed, number]), why)
+                unconfirmed.clear()
+            digest = _next(line, digest)
+        torn = bool(unconfirmed)
+        return Chain(tuple(entries), (*incomplete, *unconfirmed), torn, damage, digest)
+
+    def _take(self, line: bytes, digest: str, entries: list[T]) -> Text | None:
+        """Add the entry of a line that agrees with its own digest; return what is wrong with the line."""
+        ending = _ENDING.search(line)
+        if ending is None:
+            return Text("log.line_incomplete")
+        if ending.end() != len(line) or _sha256(line[: ending.end(1)] + b"}") != ending[2].decode():
+            return Text("log.line_altered")
+        try:
+            content = json.loads(line)
+            entries.append(self._entry.validate_python(content))
+        except (ValueError, RecursionError):
+            return Text("log.line_unknown")
+        return None if content["previous"] == digest else Text("log.line_out_of_order")
+
+    def entries(self, code: str) -> list[T]:
+        """Return all entries, the oldest first; none if the file is missing.
+
+        Raises InputError with `code` if a line is damaged, or if the file cannot be read.
+        """
+        try:
+            chain = self.read()
+        except OSError as exc:
+            raise InputError("result.unreadable", file=self.path, reason=os_reason(exc)) from exc
+        if chain.damage is not None:
+            raise InputError(code, file=self.path, line=chain.damage.number, why=chain.damage.why)
+        return list(chain.entries)
+
+    def append(self, content: Mapping[str, Any]) -> T:
+        """Append an entry given as JSON data, write it to disk and return it.
+
+        The file appears with its first line. The caller has locked the file, or no other program can append to it.
+        Raises OSError.
+        """
+        exists = self.path.exists()
+        *lines, rest = (self.path.read_bytes() if exists else b"").split(b"\n")
+        digest, begin = START, b""
+        if rest:
+            complete = _ENDING.search(rest) is not None or not lines
+            begin = b"\n" if complete else _CLOSED + b"\n"
+            lines.append(rest if complete else rest + _CLOSED)
+        for line in lines:
+            digest = _next(line, digest)
+        text = json.dumps({**content, "previous": digest}, ensure_ascii=False).encode()
+        line = text[:-1] + f', "digest": "{_sha256(text)}"}}'.encode()
+        if exists:
+            handle = os.open(self.path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
+            try:
+                _write(handle, begin + line + b"\n")
+                os.fsync(handle)
+            finally:
+                os.close(handle)
+        else:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            write_atomic(self.path, line + b"\n")
+            sync_folder(self.path.parent.parent)
+        return self._entry.validate_python(json.loads(line))
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def _next(line: bytes, digest: str) -> str:
+    """Return the digest that the line after `line` must name; `digest` is the one before `line`."""
+    ending = _ENDING.search(line)
+    complete = ending is not None and ending.end() == len(line)
+    return ending[2].decode() if ending and complete else _sha256(digest.encode() + line)
+
+
+def _write(handle: int, data: bytes) -> None:
+    while data:
+        data = data[os.write(handle, data) :]
