@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from calstation.errors import CalstationError
 from calstation.physics import FloatArray, TableGeometry, rotation_vector
+from calstation.records import LogFacts, open_log, write_log
 from calstation.schema import EntryError
 
 
@@ -37,6 +39,12 @@ def sampled(every: int, *choices: Iterable[Any]) -> list[Any]:
         pytest.param(*chosen, marks=[pytest.mark.exhaustive] if number % every else [])
         for number, chosen in enumerate(product(*choices))
     ]
+
+
+def convert_log(source: Path, target: Path) -> LogFacts:
+    """Convert a log of any format to the raw log `target`."""
+    log = open_log(source)
+    return write_log(target, log.meta, log.blocks())
 
 
 class Progress:

@@ -27,7 +27,7 @@ from calstation.connection import (
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.messages import Report, render
 from calstation.quality import due_certificates
-from calstation.records import SUFFIX, is_text
+from calstation.records import log_format
 from calstation.results import inspect_recording
 from calstation.schema import Problem
 
@@ -87,7 +87,7 @@ def check_command(path: Path, json: str | None) -> int:
     Returns 0, or the exit code of a configuration error if there is an error or no method can solve the recording.
     """
     check_json(json)
-    if path.suffix == SUFFIX or is_text(path):
+    if log_format(path) is not None:
         return _check_recording(path, json)
     path = library.locate_any(path)
     text = read_text(path)

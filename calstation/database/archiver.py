@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from calstation.database.outbox import Outbox
+from calstation.database.outbox import ArchivedLog, Outbox
 from calstation.database.state import change_state
 from calstation.errors import CalstationError
 from calstation.records import SUFFIX, being_written, locked
 
 
 class LogArchiver:
-    """Copies logs and records the copies in the outbox; failures are recorded in the state of the exchange."""
+    """Copies logs and records the copies in the folder; failures are recorded in the state of the exchange."""
 
     def __init__(self, folder: Path, archive: str) -> None:
         self._folder, self._archive = folder, archive
@@ -41,7 +41,7 @@ class LogArchiver:
         name = self._waiting[0]
         try:
             copy = archive_log(self._log(name), self._archive, self._outbox.id)
-            self._outbox.add_copy(name, copy.url, copy.file_sha256, copy.size)
+            self._outbox.add_copy(ArchivedLog(name, copy.url, copy.file_sha256, copy.size))
         except CalstationError as error:
             self._failed.add(name)
             self._note(error)

@@ -1,4 +1,4 @@
-"""Exchange of a folder of runs with the shared database: sends its outbox and receives the runs of other folders."""
+"""Exchange of a folder of runs with the shared database: sends its messages, receives the runs of other folders."""
 
 import logging
 import math
@@ -20,6 +20,7 @@ from sqlalchemy import (
     case,
     func,
     insert,
+    literal,
     literal_column,
     null,
     select,
@@ -69,21 +70,22 @@ class Exchange:
         database is unreachable or refuses a request; the next call continues in this case, too.
         """
         end = time.monotonic() + within
+        engine = None
         try:
             try:
                 engine = self._connected()
                 self._synchronise(engine)
                 self._renew_claims(engine)
             except (ConfigurationError, DBAPIError):
-                self.outbox.fill()  # counts the pending runs
+                self.outbox.refresh()  # counts the pending runs
                 raise
             self.complete = self._send_all(engine, end) and self._receive(engine, end)
             return other_claims(engine, self.outbox.id)
         except DBAPIError as exc:
-            assert self._engine is not None
-            url = self._engine.url
+            if engine is None:
+                raise  # no other statement precedes the connection, which raises ConfigurationError
             self._disconnect()
-            raise failure(exc, url) from exc
+            raise failure(exc, engine.url) from exc
 
     def close(self) -> None:
         """Release the claims and close the connection; the next exchange opens a new one."""
@@ -115,94 +117,82 @@ class Exchange:
         self._held = set(claimed)
 
     def _synchronise(self, engine: Engine) -> None:
-        """Delete messages that have arrived in the database; reset the outbox if outbox or database lost some.
+        """Read the acknowledged stamps from the database if they differ from the copy in the index.
 
-        If the database lost messages, it was restored from a backup or replaced, and all folders receive all runs
-        again. If it has later messages than the outbox, the outbox was lost or restored, and the meaning of its later
-        numbers is unknown. In both cases the outbox is filled with all runs again.
+        They differ after a commit whose confirmation was lost, in a new index, and if the database was restored from a
+        backup or replaced. If the database lost messages, all folders receive all runs again.
         """
-        sent, begun = self.outbox.sent, self.outbox.begun
+        known = self.outbox.revision
         with engine.begin() as connection:
-            arrived = self._registered(connection)
-            if arrived < sent:
+            revision = self._registered(connection)
+            if revision == known:
+                return
+            if revision < known:
                 connection.execute(update(revisions).values(database=str(uuid4())))
-        if not sent <= arrived <= begun:
-            self.outbox.restart(arrived)
-        else:
-            self.outbox.arrived(arrived)
+            stamps = select(literal("run"), runs.c.name, runs.c.stamp).where(runs.c.outbox == self.outbox.id)
+            urls = select(literal("copy"), log_copies.c.name, log_copies.c.url)
+            rows = connection.execute(stamps.union_all(urls.where(log_copies.c.outbox == self.outbox.id))).all()
+        self.outbox.acknowledge(revision, [(kind, name, stamp) for kind, name, stamp in rows], replace=True)
 
     def _registered(self, connection: Connection) -> int:
-        """Return the number of the last message that arrived; register the outbox and its login if necessary.
+        """Return the revision of the last message that arrived; register the outbox and its login if necessary.
 
         Raises ConfigurationError if the outbox belongs to another login, whose runs this login must not change.
         """
         here = outboxes.c.id == self.outbox.id
         login = func.current_user() if connection.dialect.name == "postgresql" else null()
         own = outboxes.c.login.is_not_distinct_from(login).label("own")
-        row = connection.execute(select(outboxes.c.last_number, outboxes.c.login, own).where(here)).first()
+        row = connection.execute(select(outboxes.c.revision, outboxes.c.login, own).where(here)).first()
         if row is None:
-            new = {"id": self.outbox.id, "station": self._station, "last_number": 0, "login": login}
+            new = {"id": self.outbox.id, "station": self._station, "revision": 0, "login": login}
             connection.execute(insert(outboxes).values(new))
             return 0
         if not row.own and connection.execute(update(outboxes).where(here).values(login=login)).rowcount == 0:
             database = public(connection.engine.url)
             raise ConfigurationError("database.other_login", database=database, login=row.login)
-        return int(row.last_number)
+        return int(row.revision)
 
     def _send_all(self, engine: Engine, end: float) -> bool:
-        """Send all pending messages; return False if some are left at the time `end`."""
+        """Send all messages; return False if some are left at the time `end`."""
         sent = True
         while sent:
-            if not self.outbox.fill(end):
+            if not self.outbox.refresh(end):
                 return False
             sent = False
-            while self._send(engine):
-                sent = True
-                if time.monotonic() >= end:
+            for messages in self.outbox.pages():
+                if sent and time.monotonic() >= end:
                     return False
+                self._send(engine, messages)
+                sent = sent or bool(messages)
         return True
 
-    def _send(self, engine: Engine) -> bool:
-        """Send the first messages; return whether there were any.
-
-        If the database refuses one of them, they are sent one by one, and refused messages are skipped.
-        """
-        messages = self.outbox.messages()
+    def _send(self, engine: Engine, messages: Sequence[OutboxMessage]) -> None:
+        """Send messages; if the database refuses one of them, they are sent one by one, and it is skipped."""
         try:
-            if messages:
-                self._deliver(engine, messages)
+            self._deliver(engine, messages)
         except DBAPIError as exc:
             if not _is_refusal(exc):
                 raise
-            for message in messages:
-                self._deliver_or_skip(engine, message)
-        return bool(messages)
+            if len(messages) > 1:
+                for message in messages:
+                    self._send(engine, [message])
+                return
+            logger.warning("run %s is refused and skipped: %s", messages[0].columns["name"], reason_of(exc))
+            self.outbox.refuse(messages[0], reason_of(exc))
 
-    def _deliver_or_skip(self, engine: Engine, message: OutboxMessage) -> None:
-        try:
-            self._deliver(engine, [message])
-        except DBAPIError as exc:
-            if not _is_refusal(exc):
-                raise
-            logger.warning("run %s is refused and skipped: %s", message.columns["name"], reason_of(exc))
-            self.outbox.refuse(message, reason_of(exc))
-            self._deliver(engine, [message], store=False)
-
-    def _deliver(self, engine: Engine, messages: Sequence[OutboxMessage], *, store: bool = True) -> None:
-        """Mark messages as arrived and store them, in one transaction, if they are the next expected ones.
-
-        The database counts the messages of each outbox, so that a message whose arrival was not confirmed is not stored
-        twice.
-        """
-        before, last = messages[0].number - 1, messages[-1].number
-        in_order = (outboxes.c.id == self.outbox.id, outboxes.c.last_number == before)
-        step = update(outboxes).where(*in_order).values(last_number=last, station=self._station)
-        with engine.begin() as connection:
+    def _deliver(self, engine: Engine, messages: Sequence[OutboxMessage]) -> None:
+        """Store messages in one transaction, unless another process has sent some since the stamps were read."""
+        if not messages:
+            return
+        here = (outboxes.c.id == self.outbox.id, outboxes.c.revision == self.outbox.revision)
+        with engine.connect() as connection:
+            revision = _store(connection, self.outbox.id, messages)
+            step = update(outboxes).where(*here).values(revision=revision, station=self._station)
             are_next = bool(connection.execute(step).rowcount)
-            if are_next and store:
-                _store(connection, self.outbox.id, messages)
+            if are_next:
+                connection.commit()
         if are_next:
-            self.outbox.arrived(last)
+            self.outbox.acknowledge(revision, [(*message.key, message.stamp) for message in messages])
         else:
             self._synchronise(engine)
 
@@ -236,15 +226,17 @@ class Exchange:
         return True
 
 
-def _store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> None:
-    """Add or replace runs and copies of logs, and store the location of a log's copy in its run."""
+def _store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> int:
+    """Add or replace runs and copies of logs, and store the location of a log's copy in its run.
+
+    Returns the revision of the last message.
+    """
     now = int(database_time(connection).timestamp() * 1e6)
     last = case((revisions.c.last < now, now), else_=revisions.c.last) + len(messages)
-    first = connection.execute(update(revisions).values(last=last).returning(revisions.c.last)).scalar_one()
-    first -= len(messages) - 1
+    last_revision = connection.execute(update(revisions).values(last=last).returning(revisions.c.last)).scalar_one()
     added: dict[str, list[dict[str, Any]]] = {"run": [], "copy": []}
     located = []
-    for revision, message in enumerate(messages, first):
+    for revision, message in enumerate(messages, last_revision - len(messages) + 1):
         row = {"outbox": outbox, **message.columns}
         added[message.kind].append(row)
         if message.kind == "run":
@@ -259,6 +251,7 @@ def _store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage
         run = (runs.c.outbox == outbox, runs.c.name == bindparam("run"))
         note = update(runs).where(*run).values(log=bindparam("url"), revision=bindparam("changed"))
         connection.execute(note, located)
+    return int(last_revision)
 
 
 def _is_refusal(error: DBAPIError) -> bool:

@@ -88,10 +88,8 @@ class ExchangeProcess:
         self._send({**claimed})
 
     def _send(self, value: dict[str, Any]) -> None:
-        assert self.process.stdin is not None
         with suppress(OSError):  # the process has already ended
-            self.process.stdin.write(f"{json.dumps(value)}\n")
-            self.process.stdin.flush()
+            print(json.dumps(value), file=self.process.stdin, flush=True)
 
     def state(self) -> ExchangeState:
         """Return the state of the exchange, without outdated claims before the first contact of this process."""
@@ -111,9 +109,9 @@ class ExchangeProcess:
 
     def end(self) -> None:
         """Request a last exchange and the end of the process; neither this call nor the owner's end waits for it."""
-        assert self.process.stdin is not None
-        with suppress(OSError):  # the process has already ended
-            self.process.stdin.close()
+        if self.process.stdin is not None:
+            with suppress(OSError):  # the process has already ended
+                self.process.stdin.close()
         threading.Thread(target=self.process.wait, daemon=True).start()  # reaps the process when it ends
 
     def __enter__(self) -> "ExchangeProcess":

@@ -39,7 +39,8 @@ def fetch_log(report: ProgressCallback, run: RunRecord) -> Path:
     """
     from calstation.database.archive import copy_to
 
-    assert run.location is not None
+    if run.location is None:
+        raise InputError("result.elsewhere", log=run.log.name, station=run.station or "?")
     run.log.parent.mkdir(parents=True, exist_ok=True)
     copy_to(run.location, run.log, report)
     with suppress(OSError):  # a copy may be open on Windows or deleted by another window; the next call tries again

@@ -44,14 +44,14 @@ revisions = Table(
     Column("database", String(36), nullable=False),
 )
 
-#: The outbox of each folder of runs; `last_number` is the number of its last message that arrived. Only `login`, a role
-#: of PostgreSQL, may change rows of the outbox (`roles.sql`).
+#: The outbox of each folder of runs; `revision` is that of its last message. Only `login`, a role of PostgreSQL, may
+#: change rows of the outbox (`roles.sql`).
 outboxes = Table(
     "outboxes",
     metadata,
     Column("id", String(36), primary_key=True),
     Column("station", String, nullable=False),
-    Column("last_number", BigInteger, nullable=False),
+    Column("revision", BigInteger, nullable=False),
     Column("login", String),
 )
 
@@ -63,6 +63,7 @@ runs = Table(
     Column("outbox", String(36), ForeignKey("outboxes.id"), primary_key=True),
     Column("name", String, primary_key=True),
     Column("revision", BigInteger, nullable=False, unique=True),
+    Column("stamp", Text, nullable=False),  #: Stamp of the files from which the station read the run.
     Column("serial", String, nullable=False, index=True),
     Column("started_utc", String, nullable=False),
     Column("content", Text, nullable=False),

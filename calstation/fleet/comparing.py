@@ -18,6 +18,8 @@ _UPDATE = 0.9
 
 
 def part_of(report: ProgressCallback, begin: float) -> ProgressCallback:
+    """Return the progress of the update of one version, which begins at the fraction `begin` of both."""
+
     def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
         report(_UPDATE * (begin + 0.5 * fraction))
 
@@ -49,6 +51,7 @@ class Pair:
         )
 
     def comparison(self, report: ProgressCallback, before: str, after: str) -> Comparison:
+        """Return the comparison; `before` and `after` are the names of the versions."""
         was, now = (self._codes(files, "verdict", VERDICTS)[0] for files in (self._old, self._new))
         table = np.bincount(was * len(VERDICTS) + now, minlength=len(VERDICTS) ** 2).reshape(2 * (len(VERDICTS),))
         kinds = {kind: self._codes(self._old, kind) for kind in GROUPS}

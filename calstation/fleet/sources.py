@@ -13,7 +13,7 @@ from calstation.database import log_copies, runs
 from calstation.errors import ConfigurationError, InputError
 from calstation.fleet.selection import Origin
 from calstation.messages import os_reason
-from calstation.records import SUFFIX, meta_path
+from calstation.records import log_format
 
 #: Source name of all logs in the database's archive.
 ARCHIVE = "archive"
@@ -72,7 +72,8 @@ def _found(source: str) -> Iterator[StoredLog]:
             raise InputError("fleet.source_missing", source=source)
         if system.isdir(path):
             files = system.find(path, detail=True)
-            names = [name for name in sorted(files) if name.endswith(SUFFIX) or configuration_of(name) in files]
+            logs = [name for name in sorted(files) if log_format(Path(name)) is not None]
+            names = [name for name in logs if (configuration_of(name) or name) in files]
         else:
             beside = configuration_of(path)
             names, files = [path], {name: system.info(name) for name in (path, beside) if name and system.exists(name)}
@@ -89,11 +90,12 @@ def _found(source: str) -> Iterator[StoredLog]:
 
 
 def configuration_of(path: str) -> str | None:
-    """Return the path of the TOML file of a CSV; None for another file."""
-    if not path.endswith((".csv", ".csv.gz")):
+    """Return the path of the configuration next to a log; None for another file."""
+    known = log_format(Path(path))
+    if known is None or known.configuration_path is None:
         return None
     folder, slash, name = path.rpartition("/")
-    return folder + slash + meta_path(Path(name)).name
+    return folder + slash + known.configuration_path(Path(name)).name
 
 
 def files_of(location: str) -> tuple[Any, list[str]]:

@@ -195,7 +195,8 @@ def add_solution(
             if written is not None:
                 return int(written), True
             there = _solution(connection, key)  # written by another worker
-        assert there is not None
+        if there is None:
+            raise LookupError("the solution was deleted while it was written")
         return there.number, False
 
 

@@ -17,10 +17,9 @@ from calstation.records.audit import (
 from calstation.records.chained_lines import Chain, ChainedFile
 from calstation.records.check_id import MODEL_KINDS, CheckId, CheckKind, read_check_ids
 from calstation.records.columns import RecordingMeta
-from calstation.records.convert import export_corrected, export_csv, import_csv, partial_path, write_log
-from calstation.records.csv_log import is_text, meta_path
+from calstation.records.convert import export_corrected, export_csv
 from calstation.records.facts import LogFacts
-from calstation.records.files import locked, sync_folder, take, write_atomic
+from calstation.records.files import locked, partial_path, sync_folder, take, write_atomic
 from calstation.records.indexed_run import (
     Categories,
     IndexedRun,
@@ -30,7 +29,8 @@ from calstation.records.indexed_run import (
     RunRecord,
 )
 from calstation.records.laboratory import Day, InstrumentSection, LaboratorySection
-from calstation.records.log import Log, estimated_rows, open_log, read_truth, truth_path
+from calstation.records.log import Log, damage_summary, read_truth, truth_path
+from calstation.records.log_formats import LOG_FORMATS, LOG_SUFFIXES, estimated_rows, log_format, open_log
 from calstation.records.meta import (
     CalibrationSection,
     FileSection,
@@ -67,11 +67,10 @@ from calstation.records.product import (
     TemperatureLimit,
     check_limit_names,
 )
-from calstation.records.raw_log import RESERVE, SUFFIX, RawLogWriter, free_space
+from calstation.records.raw_log import RESERVE, SUFFIX, RawLogWriter, free_space, write_log
 from calstation.records.raw_read import (
     RawLogContents,
     being_written,
-    damage_summary,
     raw_rows,
     read_contents,
     solved_stages,

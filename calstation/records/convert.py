@@ -1,6 +1,5 @@
-"""Import of a CSV into a raw log, and export of any log as CSV and TOML; both preserve every value exactly."""
+"""Export of any log, or of compensated samples, as CSV and TOML."""
 
-import contextlib
 import itertools
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -11,45 +10,10 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.physics import FloatArray, compensate, compensation
-from calstation.records.csv_log import meta_path, open_csv_for_writing, write_csv
+from calstation.records.csv_log import meta_path, write_csv_log
 from calstation.records.facts import LogFacts
-from calstation.records.log import open_log
+from calstation.records.log_formats import open_log
 from calstation.records.meta import LogMeta, context_from_meta
-from calstation.records.raw_log import SUFFIX, RawLogWriter
-
-
-def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> LogFacts:
-    """Write a CSV to the raw log `target`, which is deleted if the CSV is not usable.
-
-    The configuration is the TOML file next to the CSV, or `meta_file`. Raises InputError or ConfigurationError.
-    """
-    log = open_log(source, meta_file)
-    return write_log(target, log.meta, log.blocks())
-
-
-def write_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> LogFacts:
-    """Write one or more blocks to the raw log `target`; an error leaves no log.
-
-    Raises InputError if the target does not have the name of a log, ConfigurationError if it cannot be written.
-    """
-    if target.suffix != SUFFIX:
-        raise InputError("csv.import_name", file=target, suffix=SUFFIX)
-    first = next(blocks)  # raises for a log without samples
-    writer = RawLogWriter(target, meta, joints=first.joints.shape[1] > 0, station=first.station.shape[1] > 0)
-    try:
-        for block in itertools.chain([first], blocks):
-            writer.append(block)
-    except BaseException:
-        with contextlib.suppress(OSError, RuntimeError):  # the disk may have failed
-            writer.close("incomplete")
-        target.unlink()
-        raise
-    return writer.close("imported")
-
-
-def partial_path(target: Path) -> Path:
-    """Return the name of a file while it is being written."""
-    return target.with_name("partial-" + target.name)
 
 
 def export_csv(
@@ -67,7 +31,7 @@ def export_csv(
     _check_target(target, (source,))
     log = open_log(source)
     blocks = log.blocks(first_seq, last_seq)
-    _write(target, log.meta, blocks if progress is None else _counted(blocks, progress))
+    write_csv_log(target, log.meta, blocks if progress is None else _counted(blocks, progress))
     return log.facts()
 
 
@@ -90,7 +54,7 @@ def export_corrected(
     unit = {"output": "rate", "gyro_lsb": 1.0, "accel_lsb": 1.0, "gyro_quantisation": 0.0, "accel_quantisation": 0.0}
     imu = meta.imu.model_copy(update=unit)
     changed = {"imu": imu, "prior": {}, "prior_correlation": {}, "registers": {}, "run": None}
-    _write(target, meta.model_copy(update=changed), map(corrected, blocks))
+    write_csv_log(target, meta.model_copy(update=changed), map(corrected, blocks))
 
 
 def _check_target(target: Path, kept: Iterable[Path]) -> None:
@@ -100,19 +64,6 @@ def _check_target(target: Path, kept: Iterable[Path]) -> None:
     for new, old in itertools.product((target, meta_path(target)), kept):
         if new.exists() and old.exists() and new.samefile(old):
             raise InputError("csv.export_onto_itself", file=target)
-
-
-def _write(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> None:
-    """Write blocks as CSV, and their configuration next to it; a failure leaves no CSV."""
-    partial = partial_path(target)
-    try:
-        with open_csv_for_writing(partial) as stream:
-            write_csv(stream, blocks)
-        meta_path(target).write_text(meta.to_toml(), encoding="utf-8")
-        partial.replace(target)
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            partial.unlink()
 
 
 def _counted(blocks: Iterator[SampleBlock], progress: Callable[[int], None]) -> Iterator[SampleBlock]:

@@ -7,6 +7,7 @@ import itertools
 import math
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import IO, Any
@@ -32,23 +33,48 @@ from calstation.records.columns import (
     unit_factor,
     unit_factors,
 )
+from calstation.records.files import partial_path
+from calstation.records.log import Log
 from calstation.records.meta import FURTHER_IMUS, LogMeta
 from calstation.schema import read_toml, validate
 
 #: Suffixes of text recordings; .gz may follow.
-TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
+_TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
+#: Suffixes of CSV logs and text recordings.
+CSV_SUFFIXES = tuple(suffix + compressed for suffix in _TEXT_SUFFIXES for compressed in ("", ".gz"))
+#: Number of samples that are searched for non-integer output.
+_DECIMALS_WITHIN = 200
 _CHUNK_BYTES = 1 << 17
 
 
 def meta_path(path: Path) -> Path:
     """Return NAME.toml next to NAME.csv or NAME.csv.gz."""
     name = Path(path.name.removesuffix(".gz"))
-    return path.with_name((name.stem if name.suffix in TEXT_SUFFIXES else name.name) + ".toml")
+    return path.with_name((name.stem if name.suffix in _TEXT_SUFFIXES else name.name) + ".toml")
 
 
-def is_text(path: Path) -> bool:
-    """Return whether a file name belongs to a CSV or to a text file with columns."""
-    return Path(path.name.removesuffix(".gz")).suffix in TEXT_SUFFIXES
+def open_csv(path: Path, meta_file: Path | None = None) -> Log:
+    """Open a CSV with its TOML file next to it or at `meta_file`. Raises InputError if one is missing or invalid."""
+    if not path.is_file():
+        raise InputError("log.not_found" if path.name.endswith((".csv", ".csv.gz")) else "log.not_a_log", file=path)
+    meta, layout = load_recording(path, meta_file or meta_path(path))
+    meta = _with_quantisation(path, meta, layout)
+    jitter: list[float] = []
+    return Log(path, meta, lambda: csv_blocks(path, meta, layout, jitter), _jitter=jitter)
+
+
+def _with_quantisation(path: Path, meta: LogMeta, layout: Layout) -> LogMeta:
+    """Return the configuration of a CSV with quantisation 0, if not given, for sensors with non-integer output."""
+    counts: list[FloatArray] = []
+    with suppress(InputError):  # reported when the samples are read
+        for block in csv_blocks(path, meta, layout, []):
+            counts.append(block.counts[block.valid])
+            if sum(map(len, counts)) >= _DECIMALS_WITHIN:
+                break
+    decimal = (np.concatenate([np.empty((0, 6)), *counts]) % 1.0 != 0.0).any(axis=0)
+    sensors = {"gyro_quantisation": decimal[:3].any(), "accel_quantisation": decimal[3:].any()}
+    found = {name: 0.0 for name, known in sensors.items() if known and getattr(meta.imu, name) is None}
+    return meta.model_copy(update={"imu": meta.imu.model_copy(update=found)}) if found else meta
 
 
 def load_recording(path: Path, meta_file: Path) -> tuple[LogMeta, Layout]:
@@ -338,7 +364,20 @@ class _Table:
         return snap_angles(np.deg2rad(np.column_stack([self.floats(name, True) for name in JOINTS])))
 
 
-def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
+def write_csv_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> None:
+    """Write blocks as CSV, and their configuration next to it; a failure leaves no CSV. Raises InputError."""
+    partial = partial_path(target)
+    try:
+        with _open_for_writing(partial) as stream:
+            _write_csv(stream, blocks)
+        meta_path(target).write_text(meta.to_toml(), encoding="utf-8")
+        partial.replace(target)
+    finally:
+        with suppress(FileNotFoundError):
+            partial.unlink()
+
+
+def _write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
     """Write blocks in the CSV format of docs/contract.md; all values are read back exactly."""
     first = next(blocks, None)
     further = 0 if first is None else first.others.shape[1]
@@ -384,7 +423,7 @@ def _blank_nan(values: FloatArray) -> list[str]:
     return ["" if v != v else repr(v) for v in values.tolist()]
 
 
-def open_csv_for_writing(path: Path) -> IO[str]:
+def _open_for_writing(path: Path) -> IO[str]:
     """Open NAME.csv or NAME.csv.gz for writing text. Raises InputError."""
     try:
         if path.suffix == ".gz":

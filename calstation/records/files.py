@@ -112,6 +112,11 @@ def write_atomic(path: Path, content: str | bytes, mode: int = 0o644, *, sync: b
         sync_folder(path.parent)
 
 
+def partial_path(target: Path) -> Path:
+    """Return the name of a file while it is being written."""
+    return target.with_name("partial-" + target.name)
+
+
 def sync_folder(folder: Path) -> None:
     """Write new names in a folder to disk, if the system supports it, so that they survive a power failure."""
     if sys.platform == "win32":

@@ -1,27 +1,42 @@
-"""Common reader for all logs: raw logs (.h5) and CSV files with a TOML file."""
+"""A log on disk, independent of its file format (`log_formats`)."""
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text
-from calstation.physics import FloatArray
-from calstation.records.columns import Layout
-from calstation.records.csv_log import csv_blocks, csv_rows, is_text, load_recording, meta_path
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.meta import LogMeta
-from calstation.records.raw_log import SUFFIX
-from calstation.records.raw_read import DamagedRows, raw_blocks, read_contents, row_count
 
-#: Number of CSV samples that are searched for non-integer output.
-_DECIMALS_WITHIN = 200
+#: Largest number of damaged intervals listed in a message.
+_LISTED = 6
+
+
+@dataclass(frozen=True)
+class DamagedRows:
+    """Consecutive damaged rows, which are omitted as a gap."""
+
+    row: int  #: Number of the first row, from 0.
+    count: int  #: Number of rows.
+    after: int | None  #: Sequence number of the intact sample before them; None at the start of the log.
+    before: int | None  #: Sequence number of the intact sample after them; None at the end of the log.
+
+    @property
+    def missing(self) -> str:
+        """First and last missing sequence number, as far as known."""
+        first = "" if self.after is None else f"{self.after + 1}"
+        last = "" if self.before is None else f"{self.before - 1}"
+        return f"{first}…{last}"
+
+
+def damage_summary(damaged: Sequence[DamagedRows]) -> dict[str, int | str]:
+    """Return the values for a message about damaged rows: their number, and the first missing intervals."""
+    where = [part.missing for part in damaged[:_LISTED]] + ["…"] * (len(damaged) > _LISTED)
+    return {"rows": sum(part.count for part in damaged), "where": ", ".join(where)}
 
 
 @dataclass
@@ -73,10 +88,9 @@ class Log:
 
     def facts(self) -> LogFacts:
         """Return range, gaps, temperature and sha256 of the whole log, which is read only once."""
-        if self._facts is None:
+        while self._facts is None:
             for _ in self._all_blocks():
                 pass
-        assert self._facts is not None
         return self._facts
 
     def _all_blocks(self) -> Iterator[SampleBlock]:
@@ -99,53 +113,6 @@ def _between(block: SampleBlock, first: int | None, last: int | None) -> SampleB
     if start == 0 and stop == len(block):
         return block
     return block.part(start, max(start, stop))
-
-
-def open_log(path: Path, meta_file: Path | None = None) -> Log:
-    """Open a raw log (.h5), or a CSV (.csv, .csv.gz) with its TOML file next to it or at `meta_file`.
-
-    Raises InputError if the file is missing or of another type, or if its configuration is invalid.
-    """
-    if path.suffix == SUFFIX:
-        contents = read_contents(path)
-        found: list[DamagedRows] = []
-        return Log(
-            path,
-            contents.meta,
-            lambda: raw_blocks(path, found),
-            contents.events,
-            contents.results,
-            contents.outcome,
-            contents.sha256,
-            _found=found,
-        )
-    if not path.is_file():
-        raise InputError("log.not_found" if path.name.endswith((".csv", ".csv.gz")) else "log.not_a_log", file=path)
-    if not is_text(path):
-        raise InputError("log.not_a_log", file=path)
-    meta, layout = load_recording(path, meta_file or meta_path(path))
-    meta = _with_quantisation(path, meta, layout)
-    jitter: list[float] = []
-    return Log(path, meta, lambda: csv_blocks(path, meta, layout, jitter), _jitter=jitter)
-
-
-def _with_quantisation(path: Path, meta: LogMeta, layout: Layout) -> LogMeta:
-    """Return the configuration of a CSV with quantisation 0, if not given, for sensors with non-integer output."""
-    counts: list[FloatArray] = []
-    with suppress(InputError):  # reported when the samples are read
-        for block in csv_blocks(path, meta, layout, []):
-            counts.append(block.counts[block.valid])
-            if sum(map(len, counts)) >= _DECIMALS_WITHIN:
-                break
-    decimal = (np.concatenate([np.empty((0, 6)), *counts]) % 1.0 != 0.0).any(axis=0)
-    sensors = {"gyro_quantisation": decimal[:3].any(), "accel_quantisation": decimal[3:].any()}
-    found = {name: 0.0 for name, known in sensors.items() if known and getattr(meta.imu, name) is None}
-    return meta.model_copy(update={"imu": meta.imu.model_copy(update=found)}) if found else meta
-
-
-def estimated_rows(path: Path) -> int:
-    """Return the number of rows in a raw log, or an estimate for a CSV; at least 1. Raises InputError."""
-    return max(1, row_count(path) if path.suffix == SUFFIX else csv_rows(path))
 
 
 def truth_path(path: Path) -> Path:

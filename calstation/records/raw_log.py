@@ -31,7 +31,7 @@ import h5py
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from calstation.errors import ConfigurationError
+from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text, os_reason
 from calstation.records.facts import FactsBuilder, LogFacts
@@ -338,3 +338,23 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     return str(value)
+
+
+def write_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> LogFacts:
+    """Write one or more blocks to the raw log `target`; an error leaves no log.
+
+    Raises InputError if the target does not have the name of a log, ConfigurationError if it cannot be written.
+    """
+    if target.suffix != SUFFIX:
+        raise InputError("csv.import_name", file=target, suffix=SUFFIX)
+    first = next(blocks)  # raises for a log without samples
+    writer = RawLogWriter(target, meta, joints=first.joints.shape[1] > 0, station=first.station.shape[1] > 0)
+    try:
+        for block in itertools.chain([first], blocks):
+            writer.append(block)
+    except BaseException:
+        with suppress(OSError, RuntimeError):  # the disk may have failed
+            writer.close("incomplete")
+        target.unlink()
+        raise
+    return writer.close("imported")

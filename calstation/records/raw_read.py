@@ -4,9 +4,10 @@ import itertools
 import json
 import time
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, runs
 from calstation.messages import os_reason
 from calstation.records.files import TEST_TIMEOUT, held
+from calstation.records.log import DamagedRows, Log
 from calstation.records.meta import LogMeta, meta_from_json
 from calstation.records.raw_log import CHECK, CHUNK_ROWS, FORMAT, row_checks
 from calstation.records.superblock import SUPERBLOCK, AsClosed, left_open, sound, superblock_end
@@ -28,31 +30,6 @@ _BROKEN = (OSError, RuntimeError, KeyError)
 _NO_DAMAGE = np.empty((0, 2), np.int64)
 #: Number of attempts to open a file that a run may be writing, and seconds between them.
 _ATTEMPTS, _RETRY_INTERVAL = 4, 0.05
-#: Largest number of damaged intervals listed in a message.
-_LISTED = 6
-
-
-@dataclass(frozen=True)
-class DamagedRows:
-    """Consecutive damaged rows, which are omitted as a gap."""
-
-    row: int  #: Number of the first row, from 0.
-    count: int  #: Number of rows.
-    after: int | None  #: Sequence number of the intact sample before them; None at the start of the log.
-    before: int | None  #: Sequence number of the intact sample after them; None at the end of the log.
-
-    @property
-    def missing(self) -> str:
-        """First and last missing sequence number, as far as known."""
-        first = "" if self.after is None else f"{self.after + 1}"
-        last = "" if self.before is None else f"{self.before - 1}"
-        return f"{first}…{last}"
-
-
-def damage_summary(damaged: Sequence[DamagedRows]) -> dict[str, int | str]:
-    """Return the values for a message about damaged rows: their number, and the first missing intervals."""
-    where = [part.missing for part in damaged[:_LISTED]] + ["…"] * (len(damaged) > _LISTED)
-    return {"rows": sum(part.count for part in damaged), "where": ", ".join(where)}
 
 
 def sound_rows(damaged: NDArray[np.int64], start: int, stop: int) -> NDArray[np.int64]:
@@ -78,7 +55,7 @@ def read_contents(path: Path) -> RawLogContents:
     """Read configuration, events and results. Raises InputError."""
     with _opened(path) as file:
         stored = file["meta"][:]
-        if zlib.crc32(stored) != file.attrs.get("meta_crc32", zlib.crc32(stored)):
+        if zlib.crc32(stored) != file.attrs["meta_crc32"]:
             raise InputError("log.damaged_configuration", file=path, detail="crc32")
         meta = meta_from_json(_text(stored), path)
         closing = _json_lines(file, "closing")
@@ -86,6 +63,15 @@ def read_contents(path: Path) -> RawLogContents:
         return RawLogContents(
             meta, _json_lines(file, "events"), _json_lines(file, "results"), last.get("outcome"), last.get("sha256")
         )
+
+
+def open_raw(path: Path, _: Path | None = None) -> Log:
+    """Open a raw log. Raises InputError if it is missing or damaged."""
+    contents = read_contents(path)
+    damaged: list[DamagedRows] = []
+    blocks = partial(raw_blocks, path, damaged)
+    stored = (contents.events, contents.results, contents.outcome, contents.sha256)
+    return Log(path, contents.meta, blocks, *stored, _found=damaged)
 
 
 def being_written(path: Path, within: float = TEST_TIMEOUT) -> bool:
@@ -113,14 +99,12 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
     """Yield the samples of a raw log in order, in blocks of one stage.
 
     Damaged rows are omitted and added to `damaged`. Rows at the end of a log that was not closed were never written and
-    do not count as damaged. In a log of an early version, whose rows have no checksums, reading ends at a damaged
-    row.
+    do not count as damaged.
 
     Raises InputError if other parts of the file are damaged.
     """
     with _opened(path) as file:
         samples = file["samples"]
-        checked = CHECK in (samples.dtype.names or ())
         names = [name.decode(errors="replace") for name in file["stages"][:]]
         closed = file["closing"].shape[0] > 0
         end = _row_count(path, samples)
@@ -128,18 +112,10 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
         stored = np.empty(min(_READ_ROWS, end), samples.dtype)
         for start in range(0, end, _READ_ROWS):
             rows = stored[: end - start]
-            _read(samples, start, rows, checked)
+            _read(samples, start, rows)
             columns = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
-            sound = columns["stage"] < len(names)
-            if checked:
-                sound &= row_checks(columns) == columns[CHECK]
+            sound = (columns["stage"] < len(names)) & (row_checks(columns) == columns[CHECK])
             sound &= _rising(columns["seq"], sound, last)
-            if not checked and not sound.all():
-                good = int(np.argmin(sound))
-                if closed:
-                    raise InputError("log.damaged_row", file=path, row=start + good)
-                yield from _blocks(columns, 0, good, names)
-                return
             for a, b in runs(sound):
                 if damaged is not None and start + a > good_end:
                     after = None if last < 0 else last
@@ -175,18 +151,16 @@ def _row_count(path: Path, samples: h5py.Dataset) -> int:
     return min(int(samples.shape[0]), path.stat().st_size // int(samples.dtype.itemsize))
 
 
-def _read(samples: h5py.Dataset, start: int, rows: np.ndarray, checked: bool) -> None:
-    """Read `rows` from `start` on; if they have checksums, an unreadable chunk becomes zeros, which are invalid."""
+def _read(samples: h5py.Dataset, start: int, rows: np.ndarray) -> None:
+    """Read `rows` from `start` on; an unreadable chunk becomes zeros, which are invalid."""
     try:
         samples.read_direct(rows, np.s_[start : start + len(rows)])
     except _BROKEN:
-        if not checked:
-            raise
         if len(rows) <= CHUNK_ROWS:
             rows[:] = np.zeros((), rows.dtype)
             return
         for first in range(0, len(rows), CHUNK_ROWS):
-            _read(samples, start + first, rows[first : first + CHUNK_ROWS], checked)
+            _read(samples, start + first, rows[first : first + CHUNK_ROWS])
 
 
 def _rising(seq: NDArray[np.int64], sound: NDArray[np.bool_], last: int) -> NDArray[np.bool_]:
@@ -255,14 +229,11 @@ def _open(path: Path, stack: ExitStack) -> h5py.File:
 
 
 def _is_raw_log(file: h5py.File) -> bool:
-    """Return whether a file is a raw log.
-
-    The format of early logs, a string of variable length, is not read, because HDF5 hangs on it in a damaged file.
-    """
+    """Return whether a file is a raw log; a string of variable length is not read, as HDF5 hangs on a damaged one."""
     if "format" not in file.attrs or "samples" not in file:
         return False
-    fixed_length = file.attrs.get_id("format").dtype.kind == "S"
-    return not fixed_length or bool(file.attrs["format"] == FORMAT.encode())
+    is_fixed = file.attrs.get_id("format").dtype.kind == "S"
+    return is_fixed and bool(file.attrs["format"] == FORMAT.encode())
 
 
 def _text(data: NDArray[np.uint8]) -> str:

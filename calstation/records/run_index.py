@@ -47,7 +47,7 @@ from calstation.records.indexed_run import Categories, IndexedRun, RunChoices, R
 from calstation.records.verdict import Verdict
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 15
+_VERSION = 16
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -102,6 +102,16 @@ _runs = Table(
 Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
 #: One row: the shared database from which runs of other folders were received, and the last revision received.
 _received = Table("received", _metadata, Column("database", String, primary_key=True), Column("revision", BigInteger))
+#: Copy of the stamps that the shared database has acknowledged: runs, and URLs of copies of their logs.
+_acknowledged = Table(
+    "acknowledged",
+    _metadata,
+    Column("kind", String, primary_key=True),
+    Column("name", String, primary_key=True),
+    Column("stamp", String, nullable=False),
+)
+#: One row after the first exchange: revision of the acknowledged stamps in the shared database.
+_acknowledged_at = Table("acknowledged_at", _metadata, Column("revision", BigInteger, primary_key=True))
 #: One row after the first change of the runs: a random value, which every change replaces.
 _changed = Table("changed", _metadata, Column("mark", String, primary_key=True))
 _mark = select(_changed.c.mark)
@@ -189,6 +199,29 @@ class RunIndex:
             while self._in_file(lambda connection: connection.execute(delete(_runs).where(_rowid.in_(some))).rowcount):
                 pass
         self._in_file(change)
+
+    def acknowledged_revision(self) -> int:
+        """Return the revision of the acknowledged stamps in the shared database; 0 for none."""
+        return self._try(lambda connection: connection.execute(select(_acknowledged_at.c.revision)).scalar() or 0)
+
+    def acknowledged(self) -> dict[tuple[str, str], str]:
+        """Return the stamps that the shared database has acknowledged, by kind of message and name of the run."""
+        rows = self._try(lambda connection: _rows(connection, select(_acknowledged)))
+        return {(kind, name): stamp for kind, name, stamp in rows}
+
+    def acknowledge(self, revision: int, stamps: Iterable[tuple[str, str, str]], *, replace: bool) -> None:
+        """Add kind, name and stamp of acknowledged messages, or `replace` all of them; they are at a revision."""
+        rows = [{"kind": kind, "name": name, "stamp": stamp} for kind, name, stamp in stamps]
+
+        def change(connection: Connection) -> None:
+            if replace:
+                connection.execute(delete(_acknowledged))
+            connection.execute(delete(_acknowledged_at))
+            connection.execute(insert(_acknowledged_at).values(revision=revision))
+            if rows:
+                connection.execute(insert(_acknowledged).prefix_with("OR REPLACE"), rows)
+
+        self._try(change)
 
     def find(self, wanted: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Find at most `limit` runs that meet all conditions, the latest first."""
@@ -337,8 +370,8 @@ class RunIndex:
 
 def _is_lost(error: DatabaseError) -> bool:
     """Return whether the file is damaged, not a database or lacks a table, rather than just locked or out of space."""
-    assert isinstance(error.orig, sqlite3.Error)
-    return error.orig.sqlite_errorcode & 0xFF in _DAMAGED or str(error.orig).startswith("no such table")
+    code: int = getattr(error.orig, "sqlite_errorcode", 0)
+    return code & 0xFF in _DAMAGED or str(error.orig).startswith("no such table")
 
 
 def _file_engine(path: Path) -> Engine:

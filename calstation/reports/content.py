@@ -22,14 +22,11 @@ from calstation.physics import (
     compose,
     entry_of,
 )
-from calstation.records import InstrumentSection, LaboratorySection, Limit, LogMeta, Rule, Verdict
+from calstation.records import LOG_SUFFIXES, InstrumentSection, LaboratorySection, Limit, LogMeta, Rule, Verdict
 from calstation.reports.budget import Budget
 from calstation.results import Result
 
 Decision = Literal["passed", "failed", "not_judged"]
-
-#: Suffixes of log names, which the number of a certificate omits.
-_SUFFIXES = (".h5", ".csv", ".csv.gz")
 
 
 @dataclass(frozen=True)
@@ -160,7 +157,7 @@ def certificate_number(result: Result) -> str:
     solved again has a separate number for every range, choice of stages and states, and program version.
     """
     name = PureWindowsPath(result.log.file).name
-    name = next((name.removesuffix(end) for end in _SUFFIXES if name.endswith(end)), name)
+    name = next((name.removesuffix(end) for end in LOG_SUFFIXES if name.endswith(end)), name)
     if result.started_utc is None:
         return f"{name}-{result.log.sha256[:8]}"
     if result.outcome != "resolved":

@@ -93,10 +93,9 @@ def _filled(template: Path, result: Result) -> str:
 
 def _send(text: str, station: Path | None) -> None:
     path, config = load_station(station)
-    if config.label is None:
+    address = None if config.label is None else host_and_port(config.label.printer)
+    if config.label is None or address is None:
         raise ConfigurationError("label.no_printer", station=path)
-    address = host_and_port(config.label.printer)
-    assert address is not None
     try:
         with socket.create_connection(address, timeout=_TIMEOUT_S) as connection:
             connection.sendall(text.encode())

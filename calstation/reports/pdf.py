@@ -96,12 +96,11 @@ def compile_template(main: Path | dict[str, bytes], inputs: dict[str, str], mome
         return []
 
     try:
-        pdf = typst.compile(main, sys_inputs=inputs, **options)
+        pdf: bytes = typst.compile(main, sys_inputs=inputs, **options)
     except typst.TypstError:
         if characters := without_font("".join(sorted(set("".join(inputs.values()))))):
             raise InputError("report.no_font", characters=characters, folder=folder) from None
         raise
-    assert isinstance(pdf, bytes)
     return pdf
 
 

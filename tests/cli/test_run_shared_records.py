@@ -74,5 +74,5 @@ def test_a_run_does_not_wait_for_a_database_that_hangs(
         assert time.monotonic() - shown[-1] < 1.0
         assert "database" not in done.err
     outbox = Outbox(tmp_path / "runs")
-    outbox.fill()
+    outbox.refresh()
     assert outbox.pending == 1

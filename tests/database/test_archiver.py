@@ -223,7 +223,7 @@ def test_each_log_is_opened_once_for_all_copies(
 ) -> None:
     opened = []
     monkeypatch.setattr("calstation.database.archiver.being_written", lambda log: opened.append(log.name))
-    Outbox(folder).fill()
+    Outbox(folder).refresh()
     archiver = LogArchiver(folder, str(archive))
     assert [archiver.copy_next() for _ in range(4)] == [True, True, False, False]
     assert opened == ["a.h5", "b.h5"]
@@ -232,7 +232,7 @@ def test_each_log_is_opened_once_for_all_copies(
     monkeypatch.undo()
     write_result(folder, "c", 3)
     (folder / "c.h5").write_bytes(b"samples of c")
-    Outbox(folder).fill()
+    Outbox(folder).refresh()
     with (folder / "c.h5").open() as running:
         assert take(running.fileno(), 0.0)
         assert not archiver.copy_next()
@@ -253,7 +253,7 @@ def test_pauses_grow_after_repeated_failures(
                 self.set()
             return True
 
-    Outbox(folder).fill()
+    Outbox(folder).refresh()
     _copy_logs(folder, str(tmp_path / "share"), Stop())
     assert pauses == [ARCHIVE_FAILED_S * 2**k for k in range(7)] + [ARCHIVE_LONGEST_S] * 3 + [PAUSE_S]
 

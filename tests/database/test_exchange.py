@@ -5,16 +5,16 @@ import json
 import random
 import shutil
 import socket
-import sqlite3
 from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from sqlalchemy import Connection, create_engine, delete, event, select, text, update
+from sqlalchemy import Connection, create_engine, delete, event, select, update
 from sqlalchemy.exc import DataError
 
 from calstation.cli.app import run_app
 from calstation.database import (
+    ArchivedLog,
     Exchange,
     Outbox,
     exchange_once,
@@ -26,10 +26,11 @@ from calstation.database import (
     runs,
 )
 from calstation.database.exchange import _store
-from calstation.database.outbox import FILE, OutboxMessage
+from calstation.database.outbox import COPIES_FILE, OutboxMessage
 from calstation.database.tables import outboxes
 from calstation.errors import ConfigurationError, InputError
 from calstation.records import RunFilter, RunIndex
+from calstation.records.run_index import FILE
 from calstation.results import History, load_results
 from tests.database.result_files import in_database, in_index, write_result
 from tests.database.test_claims import station_file
@@ -101,7 +102,7 @@ def test_database_contains_the_result_digest_and_the_log_location(url: str, stat
     assert '"gyro_bias_x"' in row.result
     write_result(one, "b", 2)
     for name in "ba":
-        outbox.add_copy(name, f"s3://logs/{name}.h5", "1" * 64, 17)
+        outbox.add_copy(ArchivedLog(name, f"s3://logs/{name}.h5", "1" * 64, 17))
     exchange(one, url)
     exchange(two, url)
     write_result(one, "a", 2)  # its log remains where it is
@@ -116,23 +117,47 @@ def test_database_contains_the_result_digest_and_the_log_location(url: str, stat
     assert sorted(run.record.location or "" for run in RunIndex(two).find(RunFilter())) == locations
 
 
-def test_message_without_an_acknowledgement_is_not_stored_twice(url: str, stations: tuple[Path, Path]) -> None:
+def test_message_without_an_acknowledgement_is_not_stored_twice(
+    url: str, stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
     one, _ = stations
     write_result(one, "a", 1)
     made = Exchange(one, url, "one")
-    made.outbox.fill()
-    kept = made.outbox.messages()
-    made.exchange()
-    with sqlite3.connect(one / FILE) as connection:  # as if the process had been killed before it deleted the message
-        (number,) = {message.number for message in kept}
-        row = (number, "run", '{"name": "a", "serial": "other", "log": ""}', b"")
-        connection.execute("INSERT INTO messages VALUES (?, ?, ?, ?)", row)
-    connection.close()
+    with monkeypatch.context() as patch:  # as if the process had been killed before it noted the acknowledgement
+        patch.setattr(Outbox, "acknowledge", lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            made.exchange()
+    assert in_database(url) == [("a", "one")]
+    stored: list[str] = []
+
+    def store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> int:
+        stored.extend(message.columns["name"] for message in messages)
+        return _store(connection, outbox, messages)
+
+    monkeypatch.setattr("calstation.database.exchange._store", store)
     write_result(one, "b", 2)
     made.exchange()
+    assert stored == ["b"]
     assert [name for name, _ in in_database(url)] == ["a", "b"]
     assert made.outbox.pending == 0
     made.close()
+
+
+def test_messages_are_not_stored_if_another_process_has_sent_some(url: str, stations: tuple[Path, Path]) -> None:
+    one, _ = stations
+    write_result(one, "a", 1)
+    made = Exchange(one, url, "one")
+    engine = made._connected()
+    made._synchronise(engine)
+    assert made.outbox.refresh()
+    (page,) = [messages for messages in made.outbox.pages() if messages]
+    exchange(one, url)  # another process, which does not wait for this one
+    made.outbox.acknowledge(0, [], replace=True)  # not yet known here
+    made._deliver(engine, page)
+    made.close()
+    assert in_database(url) == [("a", "one")]
+    with create_engine(url).connect() as connection:
+        assert connection.execute(select(runs.c.revision)).scalar_one() == made.outbox.revision
 
 
 @pytest.mark.parametrize("lost", ["index", "all", "some"])
@@ -142,7 +167,7 @@ def test_runs_lost_by_the_database_or_an_index_are_restored(url: str, stations: 
         write_result(one, f"a{number}", number)
         exchange(one, url)
     write_result(two, "b", 9)
-    Outbox(one).add_copy("a1", "s3://logs/a1.h5", "1" * 64, 17)
+    Outbox(one).add_copy(ArchivedLog("a1", "s3://logs/a1.h5", "1" * 64, 17))
     for folder in (two, one):
         exchange(folder, url)
     before = in_index(two)
@@ -160,8 +185,9 @@ def test_runs_lost_by_the_database_or_an_index_are_restored(url: str, stations: 
                 connection.execute(delete(outboxes))
                 connection.execute(update(revisions).values(last=0))
             else:
-                connection.execute(delete(runs).where(here, runs.c.revision > 2))
-                connection.execute(update(outboxes).where(outboxes.c.id == Outbox(one).id).values(last_number=2))
+                second = select(runs.c.revision).where(here).order_by(runs.c.revision).offset(1).limit(1)
+                connection.execute(delete(runs).where(here, runs.c.revision > connection.execute(second).scalar_one()))
+                connection.execute(update(outboxes).where(outboxes.c.id == Outbox(one).id).values(revision=2))
         engine.dispose()
         write_result(one, "c", 10)
         before = sorted([*before, ("c", "one", "passed", {"gyro_bias_x": 1.0})])
@@ -230,7 +256,7 @@ def backup(request: pytest.FixtureRequest, url: str) -> str:
     return str(server.url(server.new_database(url.rpartition("/")[2])))
 
 
-def test_outbox_restored_from_a_backup_loses_no_run(url: str, stations: tuple[Path, Path]) -> None:
+def test_folder_restored_from_a_backup_loses_no_run(url: str, stations: tuple[Path, Path]) -> None:
     one, two = stations
     write_result(one, "a", 0)
     exchange(one, url)
@@ -238,18 +264,16 @@ def test_outbox_restored_from_a_backup_loses_no_run(url: str, stations: tuple[Pa
     for number in range(1, 6):
         write_result(one, f"b{number}", number)
         exchange(one, url)
-    (one / FILE).write_bytes(backup)  # with the rest of the folder
+    for path in one.glob(f"{FILE}*"):
+        path.unlink()
+    (one / FILE).write_bytes(backup)
     for path in one.glob("b*.json"):
         path.unlink()
     for number in range(6, 9):
         write_result(one, f"c{number}", number)
-    Outbox(one).fill()  # while the database was away: numbers that the database has for other runs
-    for number in range(9, 12):
-        write_result(one, f"d{number}", number)
     for folder in (one, two):
         exchange(folder, url)
-    names = ["a", *(f"b{number}" for number in range(1, 6))]
-    names += ["c6", "c7", "c8", "d10", "d11", "d9"]
+    names = ["a", *(f"b{number}" for number in range(1, 6)), "c6", "c7", "c8"]
     assert [row[0] for row in in_index(two)] == names
     assert sorted(name for name, _ in in_database(url)) == names
     write_result(one, "e", 12)
@@ -257,13 +281,14 @@ def test_outbox_restored_from_a_backup_loses_no_run(url: str, stations: tuple[Pa
     assert in_database(url)[-1] == ("e", "one")
 
 
-def test_recreated_outbox_keeps_its_id(url: str, stations: tuple[Path, Path]) -> None:
+def test_folder_without_its_index_keeps_its_id(url: str, stations: tuple[Path, Path]) -> None:
     one, _ = stations
     for number in range(3):
         write_result(one, f"a{number}", number)
     exchange(one, url)
     name = Outbox(one).id
-    (one / FILE).unlink()
+    for path in one.glob(f"{FILE}*"):
+        path.unlink()
     write_result(one, "b", 3)
     exchange(one, url)
     assert Outbox(one).id == name
@@ -301,17 +326,17 @@ def test_moved_folder_is_exchanged_only_after_adoption(
     assert "were never exchanged, so there is nothing to adopt" in capsys.readouterr().err
 
 
-def test_log_copy_waits_until_its_run_is_queued(
+def test_log_copy_waits_until_its_run_is_sent(
     url: str, stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     one, _ = stations
     write_result(one, "a", 1)
     outbox = Outbox(one)
-    outbox.add_copy("a", "s3://logs/a.h5", "1" * 64, 17)
+    outbox.add_copy(ArchivedLog("a", "s3://logs/a.h5", "1" * 64, 17))
     with monkeypatch.context() as patch:
         patch.setattr(RunIndex, "own", lambda *_: [])  # the index was recreated in between
-        assert outbox.fill()
-        assert outbox.messages() == []
+        assert outbox.refresh()
+        assert [messages for messages in outbox.pages() if messages] == []
     exchange(one, url)
     assert Outbox(one).pending == 0
     assert in_database(url) == [("a", "one")]
@@ -344,7 +369,7 @@ def test_run_rejected_by_the_database_does_not_delay_other_runs(
     one, two = stations
     for number, name in enumerate("abc"):
         write_result(one, name, number, **REFUSED[reason] if name == "b" else {})
-        Outbox(one).add_copy(name, f"s3://logs/{name}.h5", "1" * 64, 17)
+        Outbox(one).add_copy(ArchivedLog(name, f"s3://logs/{name}.h5", "1" * 64, 17))
     command = ["database", "exchange", "--station", str(station_file(one, shared_database)), "--out", str(one)]
     assert run_app(command) == 2
     shown = capsys.readouterr().err
@@ -373,10 +398,10 @@ def test_run_rejected_by_the_database_does_not_delay_other_runs(
 def test_rejected_runs_are_counted_while_they_exist(
     stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> None:
+    def store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> int:
         if any(message.columns["name"].startswith("b") for message in messages):
             raise DataError("", None, Exception("too long"))
-        _store(connection, outbox, messages)
+        return _store(connection, outbox, messages)
 
     monkeypatch.setattr("calstation.database.exchange._store", store)
     one, _ = stations
@@ -412,20 +437,20 @@ def test_page_of_runs_needs_few_statements(url: str, stations: tuple[Path, Path]
     one, _ = stations
     for number in range(50):
         write_result(one, f"a{number:02d}", number)
-        Outbox(one).add_copy(f"a{number:02d}", f"s3://logs/a{number:02d}.h5", "1" * 64, 17)
+        Outbox(one).add_copy(ArchivedLog(f"a{number:02d}", f"s3://logs/a{number:02d}.h5", "1" * 64, 17))
     made = Exchange(one, url, "one")
-    made.outbox.fill()
     engine = made._connected()
     made._synchronise(engine)
+    assert made.outbox.refresh()
     said: list[str] = []
     event.listen(engine, "before_cursor_execute", lambda *args: said.append(args[2].split()[1:3]))
-    for _ in range(2):
-        made._send(engine)
+    for messages in made.outbox.pages():
+        made._send(engine, messages)
     made.close()
-    step = [["outboxes", "SET"], ["now()", "AS"], ["revisions", "SET"]]
-    step = [words for words in step if url.startswith("postgresql") or words[0] != "now()"]
-    runs_and_copies = [["INTO", "runs"], ["INTO", "log_copies"], ["runs", "SET"]]
-    assert said == [*step, *runs_and_copies[:1], *step, *runs_and_copies[1:]]
+    begin = [["now()", "AS"], ["revisions", "SET"]][url.startswith("sqlite") :]
+    end = [["outboxes", "SET"]]
+    copies = [["INTO", "log_copies"], ["runs", "SET"]]
+    assert said == [*begin, ["INTO", "runs"], *end, *begin, *copies, *end]
     assert len(in_database(url)) == 50
 
 
@@ -466,26 +491,8 @@ def test_an_exchange_without_changes_reads_no_rows(
     made.exchange()
     write_result(one, "c", 3)
     made.exchange()
-    made.outbox.restart(0)  # as if the database had been replaced
-    made.outbox.fill()
-    assert len(made.outbox.messages()) == 3
     for each in (made, other):
         each.close()
-
-
-def test_folder_with_more_runs_than_the_outbox_capacity_is_exchanged(
-    url: str, stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("calstation.database.outbox.CAPACITY", 7)
-    one, _ = stations
-    for number in range(40):
-        write_result(one, f"a{number:02d}", number)
-    outbox = Outbox(one)
-    for _ in range(2):
-        assert outbox.fill()
-        assert (len(outbox.messages()), outbox.pending) == (7, 40)
-    exchange(one, url)
-    assert [name for name, _ in in_database(url)] == [f"a{number:02d}" for number in range(40)]
 
 
 def test_run_with_changes_and_a_log_copy_counts_once_as_pending(stations: tuple[Path, Path]) -> None:
@@ -493,10 +500,10 @@ def test_run_with_changes_and_a_log_copy_counts_once_as_pending(stations: tuple[
     outbox = Outbox(one)
     for number in range(3):
         write_result(one, "a", number)
-        outbox.fill()
-    outbox.add_copy("a", "s3://logs/a.h5", "0" * 64, 1)
-    outbox.fill()
-    assert (len(outbox.messages()), outbox.pending) == (4, 1)
+        outbox.refresh()
+    outbox.add_copy(ArchivedLog("a", "s3://logs/a.h5", "0" * 64, 1))
+    outbox.refresh()
+    assert outbox.pending == 1
 
 
 def test_messages_stay_pending_without_the_database(
@@ -522,13 +529,17 @@ def test_messages_stay_pending_without_the_database(
     assert [row[0] for row in in_index(two)] == ["a0", "a1", "a2"]
 
 
-def test_outbox_is_on_disk_before_a_message_is_sent(tmp_path: Path) -> None:
-    outbox = Outbox(tmp_path)
-    with outbox._transaction() as connection:
-        assert connection.execute(text("PRAGMA synchronous")).scalar_one() == 2  # FULL
-    (tmp_path / FILE).write_bytes(b"no database at all" * 1000)
-    with raises_code(ConfigurationError, "database.outbox_unusable"):
-        outbox.fill()
+def test_damaged_record_of_copies_is_reported(url: str, stations: tuple[Path, Path]) -> None:
+    one, _ = stations
+    write_result(one, "a", 1)
+    outbox = Outbox(one)
+    outbox.add_copy(ArchivedLog("a", "s3://logs/a.h5", "0" * 64, 1))
+    path = one / COPIES_FILE
+    path.write_text(path.read_text("utf-8").replace("a.h5", "b.h5"), "utf-8")
+    made = Exchange(one, url, "one")
+    with raises_code(InputError, "database.copies_damaged"):
+        made.exchange()
+    made.close()
 
 
 def test_results_of_other_stations_are_exported_and_compared(url: str, stations: tuple[Path, Path]) -> None:

@@ -221,9 +221,9 @@ def test_long_exchange_yields_to_another_process_on_the_same_folder(
     pending: list[int] = []
     stored: list[str] = []
 
-    def store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> None:
+    def store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> int:
         stored.extend(message.columns["name"] for message in messages)
-        _store(connection, outbox, messages)
+        return _store(connection, outbox, messages)
 
     monkeypatch.setattr("calstation.database.exchange._store", store)
 

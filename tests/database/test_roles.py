@@ -10,7 +10,7 @@ from synthetic.many_logs import record_logs
 
 from calstation import __version__
 from calstation.cli.app import run_app
-from calstation.database import Exchange, adopt_folder
+from calstation.database import ArchivedLog, Exchange, adopt_folder
 from calstation.errors import ConfigurationError
 from calstation.fleet import FleetRequest, compare, compare_job, resolve_fleet, versions_job
 from tests.database.result_files import in_database, in_index, write_result
@@ -43,7 +43,7 @@ def test_stations_exchange_and_claim_with_their_role(postgres, database: str, tm
         exchange.exchange()
         exchange.claimed = {"SN-2": "li"}
         exchange.exchange()
-        exchange.outbox.add_copy(f"run{number}", "s3://logs/x.h5", "0" * 64, 1)
+        exchange.outbox.add_copy(ArchivedLog(f"run{number}", "s3://logs/x.h5", "0" * 64, 1))
         exchanges.append(exchange)
     for number in (0, 1, 0):
         assert [claim.serial for claim in exchanges[number].exchange()] == ["SN-2"]
@@ -81,11 +81,11 @@ def test_a_station_changes_only_its_own_runs(postgres, database: str, tmp_path: 
     folder.mkdir()
     write_result(folder, "a", 1)
     station = Exchange(folder, postgres.url(database, "line"), "line 1", {"SN-1": "li"})
-    station.outbox.add_copy("a", "s3://logs/a.h5", "0" * 64, 1)
+    station.outbox.add_copy(ArchivedLog("a", "s3://logs/a.h5", "0" * 64, 1))
     station.exchange()
     for command in (
         "UPDATE runs SET serial = 'x'",
-        "UPDATE outboxes SET last_number = 0",
+        "UPDATE outboxes SET revision = 0",
         "UPDATE outboxes SET login = 'line2'",
         "UPDATE log_copies SET url = ''",
         "DELETE FROM claims",

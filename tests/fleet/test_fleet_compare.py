@@ -192,7 +192,7 @@ def add_outbox(url: str) -> None:
     """Insert the outbox of a station."""
     engine = connect(url)
     with engine.begin() as connection:
-        connection.execute(insert(outboxes), [{"id": "x", "station": "bench 1", "last_number": 1}])
+        connection.execute(insert(outboxes), [{"id": "x", "station": "bench 1", "revision": 1}])
     engine.dispose()
 
 
@@ -203,7 +203,7 @@ def put_run(url: str, number: int, unit: tuple[Any, ...], content: Mapping[str, 
     content = {"product": solved["product"], "station": solved["station"], "outcome": outcome, **content}
     same = ("serial", "started_utc", "failed_checks", "parameters", "numbers", "log_sha256")
     values = {name: solved[name] for name in same}
-    values |= {"outbox": "x", "name": unit[0], "revision": number, "content": json.dumps(content)}
+    values |= {"outbox": "x", "name": unit[0], "revision": number, "stamp": "", "content": json.dumps(content)}
     values |= {"log": solved["location"], **more}
     engine = connect(url)
     with engine.begin() as connection:

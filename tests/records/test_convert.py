@@ -11,9 +11,9 @@ from records_samples import CSV_HEADER, META, assert_same, csv_rows, make_block,
 
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, snap_angles
-from calstation.records import LogMeta, RawLogWriter, export_csv, import_csv, open_log
+from calstation.records import LogMeta, RawLogWriter, export_csv, open_log
 from calstation.records.csv_log import further_channels
-from tests.helpers import raises_code
+from tests.helpers import convert_log, raises_code
 
 
 def write_log(path: Path, meta: LogMeta, blocks: list[SampleBlock]) -> str:
@@ -31,7 +31,7 @@ def test_export_and_import_give_the_same_log(
     digest = write_log(source, meta, blocks)
     assert export_csv(source, tmp_path / name).sha256 == digest
     copy = tmp_path / "copy.h5"
-    assert import_csv(tmp_path / name, copy).sha256 == digest
+    assert convert_log(tmp_path / name, copy).sha256 == digest
     for path in (source, tmp_path / name, copy):
         log = open_log(path)
         assert log.meta == meta
@@ -71,7 +71,7 @@ def test_additional_imus_joint_angles_and_station_times_are_preserved(tmp_path: 
         writer.append(block)
     digest = writer.close("passed").sha256
     assert export_csv(tmp_path / "run.h5", tmp_path / "out.csv").sha256 == digest
-    assert import_csv(tmp_path / "out.csv", tmp_path / "copy.h5").sha256 == digest
+    assert convert_log(tmp_path / "out.csv", tmp_path / "copy.h5").sha256 == digest
     assert "gyro3_x" in (tmp_path / "out.csv").read_text().split("\n")[0]
     for name in ("run.h5", "out.csv", "copy.h5"):
         log = open_log(tmp_path / name)
@@ -121,11 +121,11 @@ def test_invalid_csv_leaves_no_log(tmp_path: Path) -> None:
     rows = csv_rows(3000)
     rows[2500] = rows[2500].replace("98000", "nan")
     with raises_code(InputError, "csv.cell_nan") as caught:
-        import_csv(write_csv_log(tmp_path, rows), tmp_path / "log.h5")
+        convert_log(write_csv_log(tmp_path, rows), tmp_path / "log.h5")
     assert caught.value.values["line"] == 2502
     assert not (tmp_path / "log.h5").exists()
     with raises_code(InputError, "csv.import_name"):
-        import_csv(tmp_path / "log.csv", tmp_path / "log.raw")
+        convert_log(tmp_path / "log.csv", tmp_path / "log.raw")
 
 
 def test_export_neither_overwrites_its_source_nor_leaves_a_partial_file(tmp_path: Path) -> None:

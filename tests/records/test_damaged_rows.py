@@ -1,9 +1,7 @@
 """Damage in a raw log affects only the damaged rows: the others are read and the damaged rows are reported."""
 
-from collections.abc import Callable
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from hypothesis import given
@@ -147,33 +145,6 @@ def test_damaged_configuration_is_refused(tmp_path: Path, logs: dict[str, bytes]
     (tmp_path / "run.h5").write_bytes(data)
     with raises_code(InputError, "log.damaged_configuration"):
         open_log(tmp_path / "run.h5")
-
-
-def without_checks(source: Path, target: Path, spoil: Callable[[np.ndarray], None]) -> None:
-    """Write a log of the first version, whose rows have no checksums."""
-    with h5py.File(source, "r") as old, h5py.File(target, "w", libver="latest") as new:
-        new.attrs["format"] = old.attrs["format"]
-        for name in ("meta", "stages", "events", "results", "closing"):
-            new[name] = old[name][:]
-        rows = old["samples"][:]
-        plain = np.empty(len(rows), np.dtype(row_dtype(0, False).descr[:-1]))
-        for name in plain.dtype.names or ():
-            plain[name] = rows[name]
-        spoil(plain)
-        new["samples"] = plain
-
-
-def test_log_without_checksums_is_read(tmp_path: Path, logs: dict[str, bytes]) -> None:
-    (tmp_path / "run.h5").write_bytes(logs["closed"])
-
-    def spoil(rows: np.ndarray) -> None:
-        rows["seq"][5000] = 3
-
-    without_checks(tmp_path / "run.h5", tmp_path / "old.h5", lambda rows: None)
-    assert read(tmp_path / "old.h5") == (list(range(FIRST, FIRST + ROWS)), ())
-    without_checks(tmp_path / "run.h5", tmp_path / "spoilt.h5", spoil)
-    with raises_code(InputError, "log.damaged_row"):
-        read(tmp_path / "spoilt.h5")
 
 
 def test_rows_after_damaged_rows_are_read(tmp_path: Path, logs: dict[str, bytes]) -> None:

@@ -9,9 +9,9 @@ import pytest
 from records_samples import joined
 
 from calstation.errors import InputError
-from calstation.records import export_csv, import_csv, open_log
+from calstation.records import export_csv, open_log
 from calstation.records.arrival import sample_times
-from tests.helpers import raises_code
+from tests.helpers import convert_log, raises_code
 
 G = 9.80665
 SITE = "[site]\nlatitude_deg = 48.0\nlongitude_deg = 11.0\nheight_m = 500.0\n"
@@ -158,25 +158,25 @@ def test_invalid_column_map_is_reported_in_one_sentence(
 
 def test_stage_can_be_configured_for_the_whole_recording(tmp_path: Path) -> None:
     path = foreign(tmp_path, text_of(sample_rows()), COLUMNS | {"stage": '{ value = "six_position" }'})
-    facts = import_csv(path, tmp_path / "a.h5")
+    facts = convert_log(path, tmp_path / "a.h5")
     assert facts.sha256 == open_log(path).facts().sha256
     assert {b.stage for b in open_log(tmp_path / "a.h5").blocks()} == {"six_position"}
     export_csv(tmp_path / "a.h5", tmp_path / "b.csv")
-    assert import_csv(tmp_path / "b.csv", tmp_path / "b.h5").sha256 == facts.sha256
+    assert convert_log(tmp_path / "b.csv", tmp_path / "b.h5").sha256 == facts.sha256
 
 
 def test_recording_without_gyros_keeps_its_values(tmp_path: Path) -> None:
     columns = {name: entry for name, entry in COLUMNS.items() if not name.startswith("gyro")}
     imu = IMU.replace("gyro_arw = 1e-4\n", "")
     path = foreign(tmp_path, text_of(sample_rows()), columns, imu)
-    import_csv(path, tmp_path / "a.h5")
+    convert_log(path, tmp_path / "a.h5")
     log = open_log(tmp_path / "a.h5")
     counts = joined(list(log.blocks()))["counts"]
     assert np.isnan(counts[:, :3]).all()
     np.testing.assert_allclose(counts[:, 3:] * log.meta.imu.accel_lsb, sample_rows()[:, 1:4] * 1e-3 * G, rtol=1e-12)
     export_csv(tmp_path / "a.h5", tmp_path / "b.csv")
     assert "gyro" not in (tmp_path / "b.csv").read_text()
-    assert import_csv(tmp_path / "b.csv", tmp_path / "b.h5").sha256 == log.facts().sha256
+    assert convert_log(tmp_path / "b.csv", tmp_path / "b.h5").sha256 == log.facts().sha256
 
 
 # Times of arrival ------------------------------------------------------------------------------------------------

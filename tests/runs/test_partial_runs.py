@@ -12,10 +12,10 @@ import pytest
 from calstation.bench import BenchConfig
 from calstation.cli.app import run_app
 from calstation.physics import INDEX
-from calstation.records import export_csv, import_csv, open_log, prior_from_meta
+from calstation.records import export_csv, open_log, prior_from_meta
 from calstation.results import resolve
 from calstation.sequencer import Command, Control, Message, StepStarted
-from tests.helpers import sampled
+from tests.helpers import convert_log, sampled
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
 
@@ -47,7 +47,7 @@ def test_a_partial_run_starts_from_the_current_calibration(site_folder: SiteFold
         assert result["registers"]["estimate"]["sigma"][name] <= prior.sigma[INDEX[name]] * (1 + 1e-9)
     csv, back = site_folder.folder / "log.csv", site_folder.folder / "back.h5"
     export_csv(log.path, csv)
-    import_csv(csv, back)
+    convert_log(csv, back)
     for path in (log.path, back):
         assert resolve(path).result.to_json()["parameters"] == result["parameters"]
     begun = next(int(block.seq[0]) for block in log.blocks() if block.stage)

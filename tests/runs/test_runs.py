@@ -12,11 +12,11 @@ import pytest
 from calstation.config import library, versions
 from calstation.connection import Devices
 from calstation.errors import ConfigurationError
-from calstation.records import export_csv, import_csv, open_log
+from calstation.records import export_csv, open_log
 from calstation.results import History, resolve
 from calstation.runs import execute, run
 from calstation.sequencer import Command, Control, Event, Finalized, Message, StageSolved, StateChanged, StepStarted
-from tests.helpers import raises_code
+from tests.helpers import convert_log, raises_code
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
 
@@ -44,7 +44,7 @@ def test_short_full_run_passes_and_re_solves_bit_identically(tmp_path: Path, sha
 
     csv, back = tmp_path / "log.csv", tmp_path / "back.h5"
     export_csv(Path(ended.log), csv)
-    import_csv(csv, back)
+    convert_log(csv, back)
     for path in (csv, back):
         assert resolve(path).result.to_json()["parameters"] == result["parameters"]
 

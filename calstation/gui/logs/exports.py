@@ -4,6 +4,7 @@ from pathlib import Path
 
 from calstation.gui.text import say
 from calstation.gui.widgets import FileExport
+from calstation.records import LOG_SUFFIXES
 from calstation.results import Result, export_log, export_result
 from calstation.results.plots import LogIndex
 
@@ -33,4 +34,4 @@ class Exports(FileExport):
 
 
 def _stem(path: Path) -> str:
-    return path.name.removesuffix(".gz").removesuffix(".csv").removesuffix(".h5")
+    return next((path.name.removesuffix(end) for end in LOG_SUFFIXES if path.name.endswith(end)), path.name)

@@ -18,7 +18,7 @@ from calstation.gui.logs.log_head import LogHead
 from calstation.gui.logs.log_plot import LogPlot
 from calstation.gui.logs.methods import MethodBar
 from calstation.gui.logs.range_bar import RangeBar, StageChoice
-from calstation.gui.logs.source_bar import ENDINGS, MAX_RECENT, SourceBar
+from calstation.gui.logs.source_bar import MAX_RECENT, SourceBar
 from calstation.gui.logs.time_axis import time_text
 from calstation.gui.state import AppContext, Page
 from calstation.gui.text import on_language_change, say, step_sentence, term
@@ -39,6 +39,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.physics import EffectName
+from calstation.records import LOG_SUFFIXES
 from calstation.results import History, Resolved, offline_solve
 from calstation.results.plots import Columns, LogIndex, log_index, longest_rest, samples
 
@@ -367,6 +368,6 @@ class OfflinePage(Page):
 def _dropped(mime: QMimeData) -> Path | None:
     """Return the first dropped file that may be a log, or None."""
     for url in mime.urls():
-        if url.isLocalFile() and url.toLocalFile().lower().endswith(ENDINGS):
+        if url.isLocalFile() and url.toLocalFile().lower().endswith(LOG_SUFFIXES):
             return Path(url.toLocalFile())
     return None

@@ -9,10 +9,9 @@ from PySide6.QtWidgets import QFileDialog, QLineEdit, QMenu, QWidget
 
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import button, enable, label, row
+from calstation.records import LOG_SUFFIXES
 
 _KEY = "offline/recent"
-#: File name suffixes of logs.
-ENDINGS = (".h5", ".csv", ".csv.gz")
 #: Maximum number of recent logs, and of logs of the latest runs, in the menu.
 MAX_RECENT = 8
 
@@ -88,7 +87,7 @@ class SourceBar(QWidget):
 
     def _open_pasted(self) -> None:
         text = self.log_edit.text()
-        if text != self._shown and text.endswith(ENDINGS) and Path(text).is_file():
+        if text != self._shown and text.endswith(LOG_SUFFIXES) and Path(text).is_file():
             self._open_typed()
 
     def _fill(self) -> None:

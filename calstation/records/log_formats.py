@@ -1,0 +1,61 @@
+"""File formats of logs; a new format is a module that reads and writes it, and one entry in `LOG_FORMATS`."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from calstation.errors import InputError
+from calstation.estimation.common import SampleBlock
+from calstation.records.csv_log import CSV_SUFFIXES, csv_rows, meta_path, open_csv, write_csv_log
+from calstation.records.log import Log
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import SUFFIX, write_log
+from calstation.records.raw_read import open_raw, row_count
+
+
+@dataclass(frozen=True)
+class LogFormat:
+    """A file format of logs."""
+
+    name: str
+    suffixes: tuple[str, ...]
+    #: Opens a log, given its path and that of its configuration, None for the usual one. Raises InputError.
+    open: Callable[[Path, Path | None], Log]
+    #: Writes samples and configuration; a failure leaves no log. Raises InputError or ConfigurationError.
+    write: Callable[[Path, LogMeta, Iterator[SampleBlock]], object]
+    #: Returns the number of samples, possibly estimated. Raises InputError.
+    count_rows: Callable[[Path], int]
+    #: Returns the path of the configuration next to a log; None if the configuration is in the log itself.
+    configuration_path: Callable[[Path], Path] | None = None
+
+
+LOG_FORMATS = (
+    LogFormat("raw log", (SUFFIX,), open_raw, write_log, row_count),
+    LogFormat("CSV", CSV_SUFFIXES, open_csv, write_csv_log, csv_rows, meta_path),
+)
+#: Suffixes of the names of all logs, the longest first.
+LOG_SUFFIXES = tuple(sorted((s for each in LOG_FORMATS for s in each.suffixes), key=len, reverse=True))
+
+
+def log_format(path: Path) -> LogFormat | None:
+    """Return the format of a log by its name; None for another file."""
+    return next((each for each in LOG_FORMATS if path.name.endswith(each.suffixes)), None)
+
+
+def open_log(path: Path, meta_file: Path | None = None) -> Log:
+    """Open a log of any format, with its configuration from `meta_file` if it is not in the log itself.
+
+    Raises InputError if the file is missing or of another type, or if its configuration is invalid.
+    """
+    known = log_format(path)
+    if known is None:
+        raise InputError("log.not_a_log", file=path)
+    return known.open(path, meta_file)
+
+
+def estimated_rows(path: Path) -> int:
+    """Return the number of samples in a log, possibly estimated; at least 1. Raises InputError."""
+    known = log_format(path)
+    if known is None:
+        raise InputError("log.not_a_log", file=path)
+    return max(1, known.count_rows(path))
