@@ -261,6 +261,13 @@ def _element(data: Any, key: str | int) -> Any:
         return None
 
 
+def value_at(data: Any, place: KeyPath) -> Any:
+    """Return the value at a key path of dictionaries and lists, None if there is none."""
+    for key in place:
+        data = _element(data, key)
+    return data
+
+
 def field_name(place: KeyPath, data: Any = None) -> str:
     """Return the name of an entry as it is written in messages, e.g. ``slots["B"].port`` or ``registers[2].range[1]``.
 

@@ -16,7 +16,16 @@ from calstation.config.confirmation import (
     pin_known,
 )
 from calstation.config.editing import check, detect_kind, edit_toml, line_of, read_text
-from calstation.config.forms import FORMS, Form, FormCell, FormColumn, FormRow, cells_with_problem
+from calstation.config.forms import (
+    FORMS,
+    FieldSpec,
+    Form,
+    FormCell,
+    FormColumn,
+    FormRow,
+    cells_with_problem,
+    field_spec,
+)
 from calstation.config.library import locate, pair_folder, site_folder
 from calstation.config.pair import PairConfiguration, load_pair_configuration
 from calstation.config.product import (
@@ -40,9 +49,7 @@ from calstation.config.run_configuration import (
     unit_files,
 )
 from calstation.config.schedules import (
-    ScheduleField,
     ScheduleOptions,
-    ScheduleProblem,
     save_schedule,
     schedule_fields,
     schedule_options,

@@ -1,10 +1,11 @@
-"""Forms for parts of a file: tables of values in display units, which are read from and written to its entries."""
+"""Forms: fields described by the models of files and schedules, and tables of values in display units."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from calstation.config.editing import field_of, required_type
 from calstation.devices.codecs import SENSORS
@@ -36,6 +37,59 @@ _UNREADABLE = ("toml", "file", "model_type", "dict_type", "list_type")
 
 #: Number types offered in a register map; others can be typed.
 _TYPES = ("f32", "f64", "i16", "i32", "u16", "u32", "q2.30", "q16.16")
+
+#: Kinds of fields by the type of their values; a list is a vector, several given values are a choice.
+_KINDS: dict[Any, Any] = {bool: "flag", int: "count", float: "number", str: "text", list: "vector", Literal: "choice"}
+
+#: Units by the name of a field, and by its last word.
+_UNITS = {"velocity_sigma": "m/s", "speed": "×"}
+_UNITS_BY_END = {
+    "deg": "°",
+    "dps": "°/s",
+    "dps2": "°/s²",
+    "arcsec": "″",
+    "m": "m",
+    "mps2": "m/s²",
+    "s": "s",
+    "ppm": "ppm",
+}
+
+
+@dataclass(frozen=True)
+class FieldSpec:
+    """A field of a form, described by the model of its value."""
+
+    name: str
+    kind: Literal["number", "count", "flag", "choice", "text", "vector", "targets", "other"]
+    unit: str  #: Empty if it has no unit.
+    low: float | None = None
+    above: bool = False  #: Whether the value must be greater than `low`, not equal to it.
+    high: float | None = None
+    optional: bool = False  #: Whether the value may be None.
+    choices: tuple[Any, ...] = ()
+    default: Any = None  #: None also for a required value.
+    description: str = ""  #: Description from the model.
+
+
+def field_spec(name: str, info: FieldInfo | None) -> FieldSpec:
+    """Describe a field by its model; one without a model is a number."""
+    unit = _UNITS.get(name) or _UNITS_BY_END.get(name.rpartition("_")[2], "")
+    if info is None:
+        return FieldSpec(name, "number", unit)
+    kind, optional = required_type(info.annotation)
+    bounds = {key: float(getattr(m, key)) for m in info.metadata for key in ("ge", "gt", "le", "lt") if hasattr(m, key)}
+    return FieldSpec(
+        name=name,
+        kind=_KINDS.get(get_origin(kind) or kind, "other"),
+        unit=unit,
+        low=bounds.get("ge", bounds.get("gt")),
+        above="ge" not in bounds and "gt" in bounds,
+        high=bounds.get("le", bounds.get("lt")),
+        optional=optional,
+        choices=get_args(kind) if get_origin(kind) is Literal else (),
+        default=None if info.is_required() else info.get_default(call_default_factory=True),
+        description=info.description or "",
+    )
 
 
 @dataclass(frozen=True)
@@ -223,22 +277,14 @@ def _number(text: str) -> float:
 
 def cell_of(kind: str, place: KeyPath, unit: Unit = _PLAIN, **more: Any) -> FormCell:
     """Create the cell for an entry, with choices and default from the model of the file."""
-    field = field_of(kind, place)
-    cell = FormCell(place, unit, **more)
-    if field is None:
-        return cell
-    choices = _choices(field.annotation)
-    default = None if field.is_required() else field.get_default(call_default_factory=True)
-    if choices:
-        return replace(cell, kind="choice", choices=choices, default=default)
-    return replace(cell, default=default)
-
-
-def _choices(annotation: Any) -> tuple[Any, ...]:
-    """Return the values of a type with a few values, starting with None if it is optional; () for another type."""
-    kind, optional = required_type(annotation)
-    choices = (True, False) if kind is bool else get_args(kind) if get_origin(kind) is Literal else ()
-    return (None, *choices) if choices and optional else choices
+    info = field_of(kind, place)
+    if info is None:
+        return FormCell(place, unit, **more)
+    spec = field_spec(str(place[-1]), info)
+    choices = (True, False) if spec.kind == "flag" else spec.choices
+    if not choices:
+        return FormCell(place, unit, default=spec.default, **more)
+    return FormCell(place, unit, "choice", choices=(None, *choices) if spec.optional else choices, default=spec.default)
 
 
 def _keys(table: Any) -> list[str]:

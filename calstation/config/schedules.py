@@ -2,69 +2,24 @@
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from types import NoneType
-from typing import Any, Literal, get_args, get_origin
+from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
-from pydantic.fields import FieldInfo
 
 from calstation.config import library, versions
 from calstation.config.editing import edit_toml, read_text
-from calstation.config.product import in_file
+from calstation.config.forms import FieldSpec, field_spec
+from calstation.config.product import in_file, unknown_targets
 from calstation.config.request import RunRequest
 from calstation.config.run_configuration import load_configuration
 from calstation.config.versions import Version
 from calstation.jobs import ProgressCallback
-from calstation.physics import TableGeometry, named
-from calstation.schema import EntryError
+from calstation.messages import Text
+from calstation.physics import TableGeometry
+from calstation.schema import EntryError, Problem, problems_of
 from procedures import DEFAULT_STAGES, method
-
-#: A float, an integer, a boolean, one of several strings, sigmas by parameter or group, or anything else.
-Kind = Literal["number", "count", "flag", "choice", "targets", "other"]
-
-#: Not a number, not an integer, missing, too low, too high, beyond the table's limits, or not a parameter or group.
-ProblemKind = Literal["number", "whole", "missing", "low", "high", "table", "name"]
-
-#: Problem kinds by pydantic error type; all others are ``number``.
-_SHORT: dict[str, ProblemKind] = {
-    "greater_than": "low",
-    "greater_than_equal": "low",
-    "less_than": "high",
-    "less_than_equal": "high",
-    "missing": "missing",
-}
-
-_KINDS: dict[Any, Kind] = {bool: "flag", int: "count", float: "number"}
-
-#: Units by the suffix of a field's name.
-UNITS = {"_s": "s", "_dps": "°/s", "_dps2": "°/s²", "_deg": "°", "_arcsec": "″"}
-
-
-@dataclass(frozen=True)
-class ScheduleField:
-    """One parameter of a schedule."""
-
-    name: str
-    kind: Kind
-    unit: str  #: Empty if it has no unit.
-    low: float | None
-    above: bool  #: Whether the value must be greater than `low`, not equal to it.
-    high: float | None
-    optional: bool  #: Whether the parameter may be omitted.
-    choices: tuple[str, ...]
-    description: str  #: Description from the method.
-
-
-@dataclass(frozen=True)
-class ScheduleProblem:
-    """A problem with a value of a schedule."""
-
-    kind: ProblemKind
-    bound: float = 0.0  #: The bound that the value violates, in the unit of the field.
-    subject: str = ""  #: Invalid name in the schedule.
 
 
 @dataclass(frozen=True)
@@ -120,52 +75,25 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
     )
 
 
-def schedule_fields(stage: str) -> tuple[ScheduleField, ...]:
+def schedule_fields(stage: str) -> tuple[FieldSpec, ...]:
     """Return the fields of a stage's schedule, in the order of its method."""
-    return tuple(_field(name, info) for name, info in method(stage).schedule.model_fields.items())
+    specs = (field_spec(name, info) for name, info in method(stage).schedule.model_fields.items())
+    return tuple(replace(spec, kind="targets") if spec.name == "targets" else spec for spec in specs)
 
 
-def schedule_problems(stage: str, values: Mapping[str, Any], options: ScheduleOptions) -> dict[str, ScheduleProblem]:
-    """Return the problems with a schedule's values, by field; {} if the table of the options can execute it."""
-    found: dict[str, ScheduleProblem] = {}
-    try:
-        method(stage).schedule.model_validate(dict(values))
-    except ValidationError as error:
-        for detail in error.errors(include_url=False, include_context=True):
-            name = str(detail["loc"][0])
-            subject = str(detail["loc"][1]) if len(detail["loc"]) > 1 else ""
-            kind = "whole" if detail["type"].startswith("int_") else _SHORT.get(detail["type"], "number")
-            bounds = [value for key, value in detail.get("ctx", {}).items() if key in ("ge", "gt", "le", "lt")]
-            found.setdefault(name, ScheduleProblem(kind, float(bounds[0]) if bounds else 0.0, subject))
+def schedule_problems(stage: str, values: Mapping[str, Any], options: ScheduleOptions) -> list[Problem]:
+    """Return the problems with a schedule's values; [] if the table of the options can execute it."""
+    problems = problems_of(method(stage).schedule, dict(values))
     targets = values.get("targets")
-    for name in targets if isinstance(targets, Mapping) else ():
-        if not named(str(name)):
-            found.setdefault("targets", ScheduleProblem("name", subject=str(name)))
+    if isinstance(targets, Mapping):
+        problems += map(Problem.of, unknown_targets(map(str, targets), "targets"))
+    wrong = {problem.place[0] for problem in problems}
     for name, most in (("rate_dps", options.rate), ("acceleration_dps2", options.acceleration)):
         value = values.get(name)
-        if name not in found and isinstance(value, int | float) and value > most * (1.0 + 1e-9):
-            found[name] = ScheduleProblem("table", most)
-    return found
-
-
-def _field(name: str, info: FieldInfo) -> ScheduleField:
-    arguments = get_args(info.annotation)
-    choices = arguments if get_origin(info.annotation) is Literal else ()
-    kind: Kind = (
-        "choice" if choices else next((_KINDS[t] for t in _KINDS if t in (info.annotation, *arguments)), "other")
-    )
-    bounds = {key: float(getattr(m, key)) for m in info.metadata for key in ("ge", "gt", "le", "lt") if hasattr(m, key)}
-    return ScheduleField(
-        name=name,
-        kind="targets" if name == "targets" else kind,
-        unit=next((unit for end, unit in UNITS.items() if name.endswith(end)), ""),
-        low=bounds.get("ge", bounds.get("gt")),
-        above="ge" not in bounds and "gt" in bounds,
-        high=bounds.get("le", bounds.get("lt")),
-        optional=NoneType in arguments,
-        choices=tuple(str(choice) for choice in choices),
-        description=info.description or "",
-    )
+        if name not in wrong and isinstance(value, int | float) and value > most * (1.0 + 1e-9):
+            unit = f" {field_spec(name, None).unit}"
+            problems.append(Problem((name,), "table", Text.of("schedule.wrong_table", bound=most, unit=unit)))
+    return problems
 
 
 def save_schedule(

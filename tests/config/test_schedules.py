@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from calstation.config import ScheduleProblem, prepare_run, schedule_fields, schedule_options, schedule_problems
+from calstation.config import prepare_run, schedule_fields, schedule_options, schedule_problems
 from calstation.errors import ConfigurationError
 from procedures import method
 from tests.site_folder import PRODUCT, SiteFolder
@@ -44,29 +44,29 @@ def test_schedule_options_contain_complete_schedules_of_the_product(site_folder:
 @pytest.mark.parametrize(
     ("stage", "change", "field", "problem"),
     [
-        ("rate", {"turns": 0}, "turns", ScheduleProblem("low", 1.0)),
-        ("rate", {"turns": 51}, "turns", ScheduleProblem("high", 50.0)),
-        ("rate", {"turns": 1.5}, "turns", ScheduleProblem("whole")),
-        ("rate", {"dwell_s": "abc"}, "dwell_s", ScheduleProblem("number")),
-        ("rate", {"dwell_s": None}, "dwell_s", ScheduleProblem("number")),
-        ("rate", {"rate_dps": 0.0}, "rate_dps", ScheduleProblem("low", 0.0)),
-        ("rate", {"rate_dps": 130.0}, "rate_dps", ScheduleProblem("table", 120.0)),
-        ("excitation", {"targets": {"gyro_bias": -1.0}}, "targets", ScheduleProblem("low", 0.0, "gyro_bias")),
-        ("excitation", {"targets": {"gyro_bais": 1.0}}, "targets", ScheduleProblem("name", 0.0, "gyro_bais")),
+        ("rate", {"turns": 0}, "turns", ("greater_than_equal", 1.0)),
+        ("rate", {"turns": 51}, "turns", ("less_than_equal", 50.0)),
+        ("rate", {"turns": 1.5}, "turns", ("int_from_float", None)),
+        ("rate", {"dwell_s": "abc"}, "dwell_s", ("float_parsing", None)),
+        ("rate", {"dwell_s": None}, "dwell_s", ("float_type", None)),
+        ("rate", {"rate_dps": 0.0}, "rate_dps", ("greater_than", 0.0)),
+        ("rate", {"rate_dps": 130.0}, "rate_dps", ("table", 120.0)),
+        ("excitation", {"targets": {"gyro_bias": -1.0}}, "targets.gyro_bias", ("greater_than", 0.0)),
+        ("excitation", {"targets": {"gyro_bais": 1.0}}, "targets.gyro_bais", ("value_error", None)),
         ("excitation", {"rounds": None}, "", None),
     ],
 )
 def test_invalid_value_is_reported_at_its_field(
-    site_folder: SiteFolder, stage: str, change: dict[str, object], field: str, problem: ScheduleProblem | None
+    site_folder: SiteFolder, stage: str, change: dict[str, object], field: str, problem: tuple[str, float | None] | None
 ) -> None:
     offered = schedule_options(site_folder.station, site_folder.product)
-    found = schedule_problems(stage, {**offered.schedules[stage], **change}, offered)
+    problems = schedule_problems(stage, {**offered.schedules[stage], **change}, offered)
     if problem is None:
-        assert found == {}
+        assert problems == []
         return
-    assert list(found) == [field]
-    assert (found[field].kind, found[field].subject) == (problem.kind, problem.subject)
-    assert found[field].bound == pytest.approx(problem.bound)
+    (found,) = problems
+    assert (found.name, found.kind) == (field, problem[0])
+    assert found.what.values.get("bound") == (problem[1] if problem[1] is None else pytest.approx(problem[1]))
 
 
 def test_schedule_values_of_a_request_override_the_product(site_folder: SiteFolder) -> None:

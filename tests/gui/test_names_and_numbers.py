@@ -13,9 +13,8 @@ from pytestqt.qtbot import QtBot
 from calstation.config import library, load_product
 from calstation.gui.engineer.schedule_form import _number as schedule_number
 from calstation.gui.quality.yield_view import DayAxis
-from calstation.gui.settings.fields import NumberEdit, VectorEdit
 from calstation.gui.text import language, parameter_text, product_text, say
-from calstation.gui.widgets import Column, ParameterModel, ParameterTable, ThemedPlot
+from calstation.gui.widgets import Column, NumberEdit, ParameterModel, ParameterTable, ThemedPlot, VectorEdit
 from calstation.messages import Text, sentence
 from calstation.physics import EFFECT_PARAMETERS, PAIR_PARAMETERS, PARAMETERS
 from tests.gui.conftest import Operator

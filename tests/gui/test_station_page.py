@@ -32,13 +32,12 @@ from calstation.errors import DeviceFaultError
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.settings import StationPage
 from calstation.gui.settings import page as page_module
-from calstation.gui.settings.fields import problem_text
 from calstation.gui.settings.table_section import TravelPlot
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.state import AppContext
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.text import language
-from calstation.gui.widgets import NoticeBar, theme
+from calstation.gui.widgets import NoticeBar, problem_text, theme
 from calstation.messages.catalogue import family
 from calstation.sequencer import Fault
 from tests.gui.station_driver import PIN, PageDriver, station_page

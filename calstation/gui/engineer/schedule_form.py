@@ -1,17 +1,40 @@
-"""Form for a stage's schedule, generated from its method's model; errors are shown at each field during input."""
+"""Form for a stage's schedule, described by its method's model; errors are shown at each field during input."""
 
-from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QLabel, QLineEdit, QSizePolicy, QWidget
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QComboBox, QWidget
 
-from calstation.config import ScheduleField, ScheduleOptions, ScheduleProblem, schedule_fields, schedule_problems
-from calstation.gui.text import Words, bind, on_language_change, say, term, with_minus, without_minus
-from calstation.gui.widgets import column, enable, label, row, show_text, theme
+from calstation.config import FieldSpec, ScheduleOptions, schedule_fields, schedule_problems
+from calstation.gui.text import Words, bind, say, term
+from calstation.gui.widgets import (
+    Editor,
+    FlagBox,
+    FormField,
+    FormValues,
+    NumberEdit,
+    column,
+    label,
+    make_input,
+    theme,
+    typed_number,
+)
 from calstation.messages import known
 from calstation.physics import DISPLAY
+from calstation.schema import KeyPath, Problem
+
+#: Codes of the catalogue family ``schedule`` by pydantic's error type; all others are ``wrong_number``.
+_WRONG = {
+    "greater_than": "low",
+    "greater_than_equal": "low",
+    "less_than": "high",
+    "less_than_equal": "high",
+    "missing": "missing",
+    "int_type": "whole",
+    "int_parsing": "whole",
+    "int_from_float": "whole",
+}
 
 
 class ScheduleForm(QWidget):
@@ -22,214 +45,123 @@ class ScheduleForm(QWidget):
     def __init__(self, stage: str, options: ScheduleOptions) -> None:
         super().__init__()
         self.stage = stage
-        self._options = options
+        self._source = source = FormValues(
+            options.schedules[stage], lambda values: schedule_problems(stage, values, options)
+        )
         groups = dict.fromkeys(name.rpartition("_")[0] for name in options.estimates[stage])
-        shown = tuple(group for group in groups if group in DISPLAY)
-        self._rows = {
-            field.name: _TargetsRow(stage, field, shown) if field.kind == "targets" else _Row(stage, field)
-            for field in schedule_fields(stage)
-            if field.kind != "other"  # can be set only in the product file
-        }
-        column(*self._rows.values(), None, on=self)
-        for each in self._rows.values():
-            each.changed.connect(self._typed)
-        self.fill(options.schedules[stage])
-        on_language_change(self, self._check)
+        rows: list[QWidget] = []
+        for spec in schedule_fields(stage):
+            if spec.kind == "targets":
+                rows.append(label(f"schedule.{spec.name}"))
+                rows += [_target_field(source, stage, spec, group) for group in groups if group in DISPLAY]
+            elif spec.kind in ("number", "count", "flag", "choice"):  # others can be set only in the product file
+                words = partial(_field_name, spec.name)
+                rows.append(_Field(source, stage, spec, (spec.name,), _make_editor(spec), words, spec.unit))
+        self._fields = [each for each in rows if isinstance(each, _Field)]
+        column(*rows, None, on=self)
+        source.changed.connect(self.changed)
 
     @property
     def values(self) -> dict[str, Any]:
         """Entered values by field; text that is not a number is kept as text, which the validation rejects."""
-        return {**self._options.schedules[self.stage], **{name: each.value for name, each in self._rows.items()}}
+        return self._source.values
 
     @property
     def departures(self) -> dict[str, Any]:
         """Values that differ from the product's."""
-        product = self._options.schedules[self.stage]
-        found = {name: value for name, value in self.values.items() if value != product.get(name)}
+        departures = {name: value for name, value in self.values.items() if self._source.differs((name,))}
         # without them a product without `rounds` would get a different limit
-        if found.keys() & {"duration_s", "targets"}:
-            found["rounds"] = self.values["rounds"]
-        return found
+        if departures.keys() & {"duration_s", "targets"}:
+            departures["rounds"] = self.values["rounds"]
+        return departures
 
     @property
     def valid(self) -> bool:
         """Whether the entered schedule is valid."""
-        return not schedule_problems(self.stage, self.values, self._options)
-
-    def fill(self, values: Mapping[str, Any]) -> None:
-        """Show these values."""
-        for name, each in self._rows.items():
-            each.fill(values.get(name))
-        self._check()
+        return not self._source.problems
 
     def reset(self) -> None:
         """Restore the product's values."""
-        self.fill(self._options.schedules[self.stage])
-        self.changed.emit()
+        self._source.reset()
 
     def lock(self, why: str) -> None:
         """Disable the fields for the given reason; "" enables them."""
-        for each in self._rows.values():
-            each.lock(why)
-
-    def _typed(self) -> None:
-        self._check()
-        self.changed.emit()
-
-    def _check(self) -> None:
-        found = schedule_problems(self.stage, self.values, self._options)
-        product = self._options.schedules[self.stage]
-        for name, each in self._rows.items():
-            each.show_state(found.get(name), departs=each.value != product.get(name))
+        for field in self._fields:
+            field.lock(why)
 
 
-class _Row(QWidget):
-    """Name and input of a field; an error in the value is shown below them."""
+class _Field(FormField):
+    """A field of a schedule; its name is bold if the value differs from the product's."""
 
-    changed = Signal()
-
-    def __init__(self, stage: str, field: ScheduleField) -> None:
-        super().__init__()
-        self._field = field
-        self._name: QLabel | QCheckBox = label(partial(_field_name, field.name))
-        self._problem = label(kind="error", wrap=True)
-        self._problem.hide()
-        self._inputs: list[QWidget] = []
-        bind(self.setToolTip, lambda: _description(stage, field))
-        self._make_inputs(f"schedule_{stage}_{field.name}")
-
-    def _make_inputs(self, name: str) -> None:
-        field = self._field
-        if field.kind == "flag":
-            check = self._name = QCheckBox()
-            check.toggled.connect(self.changed)
-            bind(check, partial(_field_name, field.name))
-            column(check, on=self)
-            self._inputs = [check]
-        elif field.kind == "choice":
-            combo = QComboBox()
-            for choice in field.choices:
-                combo.addItem(choice.replace("_", " "), choice)
-            combo.currentIndexChanged.connect(lambda _: self.changed.emit())
-            row((self._name, 1), combo, on=self)
-            self._inputs = [combo]
+    def __init__(
+        self,
+        source: FormValues,
+        stage: str,
+        spec: FieldSpec,
+        place: KeyPath,
+        editor: Editor,
+        words: Words,
+        unit: str,
+    ) -> None:
+        self._spec = spec
+        super().__init__(source, place, editor, words, "_".join(map(str, ("schedule", stage, *place))), unit)
+        self.unit.setFixedWidth(5 * theme.GRID)
+        self.grid.setHorizontalSpacing(theme.GRID)
+        self.grid.setColumnStretch(0, 1)
+        if isinstance(editor, FlagBox):
+            self.grid.addWidget(editor, 0, 0)
         else:
-            edit = self._make_edit(name, self._name.text)
-            inputs = row((self._name, 1), edit, _unit_label(field.unit))
-            column(inputs, self._problem, on=self, spacing=theme.GRID // 2)
-        self._inputs[0].setObjectName(name)
+            self.grid.addWidget(self.label, 0, 0)
+            self.grid.addWidget(editor, 0, 1)
+            self.grid.addWidget(self.unit, 0, 2)
+        self.grid.addWidget(self.message, 1, 0, 1, 3)
+        if isinstance(editor, QComboBox):
+            editor.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+            self.unit.hide()
+        elif isinstance(editor, NumberEdit):
+            editor.setFixedWidth(11 * theme.GRID)
+        bind(self.setToolTip, partial(_description, stage, spec))
 
-    def _make_edit(self, name: str, words: Words) -> QLineEdit:
-        edit = QLineEdit()
-        edit.setObjectName(name)
-        edit.setAlignment(Qt.AlignmentFlag.AlignRight)
-        edit.setFixedWidth(11 * theme.GRID)
-        edit.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
-        edit.textEdited.connect(self.changed)
-        bind(edit.setAccessibleName, words)
-        self._inputs.append(edit)
-        return edit
+    def refresh(self) -> None:
+        """Show the value, the problem, and whether the value differs from the product's."""
+        super().refresh()
+        named = self.editor if isinstance(self.editor, FlagBox) else self.label
+        named.setFont(theme.font(bold=self._source.differs(self._place)))
 
-    @property
-    def value(self) -> Any:
-        """The entered or selected value, None if the field is empty."""
-        (each,) = self._inputs
-        if isinstance(each, QCheckBox):
-            return each.isChecked()
-        if isinstance(each, QComboBox):
-            return each.currentData()
-        assert isinstance(each, QLineEdit)
-        return _number(each.text(), whole=self._field.kind == "count")
-
-    def fill(self, value: Any) -> None:
-        """Show a value; for None the field is empty."""
-        (each,) = self._inputs
-        if isinstance(each, QCheckBox):
-            each.setChecked(bool(value))
-        elif isinstance(each, QComboBox):
-            each.setCurrentIndex(each.findData(value))
-        elif isinstance(each, QLineEdit):
-            shown = f"{value:.12g}" if isinstance(value, float) else str(value)
-            each.setText("" if value is None else with_minus(shown))
-
-    def lock(self, why: str) -> None:
-        """Disable the inputs for the given reason; "" enables them."""
-        for each in self._inputs:
-            enable(each, why, self.toolTip())
-
-    def show_state(self, problem: ScheduleProblem | None, *, departs: bool) -> None:
-        """Show any error in the value, and show the name in bold if the value differs from the product's."""
-        show_text(self._problem, _problem_text(self._field, problem) if problem else "")
-        self._name.setFont(theme.font(bold=departs))
+    def problem_text(self, problem: Problem) -> str:
+        """Return a description of the problem, with the remedy."""
+        if problem.what.code == "product.target_unknown":
+            return say("schedule.wrong_name", subject=problem.what.values["name"])
+        if problem.kind in ("table", "value_error"):
+            return say(problem.what)
+        kind = _WRONG.get(problem.kind, "number")
+        if len(problem.place) > 1:
+            code = "schedule.wrong_target" if kind == "low" else "schedule.wrong_target_number"
+            return say(code, subject=problem.place[1], range="0.1")
+        return say(f"schedule.wrong_{kind}", range=_range(self._spec) or ("1" if kind == "whole" else "0.1"))
 
 
-class _TargetsRow(_Row):
-    """One target sigma for each group that the stage estimates, in display units."""
-
-    def __init__(self, stage: str, field: ScheduleField, groups: tuple[str, ...]) -> None:
-        self._groups = groups
-        #: Targets of single parameters, which the form does not show.
-        self._others: dict[str, Any] = {}
-        #: Displayed text and exact SI value of each target as filled in.
-        self._filled: dict[str, tuple[str, float]] = {}
-        super().__init__(stage, field)
-
-    def _make_inputs(self, name: str) -> None:
-        self._edits: dict[str, QLineEdit] = {}
-        grid = QGridLayout()
-        grid.setHorizontalSpacing(theme.GRID)
-        grid.setVerticalSpacing(theme.GRID // 2)
-        grid.setColumnStretch(0, 1)
-        for line, group in enumerate(self._groups):
-            caption = label(partial(term, "group", group))
-            self._edits[group] = self._make_edit(f"{name}_{group}", partial(self._target_name, group))
-            for number, widget in enumerate((caption, self._edits[group], _unit_label(DISPLAY[group][0]))):
-                grid.addWidget(widget, line, number)
-        column(self._name, grid, self._problem, on=self, spacing=theme.GRID // 2)
-
-    def _target_name(self, group: str) -> str:
-        return f"{self._name.text()}: {term('group', group)}"
-
-    @property
-    def value(self) -> dict[str, Any]:
-        """Target sigmas by group or parameter, SI; an unchanged text keeps its exact value."""
-        targets = dict(self._others)
-        for group, edit in self._edits.items():
-            number = _number(edit.text())
-            text, sigma = self._filled.get(group, ("", 0.0))
-            if text and edit.text() == text:
-                targets[group] = sigma
-            elif number is not None:
-                targets[group] = number * DISPLAY[group][1] if isinstance(number, float) else number
-        return targets
-
-    def fill(self, value: Any) -> None:
-        """Show the targets."""
-        targets: Mapping[str, Any] = value or {}
-        self._others = {name: sigma for name, sigma in targets.items() if name not in self._edits}
-        self._filled = {
-            group: (f"{targets[group] / DISPLAY[group][1]:.6g}", float(targets[group]))
-            for group in self._edits
-            if group in targets
-        }
-        for group, edit in self._edits.items():
-            edit.setText(self._filled.get(group, ("", 0.0))[0])
+def _target_field(source: FormValues, stage: str, spec: FieldSpec, group: str) -> _Field:
+    """Create the field for the target sigma of a group, in its display unit."""
+    unit, size = DISPLAY[group]
+    words = partial(term, "group", group)
+    field = _Field(source, stage, spec, (spec.name, group), NumberEdit(size, _number), words, unit)
+    bind(field.editor.setAccessibleName, lambda: f"{term('schedule', spec.name)}: {words()}")
+    return field
 
 
-def _unit_label(unit: str) -> QLabel:
-    made = QLabel(unit)
-    made.setFixedWidth(5 * theme.GRID)
-    return made
+def _make_editor(spec: FieldSpec) -> Editor:
+    if spec.kind in ("number", "count"):
+        return NumberEdit(read=partial(_number, whole=spec.kind == "count"))
+    return make_input(spec, lambda: [(choice, choice.replace("_", " ")) for choice in spec.choices])
 
 
 def _number(text: str, whole: bool = False) -> float | int | str | None:
-    """Return the entered number, None for an empty text, or the text itself, which the validation rejects."""
-    text = text.strip().replace(",", ".")
-    try:
-        number = float(without_minus(text))
-    except ValueError:
-        return text or None
-    return int(number) if whole and number.is_integer() else number
+    """Return the entered number, with a decimal point or comma; otherwise as `typed_number`."""
+    number = typed_number(text.replace(",", "."))
+    if not isinstance(number, float | int):
+        return text.strip() or None
+    return int(number) if whole and number == int(number) else float(number)
 
 
 def _field_name(name: str) -> str:
@@ -239,38 +171,18 @@ def _field_name(name: str) -> str:
     return name.rsplit("_", 1)[0].replace("_", " ").capitalize()
 
 
-def _description(stage: str, field: ScheduleField) -> str:
+def _description(stage: str, spec: FieldSpec) -> str:
     """Return a description of a field, its range, and whether it may be empty."""
-    codes = (f"schedule.about_{stage}_{field.name}", f"schedule.about_{field.name}")
-    about = next((say(code) for code in codes if known(code)), field.description)
-    parts = (about, _range(field), say("schedule.empty") if field.optional else "")
-    return "; ".join(part for part in parts if part)
+    codes = (f"schedule.about_{stage}_{spec.name}", f"schedule.about_{spec.name}")
+    about = next((say(code) for code in codes if known(code)), spec.description)
+    return "; ".join(filter(None, (about, _range(spec), say("schedule.empty") if spec.optional else "")))
 
 
-def _range(field: ScheduleField) -> str:
+def _range(spec: FieldSpec) -> str:
     """Return a description of the values that a field accepts."""
-    if field.low is None:
+    if spec.low is None:
         return ""
-    unit = _unit(field)
-    if field.high is None:
-        return say("schedule.above" if field.above else "schedule.least", low=field.low, unit=unit)
-    code = "schedule.range_above" if field.above else "schedule.range"
-    return say(code, low=field.low, high=field.high, unit=unit)
-
-
-def _problem_text(field: ScheduleField, problem: ScheduleProblem) -> str:
-    """Return a description of the error in a field's value, with the remedy."""
-    kind: str = problem.kind
-    if problem.subject and kind != "name":
-        kind = "target" if kind == "low" else "target_number"
-    return say(
-        f"schedule.wrong_{kind}",
-        bound=problem.bound,
-        unit=_unit(field),
-        range=_range(field) or ("1" if kind == "whole" else "0.1"),
-        subject=problem.subject,
-    )
-
-
-def _unit(field: ScheduleField) -> str:
-    return f" {field.unit}" if field.unit else ""
+    unit = f" {spec.unit}" if spec.unit else ""
+    if spec.high is None:
+        return say("schedule.above" if spec.above else "schedule.least", low=spec.low, unit=unit)
+    return say("schedule.range_above" if spec.above else "schedule.range", low=spec.low, high=spec.high, unit=unit)

@@ -10,7 +10,7 @@ from PySide6.QtCore import QObject, QSettings, Signal
 
 from calstation.config import computer_user, editing, library, versions
 from calstation.errors import ConfigurationError
-from calstation.schema import KeyPath, Problem
+from calstation.schema import KeyPath, Problem, value_at
 
 
 class Draft(QObject):
@@ -71,11 +71,11 @@ class Draft(QObject):
 
     def value(self, place: KeyPath) -> Any:
         """Return the value at a key path, None if there is none."""
-        return _value_at(self._data, place)
+        return value_at(self._data, place)
 
     def differs(self, place: KeyPath) -> bool:
         """Return whether the value at a key path differs from the stored one."""
-        return self.dirty and _value_at(self._saved_data, place) != self.value(place)
+        return self.dirty and value_at(self._saved_data, place) != self.value(place)
 
     def set(self, changes: Mapping[KeyPath, Any]) -> None:
         """Change values; None removes a value. A text that is not valid TOML remains unchanged."""
@@ -203,13 +203,3 @@ def _parsed(text: str) -> Mapping[str, Any]:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError:
         return {}
-
-
-def _value_at(data: Mapping[str, Any], place: KeyPath) -> Any:
-    found: Any = data
-    for key in place:
-        try:
-            found = found[key]
-        except (KeyError, IndexError, TypeError):
-            return None
-    return found

@@ -9,9 +9,8 @@ from PySide6.QtGui import QColor
 
 from calstation.config import Form, FormCell, FormColumn, FormRow, cells_with_problem
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.settings.fields import problem_text
 from calstation.gui.text import parameter_text, say, term, with_minus
-from calstation.gui.widgets import Column, ParameterModel, align_columns, theme
+from calstation.gui.widgets import Column, ParameterModel, align_columns, problem_text, theme
 from calstation.messages import known
 from calstation.schema import Problem
 

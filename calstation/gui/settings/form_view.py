@@ -21,11 +21,13 @@ from calstation.config import (
     cells_with_problem,
 )
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.settings.fields import ChoiceBox, EditableBox, WordEdit
 from calstation.gui.settings.form_model import FormModel, Index
 from calstation.gui.text import on_language_change, parameter_text, say, with_minus, without_minus
 from calstation.gui.widgets import (
+    ChoiceBox,
+    EditableBox,
     ParameterTable,
+    WordEdit,
     button,
     column,
     enable,
@@ -61,9 +63,8 @@ class _Delegate(QStyledItemDelegate):
             box.view().setMinimumWidth(box.view().sizeHintForColumn(0) + _ARROW)  # the column may be narrower
             return box
         if cell.choices:
-            typed = EditableBox()
+            typed = EditableBox(cell.choices)
             typed.setParent(parent)
-            typed.addItems(list(cell.choices))
             return typed
         line = WordEdit()
         line.setParent(parent)

@@ -1,15 +1,13 @@
 """The links to the units: the IMU's link at a station with one unit, or the slots of the table with their links."""
 
-from PySide6.QtWidgets import QStackedWidget, QWidget
-
 from calstation.config import SLOTS, takes_one_unit, with_one_unit, with_slots
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Section, problem_text_with_name
 from calstation.gui.settings.form_view import FormView
 from calstation.gui.settings.link_section import LinkSection
 from calstation.gui.state import AppContext
-from calstation.gui.text import on_language_change, say
-from calstation.gui.widgets import button, column, enable, label, row, show_text, theme
+from calstation.gui.text import say
+from calstation.gui.widgets import box, button, column, enable, label, row, show_text, stack, theme
 
 #: Entries of a station file whose problems are shown below the slots.
 _ENTRIES = ("slots", "imu", "imu2", "imu3")
@@ -41,28 +39,22 @@ class ImuSection(Section):
     """Edits the link of the only unit, or the slots and the links of their units, in the draft of a station."""
 
     def __init__(self, app: AppContext, draft: Draft) -> None:
-        super().__init__()
-        self._app, self._draft = app, draft
+        super().__init__(draft)
+        self._app = app
         self._locked = ""
         #: The link at a station with one unit.
         self.link = LinkSection(app, "imu", draft)
         self._slot_links: list[LinkSection] = []
         self.view = _SlotsView(SLOTS)
         self.view.table.selectionModel().currentChanged.connect(lambda *_: self._show_link())
-        self._about, self._problems = (
-            label(kind="muted", wrap=True),
-            label(kind="error", name="slots_problems", wrap=True),
-        )
-        self._slots = QWidget()
-        column(label(self.view.title, "section"), self._about, self.view, self._problems, on=self._slots)
-        self._links = QStackedWidget()
-        self._links.addWidget(self.link)
+        self._about = label(kind="muted", wrap=True)
+        self._problems = label(kind="error", name="slots_problems", wrap=True)
+        self._slots = box(label(self.view.title, "section"), self._about, self.view, self._problems)
+        self._links = stack(self.link)
         self._several = button("several_units_button", "settings.several_units", self._divide)
-        self._offer = QWidget()
-        row(self._several, (label("setting.about_several_units", "muted", wrap=True), 1), on=self._offer)
+        self._offer = box(row(self._several, (label("setting.about_several_units", "muted", wrap=True), 1)))
         column(self._slots, (self._links, 1), self._offer, on=self, spacing=2 * theme.GRID)
-        draft.changed.connect(self.refresh)
-        on_language_change(self, self.refresh)
+        self.follow(draft)
 
     @property
     def title(self) -> str:
@@ -83,9 +75,7 @@ class ImuSection(Section):
 
     def search(self) -> None:
         """Search for ports in the background."""
-        shown = self._links.currentWidget()
-        assert isinstance(shown, LinkSection)
-        shown.search()
+        self._shown_link.search()
 
     def refresh(self) -> None:
         """Show the draft."""
@@ -112,15 +102,19 @@ class ImuSection(Section):
             return say("settings.needs_table")
         return ""
 
-    def _show_link(self) -> None:
-        """Show the link of the only unit, or of the unit in the current row."""
+    @property
+    def _shown_link(self) -> LinkSection:
+        """The link of the only unit, or of the unit in the current row."""
         number = self.view.table.currentIndex().row() if self._has_slots else -1
         while number >= len(self._slot_links):
             made = LinkSection(self._app, "imu", self._draft, len(self._slot_links))
             made.lock(self._locked)
             self._slot_links.append(made)
             self._links.addWidget(made)
-        self._links.setCurrentWidget(self.link if number < 0 else self._slot_links[number])
+        return self.link if number < 0 else self._slot_links[number]
+
+    def _show_link(self) -> None:
+        self._links.setCurrentWidget(self._shown_link)
 
     def _divide(self) -> None:
         self._draft.rewrite(with_slots(self._draft.text))

@@ -23,23 +23,24 @@ from calstation.gui.settings.fields import (
     EDITOR,
     LABEL,
     AddressEdit,
-    ChoiceBox,
     Field,
     NumberBox,
-    NumberEdit,
     PortBox,
     Row,
     Section,
-    choices_of,
 )
 from calstation.gui.state import AppContext, ResetBar
 from calstation.gui.text import offered_products, on_language_change, rendered, say, term
 from calstation.gui.widgets import (
+    ChoiceBox,
     JobRow,
     JobWatch,
+    NumberEdit,
     StateBadge,
     StateIcon,
+    box,
     button,
+    choices_of,
     column,
     enable,
     label,
@@ -61,8 +62,8 @@ class LinkSection(Section):
     """Edits the link to the ``table`` or ``imu`` in the draft of a station, or to the unit in a slot, from 0."""
 
     def __init__(self, app: AppContext, device: str, draft: Draft, slot: int | None = None) -> None:
-        super().__init__()
-        self._app, self._device, self._draft = app, device, draft
+        super().__init__(draft)
+        self._app, self._device = app, device
         self._place: KeyPath = (device,) if slot is None else ("slots", slot)
         #: The address typed last for each kind of connection.
         self._last: dict[str, str] = {}
@@ -82,9 +83,8 @@ class LinkSection(Section):
         self._heading = label(kind="section", wrap=True)
         left = column(self._heading, self._note, self._form, None)
         row(left, (self.test, 1), on=self, spacing=3 * theme.GRID)
-        draft.changed.connect(self.refresh)
         app.product_changed.connect(self.refresh)
-        on_language_change(self, self.refresh)
+        self.follow(draft)
 
     def _make_form(self) -> None:
         draft, device = self._draft, self._device
@@ -102,18 +102,9 @@ class LinkSection(Section):
             Field(draft, (*serial, "stop_bits"), ChoiceBox(choices_of("stop_bits", 1, 1.5, 2))),
         ]
         self._own_row, self._search_row = Row(self.own_box, "own_serial"), Row(self.search_button)
-        self._form = QWidget()
-        column(
-            Row(self.way_box, "way"),
-            *self._ports.values(),
-            self._search_row,
-            self._unit,
-            timeout,
-            self._own_row,
-            *self._line_fields,
-            None,
-            on=self._form,
-        )
+        ports = (*self._ports.values(), self._search_row)
+        others = (self._unit, timeout, self._own_row, *self._line_fields)
+        self._form = box(Row(self.way_box, "way"), *ports, *others, None)
 
     def lock(self, reason: str) -> None:
         """Disable changes, with `reason` as the tooltip; "" enables them."""
@@ -145,9 +136,9 @@ class LinkSection(Section):
         else:
             way = self.way_box.value() or way
         own = draft.value((*self._place, "serial")) is not None
-        for box, value in ((self.way_box, way), (self.own_box, own)):
-            box.fill()
-            box.show_value(value)
+        for choice, value in ((self.way_box, way), (self.own_box, own)):
+            choice.fill()
+            choice.show_value(value)
         for key, field in self._ports.items():
             field.setVisible(key == way)
         for widget in (self._search_row, self._own_row):
@@ -261,8 +252,7 @@ class TestPanel(QFrame):
         self.watch = JobWatch(self, self._done, self._failed, self._show_running)
         self.watch.progress.connect(self._show_note)
         self._progress, self._note = JobRow(self.watch), label(kind="muted")
-        self.badge = StateBadge(theme.SECTION)
-        self.badge.setObjectName(f"{device}_test_badge")
+        self.badge = StateBadge(theme.SECTION, f"{device}_test_badge")
         self.reset = ResetBar(app, self._request, f"{device}_reset_button")
         self.reset.changed.connect(self.refresh)
         self.reset.ended.connect(lambda _: self._test())
@@ -278,8 +268,7 @@ class TestPanel(QFrame):
         self._lines = QWidget()
         self._list = column(None, on=self._lines, margins=(0, 0, theme.GRID, 0))
         caption = label("settings.expected_imu", buddy=self.product_box)
-        self._expected = QWidget()
-        row(caption, (self.product_box, 1), on=self._expected)
+        self._expected = box(row(caption, (self.product_box, 1)))
         column(
             label("settings.connection_test", "section"),
             label("setting.about_test", "muted", wrap=True),
@@ -399,9 +388,8 @@ class _Line(QWidget):
         self._message = finding.message
         icon = StateIcon(18)
         icon.set_kind(_KINDS[finding.state])
-        self._text, self._remedy = label(wrap=True), label(kind="muted", wrap=True)
-        for each in (self._text, self._remedy):
-            each.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._text = label(wrap=True, selectable=True)
+        self._remedy = label(kind="muted", wrap=True, selectable=True)
         words = column(self._text, self._remedy, spacing=2)
         row((icon, 0, Qt.AlignmentFlag.AlignTop), (words, 1), on=self)
         on_language_change(self, self._show)

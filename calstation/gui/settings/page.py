@@ -72,7 +72,7 @@ class StationPage(Page):
         self.profiles = ProfilesSection(app, self.drafts)
         self.personal = PersonalSection(app)
         self._sections = (
-            StationSection(self.drafts),
+            StationSection(self.drafts.station),
             self.table_link,
             self.imus,
             SiteSection(self.drafts.station),

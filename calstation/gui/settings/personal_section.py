@@ -2,16 +2,16 @@
 
 from pathlib import Path
 
-from PySide6.QtCore import QSignalBlocker, Qt
-from PySide6.QtWidgets import QCheckBox, QFileDialog, QLineEdit, QWidget
+from PySide6.QtCore import QSignalBlocker
+from PySide6.QtWidgets import QFileDialog, QLineEdit, QWidget
 
 from calstation.config import access
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import default_author
-from calstation.gui.settings.fields import ChoiceBox, Row, choices_of, panel
+from calstation.gui.settings.fields import Row, panel
 from calstation.gui.state import AppContext
 from calstation.gui.text import bind, language, on_language_change, say
-from calstation.gui.widgets import button, column, enable, label, row, theme
+from calstation.gui.widgets import ChoiceBox, FlagBox, button, choices_of, column, enable, label, line_edit, row, theme
 
 
 class PersonalSection(QWidget):
@@ -24,17 +24,14 @@ class PersonalSection(QWidget):
         self._language.typed.connect(lambda: app.set_language(self._language.value()))
         self._theme = ChoiceBox(choices_of("theme", "light", "dark"), "theme_combo")
         self._theme.typed.connect(lambda: app.set_theme(self._theme.value()))
-        self._sounds = QCheckBox()
+        self._sounds = FlagBox()
         self._sounds.setObjectName("sounds_check")
         self._sounds.setChecked(bool(app.settings.value("sounds", True, type=bool)))
-        self._sounds.clicked.connect(lambda checked: app.settings.setValue("sounds", checked))
+        self._sounds.typed.connect(lambda: app.settings.setValue("sounds", self._sounds.value()))
         bind(self._sounds, "settings.after_every_scan")
-        self._author = QLineEdit()
-        self._author.setObjectName("author_edit")
+        self._author = line_edit("author_edit", lambda text: app.settings.setValue("author", text.strip()))
         self._author.setPlaceholderText(default_author())
-        self._author.textEdited.connect(lambda text: app.settings.setValue("author", text.strip()))
-        self._runs = label(name="runs_folder_label", wrap=True)
-        self._runs.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._runs = label(name="runs_folder_label", wrap=True, selectable=True)
         self._folder_button = button("runs_folder_button", "settings.choose_folder", self._choose_runs)
         left = column(
             label("settings.this_computer", "section"),
@@ -54,18 +51,16 @@ class PersonalSection(QWidget):
 
     def _make_pin_panel(self) -> QWidget:
         self.pin_message = label(wrap=True)
-        self._pins = self._old, self._new, self._again = QLineEdit(), QLineEdit(), QLineEdit()
-        for edit, name in zip(self._pins, ("old_pin_edit", "new_pin_edit", "new_pin_again_edit"), strict=True):
-            edit.setObjectName(name)
+        names = ("old_pin_edit", "new_pin_edit", "new_pin_again_edit")
+        self._pins = self._old, self._new, self._again = (
+            *(line_edit(name, lambda _: self.pin_message.clear()) for name in names),
+        )
+        for edit in self._pins:
             edit.setEchoMode(QLineEdit.EchoMode.Password)
-            edit.textEdited.connect(lambda _: self.pin_message.clear())
             edit.returnPressed.connect(self._change_pin)
         self._pin_button = button("change_pin_button", pressed=self._change_pin)
         self._old_row = Row(self._old, "old_pin")
-        self._pin_badge = QLineEdit()
-        self._pin_badge.setObjectName("pin_badge_edit")
-        self._pin_badge.textEdited.connect(lambda _: self.refresh())
-        bind(self._pin_badge.setPlaceholderText, "settings.pin_placeholder")
+        self._pin_badge = line_edit("pin_badge_edit", lambda _: self.refresh(), hint="settings.pin_placeholder")
         return panel(
             label("settings.engineer_pin", "section"),
             label("setting.about_pin", "muted", wrap=True),

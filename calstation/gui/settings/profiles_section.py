@@ -7,16 +7,15 @@ from pathlib import Path
 
 from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtGui import QColor, QFontDatabase, QShowEvent, QTextCharFormat, QTextCursor, QTextFormat
-from PySide6.QtWidgets import QComboBox, QFrame, QLineEdit, QListWidget, QPlainTextEdit, QTabWidget, QTextEdit, QWidget
+from PySide6.QtWidgets import QComboBox, QListWidget, QPlainTextEdit, QTabWidget, QTextEdit, QWidget
 
 from calstation.config import FORMS, Version, editing, library, versions
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Draft, Drafts
-from calstation.gui.settings.fields import ChoiceBox
 from calstation.gui.settings.form_view import FormView
 from calstation.gui.state import AppContext
 from calstation.gui.text import bind, on_language_change, say
-from calstation.gui.widgets import button, column, enable, label, row, show_text, theme
+from calstation.gui.widgets import ChoiceBox, NameBar, box, button, column, enable, label, row, show_text, theme
 from calstation.messages import local_time
 from calstation.schema import Problem
 
@@ -59,70 +58,45 @@ class TextView(QPlainTextEdit):
         return QTextCursor(self.document().findBlockByNumber(line - 1))
 
 
-class NewFileBar(QFrame):
+class NewFileBar(NameBar):
     """Creates a file as a copy of another; hidden until `ask`, emits `made(kind, path)` when the file exists."""
 
     made = Signal(str, object)
 
     def __init__(self, drafts: Drafts) -> None:
-        super().__init__()
         self._drafts = drafts
         self._kind = "stations"
-        self.setProperty("kind", "panel")
-        self._title, self._message = label(), label(kind="error", wrap=True)
+        self._title = label()
         self._title.setFont(theme.font(bold=True))
-        self._name = QLineEdit()
-        self._name.setObjectName("new_name_edit")
-        self._name.setFixedWidth(26 * theme.GRID)
-        self._name.textEdited.connect(lambda _: self._check())
-        self._name.returnPressed.connect(self._make)
         self._source = ChoiceBox(lambda: [(name, name) for name in library.names(self._kind)], "new_source_combo")
         self._source.setMinimumWidth(26 * theme.GRID)
-        self._make_button = button("make_file_button", "settings.create", self._make, kind="primary")
-        inputs = row(
-            self._title,
-            self._name,
-            label("settings.copied_from"),
-            self._source,
-            None,
-            self._make_button,
-            button("", "common.cancel", self.hide),
-        )
-        margins = (2 * theme.GRID, theme.GRID, theme.GRID, theme.GRID)
-        column(inputs, self._message, on=self, spacing=theme.GRID // 2, margins=margins)
-        on_language_change(self, self._check)
-        self.hide()
+        names = ("new_name_edit", "make_file_button", "")
+        super().__init__(names, self._title, "settings.create", label("settings.copied_from"), self._source)
 
     def ask(self, kind: str, source: str) -> None:
         """Ask for the name of a new file of a kind; `source` is offered as the file to copy."""
         self._kind = kind
         self._source.fill()
         self._source.show_value(source)
-        self._name.clear()
-        self._check()
-        self.show()
-        self._name.setFocus()
+        self.ask_name()
 
-    def _check(self) -> None:
-        """Show the error in the typed name, if any."""
+    def check(self) -> None:
+        """Show the kind of the file and what is wrong with its name."""
         self._title.setText(say(f"setting.new_{self._kind}"))
-        name = self._name.text()
-        message = ""
-        if name in library.names(self._kind):
-            message = say("settings.name_taken")
-        elif name and not editing.is_name(name):
-            message = say("settings.name_rule")
-        show_text(self._message, message)
-        enable(self._make_button, message or ("" if name else say("common.type_name")))
+        super().check()
 
-    def _make(self) -> None:
-        if not self._make_button.isEnabled():
-            return
-        source = library.find(self._kind, self._source.value())
+    def problem(self, name: str) -> str:
+        """Return what is wrong with a name."""
+        if name in library.names(self._kind):
+            return say("settings.name_taken")
+        return "" if editing.is_name(name) else say("settings.name_rule")
+
+    def accept(self, name: str) -> None:
+        """Create the file."""
         try:
-            path = self._drafts.create(self._kind, self._name.text(), source)
+            path = self._drafts.create(self._kind, name, library.find(self._kind, self._source.value()))
         except ConfigurationError as error:
-            show_text(self._message, say(error.as_text))
+            show_text(self.message, say(error.as_text))
             return
         self.hide()
         self.made.emit(self._kind, path)
@@ -204,10 +178,9 @@ class ProfilesSection(QWidget):
         self._list.itemActivated.connect(lambda _: self._compare())
         self._compare_button = button("compare_button", "common.compare", self._compare)
         self._restore_button = button("take_back_button", "settings.restore", self._restore)
-        made = QWidget()
-        made.setFixedWidth(36 * theme.GRID)
         buttons = row(self._compare_button, self._restore_button)
-        column(title, self._no_versions, (self._list, 100), None, buttons, on=made)
+        made = box(title, self._no_versions, (self._list, 100), None, buttons)
+        made.setFixedWidth(36 * theme.GRID)
         return made
 
     def lock(self, reason: str) -> None:

@@ -10,9 +10,9 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import StationConfig, confirmation_key, normal_gravity_at, site_advice, this_computer
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.settings.fields import ChoiceBox, Field, Row, Section, panel
+from calstation.gui.settings.fields import Field, Row, Section, panel
 from calstation.gui.text import on_language_change, say
-from calstation.gui.widgets import button, column, enable, label, row, theme
+from calstation.gui.widgets import ChoiceBox, button, column, enable, label, row, theme
 from calstation.schema import KeyPath
 
 _NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2")
@@ -27,8 +27,7 @@ class SiteSection(Section):
     """Edits `[site]` in the draft of a station."""
 
     def __init__(self, draft: Draft) -> None:
-        super().__init__()
-        self._draft = draft
+        super().__init__(draft)
         #: The azimuth and gravity entered last.
         self._last: dict[tuple[str, str], Any] = {_AZIMUTH: 0.0, _GRAVITY: _PLACEHOLDER_GRAVITY}
         azimuth_box = ChoiceBox(
@@ -59,8 +58,7 @@ class SiteSection(Section):
             None,
         )
         row(left, (self._make_panel(), 1), on=self, spacing=3 * theme.GRID)
-        draft.changed.connect(self.refresh)
-        on_language_change(self, self.refresh)
+        self.follow(draft)
 
     def _make_panel(self) -> QWidget:
         self._compass, self._compass_note = _Compass(), label(kind="muted", wrap=True)

@@ -1,15 +1,12 @@
 """General settings of a station: name, table profile, settings of the virtual bench, and the hand-over folder."""
 
-from pathlib import Path
-
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFileDialog, QFormLayout, QWidget
+from PySide6.QtWidgets import QFormLayout, QWidget
 
 from calstation.config import is_manual_table, library, versions
-from calstation.gui.settings.drafts import Drafts
-from calstation.gui.settings.fields import ChoiceBox, Field, NumberEdit, Row, Section, panel
-from calstation.gui.text import on_language_change, say, with_minus
-from calstation.gui.widgets import StateBadge, button, column, label, row, theme
+from calstation.gui.settings.drafts import Draft
+from calstation.gui.settings.fields import Field, Section, folder_row, panel
+from calstation.gui.text import say, with_minus
+from calstation.gui.widgets import ChoiceBox, NumberEdit, StateBadge, column, label, row, theme
 
 _FOLDER = ("handover", "folder")
 
@@ -17,9 +14,8 @@ _FOLDER = ("handover", "folder")
 class StationSection(Section):
     """Edits the general settings of a station, and shows a summary of its file."""
 
-    def __init__(self, drafts: Drafts) -> None:
-        super().__init__()
-        self._draft = draft = drafts.station
+    def __init__(self, draft: Draft) -> None:
+        super().__init__(draft)
         profiles = ChoiceBox(lambda: [(name, name) for name in library.names("tables")])
         units = NumberEdit()
         units.setPlaceholderText("1")
@@ -32,43 +28,41 @@ class StationSection(Section):
             Field(draft, ("name",)),
             Field(draft, ("table", "profile"), profiles),
             Field(draft, _FOLDER),
-            Row(button("handover_browse_button", "settings.choose_folder", self._choose_folder)),
+            folder_row("handover_browse_button", draft, _FOLDER),
             Field(draft, ("clock_error_ppm",)),
             *self._bench_fields,
             None,
         )
         row(left, (self._make_summary(), 1), on=self, spacing=3 * theme.GRID)
-        draft.changed.connect(self.refresh)
-        on_language_change(self, self.refresh)
+        self.follow(draft)
 
     def _make_summary(self) -> QWidget:
-        self.badge = StateBadge(theme.SECTION)
-        self.badge.setObjectName("station_kind_badge")
-        self._kind, self._file = label(wrap=True), label(kind="muted", wrap=True)
-        self._summary = [(label(kind="muted"), label(wrap=True)) for _ in range(4)]
+        self.badge = StateBadge(theme.SECTION, "station_kind_badge")
+        self._kind = label(wrap=True, selectable=True)
+        self._file = label(kind="muted", wrap=True, selectable=True)
+        self._summary = [(label(kind="muted"), label(wrap=True, selectable=True)) for _ in range(4)]
         lines = QFormLayout()
         lines.setHorizontalSpacing(2 * theme.GRID)
         lines.setVerticalSpacing(theme.GRID)
         for name, value in self._summary:
             lines.addRow(name, value)
-        for each in (self._kind, self._file, *(value for _, value in self._summary)):
-            each.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         return panel(self.badge, self._kind, lines, self._file, spacing=2 * theme.GRID)
 
     def refresh(self) -> None:
         """Show the draft."""
-        bench = self._draft.value(("bench",)) is not None
-        by_hand = is_manual_table(str(self._draft.value(("table", "profile")) or ""))
+        draft = self._draft
+        bench = draft.value(("bench",)) is not None
+        by_hand = is_manual_table(str(draft.value(("table", "profile")) or ""))
         for field in self._bench_fields:
             field.setVisible(bench)
-        counted = self._draft.value(("slots",)) and self._draft.value(("bench", "units")) is None
+        counted = draft.value(("slots",)) and draft.value(("bench", "units")) is None
         self._bench_fields[-1].setVisible(bench and not counted)
         self.badge.show_state("none", say("common.virtual_bench" if bench else "settings.hardware"))
         self._kind.setText(say(f"setting.station_{'bench' if bench else 'by_hand' if by_hand else 'hardware'}"))
         for (name, value), texts in zip(self._summary, self._summary_texts(bench, by_hand), strict=True):
             name.setText(say(texts[0]))
             value.setText(texts[1])
-        self._file.setText(self._about_file())
+        self._file.setText(_about_file(draft))
 
     def _summary_texts(self, bench: bool, by_hand: bool) -> list[tuple[str, str]]:
         """Return the code of the caption, and a one-line summary, of each of the other sections."""
@@ -78,12 +72,12 @@ class StationSection(Section):
             return "–" if value is None else with_minus(f"{value:g}") if isinstance(value, float | int) else str(value)
 
         slots = [get("slots", number, "name") for number in range(len(self._draft.value(("slots",)) or ()))]
-        own = say("settings.opened_by_bench")
-        table = say("settings.turned_by_hand") if by_hand else own if bench else get("table", "port")
+        by_bench = say("settings.opened_by_bench")
+        table = say("settings.turned_by_hand") if by_hand else by_bench if bench else get("table", "port")
         position = f"{get('site', 'latitude_deg')}°, {get('site', 'longitude_deg')}°, {get('site', 'height_m')} m"
         azimuth, gravity = get("site", "azimuth_deg"), get("site", "gravity_mps2")
         azimuth = say("settings.azimuth_from_data") if azimuth == "–" else say("settings.azimuth", degrees=azimuth)
-        imu = own if bench else get("imu", "port")
+        imu = by_bench if bench else get("imu", "port")
         return [
             ("settings.table", f"{get('table', 'profile')}, {table}"),
             ("form.tab_slots", ", ".join(slots)) if slots else ("settings.imu", imu),
@@ -91,23 +85,16 @@ class StationSection(Section):
             ("setting.gravity", say("settings.normal") if gravity == "–" else f"{gravity} m/s²"),
         ]
 
-    def _about_file(self) -> str:
-        """Return the path, origin and version of the file."""
-        draft = self._draft
-        if draft.path is None:
-            return ""
-        number = versions.version_number(draft.kind, draft.name, draft.saved)
-        if draft.path.is_relative_to(library.shipped_folder()):
-            origin = say("settings.shipped_file")
-        elif number is not None:
-            origin = say("settings.own_version", number=number)
-        else:
-            origin = say("settings.own_file")
-        digest = say("settings.digest", digest=versions.sha256(draft.saved)[:12])
-        return f"{draft.path}\n{origin}\n{digest}"
 
-    def _choose_folder(self) -> None:
-        present = str(self._draft.value(_FOLDER) or "")
-        folder = QFileDialog.getExistingDirectory(self, say("setting.folder"), present)
-        if folder:
-            self._draft.set({_FOLDER: str(Path(folder))})
+def _about_file(draft: Draft) -> str:
+    """Return the path, origin and version of a file."""
+    if draft.path is None:
+        return ""
+    number = versions.version_number(draft.kind, draft.name, draft.saved)
+    if draft.path.is_relative_to(library.shipped_folder()):
+        origin = say("settings.shipped_file")
+    elif number is not None:
+        origin = say("settings.own_version", number=number)
+    else:
+        origin = say("settings.own_file")
+    return f"{draft.path}\n{origin}\n{say('settings.digest', digest=versions.sha256(draft.saved)[:12])}"

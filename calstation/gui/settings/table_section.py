@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QGridLayout
 
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Field, Section
-from calstation.gui.text import on_language_change, say, term, with_minus
+from calstation.gui.text import say, term, with_minus
 from calstation.gui.widgets import ThemedPlot, column, label, row, theme
 
 _JOINTS = ("outer", "inner")
@@ -31,8 +31,7 @@ class TableSection(Section):
     """Edits `[outer]`, `[inner]`, `[accuracy]` and the axes in the draft of the table profile."""
 
     def __init__(self, draft: Draft) -> None:
-        super().__init__()
-        self._draft = draft
+        super().__init__(draft)
         self._file = label(kind="muted", wrap=True)
         self._travel = TravelPlot()
         axes = [Field(draft, (name,)) for name in ("outer_axis", "inner_axis")]
@@ -46,8 +45,7 @@ class TableSection(Section):
             None,
         )
         row((left, 1), (right, 1), on=self, spacing=3 * theme.GRID)
-        draft.changed.connect(self.refresh)
-        on_language_change(self, self.refresh)
+        self.follow(draft)
 
     def _make_joints(self) -> QGridLayout:
         """Create the fields for travel, rate and acceleration of both joints, side by side."""

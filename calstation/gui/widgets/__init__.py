@@ -16,6 +16,18 @@ from calstation.gui.widgets.comparison_table import Compared, ComparisonTable
 from calstation.gui.widgets.drawing import VIEWER, Drawing, basis, circle, depth, screen
 from calstation.gui.widgets.exports import FileExport
 from calstation.gui.widgets.files import ask_file
+from calstation.gui.widgets.form import FormField, FormValues, NameBar, choices_of, make_input, problem_text
+from calstation.gui.widgets.inputs import (
+    ChoiceBox,
+    EditableBox,
+    Editor,
+    FlagBox,
+    NumberEdit,
+    SpinEdit,
+    VectorEdit,
+    WordEdit,
+    typed_number,
+)
 from calstation.gui.widgets.jobs import JobRow, JobStack, JobWatch
 from calstation.gui.widgets.layout import (
     PANEL,
@@ -25,6 +37,7 @@ from calstation.gui.widgets.layout import (
     Item,
     PageArea,
     ViewTabs,
+    box,
     button,
     clear,
     column,
@@ -32,6 +45,7 @@ from calstation.gui.widgets.layout import (
     enable,
     grid,
     label,
+    line_edit,
     panel,
     progress_bar,
     row,

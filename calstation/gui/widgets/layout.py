@@ -14,6 +14,7 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
     QLayout,
+    QLineEdit,
     QProgressBar,
     QPushButton,
     QScrollArea,
@@ -55,6 +56,13 @@ def row(
 ) -> QHBoxLayout:
     """Lay out items horizontally, with the same arguments as `column`."""
     return _filled(QHBoxLayout(), items, on, spacing, margins)
+
+
+def box(*items: Item, spacing: int = theme.GRID, margins: Margins = (0, 0, 0, 0)) -> QWidget:
+    """Create a widget with items laid out vertically."""
+    made = QWidget()
+    column(*items, on=made, spacing=spacing, margins=margins)
+    return made
 
 
 def grid(
@@ -134,11 +142,18 @@ class ViewTabs(QTabBar):
 
 
 def label(
-    words: Words = "", kind: str = "", *, name: str = "", wrap: bool = False, buddy: QWidget | None = None
+    words: Words = "",
+    kind: str = "",
+    *,
+    name: str = "",
+    wrap: bool = False,
+    buddy: QWidget | None = None,
+    selectable: bool = False,
 ) -> QLabel:
     """Create a label.
 
     `words` is its text ("" if the caller sets it), `kind` selects its style, and `buddy` is the labelled input.
+    A `selectable` text can be copied with the mouse.
     """
     made = QLabel()
     made.setObjectName(name)
@@ -147,6 +162,8 @@ def label(
         made.setProperty("kind", kind)
     if buddy is not None:
         made.setBuddy(buddy)
+    if selectable:
+        made.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
     if words:
         bind(made, words)
     return made
@@ -171,6 +188,23 @@ def button(
         bind(made.setToolTip, tip)
     if pressed is not None:
         made.clicked.connect(pressed)
+    return made
+
+
+def line_edit(
+    name: str, changed: Callable[..., Any] | None = None, *, width: int = 0, longest: int = 0, hint: Words = ""
+) -> QLineEdit:
+    """Create a text input of at most `longest` characters; edits call `changed`, and an empty one shows `hint`."""
+    made = QLineEdit()
+    made.setObjectName(name)
+    if changed is not None:
+        made.textEdited.connect(changed)
+    if width:
+        made.setFixedWidth(width)
+    if longest:
+        made.setMaxLength(longest)
+    if hint:
+        bind(made.setPlaceholderText, hint)
     return made
 
 

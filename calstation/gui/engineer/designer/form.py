@@ -1,16 +1,29 @@
-"""The form of a search for a schedule."""
+"""The form of a search for a schedule, and the bar to save its result as a product."""
 
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QLocale, Qt
-from PySide6.QtWidgets import QAbstractSpinBox, QDoubleSpinBox, QFrame, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame
 
 from calstation import design
-from calstation.config import ScheduleOptions
+from calstation.config import ScheduleOptions, editing, library
 from calstation.gui.text import Words, bind, say
-from calstation.gui.widgets import button, column, combo_box, enable, label, row, show_text, theme
+from calstation.gui.widgets import (
+    FormField,
+    FormValues,
+    NameBar,
+    SpinEdit,
+    box,
+    button,
+    column,
+    combo_box,
+    enable,
+    label,
+    row,
+    show_text,
+    theme,
+)
 
 if TYPE_CHECKING:
     from calstation.design import DesignRequest
@@ -33,42 +46,40 @@ class DesignForm(QFrame):
         self.setProperty("kind", "panel")
         self._goal = combo_box("design_goal_combo", _GOALS)
         self._goal.currentIndexChanged.connect(lambda _: self._show_goal())
-        self._margin = _spin("design_margin_spin", 0.05, 1.0, 0.05, 2)
-        self._minutes = _spin("design_minutes_spin", 0.5, 60.0, 0.5, 1)
-        self._search = _spin("design_search_spin", 0.0, 3600.0, 10.0, 0, zero="engineer.usual")
-        self._rate = _spin("design_rate_spin", 0.0, 1000.0, 1.0, 1, zero="engineer.automatic")
-        self._acceleration = _spin("design_acceleration_spin", 0.0, 1000.0, 1.0, 1, zero="engineer.automatic")
-        self._seed = _spin("design_seed_spin", 0.0, 9999.0, 1.0, 0)
-        self._margin.setValue(0.8)
-        self._minutes.setValue(5.0)
+        self._source = source = FormValues(
+            {"margin": 0.8, "minutes": 5.0, "search": 0.0, "rate": 0.0, "acceleration": 0.0, "seed": 0.0}
+        )
+        self._margin = _SpinField(source, "margin", SpinEdit(0.05, 1.0, 0.05, 2), "engineer.margin")
+        self._minutes = _SpinField(
+            source, "minutes", SpinEdit(0.5, 60.0, 0.5, 1), "engineer.duration_minutes", "engineer.duration_tip"
+        )
+        search = _SpinField(
+            source, "search", SpinEdit(0.0, 3600.0, 10.0, 0), "engineer.search_seconds", zero="engineer.usual"
+        )
+        self._speeds = {
+            name: _SpinField(
+                source, name, SpinEdit(0.0, 1000.0, 1.0, 1), f"engineer.{name}_field", zero="engineer.automatic"
+            )
+            for name in ("rate", "acceleration")
+        }
+        seed = _SpinField(source, "seed", SpinEdit(0.0, 9999.0, 1.0, 0), "engineer.seed")
         self.button = button("design_button", "engineer.design", begin, kind="primary")
-        self._more = button("design_more_button", "engineer.advanced")
-        self._more.setCheckable(True)
-        self._advanced = self._make_advanced()
-        self._advanced.hide()
-        self._more.toggled.connect(self._advanced.setVisible)
+        advanced = box(row(*self._speeds.values(), seed, None, spacing=2 * theme.GRID))
+        advanced.hide()
+        more = button("design_more_button", "engineer.advanced")
+        more.setCheckable(True)
+        more.toggled.connect(advanced.setVisible)
         self._reason = label(kind="muted", name="design_reason_label", wrap=True)
-        self._margin_box = _captioned("engineer.margin", self._margin, "engineer.margin_tip")
-        self._minutes_box = _captioned("engineer.duration_minutes", self._minutes, "engineer.duration_tip")
-        search = _captioned("engineer.search_seconds", self._search, "engineer.search_tip")
         goal_box = column(label("engineer.goal", buddy=self._goal), self._goal, spacing=0)
-        buttons = column(None, row(self._more, self.button))
+        buttons = column(None, row(more, self.button))
         column(
-            row((goal_box, 1), self._margin_box, self._minutes_box, search, buttons, spacing=2 * theme.GRID),
-            self._advanced,
+            row((goal_box, 1), self._margin, self._minutes, search, buttons, spacing=2 * theme.GRID),
+            advanced,
             self._reason,
             on=self,
             margins=(2 * theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID),
         )
         self._show_goal()
-
-    def _make_advanced(self) -> QWidget:
-        made = QWidget()
-        rate = _captioned("engineer.rate_field", self._rate, "engineer.rate_tip")
-        acceleration = _captioned("engineer.acceleration_field", self._acceleration, "engineer.acceleration_tip")
-        seed = _captioned("engineer.seed", self._seed, "engineer.seed_tip")
-        row(rate, acceleration, seed, None, on=made, spacing=2 * theme.GRID)
-        return made
 
     @property
     def goal(self) -> str:
@@ -77,8 +88,8 @@ class DesignForm(QFrame):
 
     def offer(self, options: ScheduleOptions) -> None:
         """Limit the speeds to the table's limits."""
-        self._rate.setMaximum(options.rate)
-        self._acceleration.setMaximum(options.acceleration)
+        self._speeds["rate"].spin.setMaximum(options.rate)
+        self._speeds["acceleration"].spin.setMaximum(options.acceleration)
 
     def lock(self, why: str, *, shown: bool) -> None:
         """Disable the button for the given reason, which is also `shown` below the form; "" enables it."""
@@ -87,44 +98,66 @@ class DesignForm(QFrame):
 
     def request(self, station: Path | None, product: Path, stop: Path) -> "DesignRequest":
         """Return the request for a product on a station; a file `stop` ends the search."""
-        goal = self.goal
+        goal, values = self.goal, self._source.values
         return design.DesignRequest(
             station=station,
             product=product,
-            margin=1.0 if goal == AS_PRESENT else self._margin.value(),
-            duration=60.0 * self._minutes.value() if goal == GIVEN_TIME else None,
+            margin=1.0 if goal == AS_PRESENT else values["margin"],
+            duration=60.0 * values["minutes"] if goal == GIVEN_TIME else None,
             as_present=goal == AS_PRESENT,
-            time_limit=self._search.value() or None,
-            seed=round(self._seed.value()),
-            rate_dps=self._rate.value() or None,
-            acceleration_dps2=self._acceleration.value() or None,
+            time_limit=values["search"] or None,
+            seed=round(values["seed"]),
+            rate_dps=values["rate"] or None,
+            acceleration_dps2=values["acceleration"] or None,
             stop=stop,
         )
 
     def _show_goal(self) -> None:
-        for box, goal in ((self._margin_box, SHORTEST), (self._minutes_box, GIVEN_TIME)):
-            box.setVisible(self.goal == goal)
+        for field, goal in ((self._margin, SHORTEST), (self._minutes, GIVEN_TIME)):
+            field.setVisible(self.goal == goal)
 
 
-def _spin(name: str, low: float, high: float, step: float, decimals: int, *, zero: Words = "") -> QDoubleSpinBox:
-    made = QDoubleSpinBox()
-    made.setObjectName(name)
-    made.setLocale(QLocale.c())
-    made.setDecimals(decimals)
-    made.setRange(low, high)
-    made.setSingleStep(step)
-    made.setButtonSymbols(QAbstractSpinBox.ButtonSymbols.NoButtons)
-    made.setAlignment(Qt.AlignmentFlag.AlignRight)
-    made.setMinimumWidth(11 * theme.GRID)
-    if zero:
-        bind(made.setSpecialValueText, zero)
-    return made
+class _SpinField(FormField):
+    """A number between two limits, with its label above it; `zero` is the text for 0."""
+
+    def __init__(
+        self, source: FormValues, name: str, spin: SpinEdit, words: Words, tip: Words = "", zero: Words = ""
+    ) -> None:
+        self.spin = spin
+        super().__init__(source, (name,), spin, words, f"design_{name}_spin")
+        self.grid.setVerticalSpacing(0)
+        self.grid.addWidget(self.label, 0, 0)
+        self.grid.addWidget(spin, 1, 0)
+        self.label.setWordWrap(False)
+        bind(spin.setToolTip, tip or f"engineer.{name}_tip")
+        if zero:
+            bind(spin.setSpecialValueText, zero)
 
 
-def _captioned(caption: Words, spin: QDoubleSpinBox, tip: Words) -> QWidget:
-    made = QWidget()
-    box: QVBoxLayout = column(label(caption, buddy=spin), spin, on=made, spacing=0)
-    box.setStretch(1, 0)
-    bind(spin.setAccessibleName, caption)
-    bind(spin.setToolTip, tip)
-    return made
+class SaveBar(NameBar):
+    """Asks for the name of the product in which a design is saved; its button calls `save` with the name."""
+
+    def __init__(self, save: Callable[[str], None]) -> None:
+        self._save, self._source = save, ""
+        names = ("design_name_edit", "save_design_button", "cancel_save_design_button")
+        super().__init__(names, label("engineer.product_name"), "common.save")
+
+    def ask(self, source: str) -> None:
+        """Ask for the name of the product made from the product `source`, both without suffix."""
+        self._source = source
+        self.ask_name(f"{source}_fast")
+
+    def problem(self, name: str) -> str:
+        """Return what is wrong with a name."""
+        if not editing.is_name(name):
+            return say("engineer.name_rule")
+        return say("engineer.other_name") if name == self._source else ""
+
+    def remark(self, name: str) -> str:
+        """Return whether the product exists."""
+        return say("engineer.design_name_taken", name=name) if name in library.names("products") else ""
+
+    def accept(self, name: str) -> None:
+        """Save the design."""
+        self.hide()
+        self._save(name)

@@ -14,8 +14,7 @@ from PySide6.QtWidgets import QWidget
 from calstation import design
 from calstation.config import RunRequest, ScheduleOptions, Version
 from calstation.errors import CalstationError
-from calstation.gui.engineer.designer.form import GIVEN_TIME, DesignForm
-from calstation.gui.engineer.designer.save_bar import SaveBar
+from calstation.gui.engineer.designer.form import GIVEN_TIME, DesignForm, SaveBar
 from calstation.gui.state import AppContext
 from calstation.gui.text import duration_text, on_language_change, say
 from calstation.gui.widgets import (

@@ -1,0 +1,247 @@
+"""The form engine: fields with label, input, unit and message, which edit the values of a source."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import deepcopy
+from typing import Any, Protocol
+
+from PySide6.QtCore import QObject, QSignalBlocker, Signal, SignalInstance
+from PySide6.QtWidgets import QFrame, QLabel, QWidget
+
+from calstation.config import FieldSpec
+from calstation.gui.text import Words, bind, on_language_change, say
+from calstation.gui.widgets import theme
+from calstation.gui.widgets.inputs import ChoiceBox, Editor, FlagBox, NumberEdit, VectorEdit, WordEdit
+from calstation.gui.widgets.layout import Item, button, column, enable, grid, label, line_edit, row, show_text
+from calstation.messages import known
+from calstation.schema import KeyPath, Problem, value_at
+
+
+class Source(Protocol):
+    """The values of a form, checked after every change."""
+
+    #: Emitted after every change of a value or of the problems.
+    changed: SignalInstance
+
+    @property
+    def problems(self) -> Sequence[Problem]:
+        """Errors in the values."""
+
+    def value(self, place: KeyPath) -> Any:
+        """Return the value at a key path, None if there is none."""
+
+    def differs(self, place: KeyPath) -> bool:
+        """Return whether the value at a key path differs from the stored one."""
+
+    def set(self, changes: Mapping[KeyPath, Any]) -> None:
+        """Change values; None removes a value."""
+
+
+class FormValues(QObject):
+    """A source of values in memory: the `stored` ones, and the edited `values`, whose problems `check` returns."""
+
+    changed = Signal()
+
+    def __init__(
+        self, stored: Mapping[str, Any], check: Callable[[Mapping[str, Any]], Iterable[Problem]] = lambda _: ()
+    ) -> None:
+        super().__init__()
+        self.stored, self._check = stored, check
+        self.reset()
+
+    def value(self, place: KeyPath) -> Any:
+        """Return the edited value at a key path, None if there is none."""
+        return value_at(self.values, place)
+
+    def differs(self, place: KeyPath) -> bool:
+        """Return whether the value at a key path differs from the stored one."""
+        return bool(self.value(place) != value_at(self.stored, place))
+
+    def set(self, changes: Mapping[KeyPath, Any]) -> None:
+        """Change values; None removes a value from a table."""
+        for (*tables, key), value in changes.items():
+            table = value_at(self.values, tuple(tables))
+            if value is None and tables:
+                table.pop(key, None)
+            else:
+                table[key] = value
+        self._update()
+
+    def reset(self) -> None:
+        """Restore the stored values."""
+        self.values = deepcopy(dict(self.stored))
+        self._update()
+
+    def _update(self) -> None:
+        self.problems = list(self._check(self.values))
+        self.changed.emit()
+
+
+class FormField(QWidget):
+    """A label, an input and its unit, with a problem, an advice or a hint as the message below the input.
+
+    Subclasses arrange the widgets in `grid`.
+
+    Parameters
+    ----------
+    source, place
+        Values of the form, and key path of the field's value.
+    words
+        Text of the label, and name of the input for screen readers.
+    name
+        Object name of the input; its suffix ``_edit`` is replaced by ``_message`` for the message.
+    """
+
+    def __init__(self, source: Source, place: KeyPath, editor: Editor, words: Words, name: str, unit: str = "") -> None:
+        super().__init__()
+        self._source, self._place, self.editor = source, place, editor
+        #: Key paths whose problems are shown here.
+        self.places: tuple[KeyPath, ...] = (place,)
+        #: Warning about a valid but unlikely value, and text shown if there is neither a problem nor an advice.
+        self.advice: Words = ""
+        self.hint: Words = ""
+        #: Value shown if the source has none.
+        self.default: Any = None
+        editor.setObjectName(name)
+        self.label = label(words, wrap=True, buddy=editor)
+        self.unit = QLabel(unit)
+        self.message = label(name=f"{name.removesuffix('_edit')}_message", wrap=True)
+        bind(editor.setAccessibleName, words)
+        if isinstance(editor, FlagBox):
+            bind(editor, words)
+        self.grid = grid(self, across=2 * theme.GRID, down=2)
+        self._typing = False
+        editor.typed.connect(self._typed)
+        source.changed.connect(self.refresh)
+        on_language_change(self, self.refresh)
+
+    def lock(self, reason: str) -> None:
+        """Disable the input, with `reason` as its tooltip; "" enables it."""
+        enable(self.editor, reason, self.toolTip())
+
+    def refresh(self) -> None:
+        """Show the value and the message."""
+        value = self._source.value(self._place)
+        if not self._typing or self.editor.value() != value:  # what the user types is not replaced
+            with QSignalBlocker(self.editor):
+                self.editor.show_value(self.default if value is None else value)
+        problem = next((p for p in self._source.problems if self._is_mine(p.place)), None)
+        if problem is not None:
+            kind, text = "error", self.problem_text(problem)
+        elif text := say(self.advice):
+            kind = "caution"
+        else:
+            kind, text = "muted", say(self.hint)
+        show_text(self.message, text)
+        if self.message.property("kind") != kind:
+            theme.set_kind(self.message, kind)
+        wrong = problem is not None
+        if self.editor.property("wrong") != wrong:
+            self.editor.setProperty("wrong", wrong)
+            self.editor.style().polish(self.editor)
+        self.editor.setAccessibleDescription(text)
+
+    def problem_text(self, problem: Problem) -> str:
+        """Return the sentence of a problem of this field."""
+        return problem_text(problem)
+
+    def _typed(self) -> None:
+        self._typing = True
+        self._source.set({self._place: self.editor.value()})
+        self._typing = False
+
+    def _is_mine(self, place: KeyPath) -> bool:
+        """Return whether a problem at this key path is shown here; a list also shows its elements' problems."""
+        return place in self.places or (place[:-1] == self._place and isinstance(place[-1], int))
+
+
+class NameBar(QFrame):
+    """Asks for the name of a new file; hidden until `ask_name`, a valid name is passed to `accept`.
+
+    Parameters
+    ----------
+    names
+        Object names of the input, of the button that accepts the name, and of the one that cancels.
+    caption, words
+        The label of the input, and the text of the button.
+    others
+        Items beside the input.
+    """
+
+    def __init__(self, names: tuple[str, str, str], caption: QLabel, words: Words, *others: Item) -> None:
+        super().__init__()
+        self._locked = ""
+        self.setProperty("kind", "panel")
+        self.edit = line_edit(names[0], lambda _: self.check(), width=26 * theme.GRID, longest=60)
+        self.edit.returnPressed.connect(self._accept)
+        caption.setBuddy(self.edit)
+        self.message, self._remark = label(kind="error", wrap=True), label(kind="caution", wrap=True)
+        self._button = button(names[1], words, self._accept, kind="primary")
+        #: The last widget in Tab order.
+        self.last = button(names[2], "common.cancel", self.hide)
+        inputs = row(caption, self.edit, *others, None, self._button, self.last)
+        margins = (2 * theme.GRID, theme.GRID, theme.GRID, theme.GRID)
+        column(inputs, self.message, self._remark, on=self, spacing=theme.GRID // 2, margins=margins)
+        on_language_change(self, self.check)
+        self.hide()
+
+    def ask_name(self, proposed: str = "") -> None:
+        """Show the bar with a proposed name."""
+        self.edit.setText(proposed)
+        self.check()
+        self.show()
+        self.edit.setFocus()
+        self.edit.selectAll()
+
+    def lock(self, why: str) -> None:
+        """Disable the button for the given reason; "" enables it."""
+        self._locked = why
+        self.check()
+
+    def check(self) -> None:
+        """Show what is wrong with the name, or the remark on it."""
+        name = self.edit.text()
+        problem = self.problem(name) if name else ""
+        show_text(self.message, problem)
+        show_text(self._remark, "" if problem else self.remark(name))
+        enable(self._button, self._locked or problem or ("" if name else say("common.type_name")))
+
+    def problem(self, name: str) -> str:
+        """Return what is wrong with a name, "" if it may be used."""
+        return ""
+
+    def remark(self, name: str) -> str:
+        """Return a remark on a name that may be used."""
+        return ""
+
+    def accept(self, name: str) -> None:
+        """Use a name."""
+
+    def _accept(self) -> None:
+        if self._button.isEnabled():
+            self.accept(self.edit.text())
+
+
+def problem_text(problem: Problem) -> str:
+    """Return the text of a problem for display below its field."""
+    codes = (f"field.{problem.what.code.replace('.', '_')}", f"field.{problem.kind}")
+    code = next(filter(known, codes), None)
+    return say(code, **problem.values) if code else say(problem.what)
+
+
+def choices_of(name: str, *values: Any) -> Callable[[], list[tuple[Any, str]]]:
+    """Return a function that lists values with their names from the catalogue family ``setting``, numbers as digits."""
+    return lambda: [(v, f"{v:g}" if isinstance(v, float | int) else say(f"setting.{name}_{v}")) for v in values]
+
+
+def make_input(spec: FieldSpec, choices: Callable[[], list[tuple[Any, str]]]) -> Editor:
+    """Create the input for the type of a field; `choices` lists its values with their texts if it is a choice."""
+    match spec.kind:
+        case "choice":
+            return ChoiceBox(choices)
+        case "flag":
+            return FlagBox()
+        case "vector":
+            return VectorEdit()
+        case "text":
+            return WordEdit()
+    return NumberEdit()

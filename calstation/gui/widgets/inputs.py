@@ -1,0 +1,220 @@
+"""Inputs for single values; each has a signal `typed` for edits by the user, `value` and `show_value`."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from PySide6.QtCore import QLocale, QSignalBlocker, Qt, Signal
+from PySide6.QtGui import QWheelEvent
+from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit, QWidget
+
+from calstation.gui.text import on_language_change, with_minus, without_minus
+from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import row
+from calstation.physics import from_unit, in_unit
+
+
+class WordEdit(QLineEdit):
+    """A text input; an empty text means no value."""
+
+    typed = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.textEdited.connect(self.typed)
+
+    def value(self) -> Any:
+        """Return the typed text, None if it is empty."""
+        return self.text() or None
+
+    def show_value(self, value: Any) -> None:
+        """Show a value; while the input has the focus, an equivalent text, such as 1.50, is not replaced."""
+        if not self.hasFocus() or self.value() != value:
+            self.setText(shown(value))
+
+
+class NumberEdit(WordEdit):
+    """A right-aligned number input in a display unit, whose size in SI is `size`; an empty text means no value.
+
+    `read` converts the text to a number, None, or the text itself, which the validation rejects.
+    """
+
+    def __init__(self, size: float = 1.0, read: Callable[[str], Any] | None = None) -> None:
+        super().__init__()
+        self._size, self._read = size, read or typed_number
+        #: The last value shown in a display unit, and its text: an unchanged text stands for exactly this value.
+        self._exact: tuple[str, Any] = ("", None)
+        self.setAlignment(Qt.AlignmentFlag.AlignRight)
+
+    def value(self) -> Any:
+        """Return the typed number, None for an empty text, or the text itself if it is not a number."""
+        text, exact = self._exact
+        if text == self.text():
+            return exact if text else None
+        number = self._read(self.text())
+        return from_unit(number, self._size) if self._size != 1.0 and isinstance(number, float | int) else number
+
+    def show_value(self, value: Any) -> None:
+        """Show a value; while the input has the focus, an equivalent text is not replaced."""
+        if self._size == 1.0 or not isinstance(value, float | int):
+            super().show_value(value)
+        elif value != self.value():
+            self._exact = with_minus(in_unit(value, self._size)), value
+            self.setText(self._exact[0])
+
+
+class VectorEdit(QWidget):
+    """Three number inputs; the value is a list."""
+
+    typed = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.edits = [NumberEdit() for _ in range(3)]
+        row(*((edit, 1) for edit in self.edits), on=self, spacing=theme.GRID // 2)
+        for axis, edit in zip("xyz", self.edits, strict=True):
+            edit.setAccessibleName(axis)
+            edit.typed.connect(self.typed)
+        self.setFocusProxy(self.edits[0])
+
+    def value(self) -> Any:
+        """Return the typed numbers."""
+        return [typed_number(edit.text()) if edit.text().strip() else "" for edit in self.edits]
+
+    def show_value(self, value: Any) -> None:
+        """Show a list of three numbers."""
+        parts: Sequence[Any] = value if isinstance(value, list) and len(value) == 3 else ("", "", "")
+        for edit, part in zip(self.edits, parts, strict=True):
+            edit.show_value(part)
+
+
+class FlagBox(QCheckBox):
+    """A check box; its value is True or False."""
+
+    typed = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.toggled.connect(lambda _: self.typed.emit())
+
+    def value(self) -> bool:
+        """Return whether the box is checked."""
+        return self.isChecked()
+
+    def show_value(self, value: Any) -> None:
+        """Check the box or clear it."""
+        self.setChecked(bool(value))
+
+
+class SpinEdit(QDoubleSpinBox):
+    """A number input that accepts only numbers between two limits."""
+
+    typed = Signal()
+
+    def __init__(self, low: float, high: float, step: float, decimals: int) -> None:
+        super().__init__()
+        self.setLocale(QLocale.c())
+        self.setDecimals(decimals)
+        self.setRange(low, high)
+        self.setSingleStep(step)
+        self.setButtonSymbols(QAbstractSpinBox.ButtonSymbols.NoButtons)
+        self.setAlignment(Qt.AlignmentFlag.AlignRight)
+        self.setMinimumWidth(11 * theme.GRID)
+        self.valueChanged.connect(lambda _: self.typed.emit())
+
+    def show_value(self, value: Any) -> None:
+        """Show a number."""
+        if value != self.value():
+            self.setValue(value)
+
+
+class _Box(QComboBox):
+    """A combo box that ignores the mouse wheel, so that scrolling the page does not change a setting."""
+
+    typed = Signal()
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        """Pass the event on to the page."""
+        event.ignore()
+
+
+class ChoiceBox(_Box):
+    """Selects one of several values; `choices` returns them with their texts in the current language."""
+
+    def __init__(self, choices: Callable[[], Sequence[tuple[Any, str]]], name: str = "") -> None:
+        super().__init__()
+        self.setObjectName(name)
+        self._choices = choices
+        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.activated.connect(self.typed)
+        on_language_change(self, self.fill)
+
+    def fill(self) -> None:
+        """Update the list of choices."""
+        chosen = self.currentData()
+        with QSignalBlocker(self):
+            self.clear()
+            for value, text in self._choices():
+                self.addItem(text, value)
+            self.show_value(chosen)
+
+    def showPopup(self) -> None:
+        """Update the choices first, because files may have been added or removed outside the window."""
+        self.fill()
+        super().showPopup()
+
+    def value(self) -> Any:
+        """Return the selected value."""
+        return self.currentData()
+
+    def show_value(self, value: Any) -> None:
+        """Select a value; add it first if it is not among the choices."""
+        index = next((i for i in range(self.count()) if self.itemData(i) == value), -1)
+        if index < 0 and value is not None:
+            self.addItem(str(value), value)
+            index = self.count() - 1
+        self.setCurrentIndex(index)
+
+
+class EditableBox(_Box):
+    """A combo box whose value is typed or selected from `offers`."""
+
+    def __init__(self, offers: Sequence[str] = ()) -> None:
+        super().__init__()
+        self.line = QLineEdit()
+        self.setEditable(True)
+        self.setLineEdit(self.line)
+        self.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
+        self.addItems(list(offers))
+        self.line.textEdited.connect(self.typed)
+
+    def value(self) -> Any:
+        """Return the typed or selected text, None if it is empty."""
+        return self.currentText().strip() or None
+
+    def show_value(self, value: Any) -> None:
+        """Show a value, unless the text already represents it."""
+        if self.value() != value:
+            self.setEditText(shown(value))
+
+
+#: An input of any of these types.
+Editor = WordEdit | VectorEdit | FlagBox | SpinEdit | ChoiceBox | EditableBox
+
+
+def typed_number(text: str) -> int | float | str | None:
+    """Return the typed number, None for an empty text, or the text itself, which the validation rejects."""
+    text = text.strip()
+    for kind in (int, float):
+        try:
+            return kind(without_minus(text))
+        except ValueError:
+            continue
+    return text or None
+
+
+def shown(value: Any) -> str:
+    """Return the text of a value, with a minus sign and at most 12 digits for a number."""
+    if value is None:
+        return ""
+    text = format(value, ".12g") if isinstance(value, float) else str(value)
+    return with_minus(text) if isinstance(value, float | int) else text
