@@ -16,17 +16,14 @@ from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
 from calstation.gui.history.versions_view import VersionsView
 from calstation.gui.operator import CertificateButton, LabelButton
-from calstation.gui.state import AppContext, Page, ReleaseBar
+from calstation.gui.state import AppContext, FileExport, Page, ReleaseBar
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import (
     Choice,
     ElidedLabel,
     EmptyState,
-    FileExport,
     JobRow,
     JobStack,
-    JobWatch,
-    NoticeBar,
     button,
     column,
     enable,
@@ -48,25 +45,29 @@ class HistoryPage(Page):
     """Lists the runs in the runs folder, with the details of the selected run."""
 
     def __init__(self, app: AppContext) -> None:
-        super().__init__(app)
-        self.setObjectName("history_page")
-        self._refresher, self._offers, self._closer = JobWatch(self), JobWatch(self), JobWatch(self)
+        super().__init__(app, "history")
+        unread = "common.runs_not_read"
+        self._refresher = self.job(refresh_history, self._show_refreshed, failure=unread)
+        self._offers = self.job(find_resumable, self._show_resumable, failure=unread)
+        self._closer = self.job(
+            close_incomplete_job, self._show_closed, failure="common.run_not_closed", failed=self._show_closed
+        )
+        self._loader = self.job(load_shared_results, self._show_comparison, failure="history.runs_not_compared")
+        self._logs = self.job(fetch_log, app.open_log.emit, failure="history.log_not_opened")
+        self._results = self.job(fetch_result, self._open_fetched, failure="common.result_not_opened")
         self._resumable: frozenset[Path] = frozenset()
         self._index: tuple[Path, History] | None = None
         self._compared: tuple[RunRecord, ...] = ()
         self._count = 0
         self.table = RunTable()
         bind(self.table.setAccessibleName, "history.run_table")
-        self.notice = NoticeBar("history_notice")
-        focus = self.table.setFocus
+        self.setFocusProxy(self.table)
         self.details = RunDetails(
-            LabelButton(app, "history_label_button", self.notice, focus),
-            CertificateButton(app, "history_certificate_button", self.notice, focus),
+            LabelButton(app, "history_label_button", self.notice, self.setFocus),
+            CertificateButton(app, "history_certificate_button", self.notice, self.setFocus),
             ReleaseBar(app, "history_release"),
         )
-        self.exports = FileExport(app.job_queue, self, self.notice, self.table.setFocus)
-        self._loader = JobWatch(self)
-        self._logs, self._results = JobWatch(self, self.app.open_log.emit), JobWatch(self, self._open_fetched)
+        self.exports = FileExport(self)
         self._filters = Filters(self._build_actions())
         self._clear_button.clicked.connect(self._filters.clear)
         self._nothing = EmptyState()
@@ -75,26 +76,20 @@ class HistoryPage(Page):
         runs = QWidget()
         column(self._filters, (self._stack, 1), on=runs)
         self._comparison = RunComparison(self._show_list)
-        self.versions = VersionsView(app, self.notice, self._show_list)
+        self.versions = VersionsView(self, self._show_list)
         self._views = stack(runs, self._comparison, self.versions)
         wide = 2 * theme.GRID
         column(self.notice, (self._views, 1), on=self, margins=(wide, theme.GRID, wide, wide))
         self._connect()
         on_language_change(self, self._show_texts)
 
-    @property
-    def busy(self) -> bool:
-        """Whether a background job of the page is running."""
-        watches = (self._refresher, self._offers, self._closer, self._loader, self._logs, self._results)
-        return self.versions.busy or any(watch.busy for watch in (*watches, self.exports.watch))
-
     def refresh(self) -> None:
         """Update the index from the folder, then list the runs."""
         if not self.app.runs_folder.is_dir():
             self.show_runs()
         elif not self._refresher.busy:
-            self._refresher.watch(self.app.job_queue.submit(refresh_history, self.app.runs_folder))
-            self._offers.watch(self.app.job_queue.submit(find_resumable, self.app.runs_folder))
+            self._refresher.start(self.app.runs_folder)
+            self._offers.start(self.app.runs_folder)
 
     def show_runs(self) -> None:
         """List the indexed runs that match the filters."""
@@ -148,20 +143,7 @@ class HistoryPage(Page):
         details.close_button.clicked.connect(self._close_run)
         details.batch_button.clicked.connect(self._show_batch)
         self.table.chosen_changed.connect(self._show_texts)
-        self._loader.done.connect(self._show_comparison)
         self.exports.watch.busy_changed.connect(self.notice.dismiss)
-        self._refresher.done.connect(self._show_refreshed)
-        unread, focus = "common.runs_not_read", self.table.setFocus
-        self.notice.report_failures(self._refresher, unread, focus)
-        self.notice.report_failures(self._offers, unread, focus)
-        self.notice.report_failures(self._loader, "history.runs_not_compared", focus)
-        self.notice.report_failures(self._logs, "history.log_not_opened", focus)
-        self.notice.report_failures(self._results, "common.result_not_opened", focus)
-        self.notice.report_failures(self._closer, "common.run_not_closed", focus)
-        self._offers.done.connect(self._show_resumable)
-        for ended in (self._closer.done, self._closer.failed):
-            ended.connect(self._update)
-            ended.connect(self.refresh)
         app.engine_link.event.connect(self._follow)
         app.runs_folder_changed.connect(self._list_visible)
         app.released.connect(lambda _: self._list_visible())
@@ -213,6 +195,10 @@ class HistoryPage(Page):
         self._resumable = frozenset(offer.log for offer in offers)
         self._update()
 
+    def _show_closed(self, _: object) -> None:
+        self._update()
+        self.refresh()
+
     # ---- actions on the selected run
 
     def _open_result(self) -> None:
@@ -221,7 +207,7 @@ class HistoryPage(Page):
         if run is None:
             return
         if run.origin and run.stages:
-            self._results.watch(self.app.job_queue.submit(fetch_result, self.app.station_path, run))
+            self._results.start(self.app.station_path, run)
         elif run.result is not None and self.details.has_parameters:
             self.app.open_run.emit(run.result)
 
@@ -239,7 +225,7 @@ class HistoryPage(Page):
                 note_use(run.log)
             self.app.open_log.emit(run.log)
         else:
-            self._logs.watch(self.app.job_queue.submit(fetch_log, run))
+            self._logs.start(run)
 
     def _emit_log(self, signal: SignalInstance) -> None:
         if self.table.run is not None:
@@ -267,10 +253,7 @@ class HistoryPage(Page):
         if self.app.badge_required:
             self.notice.inform("caution", "common.run_not_closed", "operator.sign_in", self.table.setFocus)
         elif self.table.run is not None:
-            job = self.app.job_queue.submit(
-                close_incomplete_job, self.table.run.log, self.app.operator or computer_user()
-            )
-            self._closer.watch(job)
+            self._closer.start(self.table.run.log, self.app.operator or computer_user())
             self._update()
 
     # ---- actions on several runs
@@ -278,8 +261,7 @@ class HistoryPage(Page):
     def _compare(self) -> None:
         """Read the results of the selected runs, and compare them in chronological order."""
         self._compared = self.table.chosen[::-1]
-        where = (self.app.station_path, self.app.runs_folder)
-        self._loader.watch(self.app.job_queue.submit(load_shared_results, *where, self._compared))
+        self._loader.start(self.app.station_path, self.app.runs_folder, self._compared)
 
     def _show_comparison(self, results: list[Result]) -> None:
         self.notice.dismiss()

@@ -7,17 +7,14 @@ from PySide6.QtWidgets import QAbstractItemView, QComboBox, QTableWidget, QTable
 
 from calstation.fleet import GROUPS, Comparison, VerdictChange, compare_job, export_job, versions_job
 from calstation.gui.history.moves_plot import MovesPlot
-from calstation.gui.state import AppContext
+from calstation.gui.state import FileExport, Page
 from calstation.gui.text import Words, bind, on_language_change, parameter_text, product_text, say, term
 from calstation.gui.widgets import (
     ROW,
     CellTable,
     EmptyState,
-    FileExport,
     JobRow,
     JobStack,
-    JobWatch,
-    NoticeBar,
     button,
     column,
     combo_box,
@@ -42,18 +39,17 @@ _MOST = 1000
 class VersionsView(QWidget):
     """Selects two versions, compares them by a job and shows the result; `back` is called to return to the list."""
 
-    def __init__(self, app: AppContext, notice: NoticeBar, back: Callable[[], None]) -> None:
+    def __init__(self, page: Page, back: Callable[[], None]) -> None:
         super().__init__()
-        self._app = app
+        self._app = page.app
         self._versions: list[str] = []
         self._found: Comparison | None = None
-        self._reader, self._worker = JobWatch(self, self._offer), JobWatch(self, self._show_found)
+        self._reader = page.job(versions_job, self._offer, failure="history.versions_not_read", then=back)
+        self._worker = page.job(compare_job, self._show_found, failure="history.versions_not_compared", then=back)
         self.back_button = button("versions_back_button", "history.back_to_list", back)
-        self.exports = FileExport(app.job_queue, self, notice, self.back_button.setFocus)
-        notice.report_failures(self._reader, "history.versions_not_read", back)
-        notice.report_failures(self._worker, "history.versions_not_compared", back)
+        self.exports = FileExport(page, self.back_button.setFocus)
         for watch in (self._worker, self.exports.watch):
-            watch.busy_changed.connect(notice.dismiss)
+            watch.busy_changed.connect(page.notice.dismiss)
         self._reader.busy_changed.connect(self._show_texts)
         self._summary = label(wrap=True, name="versions_summary_label")
         self._changes_title = label(kind="section")
@@ -74,15 +70,10 @@ class VersionsView(QWidget):
         column(self._make_choice(), (self._body, 1), on=self)
         on_language_change(self, self._show_texts)
 
-    @property
-    def busy(self) -> bool:
-        """Whether a job of the view is running."""
-        return self._reader.busy or self._worker.busy or self.exports.watch.busy
-
     def open(self) -> None:
         """Read the versions of the database."""
         if self._app.exchange_state is not None and not self._reader.busy:
-            self._reader.watch(self._app.job_queue.submit(versions_job, self._app.station_path))
+            self._reader.start(self._app.station_path)
         self._show_texts()
         self.back_button.setFocus()
 
@@ -169,7 +160,7 @@ class VersionsView(QWidget):
         return self._before.currentData() or "", self._after.currentData() or ""
 
     def _compare(self) -> None:
-        self._worker.watch(self._app.job_queue.submit(compare_job, self._app.station_path, *self._chosen()))
+        self._worker.start(self._app.station_path, *self._chosen())
 
     def _export(self) -> None:
         station, (before, after) = self._app.station_path, self._chosen()

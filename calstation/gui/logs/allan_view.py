@@ -11,15 +11,13 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import Version, computer_user, save_noise
 from calstation.gui.logs.methods import MethodPlot
-from calstation.gui.state import AppContext
+from calstation.gui.state import Page
 from calstation.gui.text import duration_text, say, term
 from calstation.gui.widgets import (
     Choice,
     Column,
     EmptyState,
     JobRow,
-    JobWatch,
-    NoticeBar,
     ParameterModel,
     ParameterTable,
     align_columns,
@@ -116,12 +114,18 @@ class AllanView(QWidget):
 
     closed = Signal()
 
-    def __init__(self, app: AppContext, notice: NoticeBar) -> None:
+    def __init__(self, page: Page) -> None:
         super().__init__()
-        self._app, self._notice = app, notice
+        self._app, self._notice = page.app, page.notice
         self.found: AllanDeviation | None = None
         self._cells: dict[str, dict[str, str]] = {}
-        self.watch, self.saving = JobWatch(self, self._show), JobWatch(self, self._saved)
+        close = self.closed.emit
+        self.watch = page.job(
+            allan_deviation, self._show, failure="logs.no_allan_deviation", failed=lambda _: close(), cancelled=close
+        )
+        self.saving = page.job(
+            save_noise, self._saved, failure="logs.values_not_saved", then=self.setFocus, cancellable=False
+        )
         self._plots = AllanPlot("gyro"), AllanPlot("accel")
         self._about = label(wrap=True, name="allan_label")
         hint = label("logs.about_missing_noise", "muted", wrap=True)
@@ -140,17 +144,15 @@ class AllanView(QWidget):
         )
         self._stack = stack(content, self._working)
         column(self._stack, on=self, margins=(theme.GRID, 0, 0, 0))
-        self.watch.cancelled.connect(self.closed)
         self.saving.busy_changed.connect(self._update)
-        app.role.changed.connect(lambda _: self._update())
-        app.engine_link.running_changed.connect(lambda _: self._update())
-        notice.report_failures(self.saving, "logs.values_not_saved", self.setFocus)
+        self._app.role.changed.connect(lambda _: self._update())
+        self._app.engine_link.running_changed.connect(lambda _: self._update())
         theme.on_appearance_change(self, self._refresh)
 
     def compute(self, path: Path, first_seq: int, last_seq: int) -> None:
         """Compute the Allan deviations of a range of a log."""
         self._stack.setCurrentWidget(self._working)
-        self.watch.watch(self._app.job_queue.submit(allan_deviation, path, first_seq, last_seq))
+        self.watch.start(path, first_seq, last_seq)
 
     def _make_table(self) -> ParameterTable:
         def cell(heading: str, key: str, number: bool = True) -> Column:
@@ -248,8 +250,7 @@ class AllanView(QWidget):
         assert found.profile is not None
         author = str(self._app.settings.value("author", "")).strip() or computer_user() or "engineer"
         source = f"Allan deviation of {found.serial}, {found.seconds:.0f} s"
-        job = self._app.job_queue.submit(save_noise, found.profile, values, source, author, cancellable=False)
-        self.saving.watch(job)
+        self.saving.start(found.profile, values, source, author)
 
     def _saved(self, version: Version) -> None:
         self._app.product_changed.emit()

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from calstation.gui.state import FileExport
 from calstation.gui.text import say
-from calstation.gui.widgets import FileExport
 from calstation.records import LOG_SUFFIXES
 from calstation.results import Result, export_log, export_result
 from calstation.results.plots import LogIndex

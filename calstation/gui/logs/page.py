@@ -26,9 +26,7 @@ from calstation.gui.widgets import (
     EmptyState,
     JobRow,
     JobStack,
-    JobWatch,
     MissingState,
-    NoticeBar,
     button,
     column,
     enable,
@@ -51,8 +49,7 @@ class OfflinePage(Page):
     """Shows a log, the selected range, and its solution."""
 
     def __init__(self, app: AppContext) -> None:
-        super().__init__(app)
-        self.setObjectName("offline_page")
+        super().__init__(app, "offline")
         self.setAcceptDrops(True)
         self.log: LogIndex | None = None
         self.solved: Resolved | None = None
@@ -64,12 +61,13 @@ class OfflinePage(Page):
         self._opened = 0
         self._pointed: int | None = None
         self._wanted: Wanted | None = None
-        self.reader = JobWatch(self, self._show_log, self._close, self._close)
-        self.solver, self._sampler = JobWatch(self, self._show_solved), JobWatch(self, self._show_samples)
-        self.rest_finder = JobWatch(self, lambda found: self.range.choose(*found))
+        close = self._close
+        self.reader = self.job(log_index, self._show_log, failure="logs.log_not_opened", failed=close, cancelled=close)
+        self.solver = self.job(offline_solve, self._show_solved, failure="logs.range_not_solved")
+        self._sampler = self.job(samples, self._show_samples)
+        self.rest_finder = self.job(longest_rest, lambda rest: self.range.choose(*rest), failure="logs.no_rest_found")
         self.methods, self.source = MethodBar(), SourceBar(app.settings, self._latest_runs)
-        self.notice = NoticeBar("offline_notice")
-        self.exports = Exports(app.job_queue, self, self.notice, lambda: self.plot.setFocus())
+        self.exports = Exports(self)
         self._panels: dict[str, MethodPanel] = {}
         self._build()
         self._connect()
@@ -96,7 +94,7 @@ class OfflinePage(Page):
         self.source.show_path(path.absolute())
         self._opened += 1
         self._stack.setCurrentWidget(self._reading)
-        self.reader.watch(self.app.job_queue.submit(log_index, path.absolute(), self._index_folder))
+        self.reader.start(path.absolute(), self._index_folder)
 
     def solve(self, *states: EffectName) -> None:
         """Solve the selected range and stages with these states added to the model of the log."""
@@ -105,8 +103,7 @@ class OfflinePage(Page):
         self.notice.dismiss()
         self._started_with = self._selection
         stages = self.stages.chosen if self.stages.chosen != self.stages.in_range else None  # None: as in the run
-        job = self.app.job_queue.submit(offline_solve, self.log.path, stages, *self.range.range, self.log.spans, states)
-        self.solver.watch(job)
+        self.solver.start(self.log.path, stages, *self.range.range, self.log.spans, states)
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         """Accept a file that may be a log."""
@@ -136,6 +133,7 @@ class OfflinePage(Page):
 
     def _build_open(self) -> QSplitter:
         self.plot, self.range = LogPlot(), RangeBar()
+        self.setFocusProxy(self.plot)
         self.head = LogHead(self.plot, self.range)
         self._pointer = label(kind="muted", name="pointer_label")
         self._pointer.setFixedHeight(2 * theme.GRID + 4)
@@ -150,7 +148,7 @@ class OfflinePage(Page):
         self.result_button = button("export_result_button", "logs.export_result", self._export_result)
         self.log_button = button("export_log_button", pressed=self._export_log)
         self.allan_button = button("allan_button", "logs.allan_deviation", self._show_allan)
-        self.allan = AllanView(self.app, self.notice)
+        self.allan = AllanView(self)
         left, right = QWidget(), QWidget()
         column(self.head, (self.plot, 1), self._pointer, self.range, on=left, margins=(0, 0, theme.GRID, 0))
         self.missing = MissingState(self.solver, "offline_add_state_button")
@@ -172,14 +170,8 @@ class OfflinePage(Page):
         self.missing.wanted.connect(self._add_state)
         self.range.rest_wanted.connect(self._find_rest)
         self.allan.closed.connect(self._hide_allan)
-        for watch in (self.reader, self.solver, self.exports.watch, self.rest_finder, self.allan.watch):
-            watch.busy_changed.connect(self._update)
-        self.notice.report_failures(self.rest_finder, "logs.no_rest_found", self.plot.setFocus)
-        self.allan.watch.failed.connect(self._hide_allan)
-        self.notice.report_failures(self.allan.watch, "logs.no_allan_deviation", self.plot.setFocus)
+        self.busy_changed.connect(self._update)
         self.exports.watch.busy_changed.connect(self.notice.dismiss)
-        self.notice.report_failures(self.reader, "logs.log_not_opened", self.plot.setFocus)
-        self.notice.report_failures(self.solver, "logs.range_not_solved", self.plot.setFocus)
         shortcut = QShortcut(QKeySequence.StandardKey.Open, self, self.source.browse)
         shortcut.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
 
@@ -269,7 +261,7 @@ class OfflinePage(Page):
     def _find_rest(self) -> None:
         if self.log is not None:
             self.notice.dismiss()
-            self.rest_finder.watch(self.app.job_queue.submit(longest_rest, self.log.path))
+            self.rest_finder.start(self.log.path)
 
     def _show_allan(self) -> None:
         if self.log is not None:
@@ -291,8 +283,7 @@ class OfflinePage(Page):
         log = self.log
         if log is not None and not self._sampler.busy:
             self._wanted = wanted
-            rows = wanted.start, wanted.stop, wanted.count
-            self._sampler.watch(self.app.job_queue.submit(samples, log.path, log.folder, log.scale, *rows))
+            self._sampler.start(log.path, log.folder, log.scale, wanted.start, wanted.stop, wanted.count)
 
     def _show_samples(self, columns: Columns) -> None:
         if self._wanted is not None:

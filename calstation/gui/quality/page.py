@@ -23,8 +23,6 @@ from calstation.gui.widgets import (
     EmptyState,
     JobRow,
     JobStack,
-    JobWatch,
-    NoticeBar,
     ViewTabs,
     column,
     combo_box,
@@ -33,7 +31,6 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
-from calstation.jobs import Job
 from calstation.messages import Text
 from calstation.quality import LEAST_VALUES, QualitySummary, StationQuality, station_quality, summarise_quality
 from calstation.records import RunFilter
@@ -52,13 +49,14 @@ class QualityPage(Page):
     """Shows statistics of the runs in the runs folder."""
 
     def __init__(self, app: AppContext) -> None:
-        super().__init__(app)
-        self.setObjectName("quality_page")
+        super().__init__(app, "quality")
         self._summary: QualitySummary | None = None
         self._outdated: set[QWidget] = set()  #: Views that do not show the summary yet.
-        self._refresher = JobWatch(self, self._refreshed)
-        self._watch, self._station_watch = JobWatch(self, self._show), JobWatch(self, self._show_station)
-        self.notice = NoticeBar("quality_notice")
+        unread = "common.runs_not_read"
+        self._refresher = self.job(refresh_history, self._refreshed, failure=unread)
+        self._watch = self.job(summarise_quality, self._show, failure=unread)
+        self._station_watch = self.job(station_quality, self._show_station, failure=unread)
+        self._fetcher = self.job(fetch_result, app.open_run.emit, failure="common.result_not_opened")
         self.product, self.unit, self.period = (
             self._combo("product"),
             self._combo("unit"),
@@ -69,7 +67,7 @@ class QualityPage(Page):
         self.count_label = label(kind="muted", name="quality_count_label")
         self.count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.control, self.capability, self.yields = ControlView(), CapabilityView(), YieldView()
-        self.study = StudyView(app, self.product.currentData)
+        self.study = StudyView(self, self.product.currentData)
         self.standards = StandardsView()
         self._views: tuple[QWidget, ...] = (self.control, self.capability, self.yields, self.standards, self.study)
         self.tabs = ViewTabs(
@@ -77,6 +75,7 @@ class QualityPage(Page):
             *("quality.control_charts", "quality.capability", "quality.yield"),
             *("quality.check_standards", "quality.repeatability"),
         )
+        self.setFocusProxy(self.tabs)
         self._empty = EmptyState()
         self._stack = stack(self._empty, *self._views)
         self._lay_out()
@@ -86,20 +85,11 @@ class QualityPage(Page):
             combo.currentIndexChanged.connect(lambda _: self.read())
         for view in (self.control, self.standards):
             view.run_wanted.connect(self._open_run)
-        self._fetcher = JobWatch(self, app.open_run.emit)
-        self.notice.report_failures(self._fetcher, "common.result_not_opened", self.tabs.setFocus)
-        for watch in (self._refresher, self._watch, self._station_watch):
-            self.notice.report_failures(watch, "common.runs_not_read", self.tabs.setFocus)
         app.engine_link.event.connect(self._follow)
         app.runs_folder_changed.connect(self._refresh_visible)
         for changed in (app.station_changed, app.product_changed):
             changed.connect(lambda: self._offer_products(app.product_path))
         on_language_change(self, self._show_texts)
-
-    @property
-    def busy(self) -> bool:
-        """Whether the runs are being read."""
-        return any(watch.busy for watch in (self._refresher, self._watch, self._station_watch, self.study.watch))
 
     def read(self) -> None:
         """Read the selected runs from the index, and show them."""
@@ -109,30 +99,16 @@ class QualityPage(Page):
             return
         days = self.period.currentData()
         since = None if days is None else datetime.now(UTC) - timedelta(days=days)
-        job = self.app.job_queue.submit(
-            summarise_quality,
-            folder,
-            product,
-            self.unit.currentData() or None,
-            since=since,
-            relative=self.shown_as.currentData(),
-        )
-        self._replace(self._watch, job)
+        unit, relative = self.unit.currentData() or None, self.shown_as.currentData()
+        self._watch.start(folder, product, unit, since=since, relative=relative)
 
     def _read_all(self) -> None:
         """Read the selected runs, then the data independent of this selection: the station, and an open study."""
         self.read()
         folder, product = self.app.runs_folder, self.product.currentData()
         if folder.is_dir() and product is not None:
-            job = self.app.job_queue.submit(station_quality, folder, self.app.station_path, product)
-            self._replace(self._station_watch, job)
+            self._station_watch.start(folder, self.app.station_path, product)
         self.study.read()
-
-    def _replace(self, watch: JobWatch, job: Job) -> None:
-        """Watch a job instead of the previous one, which need not be started any more."""
-        if watch.job is not None and watch.job.state == "waiting":
-            watch.job.cancel()
-        watch.watch(job)
 
     def showEvent(self, event: QShowEvent) -> None:
         """Offer the products, which may have changed, and read the runs."""
@@ -199,7 +175,7 @@ class QualityPage(Page):
         if self.isVisible():
             self._read_all()
             if self.app.runs_folder.is_dir():
-                self._refresher.watch(self.app.job_queue.submit(refresh_history, self.app.runs_folder))
+                self._refresher.start(self.app.runs_folder)
 
     def _refreshed(self, changed: int) -> None:
         if changed:
@@ -257,7 +233,7 @@ class QualityPage(Page):
             return
         for run in History(self.app.runs_folder).runs(RunFilter(names=(name,))):
             if run.origin:
-                self._fetcher.watch(self.app.job_queue.submit(fetch_result, self.app.station_path, run))
+                self._fetcher.start(self.app.station_path, run)
 
     def _show_texts(self) -> None:
         self.shown_as.setItemData(1, say("quality.about_deviations"), Qt.ItemDataRole.ToolTipRole)

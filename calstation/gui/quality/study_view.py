@@ -12,13 +12,12 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLineEdit, QSpinBox, QWidg
 
 from calstation.config import load_product
 from calstation.errors import CalstationError
-from calstation.gui.state import AppContext
+from calstation.gui.state import Page
 from calstation.gui.text import bind, on_language_change, parameter_text, say
 from calstation.gui.widgets import (
     CellTable,
     Column,
     EmptyState,
-    JobWatch,
     StateBadge,
     ask_file,
     button,
@@ -43,13 +42,13 @@ _FIELDS = ("units", "operators", "stations")
 class StudyView(QWidget):
     """Makes and opens plans of studies, and shows their evaluation; `product` is the product of new plans."""
 
-    def __init__(self, app: AppContext, product: Callable[[], Path | None]) -> None:
+    def __init__(self, page: Page, product: Callable[[], Path | None]) -> None:
         super().__init__()
-        self._app = app
+        self._app = page.app
         self._path: Path | None = None
         self._state: StudyState | None = None
         self._error: CalstationError | None = None
-        self.watch = JobWatch(self, self._show, self._show_error)
+        self._job = page.job(evaluate_study, self._show, failed=self._show_error)
         self._quantity = QComboBox()
         self._quantity.setObjectName("study_quantity_combo")
         self._quantity.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
@@ -88,8 +87,7 @@ class StudyView(QWidget):
     def read(self) -> None:
         """Evaluate the plan again from the runs."""
         if self._path is not None and self._app.runs_folder.is_dir():
-            work = evaluate_study, self._app.runs_folder, self._path, None
-            self.watch.watch(self._app.job_queue.submit(*work))
+            self._job.start(self._app.runs_folder, self._path, None)
 
     def _build_tables(self) -> None:
         text = self.order.column

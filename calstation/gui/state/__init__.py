@@ -3,9 +3,10 @@
 Widgets that know nothing of runs belong in `calstation.gui.widgets`.
 """
 
-from calstation.gui.state.context import AppContext, Page
+from calstation.gui.state.context import AppContext
 from calstation.gui.state.end_stage import EndStageButton
 from calstation.gui.state.exchange_label import ExchangeLabel
+from calstation.gui.state.page import FileExport, JobView, Page
 from calstation.gui.state.people_panel import PeoplePanel
 from calstation.gui.state.release_bar import ReleaseBar
 from calstation.gui.state.reset_bar import ResetBar

@@ -1,11 +1,11 @@
-"""The shared state of all pages of a window, and their base class."""
+"""The shared state of all pages of a window."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QObject, QSettings, Signal
-from PySide6.QtWidgets import QWidget
 
 from calstation.config import library
 from calstation.database import ExchangeState
@@ -13,7 +13,7 @@ from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.state.role import RoleLock
 from calstation.gui.state.run_status import RunStatus
 from calstation.gui.text import language
-from calstation.gui.widgets import theme
+from calstation.gui.widgets import JobWatch, Slot, theme
 from calstation.jobs import JobQueue
 
 
@@ -63,6 +63,26 @@ class AppContext(QObject):
         #: Operators by serial number of the units claimed by the exchange.
         self.claimed: Mapping[str, str | None] = {}
         self.runs_folder = runs_folder or Path(str(self.settings.value("runs_folder", "runs")))
+
+    def job(
+        self,
+        owner: QObject,
+        work: Callable[..., object] | None,
+        done: Slot = None,
+        *,
+        failed: Slot = None,
+        cancelled: Slot = None,
+        cancellable: bool = True,
+    ) -> JobWatch:
+        """Return a watch whose `start` calls `work` with its arguments in the background, see `JobQueue.submit`.
+
+        The slots are called on the window's thread until `owner` is destroyed. Without `work`, it is the first
+        argument of `start`.
+        """
+        submit = partial(self.job_queue.submit, cancellable=cancellable)
+        if work is not None:
+            submit = partial(submit, work)
+        return JobWatch(owner, done, failed, cancelled, submit)
 
     def set_station(self, path: Path | None) -> None:
         """Use another station file."""
@@ -114,21 +134,3 @@ class AppContext(QObject):
         """Return the station file last chosen on the station page, or None if it no longer exists."""
         name = str(self.settings.value("station", ""))
         return library.find("stations", name) if name in library.names("stations") else None
-
-
-class Page(QWidget):
-    """A page of the window.
-
-    The main window draws a strip at the top of every page, with STOP at its right end. `header` is shown on the left
-    of the strip; if it is None, the strip shows the progress of the run.
-    """
-
-    header: QWidget | None = None
-
-    def __init__(self, app: AppContext) -> None:
-        super().__init__()
-        self.app = app
-
-    def may_leave(self, go: Callable[[], object]) -> bool:
-        """Return whether the page may be left; a page may return False and call `go` after a confirmation."""
-        return True

@@ -9,7 +9,7 @@ from calstation.errors import CalstationError
 from calstation.gui.state.context import AppContext
 from calstation.gui.state.people_panel import PeoplePanel
 from calstation.gui.text import say
-from calstation.gui.widgets import JobWatch, button, column, label, show_text
+from calstation.gui.widgets import button, column, label, show_text
 from calstation.messages import Text
 from calstation.results import Result, override_required, override_result
 
@@ -22,8 +22,8 @@ class ReleaseBar(QWidget):
         self._app = app
         self._path: Path | None = None
         self._serial = ""
-        self._opening = JobWatch(self, self._open, self._refuse)
-        self._releasing = JobWatch(self, self._done, self._refuse)
+        self._opening = app.job(self, override_required, self._open, failed=self._refuse)
+        self._releasing = app.job(self, override_result, self._done, failed=self._refuse, cancellable=False)
         self._panel = PeoplePanel(name)
         self.asking = self._panel.asking
         self._error = label(kind="error", name=f"{name}_error_label", wrap=True)
@@ -45,7 +45,7 @@ class ReleaseBar(QWidget):
 
     def _ask(self) -> None:
         show_text(self._error, "")
-        self._opening.watch(self._app.job_queue.submit(override_required, self._path))
+        self._opening.start(self._path)
 
     def _open(self, required: ConfirmationRequired) -> None:
         by = (self._app.badge if required.badge else self._app.operator or computer_user()) or ""
@@ -55,8 +55,7 @@ class ReleaseBar(QWidget):
     def _release(self, reason: str, first: Person, second: Person | None) -> None:
         show_text(self._error, "")
         if not self._releasing.busy:
-            job = self._app.job_queue.submit(override_result, self._path, reason, first, second, cancellable=False)
-            self._releasing.watch(job)
+            self._releasing.start(self._path, reason, first, second)
 
     def _done(self, _: object) -> None:
         self._panel.hide()

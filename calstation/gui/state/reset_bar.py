@@ -9,7 +9,7 @@ from calstation.connection import LinkTestRequest, TableReset, reset_table
 from calstation.errors import CalstationError
 from calstation.gui.state.context import AppContext
 from calstation.gui.text import on_language_change, say, term
-from calstation.gui.widgets import JobWatch, StateIcon, button, column, enable, label, row, show_text
+from calstation.gui.widgets import StateIcon, button, column, enable, label, row, show_text
 
 
 class ResetBar(QWidget):
@@ -31,7 +31,14 @@ class ResetBar(QWidget):
         self.button = button(name, "window.reset_fault", self._start)
         self.button.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
         self._icon, self.result_label = StateIcon(18), label(name=f"{name}_result", wrap=True)
-        self.watch = JobWatch(self, self._finish, lambda error: self._finish(error=error), self._finish)
+        self.watch = app.job(
+            self,
+            reset_table,
+            self._finish,
+            failed=lambda error: self._finish(error=error),
+            cancelled=self._finish,
+            cancellable=False,
+        )
         column(self.button, row(self._icon, (self.result_label, 1)), on=self)
         app.engine_link.running_changed.connect(self._running_changed)
         on_language_change(self, self._show)
@@ -55,7 +62,7 @@ class ResetBar(QWidget):
             return
         if order is None or self._app.engine_link.running or self.watch.busy:
             return
-        self.watch.watch(self._app.job_queue.submit(reset_table, order, cancellable=False))
+        self.watch.start(order)
         self._show()
         self.changed.emit()
 

@@ -14,7 +14,6 @@ from calstation.gui.widgets.badge import (
 from calstation.gui.widgets.checks_table import ChecksTable
 from calstation.gui.widgets.comparison_table import Compared, ComparisonTable
 from calstation.gui.widgets.drawing import VIEWER, Drawing, basis, circle, depth, screen
-from calstation.gui.widgets.exports import FileExport
 from calstation.gui.widgets.files import ask_file
 from calstation.gui.widgets.form import FormField, FormValues, NameBar, choices_of, make_input, problem_text
 from calstation.gui.widgets.inputs import (
@@ -28,7 +27,7 @@ from calstation.gui.widgets.inputs import (
     WordEdit,
     typed_number,
 )
-from calstation.gui.widgets.jobs import JobRow, JobStack, JobWatch
+from calstation.gui.widgets.jobs import JobRow, JobStack, JobWatch, Slot
 from calstation.gui.widgets.layout import (
     PANEL,
     STEPS,

@@ -1,6 +1,7 @@
 """Polls background jobs with a timer, and shows their progress in a row with a Cancel button."""
 
 from collections.abc import Callable
+from typing import Any
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtWidgets import QStackedWidget, QWidget
@@ -23,6 +24,8 @@ Slot = Callable[..., object] | None
 class JobWatch(QObject):
     """Polls one job at a time; `done`, `failed` and `cancelled` are slots for the signals of the same names.
 
+    `submit` queues the job of `start`; a newer job replaces the previous one, whose result is then ignored.
+
     Signals: `busy_changed()` when a job begins and after it has ended; `progress(fraction, remaining)` with the
     remaining seconds or None; `done(result)`; `failed(error)` with a `CalstationError`; `cancelled()`.
     """
@@ -34,9 +37,15 @@ class JobWatch(QObject):
     cancelled = Signal()
 
     def __init__(
-        self, parent: QObject | None = None, done: Slot = None, failed: Slot = None, cancelled: Slot = None
+        self,
+        parent: QObject | None = None,
+        done: Slot = None,
+        failed: Slot = None,
+        cancelled: Slot = None,
+        submit: Callable[..., Job] | None = None,
     ) -> None:
         super().__init__(parent)
+        self._submit = submit
         for signal, slot in ((self.done, done), (self.failed, failed), (self.cancelled, cancelled)):
             if slot is not None:
                 signal.connect(slot)
@@ -49,8 +58,16 @@ class JobWatch(QObject):
         """Whether a job is being polled."""
         return self.job is not None
 
+    def start(self, *args: Any, **kwargs: Any) -> None:
+        """Submit a job with these arguments, and poll it instead of the previous one."""
+        if self._submit is None:
+            raise TypeError("this watch has no work")
+        self.watch(self._submit(*args, **kwargs))
+
     def watch(self, job: Job) -> None:
-        """Poll `job` instead of the previous one."""
+        """Poll `job` instead of the previous one, which is dropped if it still waits and may be cancelled."""
+        if self.job is not None and self.job.cancellable and self.job.state == "waiting":
+            self.job.cancel()
         self.job = job
         self._timer.start()
         self.busy_changed.emit()

@@ -10,7 +10,7 @@ from calstation.gui.logs.methods.kinds import CROSS_CALIBRATION, GIMBAL, MULTI_P
 from calstation.gui.logs.methods.pair_live import PairLiveView
 from calstation.gui.logs.methods.pair_view import PairCheckView, PairResidualsView
 from calstation.gui.logs.methods.positions_view import PositionsView
-from calstation.gui.state import AppContext
+from calstation.gui.state import JobView
 from calstation.gui.text import Words, duration_text, on_language_change, say
 from calstation.gui.widgets import (
     ChecksTable,
@@ -31,15 +31,15 @@ from calstation.results.plots import GimbalPlotData, MethodAnswer, PairPlotData,
 class AnswerViews(QWidget):
     """Shows the guidance, the method's own views, and the views common to all methods: parameters and checks."""
 
-    def __init__(self, app: AppContext, stage: str, export_button: QPushButton) -> None:
+    def __init__(self, panel: JobView, stage: str, export_button: QPushButton) -> None:
         super().__init__()
         self._answered = False
         self.positions = PositionsView() if stage == MULTI_POSITION else None
-        self.applied = AppliedView(app) if stage == MULTI_POSITION else None
+        self.applied = AppliedView(panel) if stage == MULTI_POSITION else None
         self.gimbal = GimbalView() if stage == GIMBAL else None
         self.check = PairCheckView() if stage == CROSS_CALIBRATION else None
         self.residuals = PairResidualsView() if stage == CROSS_CALIBRATION else None
-        self.live = PairLiveView(app) if stage == CROSS_CALIBRATION else None
+        self.live = PairLiveView(panel.app) if stage == CROSS_CALIBRATION else None
         self.table, self.checks = AnswerTable(), ChecksTable()
         self.tabs, self._head = ViewTabs(f"{stage}_tabs"), _AnswerHead()
         self._stack: QStackedWidget = stack()

@@ -1,21 +1,21 @@
 """View of a solution applied to a recording or to live data: force and rate over time, before and after."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from PySide6.QtCore import Qt, QTime, Signal
+from PySide6.QtCore import Qt, QTime
 from PySide6.QtWidgets import QWidget
 
 from calstation.connection import SECONDS, OtherUnit, apply_to_unit
 from calstation.gui.logs.methods.plots import Figure, MethodPlot, three_digits
 from calstation.gui.logs.source_bar import ask_log
-from calstation.gui.state import AppContext
+from calstation.gui.state import JobView
 from calstation.gui.text import say
 from calstation.gui.widgets import (
     ElidedLabel,
     EmptyState,
     JobRow,
-    JobWatch,
     button,
     column,
     enable,
@@ -25,7 +25,6 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
-from calstation.jobs import Job
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray
 from calstation.results.plots import Applied, MethodAnswer, apply_to_recording, before_and_found
 
@@ -33,19 +32,16 @@ from calstation.results.plots import Applied, MethodAnswer, apply_to_recording, 
 class AppliedView(QWidget):
     """Applies a solution to its own recording; the user may then select another recording or the connected unit."""
 
-    #: Emitted when a job starts; earlier notices are then out of date.
-    began = Signal()
-
-    def __init__(self, app: AppContext) -> None:
+    def __init__(self, panel: JobView) -> None:
         super().__init__()
-        self._app = app
+        self._panel, self._app = panel, panel.app
         #: The solution shown, and the one that the running job applies.
         self._answer: MethodAnswer | None = None
         self._applying: MethodAnswer | None = None
         self.applied: Applied | None = None
         self._other: OtherUnit | None = None
         self._received = ""
-        self.watch = JobWatch(self, self._done)
+        self.watch = panel.job(None, self._done, failure="logs.answer_not_applied")
         self.force_figure, self.rate_figure = Figure(), Figure()
         self.choose_button = button("apply_button", "logs.apply_to_recording_button", self._choose)
         self.unit_button = button("apply_unit_button", "logs.apply_to_unit", self._apply_to_unit)
@@ -66,7 +62,7 @@ class AppliedView(QWidget):
         parts = figures, self.name_label, self.unit_label, (self._stack, 1)
         column(*parts, on=self, margins=(0, theme.GRID, 0, 0))
         self.watch.busy_changed.connect(self._update)
-        app.engine_link.running_changed.connect(self._update)
+        self._app.engine_link.running_changed.connect(self._update)
         theme.on_appearance_change(self, self._refresh)
 
     def show_answer(self, answer: MethodAnswer) -> None:
@@ -80,20 +76,19 @@ class AppliedView(QWidget):
         """Apply the solution to a recording, and show the data before and after."""
         if self._answer is not None and not self._at_device:
             files = path, self._answer.recording.registers
-            self._begin(self._app.job_queue.submit(apply_to_recording, *files, *self._vectors(self._answer)))
+            self._begin(apply_to_recording, *files, *self._vectors(self._answer))
 
     def _apply_to_unit(self) -> None:
         """Apply the solution to some seconds of the unit's live data, and show the data before and after."""
         if self._answer is None or self._at_device or self._app.engine_link.running:
             return
         files = self._answer.recording.path, self._app.station_path, self._app.product_path
-        vectors = self._vectors(self._answer)
-        self._begin(self._app.job_queue.submit(apply_to_unit, *files, *vectors, cancellable=False))
+        self._begin(apply_to_unit, *files, *self._vectors(self._answer), cancellable=False)
 
-    def _begin(self, job: Job) -> None:
+    def _begin(self, work: Callable[..., object], *args: object, cancellable: bool = True) -> None:
         self._applying = self._answer
-        self.began.emit()
-        self.watch.watch(job)
+        self._panel.notice.dismiss()
+        self.watch.start(work, *args, cancellable=cancellable)
 
     @property
     def _at_device(self) -> bool:

@@ -10,35 +10,32 @@ from calstation.gui.logs.exports import Exports
 from calstation.gui.logs.methods.answer_views import AnswerViews
 from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
 from calstation.gui.logs.source_bar import SourceBar
-from calstation.gui.state import AppContext
+from calstation.gui.state import AppContext, JobView
 from calstation.gui.text import bind, on_language_change, say
-from calstation.gui.widgets import JobRow, JobStack, JobWatch, NoticeBar, button, column, combo_box, enable, label, row
+from calstation.gui.widgets import JobRow, JobStack, button, column, combo_box, enable, label, row
 from calstation.results import check_pair, progress_from_note
 from calstation.results.plots import MethodAnswer, solve_method
 from calstation.simulation import record_on_bench, recordings_folder
 
 
-class MethodPanel(QWidget):
+class MethodPanel(JobView):
     """Opens, makes, solves and exports a recording, and shows its solution."""
 
-    #: Emitted when a job on a recording begins and after it has ended.
-    busy_changed = Signal()
-
     def __init__(self, app: AppContext, stage: str, source: SourceBar) -> None:
-        super().__init__()
-        self.app, self.stage, self.source = app, stage, source
+        super().__init__(app, stage)
+        self.stage, self.source = stage, source
         self.path: Path | None = None
         self.answer: MethodAnswer | None = None
-        self.maker, self.solver = JobWatch(self, self.open), JobWatch(self, self._solved)
-        self.checker = JobWatch(self, None, self._show_progress, self._show_progress)
-        self.notice, self.bench = NoticeBar(f"{stage}_notice"), BenchBox(stage)
-        self.exports = Exports(app.job_queue, self, self.notice, self.setFocus)
-        self._watches = self.maker, self.solver, self.checker, self.exports.watch
+        self.maker = self.job(record_on_bench, self.open, failure="logs.no_recording")
+        self.solver = self.job(solve_method, self._solved, failure="logs.no_answer")
+        show = self._show_progress
+        self.checker = self.job(check_pair, failure="logs.pair_not_checked", failed=show, cancelled=show)
+        self.bench, self.exports = BenchBox(stage), Exports(self)
         self.solve_button = button(f"{stage}_solve_button", "logs.solve", self.solve, kind="primary")
         self.live_button = button("guide_live_button", "logs.guide_live", self._guide_live)
         self.live_button.setVisible(stage == MULTI_POSITION)
         self.export_button = button(f"{stage}_export_button", "logs.export_result", self._export)
-        self.answers = AnswerViews(app, stage, self.export_button)
+        self.answers = AnswerViews(self, stage, self.export_button)
         idle = QWidget()
         row(self.bench, None, self.live_button, self.solve_button, on=idle)
         jobs = JobStack(
@@ -55,7 +52,7 @@ class MethodPanel(QWidget):
     @property
     def busy(self) -> bool:
         """Whether a job on a recording is running."""
-        return any(watch.busy for watch in self._watches)
+        return any(job.busy for job in (self.maker, self.solver, self.checker, self.exports.watch))
 
     def open(self, path: Path) -> None:
         """Select a recording and solve it; an earlier solution is discarded."""
@@ -79,19 +76,19 @@ class MethodPanel(QWidget):
         if not self.busy:
             self._discard()
             path = recordings_folder() / f"{self.stage}-{grade}-{seed}.h5"
-            self.maker.watch(self.app.job_queue.submit(record_on_bench, RECORDED_AS[self.stage], path, grade, seed))
+            self.maker.start(RECORDED_AS[self.stage], path, grade, seed)
 
     def solve(self) -> None:
         """Solve the recording."""
         if not self.busy and self.path is not None:
             self._discard()
-            self.solver.watch(self.app.job_queue.submit(solve_method, self.path, self.stage))
+            self.solver.start(self.path, self.stage)
 
     def _check(self) -> None:
         """Replay the recording: check the IMUs, calibrate if out of tolerance, and store the results."""
         if not self.busy and self.path is not None:
             self.notice.dismiss()
-            self.checker.watch(self.app.job_queue.submit(check_pair, self.path))
+            self.checker.start(self.path)
 
     def _guide_live(self) -> None:
         """Open the operator page with the product for manual calibration."""
@@ -106,15 +103,7 @@ class MethodPanel(QWidget):
 
     def _connect(self) -> None:
         self.bench.wanted.connect(self.make)
-        for watch in self._watches:
-            watch.busy_changed.connect(self._update)
-            watch.busy_changed.connect(self.busy_changed)
-        self.notice.report_failures(self.maker, "logs.no_recording", self.setFocus)
-        self.notice.report_failures(self.solver, "logs.no_answer", self.setFocus)
-        self.notice.report_failures(self.checker, "logs.pair_not_checked", self.setFocus)
-        if self.answers.applied is not None:
-            self.answers.applied.began.connect(self.notice.dismiss)
-            self.notice.report_failures(self.answers.applied.watch, "logs.answer_not_applied", self.setFocus)
+        self.busy_changed.connect(self._update)
         if self.answers.check is not None:
             self.answers.check.check_wanted.connect(self._check)
             self.checker.progress.connect(self._show_progress)
