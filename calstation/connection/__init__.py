@@ -5,7 +5,7 @@ Protocols are implemented in `devices`, motion in `sequencer`.
 
 from calstation.connection.capture import Capture, import_capture
 from calstation.connection.compatibility import incompatibilities, station_conflicts
-from calstation.connection.devices import BenchDevices, Devices, Endpoints, RealClock, connected
+from calstation.connection.devices import Devices, Endpoints, RealClock, StationBench, connected
 from calstation.connection.imu_session import ImuSession, capture_rest, open_imu_session
 from calstation.connection.line_server import LineServer
 from calstation.connection.link_test import (
@@ -16,7 +16,7 @@ from calstation.connection.link_test import (
     discover_ports,
     link_test_configuration,
 )
-from calstation.connection.live_imu import SECONDS, OtherUnit, RecordedUnits, apply_to_unit, read_unit
+from calstation.connection.live_imu import SECONDS, OtherUnit, apply_to_unit, read_unit
 from calstation.connection.live_pair import LivePair, open_pair
 from calstation.connection.pair_process import PairProcess, PairStatus
 from calstation.connection.table_reset import TableReset, TableState, read_table, reset_table

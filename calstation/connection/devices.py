@@ -5,9 +5,10 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Protocol
 
-from calstation.config import PairConfiguration, RunConfiguration, load_bench
+from calstation.config import BenchSettings, PairConfiguration, RunConfiguration, load_bench
 from calstation.connection.identify import LinkSettings, identify
 from calstation.connection.port_lock import lock_ports
 from calstation.devices.imu import StreamedImu
@@ -75,21 +76,16 @@ class Endpoints:
         return self.imus[0]
 
 
-class BenchDevices(Protocol):
-    """The virtual bench of a station, see `load_bench`; it runs while a context is open.
-
-    Both methods raise DeviceFaultError if it does not start; `check_cancelled` is called while it starts and may raise.
-    """
+class StationBench(BenchSettings, Protocol):
+    """The virtual bench of a station, see `load_bench`."""
 
     def open(
-        self, setups: tuple[RunConfiguration, ...], check_cancelled: Callable[[], None]
+        self, units: tuple[RunConfiguration, ...] | PairConfiguration, check_cancelled: Callable[[], None]
     ) -> AbstractContextManager[Endpoints]:
-        """Start the bench with the table and these units, and return the context of their ports."""
+        """Start the bench, which runs while the context is open, and give its ports; see `endpoints`."""
 
-    def open_pair(
-        self, setup: PairConfiguration, check_cancelled: Callable[[], None]
-    ) -> AbstractContextManager[Endpoints]:
-        """Start the bench with these IMUs on one body, and return the context of their ports."""
+    def with_recorded_unit(self, recording: Path, setup: RunConfiguration) -> RunConfiguration:
+        """Return the configuration with the unit of a recording in the fixture. Raises InputError."""
 
 
 @contextmanager
@@ -103,7 +99,7 @@ def connected(
     """
     setup = setups[0]
     with ExitStack() as stack:
-        at = stack.enter_context(batch_endpoints(setups, check_cancelled))
+        at = stack.enter_context(endpoints(setups, check_cancelled))
         check_cancelled()
         table: RegisterTable | TextTable | ManualTable | None = None
         if not _shared(setup) and not setup.table.by_hand:
@@ -152,52 +148,35 @@ def _answering(
     return imus, failed
 
 
-@contextmanager
-def endpoints(setup: RunConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Endpoints]:
-    """Lock and yield a station's ports for one unit, like `batch_endpoints`."""
-    with batch_endpoints((setup,), check_cancelled) as at:
-        yield at
+def endpoints(
+    units: tuple[RunConfiguration, ...] | PairConfiguration, check_cancelled: Callable[[], None] = lambda: None
+) -> AbstractContextManager[Endpoints]:
+    """Return the context of the ports of units on one table, or of IMUs on one body without a table.
 
-
-@contextmanager
-def batch_endpoints(
-    setups: tuple[RunConfiguration, ...], check_cancelled: Callable[[], None] = lambda: None
-) -> Iterator[Endpoints]:
-    """Lock and yield a station's ports, or yield the ports of a virtual bench, which runs while the context is open.
-
-    Raises DeviceFaultError if another program uses a port or the bench does not start, ConfigurationError for a
-    `port_conflict`; `check_cancelled` is called while the bench starts and may raise.
+    Ports of hardware are locked while the context is open. Raises DeviceFaultError if another program uses a port or a
+    virtual bench does not start, ConfigurationError for a `port_conflict`; `check_cancelled` is called while the bench
+    starts and may raise.
     """
-    setup = setups[0]
-    if setup.station.bench is not None:
-        bench: BenchDevices = load_bench()
-        with bench.open(setups, check_cancelled) as at:
-            yield at
-        return
-    table, imus = setup.station.table.port, tuple(unit.station.imu.port or "" for unit in setups)
-    for imu in imus:
-        if table is None or setup.table.by_hand:
-            break
-        conflict = port_conflict(setup.table, table, imu)
+    if isinstance(units, PairConfiguration):
+        setups, table = units.units, None
+    else:
+        setups, table = units, units[0].station.table.port
+    if setups[0].station.bench is not None:
+        bench: StationBench = load_bench()
+        return bench.open(units, check_cancelled)
+    return _locked_ports(setups, table)
+
+
+@contextmanager
+def _locked_ports(setups: tuple[RunConfiguration, ...], table: str | None) -> Iterator[Endpoints]:
+    profile, imus = setups[0].table, tuple(unit.station.imu.port or "" for unit in setups)
+    for imu in imus if table is not None and not profile.by_hand else ():
+        conflict = port_conflict(profile, table or "", imu)
         if conflict is not None:
             raise ConfigurationError(conflict.code, **conflict.values)
     _check_apart(imus)
     with lock_ports(port for port in (table, *imus) if port):
         yield Endpoints(table or "", imus, RealClock())
-
-
-@contextmanager
-def imu_endpoints(setup: PairConfiguration, check_cancelled: Callable[[], None]) -> Iterator[Endpoints]:
-    """Lock and yield the ports of the IMUs on one body, like `endpoints`; no table is opened."""
-    if setup.primary.station.bench is not None:
-        bench: BenchDevices = load_bench()
-        with bench.open_pair(setup, check_cancelled) as at:
-            yield at
-        return
-    ports = tuple(unit.station.imu.port or "" for unit in setup.units)
-    _check_apart(ports)
-    with lock_ports(ports):
-        yield Endpoints("", ports, RealClock())
 
 
 def _check_apart(ports: tuple[str, ...]) -> None:

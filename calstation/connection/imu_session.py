@@ -33,7 +33,7 @@ def open_imu_session(
     progress: ProgressCallback, setup: RunConfiguration, check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[ImuSession]:
     """Open and identify the IMU alone, and close it on exit. Raises DeviceFaultError, ConfigurationError."""
-    with endpoints(setup, check_cancelled) as at:
+    with endpoints((setup,), check_cancelled) as at:
         progress(0.1)
         with closing(open_imu(setup, at.imu)) as imu:
             at.clock.attach(lambda: {0: imu.received})

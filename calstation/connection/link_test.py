@@ -113,7 +113,7 @@ def link_test_configuration(request: LinkTestRequest) -> RunConfiguration:
 def open_endpoints(progress: ProgressCallback, setup: RunConfiguration) -> AbstractContextManager[Endpoints]:
     """Return the context of the station's ports; a virtual bench takes a few seconds to start."""
     progress(0.0, note="starting_bench" if setup.station.bench is not None else "opening")
-    return endpoints(setup)
+    return endpoints((setup,))
 
 
 def _found_on_table_port(

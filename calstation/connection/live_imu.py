@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
-from calstation.config import RunConfiguration, RunRequest, load_bench, load_configuration
+from calstation.config import RunRequest, load_bench, load_configuration
+from calstation.connection.devices import StationBench
 from calstation.connection.imu_session import open_imu_session, read_contiguous
 from calstation.devices import SampleBatch
 from calstation.errors import DeviceFaultError
@@ -25,13 +25,6 @@ class OtherUnit:
     """Result if the fixture contains a different unit with this serial number; the solution was not applied."""
 
     serial: str
-
-
-class RecordedUnits(Protocol):
-    """The virtual bench of a station, see `load_bench`."""
-
-    def with_recorded_unit(self, recording: Path, setup: RunConfiguration) -> RunConfiguration:
-        """Return the configuration with the unit of a recording in the fixture. Raises InputError."""
 
 
 def apply_to_unit(
@@ -67,7 +60,7 @@ def read_unit(
     """
     setup = load_configuration(RunRequest(serial, station, product))
     if setup.station.bench is not None and recording is not None:
-        bench: RecordedUnits = load_bench()
+        bench: StationBench = load_bench()
         setup = bench.with_recorded_unit(recording, setup)
     meta = setup.log_meta()
     count = round(seconds * meta.imu.sample_rate_hz)

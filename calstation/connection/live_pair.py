@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from calstation.config import PairConfiguration, RunConfiguration
-from calstation.connection.devices import imu_endpoints, open_imu
+from calstation.connection.devices import endpoints, open_imu
 from calstation.devices import OtherModelError, SampleBatch
 from calstation.devices.profiles import StatusSection
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, StoppedError
@@ -193,7 +193,7 @@ def open_pair(
     `folder` contains the stored calibrations of pairs. Raises DeviceFaultError or ConfigurationError.
     """
     with ExitStack() as stack:
-        at = stack.enter_context(imu_endpoints(setup, check_cancelled))
+        at = stack.enter_context(endpoints(setup, check_cancelled))
         units = []
         for unit, port in zip(setup.units, at.imus, strict=True):
             check_cancelled()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from calstation.config import load_bench
 
@@ -35,17 +35,9 @@ class RunHooks:
         """Process the run's log, which is open and empty."""
 
 
-class BenchRuns(Protocol):
-    """The virtual bench of a station, see `load_bench`."""
-
-    @property
-    def hooks(self) -> type[RunHooks]:
-        """Hooks of a run on the bench."""
-
-
 def station_hooks(station: StationConfig) -> RunHooks:
     """Return the hooks of a run at a station: those of its virtual bench, or hooks that do nothing on hardware."""
     if station.bench is None:
         return RunHooks()
-    bench: BenchRuns = load_bench()
-    return bench.hooks()
+    hooks: type[RunHooks] = load_bench().hooks
+    return hooks()

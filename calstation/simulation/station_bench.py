@@ -3,35 +3,32 @@
 `BENCH` is loaded by `calstation.config.load_bench` for a station with a section `[bench]`, and for no other.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from calstation.bench import BenchClock, BenchConfig, BenchHost
 from calstation.config import (
     VIRTUAL_UNIT,
-    BenchSettings,
     PairConfiguration,
     RunConfiguration,
     RunRequest,
     library,
     load_configuration,
 )
-from calstation.connection import BenchDevices, Endpoints, RecordedUnits
+from calstation.connection import Endpoints, StationBench
 from calstation.errors import ConfigurationError
 from calstation.physics import NAMES
 from calstation.records import ImuSection, open_log, read_truth
-from calstation.runs import BenchRuns
 from calstation.schema import validate
-from calstation.simulation.bench_settings import DEFAULT_SEED, Settings, bench_config, bench_settings, pair_bench_config
+from calstation.simulation.bench_settings import DEFAULT_SEED, bench_config, bench_settings, pair_bench_config
 from calstation.simulation.hooks import BenchHooks
 
 
-class StationBench(BenchSettings, BenchDevices, RecordedUnits, BenchRuns):
+class VirtualBench(StationBench):
     """The virtual bench of any station with a section `[bench]`."""
 
     model = BenchConfig
@@ -46,18 +43,22 @@ class StationBench(BenchSettings, BenchDevices, RecordedUnits, BenchRuns):
         return int(bench_settings(setup).get("seed", DEFAULT_SEED))
 
     @contextmanager
-    def open(self, setups: tuple[RunConfiguration, ...], check_cancelled: Callable[[], None]) -> Iterator[Endpoints]:
-        """Start the bench with the table and these units; yield their ports. Raises DeviceFaultError."""
-        with _running(bench_config(*setups), check_cancelled) as (ports, clock):
+    def open(
+        self, units: tuple[RunConfiguration, ...] | PairConfiguration, check_cancelled: Callable[[], None]
+    ) -> Iterator[Endpoints]:
+        """Start the bench with these units; yield their ports. Raises DeviceFaultError."""
+        if isinstance(units, PairConfiguration):
+            config, setups = pair_bench_config(units), units.units
+        else:
+            config, setups = bench_config(*units), units
+        with closing(BenchHost.start(config, check_cancelled)) as bench:
+            ports = bench.endpoints
+            host, _, port = ports["clock"].rpartition(":")
             over_tcp = ports["table_transport"] == "tcp" and setups[0].table.protocol != "imu_link"
             table = f"tcp://{ports['table']}" if over_tcp else ports["table"]
-            yield Endpoints(table, _imu_ports(ports, len(setups)), clock)
-
-    @contextmanager
-    def open_pair(self, setup: PairConfiguration, check_cancelled: Callable[[], None]) -> Iterator[Endpoints]:
-        """Start the bench with these IMUs on one body; yield their ports. Raises DeviceFaultError."""
-        with _running(pair_bench_config(setup), check_cancelled) as (ports, clock):
-            yield Endpoints("", _imu_ports(ports, len(setup.units)), clock)
+            imus = (ports["imu"], *(ports[f"imu{number}"] for number in range(2, len(setups) + 1)))
+            with closing(BenchClock((host, int(port)), float(config.get("speed", 0.0)))) as clock:
+                yield Endpoints(table, imus, clock)
 
     def with_recorded_unit(self, recording: Path, setup: RunConfiguration) -> RunConfiguration:
         """Return the configuration with the unit of a recording in the fixture. Raises InputError.
@@ -81,20 +82,7 @@ class StationBench(BenchSettings, BenchDevices, RecordedUnits, BenchRuns):
         return setup
 
 
-BENCH = StationBench()
-
-
-@contextmanager
-def _running(config: Settings, check_cancelled: Callable[[], None]) -> Iterator[tuple[Mapping[str, Any], BenchClock]]:
-    """Start a bench; yield its ports and its clock."""
-    with closing(BenchHost.start(config, check_cancelled)) as bench:
-        host, _, port = bench.endpoints["clock"].rpartition(":")
-        with closing(BenchClock((host, int(port)), float(config.get("speed", 0.0)))) as clock:
-            yield bench.endpoints, clock
-
-
-def _imu_ports(ports: Mapping[str, Any], count: int) -> tuple[str, ...]:
-    return (ports["imu"], *(ports[f"imu{number}"] for number in range(2, count + 1)))
+BENCH = VirtualBench()
 
 
 def _product_like(imu: ImuSection, request: RunRequest) -> Path | None:

@@ -125,7 +125,7 @@ def test_two_slots_on_one_port_are_refused(tmp_path: Path) -> None:
     station = validate(StationConfig, {**STATION, "table": table, "slots": slots}, "station")
     units = tuple(link_test_configuration(LinkTestRequest(station, slot=name)) for name in "AB")
     assert [unit.station.imu.port for unit in units] == [str(device), str(link)]
-    with raises_code(ConfigurationError, "connection.same_imu_port"), devices.batch_endpoints(units):
+    with raises_code(ConfigurationError, "connection.same_imu_port"), devices.endpoints(units):
         raise AssertionError("never opened")
 
 

@@ -64,7 +64,7 @@ def test_incorrectly_shared_or_separate_ports_are_reported(
     site_folder: SiteFolder, profile: str, table: str, imu: str, code: str
 ) -> None:
     setup = hardware(site_folder, profile, table, imu)
-    with raises_code(ConfigurationError, code), endpoints(setup):
+    with raises_code(ConfigurationError, code), endpoints((setup,)):
         raise AssertionError("never opened")
 
 
@@ -74,16 +74,16 @@ def test_two_names_of_one_port_count_as_one_port(site_folder: SiteFolder) -> Non
     link.symlink_to(device)
     with (
         raises_code(ConfigurationError, "connection.same_port"),
-        endpoints(hardware(site_folder, "mn_ascii", str(device), str(link))),
+        endpoints((hardware(site_folder, "mn_ascii", str(device), str(link)),)),
     ):
         raise AssertionError("never opened")
 
 
 def test_imu_with_its_own_axes_shares_one_port(site_folder: SiteFolder) -> None:
-    with endpoints(hardware(site_folder, "indexing_unit", "/dev/ttyNONE7", "/dev/ttyNONE7")) as at:
+    with endpoints((hardware(site_folder, "indexing_unit", "/dev/ttyNONE7", "/dev/ttyNONE7"),)) as at:
         assert at.table == at.imu == "/dev/ttyNONE7"
 
 
 def test_different_ports_do_not_conflict(site_folder: SiteFolder, tmp_path: Path) -> None:
-    with endpoints(hardware(site_folder, "bench", "tcp://127.0.0.1:502", "/dev/ttyNONE7")) as at:
+    with endpoints((hardware(site_folder, "bench", "tcp://127.0.0.1:502", "/dev/ttyNONE7"),)) as at:
         assert at.imu == "/dev/ttyNONE7"

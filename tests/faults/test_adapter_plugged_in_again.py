@@ -27,7 +27,7 @@ ADAPTER = "A9XYZ"
 def names(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Port names that the adapter has had; the station identifies it only by its serial number."""
     had: list[str] = []
-    endpoints = wiring.batch_endpoints
+    endpoints = wiring.endpoints
 
     def ports() -> list[SimpleNamespace]:
         about = {"description": "UART", "manufacturer": "FTDI", "location": "1-2", "serial_number": ADAPTER}
@@ -42,7 +42,7 @@ def names(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             yield replace(at, imus=(f"usb:{ADAPTER}",))
 
     monkeypatch.setattr(list_ports, "comports", ports)
-    monkeypatch.setattr(wiring, "batch_endpoints", by_adapter)
+    monkeypatch.setattr(wiring, "endpoints", by_adapter)
     return had
 
 
