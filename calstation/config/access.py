@@ -93,8 +93,8 @@ def _check(pin: str, badge: str) -> bool:
     stored = _load(badge)
     if _wait(stored) > 0.0:
         return False
-    found = _hash(pin, bytes.fromhex(stored.salt), stored.n, stored.r, stored.p)
-    right = hmac.compare_digest(found, bytes.fromhex(stored.hash))
+    digest = _hash(pin, bytes.fromhex(stored.salt), stored.n, stored.r, stored.p)
+    right = hmac.compare_digest(digest, bytes.fromhex(stored.hash))
     if right and stored.failures:
         _store(stored.model_copy(update={"failures": 0, "failed_at": 0.0}), badge)
     elif not right:
@@ -111,8 +111,8 @@ def _wait(stored: _Stored) -> float:
     if stored.failures <= _FREE_FAILURES:
         return 0.0
     delay = min(2.0 ** min(stored.failures - _FREE_FAILURES - 1, 30), _LONGEST_DELAY)
-    left = stored.failed_at + delay - time.time()
-    return min(max(0.0, left), delay)  # a clock that was set back causes at most one delay
+    remaining = stored.failed_at + delay - time.time()
+    return min(max(0.0, remaining), delay)  # a clock that was set back causes at most one delay
 
 
 def _hash(pin: str, salt: bytes, n: int, r: int, p: int) -> bytes:

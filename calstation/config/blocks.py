@@ -80,9 +80,9 @@ def replace_header(text: str, path: KeyPath, header: str, first: Mapping[str, An
             continue
         number = next(i for i, line in enumerate(block.lines) if line.lstrip().startswith("["))
         key, below = header.strip("[]"), block.path[len(path) :]
-        own = f"[{'.'.join((key, *map(str, below)))}]" if below else header
+        replacement = f"[{'.'.join((key, *map(str, below)))}]" if below else header
         values = () if below or not first else (tomlkit.dumps(first),)
-        written = re.sub(r"\[+[^\]]*\]+", own, block.lines[number], count=1)
+        written = re.sub(r"\[+[^\]]*\]+", replacement, block.lines[number], count=1)
         lines += (*block.lines[:number], *_ended((written,)), *values, *block.lines[number + 1 :])
     return "".join(lines)
 
@@ -126,10 +126,10 @@ def _blocks(text: str) -> list[_Block]:
             blocks.append(_Block(None, tuple(lines[start:header])))  # the only comment refers to all of them
             start = header
         last = n + 1 == len(paths) or paths[n + 1][0] != path[0]
-        own = _own_end(lines, header, end) if last else end
-        blocks.append(_Block(path, tuple(lines[start:own])))
-        if own < end:
-            blocks.append(_Block(None, tuple(lines[own:end])))
+        table_end = _own_end(lines, header, end) if last else end
+        blocks.append(_Block(path, tuple(lines[start:table_end])))
+        if table_end < end:
+            blocks.append(_Block(None, tuple(lines[table_end:end])))
     return blocks
 
 

@@ -38,10 +38,10 @@ def fonts_folder() -> Path:
 
 def names(kind: str) -> list[str]:
     """Return the sorted names of all files of a kind, both the site's and the shipped ones."""
-    found: set[str] = set()
+    stems: set[str] = set()
     for folder in (site_folder(), shipped_folder()):
-        found.update(path.stem for path in (folder / kind).glob("*.toml"))
-    return sorted(found)
+        stems.update(path.stem for path in (folder / kind).glob("*.toml"))
+    return sorted(stems)
 
 
 def find(kind: str, name: str) -> Path:

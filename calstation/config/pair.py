@@ -39,8 +39,8 @@ class PairConfiguration:
         plain = primary.log_meta(registers=registers).model_dump()
         plain["schedule"] = {STAGE: self.schedule}
         for number, (unit, serial) in enumerate(zip(self.secondaries, serials[1:], strict=True), 2):
-            own = replace(unit, request=replace(unit.request, serial=serial)).log_meta()
-            plain[f"imu{number}"] = own.imu.model_dump()
+            unit_meta = replace(unit, request=replace(unit.request, serial=serial)).log_meta()
+            plain[f"imu{number}"] = unit_meta.imu.model_dump()
         return validate(LogMeta, plain, "configuration of the watch")
 
 
@@ -57,9 +57,9 @@ def load_pair_configuration(request: RunRequest) -> PairConfiguration:
         for number, section in station.secondaries.items():
             name = section.profile or primary.product.imu
             imu = load_imu_profile(library.find("imus", name))
-            rate, wanted = imu.stream.sample_rate_hz, primary.imu.stream.sample_rate_hz
-            if rate != wanted:
-                raise EntryError("station.imu_rates", f"imu{number}", "profile", rate=rate, primary=wanted)
+            rate, primary_rate = imu.stream.sample_rate_hz, primary.imu.stream.sample_rate_hz
+            if rate != primary_rate:
+                raise EntryError("station.imu_rates", f"imu{number}", "profile", rate=rate, primary=primary_rate)
             serial = section.serial_number or ("" if station.bench is None else f"{request.serial}-{number}")
             units.append(
                 replace(

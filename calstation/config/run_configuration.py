@@ -139,7 +139,7 @@ class RunConfiguration:
         prior mean is zero. A run begins now unless `started` is given; `attempt` is its number among the unit's runs,
         from 1.
         """
-        held, levers = dict(registers or {}), self._levers()
+        current, levers = dict(registers or {}), self._levers()
         sigmas = {name: PARAMETERS[INDEX[name]].prior_sigma for name in levers} | self.imu.prior_sigmas()
         started = (started or datetime.now(UTC)).astimezone(UTC)
         bench: BenchSettings | None = None if self.station.bench is None else load_bench()
@@ -149,7 +149,7 @@ class RunConfiguration:
             table=_section(TableSection, self.table, self.table.accuracy, **self._orientation()),
             model=ModelSection(states=self.imu.states) if self.imu.states else None,
             prior={
-                name: PriorSection(value=levers.get(name, self._prior_mean(held.get(name, 0.0), sigma)), sigma=sigma)
+                name: PriorSection(value=levers.get(name, self._prior_mean(current.get(name, 0.0), sigma)), sigma=sigma)
                 for name, sigma in sigmas.items()
             },
             product=self._product_section(levers),
@@ -172,7 +172,7 @@ class RunConfiguration:
             instruments=self.station.instruments,
             schedule={stage: s.model_dump(mode="json") for stage, s in self.schedules.items()},
             profiles={kind: source.text for kind, source in self.sources.items()},
-            registers=held if self.after_registers else {},
+            registers=current if self.after_registers else {},
         )
 
     def _orientation(self) -> dict[str, str]:
@@ -205,13 +205,13 @@ class RunConfiguration:
         """Return the maximum sigma of each estimated parameter, SI, after the last stage that estimates it."""
         context, limits = self.solve_context(), self.product.limits
         last = {name: stage for stage in self.stages for name in method(stage).estimates(context) if name in INDEX}
-        found = {}
+        sigmas_by_name = {}
         for name, stage in last.items():
             limit = entry_of(limits, name)
             sigma = limit.sigma_limit(stage) if limit is not None else None
             if sigma is not None:
-                found[name] = sigma
-        return found
+                sigmas_by_name[name] = sigma
+        return sigmas_by_name
 
     def plan(self, stage: str) -> Iterator[Step]:
         """Return the steps of a stage."""
@@ -232,8 +232,8 @@ def _with_limits(setup: RunConfiguration, schedule: BaseModel) -> BaseModel:
     limits = any_unit.sigma_limits()
     margin = getattr(schedule, "margin", 1.0)
     wanted = np.array([margin * limits.get(name, np.inf) for name in NAMES])
-    left = without_gravity(wanted, any_unit.solve_context().site.relative_gravity_sigma)
-    targets = {name: float(sigma) for name, sigma in zip(NAMES, left, strict=True) if np.isfinite(sigma)}
+    remaining = without_gravity(wanted, any_unit.solve_context().site.relative_gravity_sigma)
+    targets = {name: float(sigma) for name, sigma in zip(NAMES, remaining, strict=True) if np.isfinite(sigma)}
     return schedule.model_copy(update={"targets": targets})
 
 
@@ -246,8 +246,8 @@ def unit_files(station: StationConfig, product: Path | None) -> tuple[Path, Prod
     slot = station.imu if isinstance(station.imu, SlotSection) else None
     if slot is not None and slot.product is not None:
         product = library.find("products", slot.product)
-    path, found = load_product(product)
-    return path, found, library.find("imus", found.imu if slot is None or slot.imu is None else slot.imu)
+    path, content = load_product(product)
+    return path, content, library.find("imus", content.imu if slot is None or slot.imu is None else slot.imu)
 
 
 #: Function that changes a configuration before it is checked, for example for fault injection.
@@ -382,14 +382,14 @@ def _check_baud(setup: RunConfiguration) -> None:
 def compatible_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
     """Return name and file of each product that the station can calibrate, starting with those with the same IMU."""
     try:
-        wanted = load_configuration(RunRequest("-", station, instead_of)).product.imu
+        imu = load_configuration(RunRequest("-", station, instead_of)).product.imu
     except ConfigurationError:
-        wanted = None
-    found = []
+        imu = None
+    products = []
     for name in library.names("products"):
         path = library.find("products", name)
         with suppress(ConfigurationError):
             setup = load_configuration(RunRequest("-", station, path))
             check_station(setup)
-            found.append((wanted not in (None, setup.product.imu), name, path))
-    return [(name, path) for _, name, path in sorted(found)]
+            products.append((imu not in (None, setup.product.imu), name, path))
+    return [(name, path) for _, name, path in sorted(products)]

@@ -68,10 +68,10 @@ def check_site(meta: LogMeta) -> None:
 def check_gravity_sigma(meta: LogMeta, limits: Mapping[str, float]) -> None:
     """Check that the largest permitted sigmas, by parameter, are achievable with this gravity. Raises EntryError."""
     for name, limit in limits.items():
-        found = gravity_beyond(meta, name, limit)
-        if found is not None:
+        excess = gravity_beyond(meta, name, limit)
+        if excess is not None:
             entry = "gravity_mps2" if meta.site.gravity_mps2 is None else "gravity_sigma_mps2"
-            raise EntryError("site.gravity_uncertain", "site", entry, parameter=name, **found)
+            raise EntryError("site.gravity_uncertain", "site", entry, parameter=name, **excess)
 
 
 def gravity_beyond(meta: LogMeta, parameter: str, limit: float) -> dict[str, float] | None:
@@ -119,15 +119,15 @@ def site_advice(
     ``gravity_off`` contains the resulting error `ppm` of the accelerometer scale factors and `normal` gravity in m/s²,
     ``null_island`` means zero latitude and longitude, ``azimuth_hopeless`` an unknown azimuth near a pole.
     """
-    found: list[Finding] = []
+    warnings: list[Finding] = []
     expected = normal_gravity_at(latitude_deg, height_m)
     if expected is not None and isinstance(gravity_mps2, float | int):
         off = gravity_mps2 / expected - 1.0
         if abs(off) > ANOMALY:
             values: dict[str, Value] = {"ppm": off * 1e6, "percent": off * 1e2, "normal": expected}
-            found.append(Finding("gravity_off", "warning", values))
+            warnings.append(Finding("gravity_off", "warning", values))
     if latitude_deg == 0 and longitude_deg == 0:
-        found.append(Finding("null_island", "warning"))
+        warnings.append(Finding("null_island", "warning"))
     if azimuth_deg is None and isinstance(latitude_deg, float | int) and 90.0 >= abs(latitude_deg) > _NEAR_POLE:
-        found.append(Finding("azimuth_hopeless", "warning", {"latitude": float(latitude_deg)}))
-    return tuple(found)
+        warnings.append(Finding("azimuth_hopeless", "warning", {"latitude": float(latitude_deg)}))
+    return tuple(warnings)

@@ -167,9 +167,9 @@ def _check_units(station: StationConfig) -> None:
 
 
 def _check_unique(entry: str, values: Sequence[str | None]) -> None:
-    for number, found in enumerate(values):
-        if found is not None and found in values[:number]:
-            raise EntryError("station.slot_twice", "slots", number, entry, value=found)
+    for number, value in enumerate(values):
+        if value is not None and value in values[:number]:
+            raise EntryError("station.slot_twice", "slots", number, entry, value=value)
 
 
 def at_slot(station: StationConfig, name: str | None) -> StationConfig:

@@ -44,14 +44,14 @@ def list_versions(kind: str, name: str) -> tuple[Version, ...]:
 def text(kind: str, name: str, number: int) -> str:
     """Return the text of a version. Raises ConfigurationError if it is missing or was changed."""
     path = _folder(kind, name) / f"{number:04d}.toml"
-    found = next((version for version in list_versions(kind, name) if version.number == number), None)
+    stored = next((version for version in list_versions(kind, name) if version.number == number), None)
     try:
         content = path.read_bytes().decode()
     except OSError as exc:
         raise ConfigurationError("versions.unreadable", file=path, reason=os_reason(exc)) from exc
     except UnicodeDecodeError as exc:
         raise ConfigurationError("versions.changed", file=path) from exc
-    if found is None or sha256(content) != found.sha256:
+    if stored is None or sha256(content) != stored.sha256:
         raise ConfigurationError("versions.changed", file=path)
     return content
 

@@ -29,6 +29,13 @@ from calstation.messages import Finding
 from calstation.schema import KeyPath, Problem, validate
 from procedures import method
 
+#: Finding by the code of the error of a station with another rig than the product needs.
+_RIGS = {
+    "product.needs_manual_table": "needs_hands",
+    "plan.needs_gimbal": "needs_gimbal",
+    "product.needs_table": "needs_drive_not_gimbal",
+}
+
 
 def incompatibilities(setup: RunConfiguration) -> Iterator[Finding]:
     """Yield the reasons why a stage of the product cannot run. Raises ConfigurationError if a schedule is invalid."""
@@ -41,13 +48,8 @@ def incompatibilities(setup: RunConfiguration) -> Iterator[Finding]:
     try:
         check_manual_rig(setup)
     except ManualRigError as error:
-        if error.code == "product.needs_manual_table":
-            id_ = "needs_hands"
-        elif error.code == "plan.needs_gimbal":
-            id_ = "needs_gimbal"
-        else:
-            id_ = "needs_drive_not_gimbal" if error.code == "product.needs_table" else "needs_drive"
-        yield Finding(id_, "warning", {"rig": setup.table.name, "product": product.name})
+        rig = {"rig": setup.table.name, "product": product.name}
+        yield Finding(_RIGS.get(error.code, "needs_drive"), "warning", rig)
     blind = needs_surveyed_gravity(setup.log_meta())
     contradiction = gravity_contradiction(site)
     if contradiction is not None:
@@ -82,9 +84,9 @@ def _port_problems(station: StationConfig) -> Iterator[Problem]:
         profile = load_table_profile(library.find("tables", station.table.profile))
     except ConfigurationError:  # reported for the profile's own file
         return
-    for place, imu in links.items():
+    for entry, imu in links.items():
         if table is None or imu is None or profile.by_hand:
             continue
         conflict = port_conflict(profile, table, imu)
         if conflict is not None:
-            yield Problem((*place, "port"), "value_error", conflict)
+            yield Problem((*entry, "port"), "value_error", conflict)

@@ -184,8 +184,8 @@ def listen(link: SerialLink, seconds: float) -> bytes:
     """Return the bytes received within `seconds` of host time. Raises PortLostError."""
     received = b""
     end = time.monotonic() + seconds
-    while (left := end - time.monotonic()) > 0:
-        received += link.read(min(left, _READ_INTERVAL))
+    while (remaining := end - time.monotonic()) > 0:
+        received += link.read(min(remaining, _READ_INTERVAL))
     return received
 
 

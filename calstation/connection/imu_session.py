@@ -51,9 +51,9 @@ def capture_rest(session: ImuSession, setup: RunConfiguration, check_cancelled: 
     output = corrected_output(setup)
     if output is not Output.ASKED:
         return replace(raw, corrected=output is Output.ALWAYS)
-    own = _rest(session, setup, check_cancelled, corrected=True)
+    corrected_rest = _rest(session, setup, check_cancelled, corrected=True)
     session.imu.start()
-    return VerificationData((own,), REST, corrected=True, reference=raw)
+    return VerificationData((corrected_rest,), REST, corrected=True, reference=raw)
 
 
 def _rest(

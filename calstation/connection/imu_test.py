@@ -181,16 +181,16 @@ def diagnose_text(frame: FrameSection, received: bytes) -> Finding | None:
     lines = [line for line in received.split(tail)[1:-1] if line]
     if not lines or not is_text(b"".join(lines)):
         return None
-    own = [line for line in lines if line.startswith(frame.sync_bytes)]
-    if not own:
+    samples = [line for line in lines if line.startswith(frame.sync_bytes)]
+    if not samples:
         return Finding("line_sync", "error", {"sync": frame.sync, "line": _shown(lines[-1])})
     kind = TextFrame(frame)
-    for line in own:
+    for line in samples:
         packet = line + tail
-        found = _wrong_check(frame, kind, packet) or _wrong_column(frame, kind, packet)
-        if found is None:
+        problem = _wrong_check(frame, kind, packet) or _wrong_column(frame, kind, packet)
+        if problem is None:
             return None
-    return found
+    return problem
 
 
 def _wrong_check(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding | None:

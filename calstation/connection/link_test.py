@@ -65,9 +65,9 @@ def check_table_link(progress: ProgressCallback, request: LinkTestRequest) -> Re
         except (DeviceFaultError, ConfigurationError) as exc:
             return Report("table", (_not_opened(at.table, settings, profile.timeout_s, exc),))
         with closing(table):
-            found = [_opened(at.table), *query_table(table, profile, settings, at.table, progress)]
-        found.extend(_found_on_table_port(setup, at, found, progress))
-    return Report("table", tuple(found))
+            findings = [_opened(at.table), *query_table(table, profile, settings, at.table, progress)]
+        findings.extend(_found_on_table_port(setup, at, findings, progress))
+    return Report("table", tuple(findings))
 
 
 def check_imu_link(progress: ProgressCallback, request: LinkTestRequest) -> Report:
@@ -81,12 +81,12 @@ def check_imu_link(progress: ProgressCallback, request: LinkTestRequest) -> Repo
         except (DeviceFaultError, ConfigurationError) as exc:
             return Report("imu", (_not_opened(at.imu, settings, imu_profile(setup).timeout_s, exc),))
         with closing(imu):
-            found = [_opened(at.imu), *ImuTest(imu, setup, at, settings, progress).findings()]
-        if any(finding.id in ("gravity", "wrong_gravity") for finding in found):
-            found.extend(incompatibilities(setup))
-        found = _with_line_finding(setup, at, found)
-        found.extend(_found_on_imu_port(setup, at, found, progress))
-    return Report("imu", tuple(found))
+            findings = [_opened(at.imu), *ImuTest(imu, setup, at, settings, progress).findings()]
+        if any(finding.id in ("gravity", "wrong_gravity") for finding in findings):
+            findings.extend(incompatibilities(setup))
+        findings = _with_line_finding(setup, at, findings)
+        findings.extend(_found_on_imu_port(setup, at, findings, progress))
+    return Report("imu", tuple(findings))
 
 
 def discover_ports(progress: ProgressCallback) -> tuple[FoundPort, ...]:
@@ -117,10 +117,10 @@ def open_endpoints(progress: ProgressCallback, setup: RunConfiguration) -> Abstr
 
 
 def _found_on_table_port(
-    setup: RunConfiguration, at: Endpoints, found: list[Finding], progress: ProgressCallback
+    setup: RunConfiguration, at: Endpoints, findings: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
     """Yield a finding if another device replies on the table's port."""
-    link, ids = link_settings(setup, at), {finding.id for finding in found}
+    link, ids = link_settings(setup, at), {finding.id for finding in findings}
     if ids & _MAYBE_IMU:
         progress(0.6, note="listening_around")
         if link.two_lines and imu_on_table_port(link):
@@ -130,7 +130,7 @@ def _found_on_table_port(
     def tried(share: float) -> None:
         progress(0.6 + 0.4 * share, note="trying_units")
 
-    refused = next((finding.values["code"] for finding in found if finding.id == "exception"), None)
+    refused = next((finding.values["code"] for finding in findings if finding.id == "exception"), None)
     if ids & {"silent_rtu", "silent_tcp"} or refused in OTHER_NUMBER:
         other = find_unit_number(link, tried)
         if other is not None:
@@ -153,10 +153,10 @@ def _units(units: list[FoundUnit]) -> Finding:
 
 
 def _found_on_imu_port(
-    setup: RunConfiguration, at: Endpoints, found: list[Finding], progress: ProgressCallback
+    setup: RunConfiguration, at: Endpoints, findings: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
     """Yield a finding if the table replies on the IMU's port, or if the IMU streams at another baud rate."""
-    link, ids = link_settings(setup, at), {finding.id for finding in found}
+    link, ids = link_settings(setup, at), {finding.id for finding in findings}
     if ids & {"silent", "no_frames"} and link.two_lines and not setup.table.by_hand:
         progress(0.4, note="listening_around")
         if table_on_imu_port(link):
@@ -166,17 +166,17 @@ def _found_on_imu_port(
         yield from find_baud_rate(at.imu, link.imu_serial, link.imu, progress)
 
 
-def _with_line_finding(setup: RunConfiguration, at: Endpoints, found: list[Finding]) -> list[Finding]:
+def _with_line_finding(setup: RunConfiguration, at: Endpoints, findings: list[Finding]) -> list[Finding]:
     """Replace a general finding by a specific one about a received line, for a text protocol."""
-    index = next((i for i, finding in enumerate(found) if finding.id in _ABOUT_LINES), None)
+    index = next((i for i, finding in enumerate(findings) if finding.id in _ABOUT_LINES), None)
     if index is None or setup.imu.frame.format != "text":
-        return found
+        return findings
     try:
         with closing(SerialLink(at.imu, imu_settings(setup), "imu")) as link:
             wrong = diagnose_text(setup.imu.frame, listen(link, LISTEN))
     except CalstationError:
-        return found
-    return found if wrong is None else [*found[:index], wrong, *found[index + 1 :]]
+        return findings
+    return findings if wrong is None else [*findings[:index], wrong, *findings[index + 1 :]]
 
 
 def _opened(port: str) -> Finding:
@@ -190,13 +190,13 @@ def _opened(port: str) -> Finding:
 def _not_opened(port: str, settings: SerialSettings, timeout: float, error: CalstationError) -> Finding:
     reason, words = why_not(port, settings, timeout)
     ports = found_ports()
-    found = [p.usb for p in ports if p.usb] if reason == "no_adapter" else [p.device for p in ports]
+    names = [p.usb for p in ports if p.usb] if reason == "no_adapter" else [p.device for p in ports]
     values: dict[str, Value] = {"port": port, "words": words or error.as_text, "seconds": timeout}
-    values["found"] = ", ".join(found)
+    values["found"] = ", ".join(names)
     address = host_and_port(port)
     if address is not None:
         values |= {"host": address[0], "number": address[1]}
     if reason == "bad_settings":
         values |= {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}
-    none_found = reason in ("no_port", "no_adapter") and not found
+    none_found = reason in ("no_port", "no_adapter") and not names
     return Finding(reason, "error", values, f"{reason}_at_all" if none_found else "")

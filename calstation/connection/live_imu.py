@@ -33,7 +33,7 @@ def apply_to_unit(
     station: Path | None,
     product: Path | None,
     before: FloatArray,
-    found: FloatArray,
+    after: FloatArray,
     seconds: float = SECONDS,
 ) -> Applied | OtherUnit:
     """Job: apply the solution of the recording `path` to the output of its unit; see `read_unit`, `ImuOutput.applied`.
@@ -42,7 +42,7 @@ def apply_to_unit(
     """
     progress(0.0)
     output = read_unit(progress, open_log(path).meta.imu.serial, path, station, product, seconds)
-    return output if isinstance(output, OtherUnit) else output.applied(before, found)
+    return output if isinstance(output, OtherUnit) else output.applied(before, after)
 
 
 def read_unit(

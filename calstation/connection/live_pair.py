@@ -165,9 +165,9 @@ class LivePair:
     def _note_alignment(self, time: float, aligned: list[int]) -> None:
         """Report to the session which secondaries were realigned, and which are no longer aligned."""
         watch = self.session.watch
-        for place, secondary in enumerate(self.session.context.secondaries):
-            number, clock = secondary.number, self._aligner.clocks[place]
-            if place in aligned:
+        for index, secondary in enumerate(self.session.context.secondaries):
+            number, clock = secondary.number, self._aligner.clocks[index]
+            if index in aligned:
                 watch.realigned(number, time, float(clock.offset(time)), clock.sigma(time))
             elif not clock.locked and number not in watch.unaligned:
                 watch.lost_alignment(number, time)
@@ -205,8 +205,8 @@ def open_pair(
                 raise ConfigurationError("connection.pair_serial_missing", number=number)
         at.clock.attach(lambda: {place: unit.imu.received for place, unit in enumerate(units)})
         primary = setup.primary.imu
-        held = units[0].imu.read_registers() if primary.registers else {}
-        meta = setup.log_meta(serials, held)
+        registers = units[0].imu.read_registers() if primary.registers else {}
+        meta = setup.log_meta(serials, registers)
         fits = stack.enter_context(ThreadPoolExecutor(1, "fit"))
         session = PairSession(meta, folder, setup.primary.sources["station"].path, fits.submit)
         yield LivePair(session, units, [unit.imu.status for unit in setup.units], at.clock)

@@ -56,15 +56,15 @@ class PairProcess:
 
     def poll(self) -> list[PairStatus | CalstationError]:
         """Return the reports since the last call; an error is the last one."""
-        found: list[PairStatus | CalstationError] = []
+        reports: list[PairStatus | CalstationError] = []
         while not self.ended:
             try:
-                found.append(self._process.take())
+                reports.append(self._process.take())
             except Empty:
                 break
             except EOFError:
                 self.ended = True
-        return found
+        return reports
 
     def send(self, command: WatchCommand) -> None:
         """Request a check or the end of the process; ignored if the process has ended."""

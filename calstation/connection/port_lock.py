@@ -94,7 +94,7 @@ def _devices(port: str) -> Iterator[str]:
         device = os.path.realpath(resolve(port, "imu"))
     except DeviceFaultError:  # reported when the port is opened
         return
-    usb = next((found.usb for found in found_ports() if os.path.realpath(found.device) == device), None)
+    usb = next((adapter.usb for adapter in found_ports() if os.path.realpath(adapter.device) == device), None)
     if usb is not None:
         yield usb  # the device name may be reassigned to another adapter when this one is unplugged
     elif sys.platform == "win32" or Path(device).exists():
@@ -109,11 +109,11 @@ def _addresses(url: str) -> Iterator[str]:
         if host is None or number is None:
             return
         try:
-            found = socket.getaddrinfo(host, number, type=socket.SOCK_STREAM)
+            addresses = socket.getaddrinfo(host, number, type=socket.SOCK_STREAM)
         except OSError:
             yield f"{host}:{number}"
             return
-        for *_, address in found:
+        for *_, address in addresses:
             plain = str(address[0]).partition("%")[0]
             yield f"{'loopback' if ipaddress.ip_address(plain).is_loopback else plain}:{number}"
 

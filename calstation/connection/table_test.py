@@ -117,8 +117,8 @@ def _status(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
     for joint, name in enumerate(JOINTS):
         section = (profile.outer, profile.inner)[joint]
         low, high = np.rad2deg(status.limits.low[joint]), np.rad2deg(status.limits.high[joint])
-        own: dict[str, Value] = {"profile_low": section.low_deg, "profile_high": section.high_deg}
-        values: dict[str, Value] = {"joint": name, "low": float(low), "high": float(high), **own}
+        travel: dict[str, Value] = {"profile_low": section.low_deg, "profile_high": section.high_deg}
+        values: dict[str, Value] = {"joint": name, "low": float(low), "high": float(high), **travel}
         inside = section.low_deg - _TRAVEL_TOLERANCE <= angles[joint] <= section.high_deg + _TRAVEL_TOLERANCE
         if status.homed and not inside:
             yield Finding("outside_travel", "error", {**values, "angle": angles[joint]})

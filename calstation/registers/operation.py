@@ -217,9 +217,9 @@ class _ActiveOperation:
         self.emit(Message(message, {"count": len(done.found), "proof": proof}))
         return self._settled(done.found, Closing.RESTORED if self.restoring else Closing.DONE, proof)
 
-    def _settled(self, found: Mapping[str, float], closing: Closing, proof: str) -> Settled:
+    def _settled(self, values: Mapping[str, float], closing: Closing, proof: str) -> Settled:
         request = self.operation.request
-        unit = unit_registers(self.setup, self.identity, found, request.out)
+        unit = unit_registers(self.setup, self.identity, values, request.out)
         return Settled(request.serial, str(closing), proof, unit.to_json())
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Transfer:
@@ -299,10 +299,10 @@ def _earlier(folder: Path, serial: str, ident: str | None, *, hardware: bool) ->
     if not known:
         code = "transfer.none_known" if hardware else "transfer.none_known_here"
         raise InputError(code, folder=str(folder), serial=serial)
-    found = [transfer_ for transfer_ in known if ident in (None, transfer_.id)]
-    if not found:
+    matching = [transfer_ for transfer_ in known if ident in (None, transfer_.id)]
+    if not matching:
         raise InputError("transfer.unknown_id", folder=str(folder), serial=serial, id=ident)
-    return found[-1]
+    return matching[-1]
 
 
 @contextmanager

@@ -54,9 +54,9 @@ def check_register_map(entry: Transfer, setup: RunConfiguration) -> None:
 
 def check_product(entry: Transfer, setup: RunConfiguration) -> None:
     """Check that a transfer was made with the product, which sets who confirms register writes. Raises InputError."""
-    recorded, own = entry.unit_type.product, setup.product.name
-    if recorded and recorded != own:
-        raise InputError("transfer.other_product", id=entry.id, serial=entry.serial, recorded=recorded, product=own)
+    recorded, product = entry.unit_type.product, setup.product.name
+    if recorded and recorded != product:
+        raise InputError("transfer.other_product", id=entry.id, serial=entry.serial, recorded=recorded, product=product)
 
 
 def check_unit_model(entry: Transfer, model: str) -> None:

@@ -92,24 +92,24 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
     if result.states_added:
         raise InputError("transfer.result_of_trial", states=", ".join(result.states_added))
     setup = load_configuration(request)
-    used, own = result.configuration.get("imu"), setup.sources["imu"].section.name
-    if used is not None and used.name != own:
-        names = {"profile": used.name, "product": setup.product.name, "own": own, "result_product": result.product}
+    used, profile = result.configuration.get("imu"), setup.sources["imu"].section.name
+    if used is not None and used.name != profile:
+        names = {"profile": used.name, "product": setup.product.name, "own": profile, "result_product": result.product}
         raise InputError("transfer.result_other_profile", **names)
     if result.product and result.product != setup.product.name:
         raise InputError("transfer.result_other_product", product=setup.product.name, result_product=result.product)
-    found = {name: parameter.value for name, parameter in result.parameters.items()}
+    estimates = {name: parameter.value for name, parameter in result.parameters.items()}
     registers = result.registers or Registers()
     written = registers.new if registers.verified else None
     if setup.after_registers and not written:
         log = Path(result.log.file)
         if not log.is_file():
             raise InputError("transfer.log_missing", path=str(log))
-        found = compose(open_log(log).meta.registers, found)
+        estimates = compose(open_log(log).meta.registers, estimates)
     progress(0.5)
     entries = setup.register_map
-    named = [name for name in entries.parameters if name in found]
-    complete = dict.fromkeys(entries.parameters, 0.0) | {name: found[name] for name in named}
+    named = [name for name in entries.parameters if name in estimates]
+    complete = dict.fromkeys(entries.parameters, 0.0) | {name: estimates[name] for name in named}
     rounded = written or entries.rounded(complete)
     return TargetRegisters(
         result.serial,

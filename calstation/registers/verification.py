@@ -188,9 +188,9 @@ def verify_output(
     checks: list[VerificationCheck] = []
     if data.reference is not None:
         checks += compare(data, data.reference, registers, context, repeatability)
-    own = {} if data.corrected else registers.held
-    correction = compensation(parameter_vector(own))
-    omega, force = _compensated(np.array(data.rests), {**own, **effects})
+    applied = {} if data.corrected else registers.held
+    correction = compensation(parameter_vector(applied))
+    omega, force = _compensated(np.array(data.rests), {**applied, **effects})
     site, imu, seconds = context.site, context.imu, data.seconds
     gravity = site.local_gravity
     noises = _force_noise(context, seconds), _rate_noise(imu, seconds)
@@ -258,12 +258,12 @@ def compare(
     )
     checks = []
     # The mean of all rests, which comes last, resolves smaller biases.
-    for own, rate, force in (
-        *((own, rate_noise, noise) for own, noise in zip(difference, force_noise, strict=True)),
+    for deviation, rate, force in (
+        *((deviation, rate_noise, noise) for deviation, noise in zip(difference, force_noise, strict=True)),
         (difference.mean(axis=0), rate_noise / count, np.sum(force_noise, axis=0) / count**2),
     ):
-        checks.append(_difference("force_difference", own[3:], force + force_drift, "m/s²"))
-        checks.append(_difference("rate_difference", own[:3], rate + rate_drift, "rad/s"))
+        checks.append(_difference("force_difference", deviation[3:], force + force_drift, "m/s²"))
+        checks.append(_difference("rate_difference", deviation[:3], rate + rate_drift, "rad/s"))
     for own_turn, before in zip(data.turns, reference.turns, strict=True):
         mean = _expected((before.integral / before.seconds)[None], registers)[0]
         there = _net(before, mean[:3] * before.seconds, expected)
@@ -277,8 +277,8 @@ def compare(
 
 def without_register(posterior: Posterior, held: Mapping[str, float]) -> FloatArray:
     """Return the covariance of a posterior, shape (30, 30), increased for parameters without a register in `held`."""
-    left = np.array([0.0 if name in held else value for name, value in zip(NAMES, posterior.mean, strict=True)])
-    return np.asarray(posterior.covariance + np.diag(left**2))
+    unregistered = np.array([0.0 if name in held else value for name, value in zip(NAMES, posterior.mean, strict=True)])
+    return np.asarray(posterior.covariance + np.diag(unregistered**2))
 
 
 def _opposite(force: FloatArray) -> list[int] | None:
@@ -293,9 +293,9 @@ def _earth_rate_up(
 ) -> VerificationCheck:
     """Check the vertical earth rate from two opposite rests, free of gyro bias; detects a wrong latitude."""
     up = force / np.linalg.norm(force, axis=1, keepdims=True)
-    left = up.mean(axis=0)  # bias along this direction does not cancel
+    residual = up.mean(axis=0)  # bias along this direction does not cancel
     biases = group_indices("gyro_bias")
-    bias = float(np.sqrt(max(left @ covariance[np.ix_(biases, biases)] @ left, 0.0)))
+    bias = float(np.sqrt(max(residual @ covariance[np.ix_(biases, biases)] @ residual, 0.0)))
     drift = DRIFT * context.imu.gyro_bias_instability
     scale = float(np.sqrt(np.diag(covariance)[group_indices("gyro_scale")].max()))
     sigma = np.sqrt(bias**2 + noise**2 / 2.0 + drift**2 + (scale * RATE) ** 2)
@@ -365,11 +365,11 @@ def _expected(rests: FloatArray, registers: AppliedRegisters) -> FloatArray:
     return np.hstack(_compensated(raw, registers.held))
 
 
-def _compensated(raw: FloatArray, held: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
-    """Return rate and specific force, shape (n, 3), of raw output at rest with the parameters and effects in `held`."""
-    constants = compensation(parameter_vector(held))
+def _compensated(raw: FloatArray, parameters: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+    """Return rate and specific force, shape (n, 3), of raw output at rest with these parameters and effects."""
+    constants = compensation(parameter_vector(parameters))
     omega, force = compensate(constants, raw[:, :3], raw[:, 3:])
-    less = raw - effect_errors(held, omega, force)
+    less = raw - effect_errors(parameters, omega, force)
     return compensate(constants, less[:, :3], less[:, 3:])
 
 

@@ -117,7 +117,7 @@ def _captured(
     before_repeat: Callable[[], None] = lambda: None,
 ) -> dict[Unit, _Value]:
     """Record until the samples of every unit are complete once; units whose samples never are leave the run."""
-    found: dict[Unit, _Value] = {}
+    measured: dict[Unit, _Value] = {}
     streams = runner.streams
 
     def restore(unit: Unit) -> None:
@@ -131,16 +131,16 @@ def _captured(
         with runner.units.taps() as blocks:
             record()
         for unit in runner.units.of(units):
-            if unit not in found and not streams[unit].broken and _is_complete(blocks[unit]):
-                found[unit] = measure(unit, blocks[unit])
-        missing = [unit for unit in runner.units.of(units) if unit not in found]
+            if unit not in measured and not streams[unit].broken and _is_complete(blocks[unit]):
+                measured[unit] = measure(unit, blocks[unit])
+        missing = [unit for unit in runner.units.of(units) if unit not in measured]
         if not missing:
             break
     else:
         runner.units.each(restore, missing)
         for unit in missing:
             runner.units.leave(unit, DeviceFaultError("stream.lossy"))
-    return found
+    return measured
 
 
 def _is_complete(blocks: list[SampleBlock]) -> bool:

@@ -71,8 +71,8 @@ class ControlLoop:
             self._check_table()
         self.units.each(_check_channels)
         self.check_cancelled()
-        if self.watchful:
-            self._check_data()
+        if self.watchful and (reasons := {unit: unit.spoilt for unit in self.units if unit.spoilt}):
+            raise StepInvalid(reasons)
 
     def check_table(self) -> None:
         """Poll the table without draining samples. Raises DeviceFaultError for a fault of the table."""
@@ -154,11 +154,6 @@ class ControlLoop:
             raise DeviceFaultError("motion.interlock_opened")
         if self.powered and not self.status.enabled:
             raise DeviceFaultError("motion.switched_off")
-
-    def _check_data(self) -> None:
-        reasons = {unit: unit.spoilt for unit in self.units if unit.spoilt}
-        if reasons:
-            raise StepInvalid(reasons)
 
     def _show(self) -> None:
         now, emit = time.monotonic(), self.context.emit

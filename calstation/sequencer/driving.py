@@ -118,10 +118,10 @@ class Driving:
         """Check the verification path against the limits. Raises ConfigurationError."""
         if self._context.task.gimbal:  # a gimbal's turns are checked before each of them
             return
-        own = self.control_loop.status.limits
+        limits = self.control_loop.status.limits
         for leg in self._verification_path(self.units, compared=False).legs:
             check_limits(self._context.task.geometry.limits, leg.move)
-            check_travel(own, leg.move)
+            check_travel(limits, leg.move)
 
     def reference(self, units: Iterable[Unit], verified: Collection[Unit]) -> None:
         """Capture the current output of some units as the reference for `verification_data`; only on a table.

@@ -101,9 +101,9 @@ class GimbalLoop:
 
     def restore(self) -> None:
         """Write the unit's former misalignments if K has replaced them. Raises DeviceFaultError."""
-        held, self._held = self._held, None
-        if held is not None:
-            self._run_in_background(lambda: self._context.slot.imu.write_registers(held))
+        former, self._held = self._held, None
+        if former is not None:
+            self._run_in_background(lambda: self._context.slot.imu.write_registers(former))
 
     @property
     def _gimbal(self) -> Gimbal:
@@ -180,18 +180,18 @@ class GimbalLoop:
         imu = self._context.slot.imu
 
         def write() -> float:
-            found = imu.read_registers()
+            before = imu.read_registers()
             names = [f"gyro_misalign_{a}{b}" for a in AXES for b in AXES if a != b]
             if self._held is None:
-                self._held = {name: found[name] for name in names}
-            wanted = {
+                self._held = {name: before[name] for name in names}
+            target = {
                 name: float(correction[AXES.index(name[-2]), AXES.index(name[-1])])
-                * (1.0 + found.get(f"gyro_scale_{name[-1]}", 0.0))
+                * (1.0 + before.get(f"gyro_scale_{name[-1]}", 0.0))
                 for name in names
             }
-            imu.write_registers(wanted)
+            imu.write_registers(target)
             read = imu.read_registers()
-            return max(abs(read[name] - wanted[name]) for name in names)
+            return max(abs(read[name] - target[name]) for name in names)
 
         self._control_loop.pausable = self._control_loop.watchful = False
         difference = self._run_in_background(write)

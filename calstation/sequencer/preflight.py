@@ -72,8 +72,8 @@ class Preflight:
 
         def identify(unit: Unit) -> None:
             imu, task = unit.slot.imu.identify(), unit.slot.unit
-            found = {"table": table.model, "table_serial": table.serial, "imu": imu.model, "serial": imu.serial}
-            unit.emit(Message("identified", found))
+            identities = {"table": table.model, "table_serial": table.serial, "imu": imu.model, "serial": imu.serial}
+            unit.emit(Message("identified", identities))
             check_unit(imu, task.serial)
             pattern = task.preflight.serial_pattern
             if not re.fullmatch(pattern, imu.serial):

@@ -141,13 +141,13 @@ class StepRunner:
 
     def _arrival_error(self, target: tuple[float, float]) -> DeviceFaultError:
         status = self.control_loop.status
-        wanted = {"outer_deg": float(np.rad2deg(target[0])), "inner_deg": float(np.rad2deg(target[1]))}
+        target_deg = {"outer_deg": float(np.rad2deg(target[0])), "inner_deg": float(np.rad2deg(target[1]))}
         away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))
         if away < ARRIVED:
-            return DeviceFaultError("motion.not_settled", **wanted)
+            return DeviceFaultError("motion.not_settled", **target_deg)
         if status.settled and not status.moving:
-            return DeviceFaultError("motion.off_target", away_deg=float(np.rad2deg(away)), **wanted)
-        return DeviceFaultError("motion.not_reached", **wanted)
+            return DeviceFaultError("motion.off_target", away_deg=float(np.rad2deg(away)), **target_deg)
+        return DeviceFaultError("motion.not_reached", **target_deg)
 
     def position(self) -> tuple[float, float]:
         """Return the joint angles of the latest poll, rad."""

@@ -144,19 +144,19 @@ class _PathBuilder:
 
     def turn(self, joint: int, amount: float) -> None:
         """Turn a joint, with a stop wherever gravity has a new direction in the body frame."""
-        number, left, step = len(self.turns), amount, float(np.sign(amount) * _LEG_STEP)
+        number, remaining, step = len(self.turns), amount, float(np.sign(amount) * _LEG_STEP)
         way = np.array([joint == OUTER, joint == INNER], dtype=float)
         stops = range(1, round(abs(amount) / _LEG_STEP) + 1)
         if self._still(joint) is None and not any(self._is_new(self._after(k * step * way)) for k in stops):
             self.legs[-1] = Leg(self.legs[-1].move, self.legs[-1].turn, True)
             self._rest()
-        while abs(left) > 1e-12:
+        while abs(remaining) > 1e-12:
             leg = step
-            while abs(leg) < abs(left) - 1e-12 and not self._rest_here(self._after(leg * way)):
+            while abs(leg) < abs(remaining) - 1e-12 and not self._rest_here(self._after(leg * way)):
                 leg += step
-            leg = leg if abs(leg) < abs(left) else left
+            leg = leg if abs(leg) < abs(remaining) else remaining
             self._add(leg * way, number)
-            left -= leg
+            remaining -= leg
         still = self._still(joint)
         if still is None:
             raise RuntimeError("a turn without a rest to compare with")

@@ -159,14 +159,14 @@ def _pair(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, 
 
 
 def _pair_truth(truth: dict[str, FloatArray]) -> dict[str, float]:
-    found = {pair_name("clock_offset", 2): float(truth["clock_offset"])}
+    values = {pair_name("clock_offset", 2): float(truth["clock_offset"])}
     for i, a in enumerate(AXES):
-        found[f"secondary_lever_{a}"] = float(truth["lever"][i])
+        values[f"secondary_lever_{a}"] = float(truth["lever"][i])
         for sensor in ("gyro", "accel"):
-            found[f"secondary_{sensor}_bias_{a}"] = float(truth[f"{sensor}_bias"][i])
+            values[f"secondary_{sensor}_bias_{a}"] = float(truth[f"{sensor}_bias"][i])
             for j, b in enumerate(AXES):
-                found[f"secondary_{sensor}_matrix_{a}{b}"] = float(truth[f"{sensor}_matrix"][i, j])
-    return found
+                values[f"secondary_{sensor}_matrix_{a}{b}"] = float(truth[f"{sensor}_matrix"][i, j])
+    return values
 
 
 def _gimbal_block(samples: GimbalSamples) -> SampleBlock:

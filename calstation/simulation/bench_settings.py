@@ -35,10 +35,10 @@ def bench_config(*setups: RunConfiguration) -> Settings:
     first, *others = (_unit_config(setup, bench_settings(setup)) for setup in setups)
     if not others:
         return first
-    further = [{"clock_drift_ppm": _clock_drift(own["seed"]), **own, "orders": []} for own in others]
+    further = [{"clock_drift_ppm": _clock_drift(unit["seed"]), **unit, "orders": []} for unit in others]
     numbers = [setup.number for setup in setups]
     # the first unit contains the fault orders for all of them
-    secondaries = [{**own, "unit": number} for own, number in zip(further, numbers[1:], strict=True)]
+    secondaries = [{**unit, "unit": number} for unit, number in zip(further, numbers[1:], strict=True)]
     return {**first, "unit": numbers[0], "secondaries": secondaries}
 
 
@@ -46,10 +46,10 @@ def pair_bench_config(setup: PairConfiguration) -> Settings:
     """Return the configuration of the bench process for the IMUs on one body."""
     bench = setup.primary.station.bench or {}
     shared = {name: value for name, value in bench.items() if name in _OF_THE_BODY}
-    own: Any = bench.get("secondaries", [])
+    settings: Any = bench.get("secondaries", [])
     secondaries = []
     for index, unit in enumerate(setup.secondaries):
-        section = {**shared, **(own[index] if index < len(own) else {})}
+        section = {**shared, **(settings[index] if index < len(settings) else {})}
         secondaries.append(_unit_config(unit, _settings(unit, section)))
     return {**bench_config(setup.primary), "secondaries": secondaries}
 
@@ -59,9 +59,10 @@ def bench_settings(setup: RunConfiguration) -> Settings:
     bench: Settings = dict(setup.station.bench or {})
     if setup.slot is not None:
         number = setup.station.slot_names.index(setup.slot.name)
-        own = [{}, *bench.get("secondaries", ())][number:][:1]
         without = ("secondaries", *(_OF_THE_FIRST if number else ()))
-        bench = {**{name: value for name, value in bench.items() if name not in without}, **(own[0] if own else {})}
+        units = [{}, *bench.get("secondaries", ())]
+        shared = {name: value for name, value in bench.items() if name not in without}
+        bench = shared | (units[number] if number < len(units) else {})
     return _settings(setup, bench)
 
 

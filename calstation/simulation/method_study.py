@@ -6,16 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.special import gammaincinv
 
 from calstation.errors import ConfigurationError
 from calstation.physics import INDEX, PARAMETERS, further_parameter
 from calstation.results import resolve
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
+from calstation.simulation.study_table import chi_squared_band
 
 #: Kind of recording for each method.
 KIND_OF: dict[str, Kind] = {"multi_position": "hand", "cross_calibration": "pair", "gimbal": "gimbal"}
-_BAND = (0.0005, 0.9995)
 
 
 def run_method_study(
@@ -41,7 +40,7 @@ def run_method_study(
     for group, rows in errors.items():
         values = np.array(rows)
         count = len(values) * min(values.shape[1], 3)
-        low, high = np.sqrt(2.0 * gammaincinv(count / 2.0, _BAND) / count)
+        low, high = np.sqrt(chi_squared_band(count))
         rms = float(np.sqrt(np.mean(values**2)))
         groups[group] = {
             "sigma": float(np.sqrt(np.mean(np.square(sigmas[group])))),
@@ -68,9 +67,9 @@ def _unit(stage: str, grade: GradeName, seed: int, nis: list[float]) -> dict[str
         _, truth = make_recording(KIND_OF[stage], log, grade, seed)
         result = resolve(log, (stage,)).result
     nis.append(result.consistency[stage].nis_mean)
-    found: dict[str, list[tuple[float, float]]] = {}
+    errors: dict[str, list[tuple[float, float]]] = {}
     for name, row in result.parameters.items():
         pair = further_parameter(name)
         group = pair.group if pair is not None else PARAMETERS[INDEX[name]].group
-        found.setdefault(group, []).append((row.value - truth[name], row.sigma))
-    return found
+        errors.setdefault(group, []).append((row.value - truth[name], row.sigma))
+    return errors

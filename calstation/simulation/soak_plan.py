@@ -33,18 +33,18 @@ def devices() -> Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]]:
     Besides the default devices, these are every other shipped table with two driven axes, and the unit of every other
     protocol.
     """
-    found: dict[str, tuple[int, dict[str, Any], dict[str, Any]]] = {
+    choices: dict[str, tuple[int, dict[str, Any], dict[str, Any]]] = {
         _DEFAULT_DEVICES: (8, {}, {}),
         "Modbus RTU": (1, {"bench": {"table_transport": "rtu"}}, {}),
     }
     for path in sorted((library.shipped_folder() / "tables").glob("*.toml")):
         table = load_table_profile(path)
         if path.stem != "bench" and not table.by_hand and table.gimbal is None:
-            found[path.stem] = (1, {"table": {"profile": path.stem}}, {})
+            choices[path.stem] = (1, {"table": {"profile": path.stem}}, {})
     for protocol, unit in UNITS.items():
         if protocol != "framed":
-            found[unit.profile] = (1, {}, {"imu": unit.profile, "bench_grade": "mems", "limits": "mems_c"})
-    return found
+            choices[unit.profile] = (1, {}, {"imu": unit.profile, "bench_grade": "mems", "limits": "mems_c"})
+    return choices
 
 
 #: Faults (kind, value) that a run survives: with only these, the run of a good unit must end with a verdict.
@@ -120,9 +120,9 @@ def plans(runs: int, seed: int) -> Iterator[Planned]:
     drawn = random.Random(seed)
     deck: list[tuple[str, float | None]] = []
     for number in range(runs):
-        wanted = drawn.choices((0, 1, 2), (0.2, 0.65, 0.15))[0]
+        count = drawn.choices((0, 1, 2), (0.2, 0.65, 0.15))[0]
         faults: list[tuple[str, float | None]] = []
-        for _ in range(wanted):
+        for _ in range(count):
             if not deck:
                 deck = [*STAGE_FAULTS, *OTHER_FAULTS]
                 drawn.shuffle(deck)

@@ -28,6 +28,11 @@ class UnitResult:
     seconds: float = 0.0  #: Duration of the samples that were solved, s.
 
 
+def chi_squared_band(freedom: float) -> FloatArray:
+    """Return the 99.9 % band of χ²/n with n degrees of freedom, shape (2,)."""
+    return np.asarray(2.0 * gammaincinv(freedom / 2.0, BAND) / freedom)
+
+
 def rms_band(correlations: list[FloatArray]) -> tuple[float, float]:
     """Return the 99.9 % band of the rms of normalised errors with these correlation matrices, one per unit.
 
@@ -37,8 +42,8 @@ def rms_band(correlations: list[FloatArray]) -> tuple[float, float]:
     count = sum(len(c) for c in correlations)
     squares = sum(float(np.sum(c * c)) for c in correlations)
     freedom = count**2 / squares
-    low, high = 2.0 * gammaincinv(freedom / 2.0, BAND) / freedom
-    return float(np.sqrt(low)), float(np.sqrt(high))
+    low, high = np.sqrt(chi_squared_band(freedom)).tolist()
+    return low, high
 
 
 def summary(units: list[UnitResult], true_covariance_ratio: FloatArray | None) -> dict[str, Any]:
@@ -113,7 +118,7 @@ def _nees(units: list[UnitResult], estimated: IntArray) -> dict[str, Any]:
         covariance = unit.covariance[np.ix_(chosen, chosen)]
         total += float(unit.error[chosen] @ np.linalg.solve(covariance, unit.error[chosen]))
         count += len(chosen)
-    low, high = 2.0 * gammaincinv(count / 2.0, BAND) / count
+    low, high = chi_squared_band(count)
     mean = total / count
     return {"mean": mean, "low": float(low), "high": float(high), "passed": bool(low <= mean <= high)}
 
