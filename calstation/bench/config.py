@@ -68,14 +68,18 @@ _OF_TABLE = frozenset(name for kind in (_Trip, _Motion, _TableLink) for name in 
 OrderName = Literal[_Trip, _Motion, _Frames, _Samples, _Unit, _TableLink, "brown_out_write", "brown_out_commit"]
 
 
-class Order(BaseModel):
+class Settings(BaseModel):
+    """A section of the configuration, without unknown entries."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Order(Settings):
     """An order to inject a fault; `docs/reference/bench.md` explains the orders and their values.
 
     `at` is a device time, s; `after` is a delay from the time of the order, s. `unit` is the number of the affected
     unit; it is ignored for the table.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     order: OrderName
     value: float = 1.0
@@ -89,20 +93,16 @@ class Order(BaseModel):
         return self.order in _OF_TABLE
 
 
-class BodySettings(BaseModel):
+class BodySettings(Settings):
     """Motion of a body that carries several units: rests of `rest_s`, and between them motions of `motion_s`."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     rest_s: Positive = 8.0
     motion_s: Positive = 24.0
     seed: Annotated[int, Field(ge=0)] = 1
 
 
-class BenchConfig(BaseModel):
+class BenchConfig(Settings):
     """Configuration of a bench, with angles in degrees; `docs/reference/bench.md` explains every entry."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     grade: GradeName = "nav"
     seed: Annotated[int, Field(ge=0)] = 1

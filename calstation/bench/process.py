@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from calstation.bench.config import BenchConfig, BenchReport, Order
-from calstation.bench.links import UNIT, Line, SocketLine, TableLink, TerminalLine
+from calstation.bench.links import Line, ModbusServer, SocketLine, TerminalLine
 from calstation.bench.live import LiveBench
 from calstation.bench.service import ClockService
 from calstation.bench.table import LANGUAGES, Axes, GimbalController, Power, TextController, drives
@@ -35,11 +35,6 @@ _LOOP_ITERATIONS = 3
 COASTING = 2.0
 
 
-def _line(config: BenchConfig, unit: LiveBench) -> Line:
-    """Return the serial line of a unit."""
-    return (SocketLine if config.imu_transport == "socket" else TerminalLine)(unit.talk)
-
-
 class BenchProcess:
     """Runs a bench on an event loop until `stop`; announces its ports at the start and whenever a port name changes."""
 
@@ -49,20 +44,14 @@ class BenchProcess:
         self._bench = bench = LiveBench(config, time.monotonic)
         self._others = [LiveBench(other, time.monotonic, bench) for other in config.secondaries]
         self._line, *self._other_lines = (
-            _line(settings, unit)
+            (SocketLine if settings.imu_transport == "socket" else TerminalLine)(unit.talk)
             for settings, unit in zip((config, *config.secondaries), (bench, *self._others), strict=True)
         )
-        self._modbus: TableLink | None = None
-        self._text: TextController | None = None
-        self._text_line: Line | None = None
-        if config.table_protocol == "modbus":
-            self._modbus = TableLink({UNIT: bench.registers})
-        elif config.table_protocol == "drives":
-            self._modbus = TableLink(drives(bench.machine, bench.clocks, config.table_serial))
-        elif config.table_protocol in LANGUAGES or config.table_protocol == "gimbal":
-            self._text = controller = _controller(config, bench)
+        self._controller = _controller(config, bench)
+        self._table_line: Line | None = None
+        if self._controller is not None:
             line_kind = TerminalLine if config.table_transport == "rtu" else SocketLine
-            self._text_line = line_kind(lambda: controller.feed)
+            self._table_line = line_kind(self._controller.talk)
         self._clock = ClockService([bench, *self._others], self._advance, self._report, self.stop)
         bench.on_link = lambda order: self._execute(order, self._line)
         for other, line in zip(self._others, self._other_lines, strict=True):
@@ -77,11 +66,8 @@ class BenchProcess:
 
     async def run(self) -> None:
         """Open all links, announce them on standard output, and serve until stopped."""
-        if self._modbus is not None:
-            await (self._modbus.serve_rtu() if self._config.table_transport == "rtu" else self._modbus.serve_tcp())
-        if self._text_line is not None:
-            await self._text_line.open()
-        for line in (self._line, *self._other_lines):
+        lines = [line for line in (self._table_line, self._line, *self._other_lines) if line is not None]
+        for line in lines:
             await line.open()
         await self._clock.open()
         ticking = asyncio.create_task(self._tick())
@@ -92,14 +78,13 @@ class BenchProcess:
                 await self._wait_for_watchdog()
         finally:
             ticking.cancel()
-            for link in (self._clock, self._line, *self._other_lines, self._modbus, self._text_line):
-                if link is not None:
-                    await link.close()
+            for link in (self._clock, *reversed(lines)):
+                await link.close()
             self._write_report()
 
     def _announce(self) -> None:
         """Print the links as JSON: `table` and `clock` ("host:port", or a path), `imu`, `imu2`, ... (as URLs)."""
-        table = self._modbus or self._text_line or self._line
+        table = self._table_line or self._line
         endpoints = {
             "table": table.endpoint if table is self._line else table.endpoint.removeprefix("socket://"),
             "table_transport": self._config.table_transport,
@@ -151,7 +136,7 @@ class BenchProcess:
 
     def _execute(self, order: Order, line: Line) -> None:
         """Execute orders for the links; `line` is the line of the unit."""
-        table, controller = self._modbus, self._text
+        controller, number = self._controller, int(order.value)
         if order.order == "hang_up_imu":
             line.hang_up()
             if isinstance(line, TerminalLine):
@@ -159,17 +144,15 @@ class BenchProcess:
         elif order.order == "slow_imu":
             line.slow.append(order.value)
         elif order.order == "mute_table" and controller is not None:
-            controller.mute += int(order.value)
-        elif table is None:
+            controller.mute += number
+        elif self._table_line is None or not isinstance(controller, ModbusServer):
             return
-        elif order.order == "mute_table":
-            table.mute += int(order.value)
         elif order.order == "slow_table":
-            table.slow.append(order.value)
+            self._table_line.slow.append(order.value)
         elif order.order == "garble_table":
-            table.garble += int(order.value)
+            controller.garble += number
         elif order.order == "refuse_table":
-            table.refuse = int(order.value)
+            controller.refuse = number
 
     async def _wait_for_watchdog(self) -> None:
         """Keep the table running after its client has disconnected, until its watchdog has tripped."""
@@ -209,11 +192,20 @@ def _with_own_orders(config: BenchConfig) -> BenchConfig:
     return config.model_copy(update={"orders": (*table, *of(config)), "secondaries": others})
 
 
-def _controller(config: BenchConfig, bench: LiveBench) -> TextController:
-    if config.table_protocol == "gimbal":
-        travel = radians(config.joint_travel_deg)
-        return GimbalController(bench.machine, bench.gimbal, bench.clocks, config.table_serial, travel)
-    return LANGUAGES[config.table_protocol](Axes(bench.machine, bench.clocks), config.table_serial)
+def _controller(config: BenchConfig, bench: LiveBench) -> ModbusServer | TextController | None:
+    """Return the controller of a table with its own line; None for a table without one."""
+    serial, tcp = config.table_serial, config.table_transport == "tcp"
+    match config.table_protocol:
+        case "modbus":
+            return ModbusServer({1: bench.registers}, tcp=tcp)
+        case "drives":
+            return ModbusServer(drives(bench.machine, bench.clocks, serial), tcp=tcp)
+        case "gimbal":
+            travel = radians(config.joint_travel_deg)
+            return GimbalController(bench.machine, bench.gimbal, bench.clocks, serial, travel)
+        case language if language in LANGUAGES:
+            return LANGUAGES[language](Axes(bench.machine, bench.clocks), serial)
+    return None
 
 
 def warm_up(config: BenchConfig) -> None:

@@ -74,8 +74,8 @@ def terminal(answer: Answer, sends: Callable[[], bytes] = bytes) -> Iterator[str
 
 
 @contextmanager
-def server(answer: Answer) -> Iterator[str]:
-    """Run a TCP server that responds to requests; yield host:port."""
+def server(answer: Answer, connected: Callable[[], None] = lambda: None) -> Iterator[str]:
+    """Run a TCP server that responds to requests; yield host:port. An OSError of `answer` closes the connection."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
 
         def serve(peer: socket.socket) -> None:
@@ -86,7 +86,9 @@ def server(answer: Answer) -> Iterator[str]:
         def accept() -> None:
             with suppress(OSError):
                 while True:
-                    threading.Thread(target=serve, args=(listening.accept()[0],), daemon=True).start()
+                    peer, _ = listening.accept()
+                    connected()
+                    threading.Thread(target=serve, args=(peer,), daemon=True).start()
 
         threading.Thread(target=accept, daemon=True).start()
         yield f"127.0.0.1:{listening.getsockname()[1]}"

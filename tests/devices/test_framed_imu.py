@@ -1,6 +1,5 @@
 """The framed IMU driver tested with request and reply bytes, including silence and noise."""
 
-import queue
 import struct
 import threading
 import time
@@ -15,6 +14,7 @@ from calstation.devices import OtherModelError
 from calstation.devices.imu import FramedImu, ImuBusyError, ImuRefusalError
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
+from tests.devices.scripted import ScriptedDevice
 from tests.helpers import raises_code
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "bench_nav.toml")
@@ -22,46 +22,9 @@ BRIEF = {"timeout_s": 0.25, "commit_timeout_s": 0.4, "reset_timeout_s": 1.5}
 QUICK = PROFILE.model_copy(update={"commands": PROFILE.commands.model_copy(update=BRIEF)})
 
 
-class ScriptedLink:
-    """A link that replies to each expected request and records unexpected requests."""
-
-    port = "SCRIPT"
-
-    def __init__(self, pairs: list[tuple[bytes, bytes]]) -> None:
-        self._pairs = list(pairs)
-        self._bytes: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        self.unexpected: list[bytes] = []
-        self.closed = threading.Event()
-        self.failure: DeviceFaultError | None = None
-
-    def send(self, data: bytes) -> None:
-        self._bytes.put(data)
-
-    def read(self, wait: float) -> bytes:
-        if self.failure is not None:
-            raise self.failure
-        try:
-            return self._bytes.get(timeout=wait)
-        except queue.Empty:
-            return b""
-
-    def write(self, data: bytes) -> None:
-        if self._pairs and self._pairs[0][0] == data:
-            self._bytes.put(self._pairs.pop(0)[1])
-        else:
-            self.unexpected.append(data)
-
-    def close(self) -> None:
-        self.closed.set()
-
-    @property
-    def finished(self) -> bool:
-        return not self._pairs and not self.unexpected
-
-
 @contextmanager
-def driver(pairs: list[tuple[bytes, bytes]], profile: ImuProfile = QUICK) -> Iterator[tuple[FramedImu, ScriptedLink]]:
-    link = ScriptedLink(pairs)
+def driver(pairs: list[tuple[bytes, bytes]], profile: ImuProfile = QUICK) -> Iterator[tuple[FramedImu, ScriptedDevice]]:
+    link = ScriptedDevice(pairs)
     imu = FramedImu(link, profile)  # type: ignore[arg-type]
     try:
         yield imu, link

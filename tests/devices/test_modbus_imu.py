@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 from fastcrc import crc16
-from test_framed_imu import ScriptedLink
 from test_frames import stream_frame
 
 from calstation.devices.imu import ImuBusyError, ImuRefusalError, RegisterMap
 from calstation.devices.imu.drivers.modbus import ModbusImu
 from calstation.devices.profiles import ImuProfile, ModbusProtocol, load_imu_profile
 from calstation.errors import DeviceFaultError
+from tests.devices.scripted import ScriptedDevice
 from tests.helpers import raises_code
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "dsp_modbus.toml").with_commands(timeout_s=0.4)
@@ -56,8 +56,8 @@ def section(profile: ImuProfile) -> ModbusProtocol:
 
 
 @contextmanager
-def driver(pairs: list[Pair], profile: ImuProfile = PROFILE) -> Iterator[tuple[ModbusImu, ScriptedLink]]:
-    link = ScriptedLink(pairs)
+def driver(pairs: list[Pair], profile: ImuProfile = PROFILE) -> Iterator[tuple[ModbusImu, ScriptedDevice]]:
+    link = ScriptedDevice(pairs)
     imu = ModbusImu(link, profile)  # type: ignore[arg-type]
     try:
         yield imu, link

@@ -1,11 +1,9 @@
 """The Modbus table driver tested with request and response bytes, including exceptions, silence and wrong responses."""
 
-import socket
 import struct
-import threading
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +15,8 @@ from calstation.devices.profiles import ModbusRegister, TableProfile, load_table
 from calstation.devices.table import ModbusTable
 from calstation.devices.table.register_table import decode, encode
 from calstation.errors import ConfigurationError, DeviceFaultError
+from tests.connection.fake_links import server
+from tests.devices.scripted import ScriptedDevice
 from tests.helpers import raises_code
 
 SHIPPED = Path(__file__).parents[2] / "data" / "tables" / "bench.toml"
@@ -29,61 +29,19 @@ def quick(gap: int = 16) -> TableProfile:
     return PROFILE.model_copy(update={"modbus": modbus})
 
 
-class ScriptedServer:
-    """A Modbus TCP server that expects requests in order: (request PDU, reply PDU or None for silence)."""
-
-    def __init__(self, pairs: list[tuple[bytes, bytes | None]]) -> None:
-        self.pairs = list(pairs)
-        self.unexpected: list[bytes] = []
-        self._server = socket.create_server(("127.0.0.1", 0))
-        self.port = f"tcp://127.0.0.1:{self._server.getsockname()[1]}"
-        self._peers: list[socket.socket] = []
-        self._thread = threading.Thread(target=self._accept, daemon=True)
-        self._thread.start()
-
-    def _accept(self) -> None:
-        while True:
-            try:
-                peer, _ = self._server.accept()
-            except OSError:
-                return
-            self._peers.append(peer)
-            threading.Thread(target=self._serve, args=(peer,), daemon=True).start()
-
-    def _serve(self, peer: socket.socket) -> None:
-        with suppress(OSError), peer, peer.makefile("rb") as stream:  # the driver may hang up at any time
-            while len(head := stream.read(7)) == 7:
-                transaction, _, length, unit = struct.unpack(">HHHB", head)
-                request = stream.read(length - 1)
-                if not self.pairs or self.pairs[0][0] != request:
-                    self.unexpected.append(request)
-                    return
-                reply = self.pairs.pop(0)[1]
-                if reply is not None:
-                    peer.sendall(struct.pack(">HHHB", transaction, 0, len(reply) + 1, unit) + reply)
-
-    def close(self) -> None:
-        self._server.close()
-        for peer in self._peers:
-            try:
-                peer.shutdown(socket.SHUT_RDWR)
-            except OSError:
-                continue
-
-
 @contextmanager
 def table(
     pairs: list[tuple[bytes, bytes | None]], profile: TableProfile | None = None
-) -> Iterator[tuple[ModbusTable, ScriptedServer]]:
-    server = ScriptedServer(pairs)
-    driver = ModbusTable(server.port, profile or quick())
-    try:
-        yield driver, server
-    finally:
-        driver.close()
-        server.close()
-    assert server.pairs == []
-    assert server.unexpected == []
+) -> Iterator[tuple[ModbusTable, ScriptedDevice]]:
+    device = ScriptedDevice(pairs)
+    with server(device.answer_modbus, device.connected) as address:
+        device.port = f"tcp://{address}"
+        driver = ModbusTable(device.port, profile or quick())
+        try:
+            yield driver, device
+        finally:
+            driver.close()
+    assert device.finished
 
 
 def read(address: int, words: list[int]) -> tuple[bytes, bytes]:
@@ -195,20 +153,19 @@ def test_request_with_a_lost_response_is_repeated_except_homing() -> None:
 
 def test_next_request_after_a_lost_response_uses_a_new_connection() -> None:
     stop = write(22, STOP)
-    with table([(write(22, HOME)[0], None), stop]) as (driver, server):
+    with table([(write(22, HOME)[0], None), stop]) as (driver, device):
         with raises_code(DeviceFaultError, "table.write_unanswered"):
             driver.home()
         driver.stop()
-        assert len(server._peers) == 2
+        assert device.connections == 2
 
 
 def test_unresponsive_or_lost_table_is_reported() -> None:
     request = read(17, image()[17:64])[0]
     with table([(request, None)] * 3) as (driver, _), raises_code(DeviceFaultError, "table.read_unanswered"):
         driver.status()
-    server = ScriptedServer([])
-    driver = ModbusTable(server.port, quick())
-    server.close()
+    with server(ScriptedDevice([]).answer_modbus) as address:
+        driver = ModbusTable(f"tcp://{address}", quick())
     with raises_code(DeviceFaultError, "table.read_unanswered"):
         driver.status()
     driver.close()
@@ -221,12 +178,12 @@ def test_table_that_stops_responding_is_reported_once() -> None:
         for address, text in ((0, b"bench-table"), (8, b"T-1"))
     )
     request, silent = read(17, image()[17:64])[0], (model[0], None)
-    with table([model, serial, (request, None), silent, silent]) as (driver, server):
+    with table([model, serial, (request, None), silent, silent]) as (driver, device):
         driver.identify()
         with raises_code(DeviceFaultError, "table.read_unanswered") as caught:
             driver.status()
     assert str(caught.value) == (
-        f"Table: Registers 17-63 cannot be read on {server.port} (no response). Check cable, power and unit number."
+        f"Table: Registers 17-63 cannot be read on {device.port} (no response). Check cable, power and unit number."
     )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from test_framed_imu import PROFILE as IMU_PROFILE
-from test_framed_imu import ScriptedLink, request
+from test_framed_imu import request
 from test_frames import reply_frame, stream_frame
 from test_modbus_table import image, long
 
@@ -18,6 +18,7 @@ from calstation.devices.imu.drivers.stream import SilentImu
 from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
 from calstation.devices.table import SharedTable, open_table
 from calstation.errors import ConfigurationError, DeviceFaultError
+from tests.devices.scripted import ScriptedDevice
 from tests.helpers import raises_code
 
 DATA = Path(__file__).parents[2] / "data"
@@ -38,8 +39,8 @@ def write(address: int, *words: int) -> Pair:
 
 
 @contextmanager
-def system(pairs: list[Pair]) -> Iterator[tuple[SharedTable, FramedImu, ScriptedLink]]:
-    link = ScriptedLink(pairs)
+def system(pairs: list[Pair]) -> Iterator[tuple[SharedTable, FramedImu, ScriptedDevice]]:
+    link = ScriptedDevice(pairs)
     imu = FramedImu(link, PATIENT)  # type: ignore[arg-type]
     table = SharedTable(imu, PROFILE)
     try:
@@ -139,7 +140,7 @@ def test_reply_of_the_wrong_length_is_reported() -> None:
 
 
 def test_axes_require_an_imu_with_framed_commands() -> None:
-    link = ScriptedLink([])
+    link = ScriptedDevice([])
     imu = SilentImu(link, load_imu_profile(DATA / "imus" / "stim300.toml"), "SN")  # type: ignore[arg-type]
     with raises_code(ConfigurationError, "table.imu_without_words"):
         SharedTable(imu, PROFILE, owned=True)

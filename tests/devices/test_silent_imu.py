@@ -3,10 +3,9 @@
 import time
 from pathlib import Path
 
-from test_framed_imu import ScriptedLink
-
 from calstation.devices.imu.drivers.stream import SilentImu
 from calstation.devices.profiles import load_imu_profile
+from tests.devices.scripted import ScriptedDevice
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 DATAGRAM = bytes.fromhex(
@@ -16,7 +15,7 @@ DATAGRAM = bytes.fromhex(
 
 
 def test_stream_only_unit_is_read_without_sending_commands() -> None:
-    link = ScriptedLink([])
+    link = ScriptedDevice([])
     imu = SilentImu(link, load_imu_profile(IMUS / "stim300.toml"), "SN-7")  # type: ignore[arg-type]
     try:
         imu.start()

@@ -1,12 +1,11 @@
 """Text table drivers tested with request and reply bytes: ATL with a prompt, plain ACL, $MN with checksums."""
 
 import math
-import os
 import socket
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,8 @@ from calstation.devices.links.text_link import Checked, Plain, Prompted
 from calstation.devices.profiles import TableProfile, load_table_profile
 from calstation.devices.table import TextTable
 from calstation.errors import ConfigurationError, DeviceFaultError
+from tests.connection.fake_links import server, terminal
+from tests.devices.scripted import ScriptedDevice
 from tests.helpers import raises_code
 
 TABLES = Path(__file__).parents[2] / "data" / "tables"
@@ -33,81 +34,26 @@ def profile(name: str, **text: Any) -> TableProfile:
     return found.model_copy(update={"text": found.text.model_copy(update={"timeout_s": 0.3, **text})})
 
 
-class ScriptedLine:
-    """A fake device that expects requests in order and sends the reply to each, b"" for silence."""
+@contextmanager
+def over_tcp(device: ScriptedDevice) -> Iterator[str]:
+    with server(device.answer, device.connected) as address:
+        yield f"tcp://{address}"
 
-    def __init__(self, pairs: Pairs) -> None:
-        self.pairs = list(pairs)
-        self.unexpected = b""
-        self._heard = b""
-        self.connections = 0
 
-    def take(self, data: bytes) -> bytes:
-        self._heard += data
-        replies = b""
-        while self.pairs and self._heard.startswith(self.pairs[0][0]):
-            request, reply = self.pairs.pop(0)
-            self._heard = self._heard[len(request) :]
-            replies += reply
-        if self._heard and not (self.pairs and self.pairs[0][0].startswith(self._heard)):
-            self.unexpected += self._heard
-            self._heard = b""
-        return replies
+def over_terminal(device: ScriptedDevice) -> AbstractContextManager[str]:
+    return terminal(device.answer)
 
 
 @contextmanager
-def over_tcp(line: ScriptedLine) -> Iterator[str]:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-
-        def serve(peer: socket.socket) -> None:
-            with suppress(OSError), peer:
-                while data := peer.recv(4096):
-                    peer.sendall(line.take(data))
-
-        def accept() -> None:
-            with suppress(OSError):
-                while True:
-                    peer, _ = server.accept()
-                    line.connections += 1
-                    threading.Thread(target=serve, args=(peer,), daemon=True).start()
-
-        threading.Thread(target=accept, daemon=True).start()
-        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
-        with suppress(OSError):
-            server.shutdown(socket.SHUT_RDWR)
-
-
-@contextmanager
-def over_terminal(line: ScriptedLine) -> Iterator[str]:
-    import tty
-
-    master, slave = os.openpty()
-    tty.setraw(slave)
-
-    def serve() -> None:
-        with suppress(OSError):
-            while data := os.read(master, 4096):
-                os.write(master, line.take(data))
-
-    thread = threading.Thread(target=serve, daemon=True)
-    thread.start()
-    yield os.ttyname(slave)
-    os.close(slave)
-    thread.join(5.0)
-    os.close(master)
-
-
-@contextmanager
-def table(pairs: Pairs, used: TableProfile, place: Any = over_tcp) -> Iterator[tuple[TextTable, ScriptedLine]]:
-    line = ScriptedLine(pairs)
+def table(pairs: Pairs, used: TableProfile, place: Any = over_tcp) -> Iterator[tuple[TextTable, ScriptedDevice]]:
+    line = ScriptedDevice(pairs)
     with place(line) as port:
         driver = TextTable(port, used)
         try:
             yield driver, line
         finally:
             driver.close()
-    assert line.pairs == []
-    assert line.unexpected == b""
+    assert line.finished
 
 
 # ATL -------------------------------------------------------------------------------------------------------------

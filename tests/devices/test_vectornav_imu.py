@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fastcrc import crc16
-from test_framed_imu import ScriptedLink
 
 from calstation.devices import OtherModelError
 from calstation.devices.imu import ImuRefusalError, RegisterMap
 from calstation.devices.imu.drivers.vectornav import VectorNavImu, line
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
+from tests.devices.scripted import ScriptedDevice
 from tests.helpers import raises_code
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "vectornav_vn100.toml").with_commands(
@@ -45,8 +45,8 @@ def sample(nanoseconds: int, *values: float) -> bytes:
 @contextmanager
 def driver(
     pairs: list[tuple[bytes, bytes]], profile: ImuProfile = PROFILE
-) -> Iterator[tuple[VectorNavImu, ScriptedLink]]:
-    link = ScriptedLink(pairs)
+) -> Iterator[tuple[VectorNavImu, ScriptedDevice]]:
+    link = ScriptedDevice(pairs)
     imu = VectorNavImu(link, profile)  # type: ignore[arg-type]
     try:
         yield imu, link

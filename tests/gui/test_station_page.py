@@ -27,7 +27,7 @@ from calstation.config import RunRequest, library, this_computer, versions
 from calstation.config import access as role
 from calstation.config.editing import check_data
 from calstation.connection import FoundPort
-from calstation.devices.links.opening import Reason
+from calstation.devices.links.serial_link import Reason
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.settings import StationPage

@@ -48,9 +48,10 @@ class ImuUnit(ABC):
         self.fails_writing: int | None = None
         self.fails_committing: int | None = None
         self.streaming = True
-        self._start(0.0)
+        self.restart(0.0)
 
-    def _start(self, time: float) -> None:
+    def restart(self, time: float) -> None:
+        """Reload the registers from flash, restart the counter at 0, and set the ready bit after the ready time."""
         self.registers = np.zeros(REGISTERS, np.float32)
         content = self.flash.load()
         if content is not None:
@@ -94,10 +95,6 @@ class ImuUnit(ABC):
         """Return the sensor temperature at `time`, °C."""
         config = self._config
         return float(config.ambient_c + config.warm_up_c * -np.expm1(-time / config.warm_up_time_s))
-
-    def restart(self, time: float) -> None:
-        """Reload the registers from flash, restart the counter at 0, and set the ready bit after the ready time."""
-        self._start(time)
 
     def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:
         """Return the frames of samples that end at `ends`, s, shape (n,); none while booting or with the stream off."""

@@ -4,4 +4,4 @@ They contain no physics and no protocol states.
 """
 
 from calstation.bench.links.lines import Line, SocketLine, TerminalLine
-from calstation.bench.links.table_modbus import UNIT, TableLink
+from calstation.bench.links.modbus import ModbusServer, NoReply

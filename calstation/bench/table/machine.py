@@ -50,6 +50,10 @@ class OutOfRange(Refusal):
     """The target, rate or acceleration is outside the table's limits."""
 
 
+class NoSuchRegister(Refusal):
+    """There is no such register, or it is read-only."""
+
+
 class NotPermitted(Refusal):
     """The table is not enabled, not homed, in fault, halted or moving."""
 

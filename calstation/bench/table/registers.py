@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from calstation.bench.table.machine import Clocks, OutOfRange, TableMachine
+from calstation.bench.table.machine import Clocks, NoSuchRegister, OutOfRange, TableMachine
 
 MODEL_AT, SERIAL_AT, TEXT_WORDS = 0, 8, 8
 CONTROL, STATUS, FAULT, INTERLOCK, WATCHDOG, HEARTBEAT, COMMAND = 16, 17, 18, 19, 20, 21, 22
@@ -20,8 +20,6 @@ JOINT_WORDS = 14
 
 MOVE, STOP, HOME, TURN = 1, 2, 3, 4
 
-#: Writable registers, as (first, count); all others are read-only, and reserved ones read 0.
-WRITABLE: tuple[tuple[int, int], ...] = ((CONTROL, 1), (WATCHDOG, 3), *((j + TARGET, 6) for j in JOINTS))
 #: Number of registers, including reserved ones.
 SIZE = JOINTS[-1] + JOINT_WORDS
 
@@ -36,7 +34,7 @@ def text_words(text: str) -> list[int]:
 
 
 class RegisterBank(ABC):
-    """Holding registers `words`, of which those in `writable`, as (first, count), can be written."""
+    """Holding registers `words`; those in `writable`, as (first, count), can be written, and reserved ones read 0."""
 
     words: list[int]
     writable: tuple[tuple[int, int], ...]
@@ -45,9 +43,20 @@ class RegisterBank(ABC):
     def refresh(self) -> None:
         """Update the status, position and rate registers."""
 
+    def read(self, address: int, count: int) -> list[int]:
+        """Return the current content of registers. Raises NoSuchRegister."""
+        if not 0 < count <= len(self.words) - address:
+            raise NoSuchRegister
+        self.refresh()
+        return self.words[address : address + count]
+
     def write(self, address: int, values: list[int]) -> None:
         """Execute one write request; raises `machine.Refusal` and stores nothing if it is refused."""
         touched = slice(address, address + len(values))
+        if not {first + i for first, count in self.writable for i in range(count)}.issuperset(
+            range(*touched.indices(1 << 16))
+        ):
+            raise NoSuchRegister
         before = self.words[touched]
         self.words[touched] = values
         try:
@@ -64,7 +73,7 @@ class RegisterBank(ABC):
 class TableRegisters(RegisterBank):
     """Applies reads and writes of the register map to the machine."""
 
-    writable = WRITABLE
+    writable = ((CONTROL, 1), (WATCHDOG, 3), *((j + TARGET, 6) for j in JOINTS))
 
     def __init__(self, machine: TableMachine, clocks: Clocks, model: str, serial: str) -> None:
         self._machine, self._clocks = machine, clocks

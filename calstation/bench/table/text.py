@@ -5,6 +5,7 @@ Angles are in degrees, rates in °/s, accelerations in °/s². Axis 1 is the out
 
 import re
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 
 import numpy as np
 
@@ -22,6 +23,10 @@ class TextController(ABC):
         self._axes, self._serial = axes, serial
         self._pending = b""
         self.mute = 0
+
+    def talk(self) -> Callable[[bytes], list[bytes]]:
+        """Return the parser of a connection."""
+        return self.feed
 
     def feed(self, data: bytes) -> list[bytes]:
         """Process received bytes; return one reply, possibly empty, for each completed line."""

@@ -9,9 +9,8 @@ from calstation.bench.truth.effects import Effects, EffectTruth
 from calstation.bench.truth.free_unit import Field, Mounting, SecondaryTruth, pair_truth, record_pair
 from calstation.bench.truth.gimbal import GimbalBench, GimbalSamples, GimbalStream
 from calstation.bench.truth.grades import GRADES, GradeName, draw_imu, draw_power_ups
-from calstation.bench.truth.imu import ImuTruth, StreamOutput
+from calstation.bench.truth.imu import ImuTruth, SensorStream, StreamOutput
 from calstation.bench.truth.manual_rig import HandStream, ManualRig, around, push, record
 from calstation.bench.truth.noise import INSTABILITY_TIMES, instability_variance
 from calstation.bench.truth.simulate import BenchTruth, Simulated, Simulator
-from calstation.bench.truth.stream import SensorStream
 from calstation.bench.truth.table import TableTruth, earth_rate_n, normal_gravity, rotation, unit_axes

@@ -7,8 +7,7 @@ import numpy as np
 
 from calstation.bench.truth.drive import EncoderTruth, TableDrive
 from calstation.bench.truth.grades import GradeName
-from calstation.bench.truth.imu import ImuTruth
-from calstation.bench.truth.stream import SensorStream
+from calstation.bench.truth.imu import ImuTruth, SensorStream
 from calstation.bench.truth.table import TableTruth
 from calstation.physics import Dwell, FloatArray, IntArray, Move, RoundEnd, Step
 

@@ -181,10 +181,10 @@ class StreamedImu(Imu):
         decoder = self._decoder  # may be replaced by the thread that sends commands
         decoded = decoder.feed(data)
         if len(decoded.frames):
-            self._frames += len(decoded.frames)
             samples = decoder.samples(decoded.frames)
             if len(samples.counter):
                 self._arrived.put((samples, now))
+            self._frames += len(decoded.frames)
         for reply in decoded.replies:
             self._replies.put(reply)
         self._bytes += len(data)

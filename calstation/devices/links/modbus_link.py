@@ -11,8 +11,7 @@ from pymodbus.exceptions import ModbusException, ModbusIOException
 from pymodbus.pdu import ModbusPDU
 
 from calstation.devices.links.modbus_rtu import RefusedError, RtuLine, UnansweredError
-from calstation.devices.links.opening import host_and_port
-from calstation.devices.links.serial_link import LINK_ERRORS, PortLostError, link_reason
+from calstation.devices.links.serial_link import LINK_ERRORS, PortLostError, host_and_port, link_reason
 from calstation.devices.profiles import SerialSettings
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.messages import Text, known

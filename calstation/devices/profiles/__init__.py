@@ -1,11 +1,12 @@
-"""Data models of profile files: frames, registers, limits and accuracy, validated as a whole.
+"""Data models of profile files, validated as a whole; `docs/reference/profiles.md` explains every entry.
 
-The files are found and edited by `config`.
+A Modbus map is data: `[registers]` of a table (`data/tables`, model in `table_registers`) or `[[registers]]` of an IMU
+(`data/imus`, `registers`). A new IMU protocol is a module in `imu_protocols`; the files are found by `config`.
 """
 
 from calstation.devices.profiles.entries import SerialSettings, hex_bytes
 from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, CrcSection, FrameField, FrameSection, Span, span
-from calstation.devices.profiles.imu import ImuProfile, check_baud, load_imu_profile
+from calstation.devices.profiles.imu import ImuProfile, StatusSection, check_baud, load_imu_profile
 from calstation.devices.profiles.imu_protocols import (
     OPS,
     PROTOCOLS,
@@ -16,7 +17,6 @@ from calstation.devices.profiles.imu_protocols import (
     VectorNavProtocol,
     WordCommand,
 )
-from calstation.devices.profiles.imu_sections import StatusSection
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.devices.profiles.table import ImuLinkSection, ModbusSection, TableProfile, load_table_profile
 from calstation.devices.profiles.table_registers import JOINTS, ModbusRegister, StatusBit

@@ -147,6 +147,15 @@ ModelName = Annotated[
 ]
 
 
+def _check_command_line(line: str) -> str:
+    is_plain = line and line.isascii() and line.isprintable() and not set(line) & set("$*")
+    return require(line, is_plain, "profile.not_a_command_line")
+
+
+#: Command line of a VectorNav, without $ and checksum.
+CommandLine = Annotated[str, AfterValidator(_check_command_line)]
+
+
 class SerialSettings(StrictModel):
     """Settings of a serial port; `write_timeout_s` is the timeout for sending a command, host time in s."""
 

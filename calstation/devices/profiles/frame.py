@@ -50,15 +50,7 @@ FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
 
 
 class FrameField(ProfileSection):
-    """A number in the frame: value = raw × scale + offset; "spare" bytes are skipped.
-
-    at : first byte in the frame or item, or column in a text frame; directly after the previous field if absent
-    item : id of the item that contains the field, in hexadecimal; only in frames of items
-    word_order : order of its 16-bit words, if it differs from the byte order
-    per_sample : increment of a counter per sample, e.g. the ticks of a clock, or seconds for a float
-    reach : absolute value at and above which a channel is saturated, in addition to the bounds of its type
-    prefix, base : in a text frame, the letters before the number, and 16 for hexadecimal numbers
-    """
+    """A number in the frame: value = raw × scale + offset; "spare" bytes are skipped."""
 
     name: str
     type: NumberName
@@ -100,12 +92,7 @@ class FrameField(ProfileSection):
 
 
 class CrcSection(ProfileSection):
-    """The checksum of a frame, computed over all bytes from `start` up to the checksum.
-
-    kind : name of a checksum in `frame_checks`, or "crc" with the parameters below (Rocksoft model)
-    pad : zero bytes appended to the checked bytes
-    byte_order : order of the checksum itself, by default the frame's; in a text frame the checksum is hexadecimal
-    """
+    """The checksum of a frame, computed over all bytes from `start` up to the checksum."""
 
     kind: Annotated[str, one_of([*CHECK_WIDTHS, "crc"])]
     start: int = Field(ge=0)
@@ -150,11 +137,7 @@ class CrcSection(ProfileSection):
 
 
 class LengthSection(StrictModel):
-    """`length`: the number in the header that gives the frame's size.
-
-    at, type : its position and type; adds : number of bytes of the frame that it does not include
-    extended : type of a longer length that follows if all bits of the first are set; it shifts the data after it
-    """
+    """`length`: the number in the header that gives the frame's size."""
 
     at: int = Field(ge=0, lt=64)
     type: Literal["u8", "u16"]
@@ -163,10 +146,7 @@ class LengthSection(StrictModel):
 
 
 class ItemSection(StrictModel):
-    """`items`: items with their own id and length, from byte `at` up to the checksum.
-
-    order : order of id and length; counts_header : whether the length includes both of them
-    """
+    """`items`: items with their own id and length, from byte `at` up to the checksum."""
 
     at: int = Field(ge=0, lt=64)
     order: Literal["id length", "length id"]
@@ -188,13 +168,7 @@ class IdSection(StrictModel):
 
 
 class FrameSection(ProfileSection):
-    """`[frame]`: sync, fields and checksum of a frame, and the optional parts of its header.
-
-    sync : first bytes in hexadecimal; in a text frame, its first characters
-    tail : constant bytes after the checksum
-    max_size : size in bytes above which a length is treated as noise
-    separator, mark, tail : in a text frame, the characters between numbers, before the checksum, and at the line end
-    """
+    """`[frame]`: sync, fields and checksum of a frame, and the optional parts of its header."""
 
     format: Literal["binary", "text"] = "binary"
     sync: str

@@ -10,10 +10,12 @@ from pydantic import Field, create_model, field_validator, model_validator
 
 from calstation.devices.codecs import number
 from calstation.devices.profiles.entries import (
+    CommandLine,
     ModelName,
     ProfileSection,
     Rules,
     SerialSettings,
+    Word,
     excludes,
     needs,
     only_if,
@@ -22,7 +24,6 @@ from calstation.devices.profiles.entries import (
 )
 from calstation.devices.profiles.frame import CHANNELS, SAMPLE_RULES, STATUS_WORDS, FrameSection, SampleFrame, span
 from calstation.devices.profiles.imu_protocols import PROTOCOLS, ImuProtocol
-from calstation.devices.profiles.imu_sections import CorrectedSection, NoiseSection, StatusSection, StreamSection
 from calstation.devices.profiles.registers import REGISTER_RULES, RegisterEntry
 from calstation.physics import GROUPS, NAMES, PARAMETERS, EffectName, FloatArray, entry_of
 from calstation.schema import EntryError, KeyPath, StrictModel, load_once, near_miss
@@ -40,6 +41,43 @@ _POWER_UP, _YEAR = 0.01, 0.1
 
 #: The entry that selects the protocol, as it is written in messages.
 _PROTOCOL = 'protocol = "{0.protocol}"'
+
+
+class StreamSection(StrictModel):
+    """`[stream]`: meaning of a count; units as in the `[imu]` section of a log."""
+
+    sample_rate_hz: float = Field(gt=0, le=100_000)
+    output: Literal["increment", "rate"]
+    gyro_lsb: float = Field(gt=0)
+    accel_lsb: float = Field(gt=0)
+    gyro_quantisation: float | None = Field(default=None, ge=0)
+    accel_quantisation: float | None = Field(default=None, ge=0)
+    order: Literal["before_registers", "after_registers"]
+
+
+class NoiseSection(StrictModel):
+    """`[noise]`: random walks in rad/√s and m/s/√s, bias instabilities in rad/s and m/s²."""
+
+    gyro_arw: float = Field(gt=0)
+    accel_vrw: float = Field(gt=0)
+    gyro_bias_instability: float = Field(default=0.0, ge=0)
+    accel_bias_instability: float = Field(default=0.0, ge=0)
+
+
+class StatusSection(StrictModel):
+    """`[status]`: masks of the status word; 0 for a state that the unit does not report."""
+
+    ready: int = Field(default=0, ge=0)
+    saturated: int = Field(default=0, ge=0)
+    failed: int = Field(default=0, ge=0)
+
+
+class CorrectedSection(StrictModel):
+    """`[corrected]`: how the unit is commanded to stream its output with the registers applied."""
+
+    stream: Word | None = None
+    start: list[CommandLine] = Field(default_factory=list)
+    frame: FrameSection | None = None
 
 
 class PriorSigma(StrictModel):
@@ -74,16 +112,7 @@ else:  # the sections are fields so that errors name them as in the file
 
 
 class ImuProfile(_ProtocolSections):
-    """A type of IMU, with all data that its driver, the register transfer and the solvers need.
-
-    model : text that the unit's own model name must contain
-    protocol : command protocol, a name in `PROTOCOLS`, with its section; or stream, without commands
-    without_register : parameters and groups for which the unit has no register
-    flash_cycles_max : number of commits that its data sheet allows
-    stability : change of the parameters from power-up to power-up and over time
-    states : effects estimated in addition to the 30 parameters
-    corrected : how to switch from the raw stream to the stream with the registers applied
-    """
+    """A type of IMU, with all data that its driver, the register transfer and the solvers need."""
 
     name: str
     model: ModelName

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, Field
@@ -34,8 +34,8 @@ from calstation.errors import ConfigurationError
 from calstation.physics import AXES, GimbalJoints, JointLimits, TableGeometry
 from calstation.schema import EntryError, StrictModel, load_once
 
-#: Section that each protocol requires.
-_SECTIONS = {
+#: Section that each protocol requires; a new protocol is registered here, and its section in `table.drivers`.
+PROTOCOLS = {
     "modbus": "modbus",
     "imu_link": "imu_link",
     "atl": "text",
@@ -44,6 +44,10 @@ _SECTIONS = {
     "gimbal": "gimbal",
     "hand": None,
 }
+if TYPE_CHECKING:
+    ProtocolName = str
+else:
+    ProtocolName = Literal[tuple(PROTOCOLS)]
 
 #: The entry that selects the protocol, as it is written in messages.
 _PROTOCOL = 'protocol = "{0.protocol}"'
@@ -70,12 +74,7 @@ UnitVector = Annotated[list[float], Field(min_length=3, max_length=3), AfterVali
 
 
 class ImuLinkSection(ProfileSection):
-    """`[imu_link]`: axes of an inertial system, commanded over its link.
-
-    gap : unused registers that may be read along with used ones
-    word_order : order of numbers in several registers, unless a register defines its own
-    rest_rate_dps : rate below which an axis is at rest, °/s, if no status bit reports motion
-    """
+    """`[imu_link]`: axes of an inertial system, commanded over its link."""
 
     gap: int = Field(default=0, ge=0, le=100)
     word_order: Literal["big", "little"] = "big"
@@ -83,11 +82,7 @@ class ImuLinkSection(ProfileSection):
 
 
 class ModbusSection(ImuLinkSection):
-    """`[modbus]`: unit numbers, timeout, serial settings and extent of a transfer.
-
-    timeout_s : reply timeout, host time in s
-    inner_unit : unit number of the inner axis's drive, if each axis has one; its registers have names `inner_...`
-    """
+    """`[modbus]`: unit numbers, timeout, serial settings and extent of a transfer."""
 
     unit: int = Field(ge=0, le=255)
     inner_unit: int | None = Field(default=None, ge=1, le=247)
@@ -102,12 +97,7 @@ class ModbusSection(ImuLinkSection):
 
 
 class AccuracySection(StrictModel):
-    """`[accuracy]`: uncertainty of angles and rest, named as in the `[table]` section of a log, and age of the angles.
-
-    repeatability_deg : difference between the angles after two moves to the same angle (one sigma), which limits the
-        comparison of repeated rotations and rests; `encoder_sigma_deg` if absent
-    poll_latency_s, poll_jitter_s : age of an angle relative to the middle of request and reply, and its sigma, s
-    """
+    """`[accuracy]`: uncertainty of angles and rest, as in the `[table]` section of a log, and age of the angles, s."""
 
     encoder_sigma_deg: float = Field(gt=0, le=90)
     mount_sigma_deg: float = Field(gt=0, le=180)
@@ -123,22 +113,13 @@ class AccuracySection(StrictModel):
 class TableProfile(ProfileSection):
     """A type of table, with all data that its driver, the plans and the solvers need.
 
-    model : text that the table's own model name must contain
-    protocol : "modbus", with sections `[modbus]`, `[status_bits]`, `[commands]`, `[registers]`; "imu_link", the same
-        registers over the link of the IMU that the axes belong to, with `[imu_link]`; a text protocol with `[text]`:
-        "atl" with a prompt, "acl" with plain lines, "mn" with checksummed lines; "hand", a manual rig (no section); or
-        "gimbal", three joints that stabilise the unit on its corrected rates, with `[middle]`, `middle_axis` and
-        `[gimbal]`
-    status_bits : bit numbers in the statusword, or other sources of the flags
-    commands : value of the command register, or all register values that each command writes
-    faults : meanings of the fault codes; settle_s : time from the end of a motion profile until the table has settled
     link_loss_stop_s : time after the last received line within which a table without a watchdog stops its axes
         automatically, s; if omitted, only moves to angles are allowed, not continuous rotation
     """
 
     name: str
     model: ModelName
-    protocol: Literal["modbus", "imu_link", "atl", "acl", "mn", "gimbal", "hand"]
+    protocol: ProtocolName
     outer_axis: UnitVector
     inner_axis: UnitVector
     outer_lever: Literal["estimated", "fixed"]
@@ -161,8 +142,8 @@ class TableProfile(ProfileSection):
     rules: ClassVar[Rules["TableProfile"]] = (
         lambda p: "0" in p.faults and EntryError("profile.fault_zero", "faults", "0"),
         lambda p: abs(float(np.dot(p.outer_axis, p.inner_axis))) > 0.5 and EntryError("profile.axes_too_close"),
-        lambda p: needs(_PROTOCOL, *filter(None, [_SECTIONS[p.protocol]]))(p),
-        lambda p: excludes(_PROTOCOL, *(s for s in _SECTIONS.values() if s and s != _SECTIONS[p.protocol]))(p),
+        lambda p: p.section != "" and needs(_PROTOCOL, p.section)(p),
+        lambda p: excludes(_PROTOCOL, *(name for name in PROTOCOLS.values() if name not in (None, p.section)))(p),
         *only_if(lambda p: p.gimbal is None, excludes(_PROTOCOL, "middle", "middle_axis")),
         *only_if(
             lambda p: p.gimbal is not None,
@@ -188,9 +169,14 @@ class TableProfile(ProfileSection):
         """The section with the lines of text; None for other protocols."""
         return self.text or self.gimbal
 
+    @property
+    def section(self) -> str:
+        """Name of the section of the protocol; "" for a manual rig."""
+        return PROTOCOLS[self.protocol] or ""
+
     def section_of(self, kind: type[S]) -> S:
         """Return the section of the protocol. Raises TypeError if it has another type."""
-        section = getattr(self, _SECTIONS[self.protocol] or "", None)
+        section = getattr(self, self.section, None)
         if not isinstance(section, kind):
             raise TypeError(f"{self.name} has protocol {self.protocol!r}")
         return section
@@ -242,14 +228,14 @@ class TableProfile(ProfileSection):
 
         Raises ConfigurationError if the inner axis's drive has the same unit number.
         """
-        section, name = self.lines or self.modbus, _SECTIONS[self.protocol]
-        if section is None or name is None:
+        section = self.lines or self.modbus
+        if section is None:
             return self
         if self.modbus is not None and unit is not None and unit == self.modbus.inner_unit:
             raise ConfigurationError("table.unit_of_inner_drive", unit=unit)
         given = {"timeout_s": timeout_s, "unit": None if self.modbus is None else unit}
         changed = section.model_copy(update={key: value for key, value in given.items() if value is not None})
-        return self.model_copy(update={name: changed})
+        return self.model_copy(update={self.section: changed})
 
     def check_endless(self, watchdog: float, rates: tuple[float, float], acceleration: float) -> None:
         """Check that the table may rotate at these rates (outer, inner, rad/s) and acceleration, rad/s², until stopped.

@@ -66,11 +66,7 @@ def _table_type(name: str) -> str:
 
 
 class ModbusRegister(ProfileSection):
-    """A holding register with a 0-based address; value = raw × scale in degrees, °/s, °/s² or s; a text has `words`.
-
-    scale : negative if the table counts in the opposite sense
-    word_order : order of its 16-bit words; if absent, the order of the link
-    """
+    """A holding register with a 0-based address; value = raw × scale in degrees, °/s, °/s² or s; a text has `words`."""
 
     address: Address
     type: Annotated[str, AfterValidator(_table_type)]
@@ -155,10 +151,7 @@ Writes = Annotated[list[dict[str, int]], BeforeValidator(_as_writes), Field(min_
 
 
 class StatusBits(StrictModel):
-    """`[status_bits]`: sources of the flags.
-
-    quick_stop : 0 during a quick stop; remote : 0 under local control; limit : 1 at a limit
-    """
+    """`[status_bits]`: sources of the flags."""
 
     enabled: Bit
     fault: Bit
@@ -229,11 +222,6 @@ def _of_joints(name: str) -> tuple[str, str]:
 
 _OF_DRIVES = DRIVE_REGISTERS + OPTIONAL_DRIVE_REGISTERS
 _KNOWN = (*_OF_DRIVES, *(name for plain in (*_OF_DRIVES, *JOINT_REGISTERS) for name in _of_joints(plain)))
-
-
-def _unknown_register(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
-    if name not in _KNOWN:
-        yield EntryError("entry.unknown", remedy=near_miss(name, _KNOWN))
 
 
 def _missing_registers(profile: "TableProfile") -> Iterator[EntryError]:
@@ -374,7 +362,10 @@ def _wrong_code(profile: "TableProfile", code: str, meaning: str) -> Iterator[En
 
 #: Rules of the registers, bits and commands of a profile.
 MAP_RULES: Rules["TableProfile"] = (
-    each_item("registers", _unknown_register),
+    each_item(
+        "registers",
+        lambda p, name, register: name not in _KNOWN and EntryError("entry.unknown", remedy=near_miss(name, _KNOWN)),
+    ),
     _missing_registers,
     _overlaps,
     each_item("registers", _wrong_type),

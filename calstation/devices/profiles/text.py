@@ -21,10 +21,7 @@ _NEVER_ALWAYS = ("fault", "moving", "settled")
 
 
 class CommandLines(ProfileSection):
-    """`[text.commands]`: the lines of each command, in order; lines with {axis} are sent for outer, then inner.
-
-    rate : omitted if the table must never rotate continuously; heartbeat : only for a table with a watchdog
-    """
+    """`[text.commands]`: the lines of each command, in order; lines with {axis} are sent for outer, then inner."""
 
     enable: list[str] = Field(min_length=1)
     disable: list[str] = Field(min_length=1)
@@ -97,10 +94,7 @@ def _check_groups(pattern: str) -> str:
 
 
 class Query(StrictModel):
-    """A query: the line to send, once for each axis if it contains {axis}, and the pattern of its reply.
-
-    answer : regular expression that is searched for in the reply; its named groups are the values
-    """
+    """A query: the line to send, once for each axis if it contains {axis}, and the pattern of its reply."""
 
     send: Annotated[str, Field(min_length=1), AfterValidator(_check_query_line)]
     answer: Annotated[Pattern, AfterValidator(_check_groups)]
@@ -112,10 +106,7 @@ class Query(StrictModel):
 
 
 class Flag(ProfileSection):
-    """Source of a status flag: a bit or the text of a group in a query's reply, or a constant.
-
-    base : number base of the group that contains the bit
-    """
+    """Source of a status flag: a bit or the text of a group in a query's reply, or a constant."""
 
     query: str | None = None
     group: str = "value"
@@ -146,8 +137,6 @@ class CheckedLines(StrictModel):
     """`checked`: commands and replies are HEAD body MARK checksum.
 
     The checksum is the 8-bit sum of the bytes before MARK.
-
-    counts_head : whether the sum includes the head
     """
 
     head: str = Field(min_length=1)
@@ -157,19 +146,7 @@ class CheckedLines(StrictModel):
 
 
 class TextSection(ProfileSection):
-    """`[text]`: the framing of lines, and the lines themselves.
-
-    axes : names of the outer and the inner axis in the lines
-    timeout_s : reply timeout, host time in s; gap_s : shortest interval between two lines, host time in s
-    line_end : end of each line sent; prompt : end of a reply (protocol "atl")
-    silent : regular expression for lines without a reply; flush : query that is sent after such a line and makes the
-        table send its pending output
-    refused : regular expression for replies that refuse a command
-    decimals : number of decimals in commands
-    rest_rate_dps : rate below which an axis is at rest, °/s, if the table does not report motion
-    settled_deg, settled_polls : if the table does not report settling, it is settled at rest once its angles have
-        changed by at most `settled_deg` from poll to poll for `settled_polls` polls
-    """
+    """`[text]`: the framing of lines, and the lines themselves."""
 
     joint_names: ClassVar[tuple[str, ...]] = ("outer", "inner")
     axes: list[str]
@@ -251,12 +228,7 @@ class TextSection(ProfileSection):
 
 
 class GimbalCommands(CommandLines):
-    """`[gimbal.commands]`: the lines of each command, in order.
-
-    home : move all joints to zero and lock them; lock : lock the joints and average the gyro output as the gyro bias;
-    stabilise : hold the body at rest in space on the corrected rates; turn : turn about the body axis {axis} by {angle}
-    at {rate} with the others stabilised, not repeated if its reply is lost
-    """
+    """`[gimbal.commands]`: the lines of each command, in order."""
 
     home: list[str] = Field(min_length=1)
     move: list[str] = Field(default_factory=list, max_length=0)

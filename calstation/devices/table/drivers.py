@@ -10,6 +10,9 @@ from calstation.devices.table.register_table import ModbusTable
 from calstation.devices.table.text_table import GimbalTable, TextTable
 from calstation.errors import ConfigurationError
 
+#: Drivers of tables on a port of their own, by the section of the profile.
+DRIVERS: dict[str, type[ModbusTable | TextTable]] = {"modbus": ModbusTable, "text": TextTable, "gimbal": GimbalTable}
+
 
 def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) -> ModbusTable | TextTable:
     """Open a table on its port and return its driver; `serial` replaces the profile's settings.
@@ -20,9 +23,7 @@ def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) 
         raise ConfigurationError("table.behind_imu", profile=profile.name)
     if profile.by_hand:
         raise ConfigurationError("table.rig_without_port", profile=profile.name)
-    if profile.protocol == "modbus":
-        return ModbusTable(port, profile, serial)
-    return (TextTable if profile.gimbal is None else GimbalTable)(port, profile, serial)
+    return DRIVERS[profile.section](port, profile, serial)
 
 
 class ManualTable(Table):

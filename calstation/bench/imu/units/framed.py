@@ -12,7 +12,7 @@ import numpy as np
 from calstation.bench.imu.flash import PowerCut
 from calstation.bench.imu.frames import REPLY_SYNC, CommandParser, pack
 from calstation.bench.imu.unit import CORRECTED, OFF, RAW, REGISTERS, ImuUnit
-from calstation.bench.table import SIZE, WRITABLE, OutOfRange, Refusal, TableRegisters
+from calstation.bench.table import NoSuchRegister, OutOfRange, Refusal, TableRegisters
 
 MODEL = "bench-imu"
 FIRMWARE = "1.0.0"
@@ -31,8 +31,9 @@ class FramedUnit(ImuUnit):
 
     profile = "bench_mems"
 
-    def _start(self, time: float) -> None:
-        super()._start(time)
+    def restart(self, time: float) -> None:
+        """Start with the registers in flash, see `ImuUnit.restart`."""
+        super().restart(time)
         self._busy_until, self._refusals = -np.inf, 0
 
     def conversation(self) -> Callable[[bytes, float], list[bytes]]:
@@ -105,24 +106,23 @@ class FramedUnit(ImuUnit):
 
 
 def _read_words(axes: TableRegisters, payload: bytes) -> bytes | int:
-    if len(payload) != 3:
+    if len(payload) != 3 or payload[2] > 126:
         return BAD_ADDRESS
-    address, count = struct.unpack("<HB", payload)
-    if count == 0 or count > 126 or address + count > SIZE:
+    try:
+        words = axes.read(*struct.unpack("<HB", payload))
+    except NoSuchRegister:
         return BAD_ADDRESS
-    axes.refresh()
-    return payload + struct.pack(f"<{count}H", *axes.words[address : address + count])
+    return payload + struct.pack(f"<{len(words)}H", *words)
 
 
 def _write_words(axes: TableRegisters, payload: bytes) -> bytes | int:
-    if len(payload) < 5:
+    if len(payload) < 5 or len(payload) != 3 + 2 * payload[2]:
         return BAD_ADDRESS
     address, count = struct.unpack("<HB", payload[:3])
-    writable = {first + i for first, size in WRITABLE for i in range(size)}
-    if len(payload) != 3 + 2 * count or not writable.issuperset(range(address, address + count)):
-        return BAD_ADDRESS
     try:
         axes.write(address, list(struct.unpack(f"<{count}H", payload[3:])))
+    except NoSuchRegister:
+        return BAD_ADDRESS
     except OutOfRange:
         return BAD_VALUE
     except Refusal:

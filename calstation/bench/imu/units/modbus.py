@@ -18,11 +18,12 @@ import struct
 from collections.abc import Callable
 
 import numpy as np
-from fastcrc import crc16
 
 from calstation.bench.imu.correction import Correction
 from calstation.bench.imu.flash import PowerCut
 from calstation.bench.imu.unit import CORRECTED, OFF, RAW, ImuUnit
+from calstation.bench.links import ModbusServer, NoReply
+from calstation.bench.table import NoSuchRegister, OutOfRange
 
 MODEL, FIRMWARE = "bench-dsp", "2.0"
 UNIT_NUMBER = 1
@@ -35,22 +36,6 @@ PAGES = {1: (100, 30), 2: (200, 27), 3: (300, 6)}
 #: Number of reads of the commit register, after a commit, until it returns ready.
 _BUSY_READS = 2
 
-ILLEGAL_ADDRESS, ILLEGAL_VALUE = 2, 3
-READ, WRITE, WRITE_MANY = 3, 6, 16
-
-
-class _Refused(Exception):  # noqa: N818 - a reply of the protocol
-    """A Modbus exception."""
-
-    def __init__(self, code: int) -> None:
-        super().__init__(code)
-        self.code = code
-
-
-def crc16_modbus(data: bytes) -> bytes:
-    """Return the checksum of an RTU frame, low byte first."""
-    return int(crc16.modbus(data)).to_bytes(2, "little")
-
 
 class DspUnit(ImuUnit):
     """A unit with Modbus registers; see the module docstring."""
@@ -58,9 +43,10 @@ class DspUnit(ImuUnit):
     profile = "dsp_modbus"
     flash_bytes = 2 * sum(count for _, count in PAGES.values())
 
-    def _start(self, time: float) -> None:
+    def restart(self, time: float) -> None:
+        """Start with the registers in flash, see `ImuUnit.restart`."""
         self._words = {page: [0] * count for page, (_, count) in PAGES.items()}
-        super()._start(time)
+        super().restart(time)
         self._page = 0
         self._busy = 0
 
@@ -75,47 +61,25 @@ class DspUnit(ImuUnit):
 
     def conversation(self) -> Callable[[bytes, float], list[bytes]]:
         """Return a parser for one connection, see `ImuUnit.conversation`."""
-        pending = b""
+        answer = ModbusServer({UNIT_NUMBER: self}).talk()
 
-        def answer(data: bytes, time: float) -> list[bytes]:
-            nonlocal pending
-            pending += data
-            replies = []
-            while (size := _request_size(pending)) is not None:
-                if size > len(pending):
-                    break
-                frame = pending[:size]
-                if size == 0 or crc16_modbus(frame[:-2]) != frame[-2:]:
-                    pending = pending[1:]
-                    continue
-                pending = pending[size:]
-                replies.append(self._answer_rtu(frame[1], frame[2:-2], time))
-            return replies
+        def answer_at(data: bytes, time: float) -> list[bytes]:
+            self._time = time
+            return answer(data)
 
-        return answer
+        return answer_at
 
-    def _answer_rtu(self, function: int, data: bytes, time: float) -> bytes:
+    def read(self, address: int, count: int) -> list[int]:
+        """Return the content of registers. Raises NoSuchRegister."""
+        return [self._get(address + i) for i in range(count)]
+
+    def write(self, address: int, values: list[int]) -> None:
+        """Execute a command or write registers. Raises a `Refusal`, or NoReply if the power fails."""
         try:
-            body = bytes([UNIT_NUMBER, function]) + self._execute(function, data, time)
-        except _Refused as refused:
-            body = bytes([UNIT_NUMBER, function | 0x80, refused.code])
+            self._put(address, values)
         except PowerCut:
-            self.restart(time)
-            return b""
-        return body + crc16_modbus(body)
-
-    def _execute(self, function: int, data: bytes, time: float) -> bytes:
-        address, second = struct.unpack(">HH", data[:4])
-        if function == READ:
-            if not 1 <= second <= 125:
-                raise _Refused(ILLEGAL_VALUE)
-            words = [self._get(address + i) for i in range(second)]
-            return struct.pack(f">B{second}H", 2 * second, *words)
-        if function == WRITE:
-            self._put(address, [second], time)
-            return data[:4]
-        self._put(address, list(struct.unpack(f">{second}H", data[5:])), time)
-        return data[:4]
+            self.restart(self._time)
+            raise NoReply from None
 
     def _get(self, address: int) -> int:
         for first, text in ((0, MODEL), (8, self._serial), (16, FIRMWARE)):
@@ -133,20 +97,20 @@ class DspUnit(ImuUnit):
             return self._page
         first, count = PAGES.get(self._page, (0, 0))
         if not first <= address < first + count:
-            raise _Refused(ILLEGAL_ADDRESS)
+            raise NoSuchRegister
         return self._words[self._page][address - first]
 
-    def _put(self, address: int, words: list[int], time: float) -> None:
+    def _put(self, address: int, words: list[int]) -> None:
         if address in (STREAM, COMMIT, RESET, PAGE) and len(words) == 1:
-            self._command(address, words[0], time)
+            self._command(address, words[0])
             return
         first, count = PAGES.get(self._page, (0, 0))
         if not first <= address or address + len(words) > first + count:
-            raise _Refused(ILLEGAL_ADDRESS)
+            raise NoSuchRegister
         self._draw_power(2 * len(words))
         self._words[self._page][address - first : address - first + len(words)] = words
 
-    def _command(self, address: int, word: int, time: float) -> None:
+    def _command(self, address: int, word: int) -> None:
         if address == STREAM and word in (OFF, RAW, CORRECTED):
             self.streaming, self.corrected = word != OFF, word == CORRECTED
         elif address == PAGE:
@@ -155,9 +119,9 @@ class DspUnit(ImuUnit):
             self._burn()
             self._busy = _BUSY_READS
         elif address == RESET and word == RESET_WORD:
-            self.restart(time)
+            self.restart(self._time)
         else:
-            raise _Refused(ILLEGAL_VALUE)
+            raise OutOfRange
 
     def correction(self) -> Correction:
         """Return the correction, see `ImuUnit.correction`; formulas and addresses are in the module docstring."""
@@ -178,19 +142,6 @@ class DspUnit(ImuUnit):
             cubic=np.frombuffer(cubic, ">f4").astype(np.float64),
             levers=5e-5 * accels[24:].astype(np.int16).astype(np.float64),
         )
-
-
-def _request_size(data: bytes) -> int | None:
-    """Return the size of the request at the start of `data`; None if not known yet, 0 if there is no request."""
-    if len(data) < 2:
-        return None
-    if data[0] != UNIT_NUMBER or data[1] not in (READ, WRITE, WRITE_MANY):
-        return 0
-    if data[1] != WRITE_MANY:
-        return 8
-    if len(data) < 7:
-        return None
-    return 9 + data[6] if data[6] == 2 * int.from_bytes(data[4:6], "big") else 0
 
 
 UNIT = DspUnit

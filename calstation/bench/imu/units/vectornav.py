@@ -48,8 +48,9 @@ class VectorNavUnit(ImuUnit):
     profile = "vectornav_vn100"
     frame_size = SAMPLES.itemsize
 
-    def _start(self, time: float) -> None:
-        super()._start(time)
+    def restart(self, time: float) -> None:
+        """Start with the registers in flash, see `ImuUnit.restart`."""
+        super().restart(time)
         self.streaming = bool(self.registers[REGISTERS - 1])
 
     def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:

@@ -8,11 +8,7 @@ from calstation.devices.profiles.entries import ProfileSection, Rules
 
 
 class ImuProtocol(ProfileSection):
-    """Section of an IMU profile for the commands of one protocol, with timeouts in host time, s.
-
-    timeout_s : for a reply; commit_timeout_s : for writing the flash
-    reset_timeout_s : until the unit replies again after a reset
-    """
+    """Section of an IMU profile for the commands of one protocol, with timeouts in host time, s."""
 
     #: Name of the section in a profile.
     section: ClassVar[str]

@@ -31,11 +31,7 @@ def _not_a_byte(value: int | str) -> EntryError:
 
 
 class FramedProtocol(ImuProtocol):
-    """`[commands]`: request and reply frames, sync | op u8 | n u8 | n bytes | checksum over op to payload.
-
-    ops : numbers of the ops that differ from `OPS`; errors : meanings of the codes in an error reply
-    busy : error codes of a unit that is busy; by default 3, or none if `errors` is given
-    """
+    """`[commands]`: request and reply frames, sync | op u8 | n u8 | n bytes | checksum over op to payload."""
 
     section: ClassVar[str] = "commands"
 

@@ -49,11 +49,7 @@ class StreamSwitch(StrictModel):
 
 
 class ModbusProtocol(ImuProtocol):
-    """`[modbus]`: the unit's registers over Modbus RTU, on the line of its stream. Addresses are 0-based.
-
-    model, serial, firmware : text registers; byte_order, word_order : orders in the calibration registers
-    page : register that selects the page; commit, reset, stream : the registers of these commands
-    """
+    """`[modbus]`: the unit's registers over Modbus RTU, on the line of its stream. Addresses are 0-based."""
 
     section: ClassVar[str] = "modbus"
 

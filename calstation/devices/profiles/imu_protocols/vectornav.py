@@ -4,19 +4,13 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from calstation.devices.profiles.entries import Rules
+from calstation.devices.profiles.entries import CommandLine, Rules
 from calstation.devices.profiles.imu_protocols.base import ImuProtocol
-from calstation.devices.profiles.imu_sections import CommandLine
 from calstation.schema import EntryError
 
 
 class VectorNavProtocol(ImuProtocol):
-    """`[vectornav]`: commands as lines $VN...*checksum.
-
-    start : lines that configure and start the stream, without $ and checksum, e.g. "VNWRG,75,1,4,05,0001,001C"
-    digits : number of significant digits of a written value
-    commit_timeout_s : timeout of a commit, which takes about half a second
-    """
+    """`[vectornav]`: commands as lines $VN...*checksum."""
 
     section: ClassVar[str] = "vectornav"
     corrected_entry: ClassVar[Literal["stream", "start"]] = "start"

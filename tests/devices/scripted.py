@@ -1,0 +1,81 @@
+"""A device that expects requests in order, as the link of an IMU driver, on a terminal or behind a TCP socket."""
+
+import queue
+import struct
+import threading
+from collections.abc import Sequence
+
+from calstation.errors import DeviceFaultError
+
+
+class ScriptedDevice:
+    """A device that sends a reply to each expected request, None or b"" for silence, and records all other requests.
+
+    Attributes
+    ----------
+    pairs : expected requests and their replies; unexpected : other received bytes
+    connections : number of connections to its server
+    failure : error raised when the link is read; closed : set once the link is closed
+    """
+
+    port = "SCRIPT"
+
+    def __init__(self, pairs: Sequence[tuple[bytes, bytes | None]]) -> None:
+        self.pairs = list(pairs)
+        self.unexpected: list[bytes] = []
+        self.connections = 0
+        self.failure: DeviceFaultError | None = None
+        self.closed = threading.Event()
+        self._heard = b""
+        self._bytes: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+
+    @property
+    def finished(self) -> bool:
+        """Whether exactly the expected requests have arrived."""
+        return not self.pairs and not self.unexpected
+
+    def answer(self, data: bytes) -> bytes:
+        """Return the replies to received bytes."""
+        self._heard += data
+        replies = b""
+        while self.pairs and self._heard.startswith(self.pairs[0][0]):
+            request, reply = self.pairs.pop(0)
+            self._heard = self._heard[len(request) :]
+            replies += reply or b""
+        if self._heard and not (self.pairs and self.pairs[0][0].startswith(self._heard)):
+            self.unexpected.append(self._heard)
+            self._heard = b""
+        return replies
+
+    def answer_modbus(self, data: bytes) -> bytes:
+        """Return the reply to a Modbus TCP request; an unexpected one closes the connection."""
+        reply = self.answer(data[7:])
+        if self.unexpected:
+            raise ConnectionError
+        return data[:4] + struct.pack(">H", len(reply) + 1) + data[6:7] + reply if reply else b""
+
+    def connected(self) -> None:
+        """Count a connection."""
+        self.connections += 1
+
+    def send(self, data: bytes) -> None:
+        """Send bytes without a request."""
+        self._bytes.put(data)
+
+    def read(self, wait: float) -> bytes:
+        """Return the bytes sent, as a link."""
+        if self.failure is not None:
+            raise self.failure
+        try:
+            return self._bytes.get(timeout=wait)
+        except queue.Empty:
+            return b""
+
+    def write(self, data: bytes) -> None:
+        """Receive a request, as a link."""
+        if reply := self.answer(data):
+            self.send(reply)
+
+    def close(self) -> None:
+        """Close the link."""
+        self.closed.set()
