@@ -1,17 +1,13 @@
-"""`override` and `pin`, and the confirmation of an action by one or two engineers, who enter their PINs."""
+"""Confirmation of an action by one or two engineers, who enter their PINs."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import typer
 
-from calstation.cli.show import check_json, ignore_progress, report
 from calstation.cli.text import say
 from calstation.config import (
     Person,
-    RegisterOperation,
     RunRequest,
-    access,
     computer_user,
     confirm,
     confirmation_required,
@@ -19,12 +15,11 @@ from calstation.config import (
     load_station,
     pin_known,
 )
-from calstation.results import override_required, override_result
 
 
 def ask_person(badge: str, *, pin: bool = True) -> Person:
     """Return a person with the PIN that is entered on the terminal, or without one."""
-    return Person(badge, _ask(say("cli.ask_pin", badge=badge)) if pin else "")
+    return Person(badge, ask(say("cli.ask_pin", badge=badge)) if pin else "")
 
 
 def ask_people(
@@ -36,26 +31,6 @@ def ask_people(
     """
     first = ask_person(by or default, pin=pin or bool(by) or confirmed_by is not None)
     return first, None if confirmed_by is None else ask_person(confirmed_by)
-
-
-def override_command(result: Path, reason: str, by: str | None, confirmed_by: str | None, json: str | None) -> int:
-    """Release the unit of a failed result."""
-    check_json(json)
-    override_required(ignore_progress, result)
-    first, second = ask_people(by, confirmed_by, computer_user() or "", pin=True)
-    released = override_result(ignore_progress, result, reason, first, second)
-    people = [name for name in (released.by, released.confirmed_by) if name]
-    report(released.model_dump(), json, [say("cli.released", result=result, people=people)])
-    return 0
-
-
-def confirm_registers(operation: RegisterOperation, by: str | None, confirmed_by: str | None) -> RegisterOperation:
-    """Return a register operation with the responsible persons. Raises ConfigurationError."""
-    station, product = load_station(operation.request.station)[1], load_product(operation.request.product)[1]
-    needed = confirmation_required("registers", product, station)
-    first, second = ask_people(by, confirmed_by, operation.request.operator or "", pin=needed.pin)
-    people = confirm("registers", product, station, first, second)
-    return replace(operation, request=replace(operation.request, operator=people.by), people=people)
 
 
 def confirm_override(request: RunRequest, confirmed_by: str | None) -> RunRequest:
@@ -71,19 +46,6 @@ def confirm_override(request: RunRequest, confirmed_by: str | None) -> RunReques
     return replace(request, overridden_by=confirm("override", product, station, first, second))
 
 
-def pin_command(badge: str) -> int:
-    """Set or change the site's PIN, or the personal PIN of an engineer's badge."""
-    own = access.has_pin(badge)
-    old = ""
-    if own:
-        old = _ask(say("cli.ask_old_pin"))
-    elif badge and access.has_pin():
-        old = _ask(say("cli.ask_site_pin"))
-    new = typer.prompt(say("cli.ask_new_pin"), hide_input=True, confirmation_prompt=say("cli.ask_again"), err=True)
-    access.set_pin(old, str(new), badge)
-    report({"badge": badge, "changed": own}, None, [say("cli.pin_set")])
-    return 0
-
-
-def _ask(question: str) -> str:
+def ask(question: str) -> str:
+    """Return the answer to a question, which is not shown while it is entered."""
     return str(typer.prompt(question, hide_input=True, err=True))

@@ -1,5 +1,6 @@
-"""Options that several commands share."""
+"""Groups of commands, and the options that several commands share."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -8,23 +9,21 @@ import typer
 
 from calstation.errors import ConfigurationError
 
-StagesOption = Annotated[
-    str | None, typer.Option("--stages", help="Stages in order, e.g. rate,six_position.", metavar="A,B,...")
-]
-JsonOption = Annotated[
-    str | None, typer.Option("--json", help="Write the result JSON to this file; - for standard output.")
-]
+
+def command_group() -> typer.Typer:
+    """Return an application for the commands of a module, which is a group if they are several."""
+    return typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
 
 
 def by_name(kind: str) -> Callable[[Path | None], Path | None]:
     """Return a callback that finds the file of an option by path or name and raises ConfigurationError."""
 
-    def look_up(path: Path | None) -> Path | None:
+    def find(path: Path | None) -> Path | None:
         from calstation.config import locate
 
         return None if path is None else locate(kind, path)
 
-    return look_up
+    return find
 
 
 def existing_folder(folder: Path) -> Path:
@@ -34,16 +33,32 @@ def existing_folder(folder: Path) -> Path:
     return folder
 
 
-StationOption = Annotated[
-    Path | None,
-    typer.Option(help="Station file or its name; default: the virtual bench.", callback=by_name("stations")),
-]
-ParametersOnlyOption = Annotated[
-    bool, typer.Option("--parameters-only", help="Leave out the tests of data and model; nothing is judged.")
-]
-ProductOption = Annotated[
-    Path | None, typer.Option(help="Product file or its name; default: nav_a.", callback=by_name("products"))
-]
+def _writable(target: str | None) -> str | None:
+    """Return the value of ``--json``. Raises ConfigurationError if the file cannot be written."""
+    if target is None or target == "-":
+        return target
+    path = Path(target)
+    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise ConfigurationError("cli.json_unwritable", path=path)
+    return target
+
+
+StagesOption = Annotated[str | None, typer.Option("--stages", metavar="A,B,...")]
+JsonOption = Annotated[str | None, typer.Option("--json", callback=_writable)]
+StationOption = Annotated[Path | None, typer.Option(callback=by_name("stations"))]
+ProductOption = Annotated[Path | None, typer.Option(callback=by_name("products"))]
+ParametersOnlyOption = Annotated[bool, typer.Option("--parameters-only")]
+RunsOption = Annotated[Path, typer.Option("--out", callback=existing_folder)]
+ByOption = Annotated[str | None, typer.Option(metavar="BADGE")]
+ConfirmedByOption = Annotated[str | None, typer.Option(metavar="BADGE")]
+YesOption = Annotated[bool, typer.Option("--yes")]
+LogOutOption = Annotated[Path, typer.Option("-o", "--out", metavar="LOG")]
+
+
+def check_choice(option: str, value: str | None, choices: tuple[str, ...]) -> None:
+    """Raise ConfigurationError if an option has a value that is not among the choices; None is permitted."""
+    if value is not None and value not in choices:
+        raise ConfigurationError("cli.unknown_choice", option=option, value=value, choices=choices)
 
 
 def parsed_stages(text: str | None) -> tuple[str, ...] | None:
@@ -60,11 +75,3 @@ def parsed_stages(text: str | None) -> tuple[str, ...] | None:
     for stage in stages:
         method(stage)
     return stages
-
-
-ByOption = Annotated[
-    str | None, typer.Option(help="Badge of the engineer who does this; default: the computer's user.", metavar="BADGE")
-]
-ConfirmedByOption = Annotated[
-    str | None, typer.Option(help="Badge of the engineer who confirms it, where two are required.", metavar="BADGE")
-]

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 from rich.table import Table
 
 from calstation.cli.errors import command_options, complain, complete_commands, station_options
-from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, result_table, show_line
+from calstation.cli.show import emit_json, on_interrupt, on_line, result_table, show_line
 from calstation.cli.text import say, sentence, term
 from calstation.config import (
     RegisterOperation,
@@ -60,7 +60,6 @@ _CONSISTENCY = {True: "cli.consistent", False: "cli.not_consistent", None: "cli.
 
 def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
     """Run a calibration and return the exit code. Raises ConfigurationError for an invalid request."""
-    check_json(json)
     _, station = load_station(request.station)
     setup = prepare_batch(filled(request), station_hooks(station).adjust)[0]
     question = say("cli.confirm_run", station=station.name)

@@ -17,7 +17,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from calstation.cli.text import say, sentence, term
-from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.judgement import Check
 from calstation.messages import Text, known
@@ -47,26 +46,17 @@ def ignore_progress(fraction: float, remaining_s: float | None = None, note: str
 
 
 @contextmanager
-def job_progress(text: str) -> Iterator[ProgressCallback]:
-    """Show the progress of a job."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+def job_progress(text: str, describe: Callable[[str], str] = lambda note: "") -> Iterator[ProgressCallback]:
+    """Show the progress of a job, and what `describe` returns for its notes."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[note]}"))
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(text, total=1.0)
+        task = bar.add_task(text, total=1.0, note="")
 
         def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-            bar.update(task, completed=fraction)
+            bar.update(task, completed=fraction, note=describe(note))
 
         yield show
-
-
-def check_json(target: str | None) -> None:
-    """Check in advance that the result file can be written. Raises ConfigurationError if it cannot."""
-    if target is None or target == "-":
-        return
-    path = Path(target)
-    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise ConfigurationError("cli.json_unwritable", path=path)
 
 
 def emit_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]], target: str | None) -> None:
@@ -78,7 +68,7 @@ def emit_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]], target: s
         write_json(Path(target), result)
 
 
-def report(result: Mapping[str, Any], target: str | None, lines: Iterable[str]) -> None:
+def emit(result: Mapping[str, Any], target: str | None, lines: Iterable[str]) -> None:
     """Write the JSON like `emit_json`, and the lines to standard output unless the JSON is written there."""
     emit_json(result, target)
     if target != "-":

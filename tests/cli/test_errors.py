@@ -363,7 +363,7 @@ def test_internal_error_shows_no_traceback(monkeypatch: pytest.MonkeyPatch, caps
     def broken(*_: object, **__: object) -> int:
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr("calstation.cli.logs.resolve_command", broken)
+    monkeypatch.setattr("calstation.cli.commands.resolve.solve", broken)
     assert run_app(["resolve", "x.h5"]) == 3
     output = capsys.readouterr().err
     assert output == "calstation: internal error: ZeroDivisionError: division by zero (--debug shows where)\n"

@@ -41,7 +41,7 @@ def test_unusable_screen_counts_as_no_screen(monkeypatch: pytest.MonkeyPatch) ->
 def test_with_a_screen_the_window_opens(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
     monkeypatch.setattr(window, "has_screen", lambda: True)
-    monkeypatch.setattr("calstation.gui.shell.app.main", lambda: 0)
+    monkeypatch.setattr("calstation.gui.shell.main", lambda: 0)
     assert run_app([]) == 0
 
 
@@ -50,7 +50,7 @@ def test_terminal_commands_do_not_import_qt() -> None:
     script = (
         "import sys; sys.modules['PySide6'] = None\n"
         "from calstation.cli.app import run_app\n"
-        "import calstation.cli.run, calstation.cli.logs, calstation.cli.studies, calstation.runs.engine\n"
+        "import calstation.cli.run, calstation.cli.commands.study, calstation.runs.engine\n"
         "import calstation.runs.run\n"
         "sys.exit(run_app(['run', '--serial', 'x y']))\n"
     )

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from calstation.cli.app import run_app
 from calstation.physics import NAMES
 from tests.cli.conftest import Done
+from tests.synthetic.run_history import synthesise_runs
+from tests.synthetic.test_run_history import ignore
 
 Run = Callable[..., Done]
 RUNS = 700
@@ -17,17 +18,10 @@ RUNS = 700
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A synthetic history made by the command."""
+    """A synthetic history."""
     folder = tmp_path_factory.mktemp("site") / "runs"
-    assert run_app(["record", "history", "-o", str(folder), "--runs", str(RUNS), "--seed", "2"]) == 0
+    synthesise_runs(ignore, folder, RUNS, 2)
     return folder
-
-
-def test_synthetic_history_requires_an_empty_folder(calstation: Run, folder: Path) -> None:
-    assert len([*folder.glob("*.json")]) == RUNS
-    done = calstation("record", "history", "-o", folder)
-    assert done.code == 2
-    assert "The folder is not empty" in done.err
 
 
 def test_tables_show_yield_failed_checks_and_charts_of_every_product(calstation: Run, folder: Path) -> None:

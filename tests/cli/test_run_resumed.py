@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from calstation.cli.run import _show_verdict
+from calstation.cli.run import _show_run
 from calstation.sequencer import Command, Event, StepStarted
 from tests.site_folder import QUICK, SiteFolder
 
@@ -28,12 +28,12 @@ def test_stopped_run_is_resumed(
     before = site_folder.run(on_event=watch)
     assert before.verdict == "stopped", before.result.get("error")
     where = ("--station", site_folder.station, "--product", site_folder.product)
-    _show_verdict(before, None, replace(site_folder.request(), station=Path("my line.toml")))
+    _show_run(before, None, replace(site_folder.request(), station=Path("my line.toml")))
     said = capsys.readouterr().out
     assert f"--resume {before.log} --station 'my line.toml' --product {site_folder.product}" in said
     assert "STOPPED by the operator" in said
     lost = replace(before, result={**before.result, "stop_reason": "listener_lost"})
-    _show_verdict(lost, None, site_folder.request())
+    _show_run(lost, None, site_folder.request())
     assert "STOPPED: the window or terminal that watched the run is gone" in capsys.readouterr().out
     done = calstation("run", *where, "--resume", before.log, "--json", "-")
     assert done.code == 0, done.err

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.cli.registers import largest_change
+from calstation.cli.commands.registers import largest_change
 from calstation.config import RegisterOperation, library, load_configuration
 from calstation.devices.imu import Closing, RegisterMap, Step
 from calstation.devices.profiles import RegisterEntry, load_imu_profile

@@ -2,19 +2,38 @@
 
 import sys
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
-from calstation.cli.confirmation import confirm_registers
+from calstation.cli.confirmation import ask_people
+from calstation.cli.options import (
+    ByOption,
+    ConfirmedByOption,
+    JsonOption,
+    ProductOption,
+    StationOption,
+    YesOption,
+    command_group,
+)
 from calstation.cli.run import complain_fault, engine_events
-from calstation.cli.show import check_json, ignore_progress, report, show_line, table
+from calstation.cli.show import emit, ignore_progress, show_line, table
 from calstation.cli.text import say, term
-from calstation.config import RegisterOperation, RunRequest, library, load_station, site_folder
+from calstation.config import (
+    RegisterOperation,
+    RunRequest,
+    computer_user,
+    confirm,
+    confirmation_required,
+    library,
+    load_product,
+    load_station,
+    site_folder,
+)
 from calstation.devices.imu import Step
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import ConfigurationError, DeviceFaultError, StoppedError
@@ -23,6 +42,13 @@ from calstation.registers import Transfer, UnitRegisters, journal, moves_table, 
 from calstation.sequencer import Fault, Settled
 
 _VERIFICATIONS = {Step.TURNED: "turn", Step.AT_REST: "rest", Step.READ_BACK: "read_back"}
+
+SerialArgument = Annotated[str, typer.Argument(metavar="SERIAL")]
+JournalOption = Annotated[Path, typer.Option("--out")]
+SlotOption = Annotated[str | None, typer.Option(metavar="NAME")]
+AtRestOption = Annotated[bool, typer.Option("--at-rest")]
+
+app = command_group()
 
 
 @dataclass(frozen=True)
@@ -39,37 +65,48 @@ class _UnitTransfers:
         return sum(transfer.cycles for transfer in self.transfers)
 
 
-def list_command(runs: Path, serial: str | None, json: str | None) -> int:
+@app.command("list")
+def list_transfers(
+    serial: Annotated[str | None, typer.Argument(metavar="SERIAL")] = None,
+    out: JournalOption = Path("runs"),
+    json: JsonOption = None,
+) -> None:
     """Show the transfers to one unit, or to every unit with a journal in the site's folder or the runs folder."""
-    check_json(json)
     site = site_folder()
-    known = sorted({*journal.serials(runs), *journal.serials(site)})
+    known = sorted({*journal.serials(out), *journal.serials(site)})
     units = [
-        _UnitTransfers(name, kind, found)
+        _UnitTransfers(name, kind, transfers)
         for name in known
         if serial in (None, name)
-        for kind, folder in (("hardware", site), ("virtual", runs))
-        if (found := journal.history(folder, name))
+        for kind, folder in (("hardware", site), ("virtual", out))
+        if (transfers := journal.history(folder, name))
     ]
     rows: dict[str, dict[str, Any]] = {}
     for unit in units:
         transfers = [_json(transfer, unit.kind) for transfer in unit.transfers]
         rows.setdefault(unit.serial, {})[unit.kind] = {"flash_cycles": unit.cycles, "transfers": transfers}
     lines = [line for unit in units for line in _lines(unit)]
-    report(rows, json, lines or [say("cli.no_transfers", runs=runs, site=site)])
-    return 0
+    emit(rows, json, lines or [say("cli.no_transfers", runs=out, site=site)])
 
 
-def read_command(request: RunRequest, json: str | None) -> int:
+@app.command()
+def read(
+    serial: SerialArgument,
+    station: StationOption = None,
+    product: ProductOption = None,
+    out: JournalOption = Path("runs"),
+    slot: SlotOption = None,
+    json: JsonOption = None,
+) -> None:
     """Show the current registers of a unit; nothing moves and nothing is written."""
-    check_json(json)
+    request = _request(serial, station, product, out, slot)
     unit = read_unit(ignore_progress, request, request.out)
     if unit.serial != request.serial:
         raise DeviceFaultError("cli.other_serial", found=unit.serial, expected=request.serial)
     code = "cli.virtual_unit" if unit.virtual else "cli.hardware_unit"
     values = {"serial": unit.serial, "model": unit.model, "firmware": unit.firmware, "cycles": unit.commits}
     lines = [say(code, **values)]
-    report(unit.to_json(), json, lines if unit.registers else [*lines, say("cli.no_registers")])
+    emit(unit.to_json(), json, lines if unit.registers else [*lines, say("cli.no_registers")])
     if json != "-" and unit.registers:
         columns = "cli.column_register", "cli.column_parameter", "cli.column_value", "cli.column_unit"
         shown = table("", *columns, "cli.column_stored_as")
@@ -77,22 +114,62 @@ def read_command(request: RunRequest, json: str | None) -> int:
             value, name = display(row.parameter, row.value)
             shown.add_row(str(row.address), row.parameter, f"{value:.4f}", name, row.raw)
         Console(file=sys.stdout).print(shown)
-    return 0
 
 
-def operate_command(
-    operation: RegisterOperation,
-    by: str | None,
-    confirmed_by: str | None,
-    json: str | None,
-    *,
-    yes: bool,
-    debug: bool,
+@app.command()
+def finish(
+    context: typer.Context,
+    serial: SerialArgument,
+    station: StationOption = None,
+    product: ProductOption = None,
+    out: JournalOption = Path("runs"),
+    slot: SlotOption = None,
+    json: JsonOption = None,
+    yes: YesOption = False,
+    at_rest: AtRestOption = False,
+    by: ByOption = None,
+    confirmed_by: ConfirmedByOption = None,
+) -> int:
+    """Complete a unit's interrupted transfer and verify it."""
+    operation = RegisterOperation(_request(serial, station, product, out, slot), "finish", at_rest=at_rest)
+    return _operate(operation, by, confirmed_by, json, yes=yes, debug=bool(context.obj))
+
+
+@app.command()
+def restore(
+    context: typer.Context,
+    serial: SerialArgument,
+    transfer: Annotated[str | None, typer.Option(metavar="ID")] = None,
+    station: StationOption = None,
+    product: ProductOption = None,
+    out: JournalOption = Path("runs"),
+    slot: SlotOption = None,
+    json: JsonOption = None,
+    yes: YesOption = False,
+    at_rest: AtRestOption = False,
+    by: ByOption = None,
+    confirmed_by: ConfirmedByOption = None,
+) -> int:
+    """Restore the registers that a unit had before a transfer, by default the latest, and verify them."""
+    request = _request(serial, station, product, out, slot)
+    operation = RegisterOperation(request, "restore", transfer=transfer, at_rest=at_rest)
+    return _operate(operation, by, confirmed_by, json, yes=yes, debug=bool(context.obj))
+
+
+def _request(serial: str, station: Path | None, product: Path | None, out: Path, slot: str | None) -> RunRequest:
+    """Return the request for a unit. Raises ConfigurationError if the station has slots and none is named."""
+    path, config = load_station(station)
+    if config.slot_names and slot is None:
+        raise ConfigurationError("cli.slot_missing", path=path, slots=config.slot_names)
+    return RunRequest(serial, station, product, out=out, operator=computer_user(), slot=slot)
+
+
+def _operate(
+    operation: RegisterOperation, by: str | None, confirmed_by: str | None, json: str | None, *, yes: bool, debug: bool
 ) -> int:
     """Announce a register operation, run it in the engine, and show its result; two people confirm it if required."""
-    check_json(json)
     _confirm(operation, yes)
-    operation = confirm_registers(operation, by, confirmed_by)
+    operation = _with_people(operation, by, confirmed_by)
     settled = fault = None
     for event in engine_events(operation.request, operation):
         settled = event if isinstance(event, Settled) else settled
@@ -105,8 +182,17 @@ def operate_command(
     registers = UnitRegisters.of(settled.unit).values
     row = {"serial": settled.serial, "closing": settled.closing, "proof": proof, "registers": registers}
     verified = f", {term('proof', proof)}" if proof else ""
-    report(row, json, [f"{settled.serial}: {say(f'cli.closed_{settled.closing}')}{verified}"])
+    emit(row, json, [f"{settled.serial}: {say(f'cli.closed_{settled.closing}')}{verified}"])
     return 0
+
+
+def _with_people(operation: RegisterOperation, by: str | None, confirmed_by: str | None) -> RegisterOperation:
+    """Return a register operation with the responsible persons. Raises ConfigurationError."""
+    station, product = load_station(operation.request.station)[1], load_product(operation.request.product)[1]
+    required = confirmation_required("registers", product, station)
+    first, second = ask_people(by, confirmed_by, operation.request.operator or "", pin=required.pin)
+    people = confirm("registers", product, station, first, second)
+    return replace(operation, request=replace(operation.request, operator=people.by), people=people)
 
 
 def _confirm(operation: RegisterOperation, yes: bool) -> None:
@@ -166,11 +252,11 @@ def largest_change(transfer: Transfer) -> str | None:
 def _prior_sigmas(profile: str) -> dict[str, float]:
     for name in library.names("imus"):
         try:
-            found = load_imu_profile(library.find("imus", name))
+            candidate = load_imu_profile(library.find("imus", name))
         except ConfigurationError:
             continue
-        if found.name == profile:
-            return found.prior_sigmas()
+        if candidate.name == profile:
+            return candidate.prior_sigmas()
     return {}
 
 

@@ -1,32 +1,49 @@
-"""`quality`: statistics of stored runs over time, and gauge studies."""
+"""`quality`: statistics of stored runs, gauge studies, and the state of check standards and certificates."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
+from math import degrees
 from pathlib import Path
+from typing import Annotated, Any
 
+import typer
 from rich.console import Console
 from rich.table import Table
 
-from calstation.cli.options import existing_folder
-from calstation.cli.show import check_json, emit_json, ignore_progress, interval, job_progress, show_line, table
+from calstation.cli.options import (
+    JsonOption,
+    ProductOption,
+    StationOption,
+    check_choice,
+    command_group,
+    existing_folder,
+)
+from calstation.cli.show import emit, emit_json, ignore_progress, interval, job_progress, show_line, table
 from calstation.cli.text import say, term
-from calstation.config import load_product
+from calstation.config import load_product, load_station
 from calstation.errors import ConfigurationError, InputError
+from calstation.judgement import POWER
 from calstation.messages import Text
 from calstation.physics import NAMES, display, further_parameter, number
 from calstation.quality import (
+    BASELINE,
     LEAST_CATEGORIES,
     LEAST_VALUES,
     RULES,
+    Due,
     GaugePlan,
     GaugeStudy,
     Interval,
     ParameterQuality,
     QualitySummary,
     Share,
+    StandardHistory,
+    StandardState,
+    TableChart,
     evaluate_study,
+    station_quality,
     summarise_quality,
 )
 from calstation.results import History, refresh_history
@@ -34,26 +51,34 @@ from calstation.results import History, refresh_history
 #: Width of the tables, characters.
 _WIDTH = 170
 #: Largest number of failed checks listed.
-_MOST_CHECKS = 10
+MAX_CHECKS = 10
 
 
-def quality_command(
-    product: Path | None,
-    serial: str | None,
-    parameter: str | None,
-    since: datetime | None,
-    out: Path,
-    json: str | None,
-    *,
-    relative: bool,
-) -> int:
+FolderOption = Annotated[Path, typer.Option("--out")]
+ParameterOption = Annotated[str | None, typer.Option(metavar="NAME")]
+
+app = command_group()
+
+
+@app.callback(invoke_without_command=True)
+def quality(
+    context: typer.Context,
+    product: ProductOption = None,
+    serial: str | None = None,
+    parameter: ParameterOption = None,
+    since: Annotated[datetime | None, typer.Option(formats=["%Y-%m-%d"], metavar="DATE")] = None,
+    relative: Annotated[bool, typer.Option("--relative")] = False,
+    out: FolderOption = Path("runs"),
+    json: JsonOption = None,
+) -> None:
     """Show yield, control charts and capability of the runs of a folder; `since` is a local time without zone.
 
     `relative` charts deviations in standard deviations, see `calstation.quality.summarise_quality`.
     """
+    if context.invoked_subcommand is not None:
+        return
     existing_folder(out)
     _check_parameter(parameter)
-    check_json(json)
     begin = None if since is None else since.astimezone()
     with job_progress(say("cli.reading_runs")) as progress:
         refresh_history(ignore_progress, out)
@@ -66,51 +91,56 @@ def quality_command(
             show_line(console, say("quality.no_run_of_unit", serial=serial, folder=out))
         elif serial is not None and not summary.golden:
             show_line(console, say("quality.few_golden", serial=serial, least=LEAST_VALUES))
-    return 0
 
 
-def plan_command(
-    path: Path,
-    product: Path | None,
-    units: str | None,
-    operators: str | None,
-    stations: str | None,
-    trials: int,
-    seed: int,
-    json: str | None,
+@app.command()
+def gauge(
+    path: Annotated[Path, typer.Argument(metavar="PLAN.json")],
+    plan: Annotated[bool, typer.Option("--plan")] = False,
+    units: Annotated[str | None, typer.Option(metavar="A,B,...")] = None,
+    operators: Annotated[str | None, typer.Option(metavar="A,B,...")] = None,
+    stations: Annotated[str | None, typer.Option(metavar="A,B,...")] = None,
+    trials: Annotated[int, typer.Option(min=2)] = 3,
+    seed: Annotated[int, typer.Option(min=0)] = 1,
+    product: ProductOption = None,
+    parameter: ParameterOption = None,
+    out: FolderOption = Path("runs"),
+    json: JsonOption = None,
 ) -> int:
-    """Write the plan of a study of a product, and show who measures which unit, where, and in which order.
+    """Plan a study of repeatability and reproducibility (GR&R), or evaluate it from the stored runs.
 
-    `units`, `operators` and `stations` are names separated by commas.
+    Returns 1 if the measurement is unacceptable in a parameter.
     """
-    check_json(json)
+    if not plan:
+        return _evaluate(path, product, parameter, out, json)
     if product is None:
         raise ConfigurationError("quality.plan_without_product")
     parts, people, places = (_names(text) for text in (units, operators, stations))
     if path.exists():
         raise ConfigurationError("quality.plan_exists", file=path)
     name = load_product(product)[1].name
-    plan = GaugePlan.random(name, parts, people, places, trials, seed, datetime.now(UTC).replace(microsecond=0))
-    plan.save(path)
-    emit_json(plan.model_dump(by_alias=True, mode="json"), json)
+    gauge_plan = GaugePlan.random(name, parts, people, places, trials, seed, datetime.now(UTC).replace(microsecond=0))
+    gauge_plan.save(path)
+    emit_json(gauge_plan.model_dump(by_alias=True, mode="json"), json)
     if json != "-":
-        title = say("cli.plan_title", file=path, runs=len(plan.order), product=name)
-        shown = _table(title, "run", "trial", *("serial" if factor == "unit" else factor for factor in plan.factors))
-        for number, each in enumerate(plan.order, 1):
-            shown.add_row(str(number), str(each.trial), *(getattr(each, factor) for factor in plan.factors))
+        title = say("cli.plan_title", file=path, runs=len(gauge_plan.order), product=name)
+        shown = _table(
+            title, "run", "trial", *("serial" if factor == "unit" else factor for factor in gauge_plan.factors)
+        )
+        for number, each in enumerate(gauge_plan.order, 1):
+            shown.add_row(str(number), str(each.trial), *(getattr(each, factor) for factor in gauge_plan.factors))
         Console(file=sys.stdout, width=_WIDTH).print(shown)
     return 0
 
 
-def study_command(path: Path, product: Path | None, parameter: str | None, out: Path, json: str | None) -> int:
-    """Evaluate a study from the stored runs; return 1 if the measurement is unacceptable in a parameter.
+def _evaluate(path: Path, product: Path | None, parameter: str | None, out: Path, json: str | None) -> int:
+    """Evaluate a study from the stored runs.
 
     The tolerances are the widths of the limits of the plan's product, whose file may be given as `product`.
     Raises InputError while runs are missing, or if no parameter was solved in all of them.
     """
     existing_folder(out)
     _check_parameter(parameter)
-    check_json(json)
     refresh_history(ignore_progress, out)
     state = evaluate_study(ignore_progress, out, path, product)
     state.plan.check_complete(state.left)
@@ -137,12 +167,8 @@ def _names(text: str | None) -> list[str]:
 
 
 def _check_parameter(name: str | None) -> None:
-    if name is not None and not _known(name):
-        raise ConfigurationError("cli.unknown_choice", option="--parameter", value=name, choices=NAMES)
-
-
-def _known(name: str) -> bool:
-    return name in NAMES or further_parameter(name) is not None
+    if name is not None and further_parameter(name) is None:
+        check_choice("--parameter", name, NAMES)
 
 
 def _show_summary(console: Console, summary: QualitySummary, *, relative: bool) -> None:
@@ -161,7 +187,7 @@ def _show_summary(console: Console, summary: QualitySummary, *, relative: bool) 
     if groups.row_count:
         console.print(groups)
     checks = _table(say("cli.failed_checks"), "check", "runs", "cumulative")
-    for check in yields.failed_checks[:_MOST_CHECKS]:
+    for check in yields.failed_checks[:MAX_CHECKS]:
         checks.add_row(check.id.name, str(check.runs), f"{100 * check.cumulative:.0f}")
     if checks.row_count:
         console.print(checks)
@@ -234,3 +260,112 @@ def _bounds(share: Share) -> str:
 
 def _index(index: Interval) -> tuple[str, str]:
     return f"{index.value:.2f}", interval(f"{index.low:.2f}", f"{index.high:.2f}")
+
+
+@app.command()
+def standards(
+    station: StationOption = None,
+    product: ProductOption = None,
+    out: FolderOption = Path("runs"),
+    json: JsonOption = None,
+) -> int:
+    """Show the check standards of a product, the certificates of a station, and the charts of its table.
+
+    Returns 1 if production is refused, or if a chart has raised an alarm since the table's calibration; otherwise 0.
+    """
+    (_, station_config), (_, product_config) = load_station(station), load_product(product)
+    refresh_history(ignore_progress, out)
+    quality_state = station_quality(ignore_progress, out, station, product)
+    states, overdue, charts = (
+        [each.state for each in quality_state.standards],
+        quality_state.overdue,
+        quality_state.table,
+    )
+    powers = [_power(each) for each in quality_state.standards]
+    row = {
+        **{"station": station_config.name, "product": product_config.name},
+        "standards": [{**_state_row(state), "detectable": power} for state, power in zip(states, powers, strict=True)],
+        "certificates": [_due_row(due) for due in overdue],
+        "table": {name: _chart_row(chart) for name, chart in charts.items()},
+    }
+    lines = [
+        line
+        for state, power in zip(states, powers, strict=True)
+        for line in (_state_line(state), *_power_lines(state.standard.serial, power))
+    ] or [say("cli.no_standards", product=product_config.name)]
+    lines += [say("cli.standard_certificate", name=due.name, since=due.when) for due in overdue]
+    lines += [_chart_line(name, chart) for name, chart in charts.items()]
+    alarmed = any(chart.alarms for chart in charts.values())
+    lines += [say("cli.table_check")] if alarmed else []
+    emit(row, json, lines)
+    return 1 if alarmed or overdue or any(state.wrong is not None for state in states) else 0
+
+
+def _state_row(state: StandardState) -> dict[str, Any]:
+    return {
+        "serial": state.standard.serial,
+        "last_passed": _iso(state.last_passed),
+        "due": _iso(state.due),
+        "wrong": None if state.wrong is None else _due_row(state.wrong),
+    }
+
+
+def _power(history: StandardHistory) -> dict[str, dict[str, float | None]]:
+    """Return the errors that the last run would have detected, SI and relative to the product's limits."""
+    if not history.verdicts:
+        return {}
+    halves = history.half_limits
+    return {
+        name: {"error": error, "of_limit": error / halves[name] if name in halves else None}
+        for name, error in history.verdicts[-1].detectable.items()
+    }
+
+
+def _power_lines(serial: str, power: Mapping[str, Mapping[str, float | None]]) -> list[str]:
+    """Return a heading and a line for each parameter; none without a run."""
+    lines = [say("cli.standard_power", serial=serial, percent=100.0 * POWER)] if power else []
+    for name, row in power.items():
+        value, unit = display(name, row["error"] or 0.0)
+        share = "" if row["of_limit"] is None else say("cli.standard_power_share", percent=100.0 * row["of_limit"])
+        lines.append(f"  {name:<20} {value:>9.3g} {unit:<8}{share}".rstrip())
+    return lines
+
+
+def _due_row(due: Due) -> dict[str, Any]:
+    return {"name": due.name, "reason": due.reason, "since": _iso(due.since)}
+
+
+def _chart_row(chart: TableChart) -> Mapping[str, Any]:
+    return {
+        **{"runs": len(chart.values), "center": chart.center, "sigma": chart.sigma, "last": float(chart.values[-1])},
+        "baseline": chart.baseline,
+        "alarms": [{"run": chart.names[k], "started_utc": _iso(_start(chart, k))} for k in chart.alarms],
+    }
+
+
+def _start(chart: TableChart, k: int) -> datetime:
+    return datetime.fromtimestamp(float(chart.started[k]), UTC)
+
+
+def _state_line(state: StandardState) -> str:
+    wrong = state.wrong
+    values = {"name": state.standard.serial, "due": _minute(state.due), "last": _minute(state.last_passed)}
+    return say(f"cli.standard_{'ok' if wrong is None else wrong.reason}", **values, since=wrong.when if wrong else "")
+
+
+def _chart_line(name: str, chart: TableChart) -> str:
+    arcsec = {key: 3600.0 * degrees(getattr(chart, key)) for key in ("center", "sigma")}
+    values = {"quantity": name, "runs": len(chart.values), "last": 3600.0 * degrees(float(chart.values[-1])), **arcsec}
+    if len(chart.values) == chart.baseline:
+        return say("cli.table_baseline", **values, baseline=BASELINE)
+    if not chart.alarms:
+        return say("cli.table_chart", **values)
+    return say("cli.table_alarm", **values, alarms=len(chart.alarms), when=_minute(_start(chart, chart.alarms[-1])))
+
+
+def _iso(time: datetime | None) -> str | None:
+    return None if time is None else time.isoformat(timespec="seconds")
+
+
+def _minute(time: datetime | None) -> str:
+    return "" if time is None else f"{time.astimezone():%Y-%m-%d %H:%M}"

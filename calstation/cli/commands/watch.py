@@ -6,11 +6,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
 from rich.console import Console
 
-from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, show_line
+from calstation.cli.options import JsonOption, ProductOption, by_name, command_group
+from calstation.cli.show import emit_json, on_interrupt, on_line, show_line
 from calstation.cli.text import say, sentence
 from calstation.config import RunRequest, load_pair_configuration, load_station, pair_folder
 from calstation.connection import LineServer, open_pair
@@ -24,12 +26,39 @@ from calstation.results import CorrectedOutput, PairWatchResult, pair_report, wa
 
 #: Thresholds below these are shown in °/h and µg, SI.
 _SMALL_RATE, _SMALL_FORCE = 0.1 * DEGREE, 10_000 * MICRO_G
-
-
 #: Time for which a replayed log waits for a slow client, s per line.
 _REPLAY_PATIENCE = 10.0
 #: Interval of the messages while waiting for motion, s.
 _SHOWN_EVERY = 5.0
+
+
+app = command_group()
+
+
+@app.command()
+def watch(
+    log: Annotated[Path | None, typer.Argument(metavar="LOG")] = None,
+    station: Annotated[Path | None, typer.Option(callback=by_name("stations"))] = None,
+    product: ProductOption = None,
+    serial: str = "",
+    seconds: Annotated[float | None, typer.Option(min=0.0)] = None,
+    json: JsonOption = None,
+    folder: Annotated[Path | None, typer.Option("--pairs")] = None,
+    command: Annotated[bool, typer.Option("--now")] = False,
+    serve: Annotated[str | None, typer.Option(metavar="HOST:PORT")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.jsonl")] = None,
+) -> int:
+    """Monitor IMUs on one body, in a log or live, calibrate the sensors out of tolerance, and store the results.
+
+    Returns 0 if every sensor of every IMU is within its threshold at the last check or has been calibrated, no IMU is
+    silent at the end, and everything was written; else 1. Live: the exit code of a stop after Ctrl-C.
+    """
+    delivery = Delivery(serve, out)
+    if log is not None and station is None:
+        return _watch_log(log, folder, command, json, delivery)
+    if station is not None and log is None:
+        return _watch_station(RunRequest(serial, station, product), folder, command, seconds, json, delivery)
+    raise ConfigurationError("cli.log_or_station")
 
 
 @dataclass(frozen=True)
@@ -72,13 +101,7 @@ class _LinesFile:
         return ConfigurationError("result.unwritable", file=self._path, reason=os_reason(exc))
 
 
-def watch_log_command(log: Path, folder: Path | None, command: bool, json: str | None, delivery: Delivery) -> int:
-    """Replay a log of IMUs on one body, calibrate the sensors that are out of tolerance, and store the results.
-
-    Returns 0 if every sensor of every IMU is within its threshold at the last check or has been calibrated, no IMU is
-    silent at the end, and everything was written; else 1.
-    """
-    check_json(json)
+def _watch_log(log: Path, folder: Path | None, command: bool, json: str | None, delivery: Delivery) -> int:
     out, file = _console(json), delivery.file
     if file is not None and file.exists() and file.samefile(log):
         raise InputError("csv.export_onto_itself", file=file)
@@ -89,7 +112,7 @@ def watch_log_command(log: Path, folder: Path | None, command: bool, json: str |
     return 0 if watched.within and written() else 1
 
 
-def watch_station_command(
+def _watch_station(
     request: RunRequest,
     folder: Path | None,
     command: bool,
@@ -97,17 +120,12 @@ def watch_station_command(
     json: str | None,
     delivery: Delivery,
 ) -> int:
-    """Monitor the IMUs of a station live until `seconds` of device time have passed or Ctrl-C is pressed.
-
-    Entering c on the terminal requests a check. Returns like `watch_log_command`, or the exit code of a stop after
-    Ctrl-C. Raises ConfigurationError or DeviceFaultError.
-    """
+    """Monitor until `seconds` of device time have passed or Ctrl-C is pressed; entering c requests a check."""
 
     def check_cancelled() -> None:
         if stopped.is_set():
             raise StoppedError("cli.stopped")
 
-    check_json(json)
     out, stopped = _console(json), threading.Event()
     _, station = load_station(request.station)
     setup = load_pair_configuration(

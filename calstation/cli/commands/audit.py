@@ -1,49 +1,58 @@
-"""`audit` and the verification of the audit trail: list, filter and verify the actions at this site."""
+"""`audit`: lists, filters and verifies the audit trail of the site."""
 
 from datetime import date
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from calstation.cli.show import check_json, report
+import typer
+
+from calstation.cli.options import JsonOption, check_choice, command_group
+from calstation.cli.show import emit
 from calstation.cli.text import say
 from calstation.config import site_folder
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
 from calstation.records import AUDIT_EVENTS, AuditEvent, AuditTrail, audit_path, read_audit
 
+app = command_group()
 
-def audit_command(file: Path | None, event: str | None, by: str | None, since: str | None, json: str | None) -> int:
+
+@app.command()
+def audit(
+    event: str | None = None,
+    by: str | None = None,
+    since: Annotated[str | None, typer.Option(metavar="YYYY-MM-DD")] = None,
+    file: Path | None = None,
+    json: JsonOption = None,
+) -> int:
     """List the events of an audit trail, by default the site's, filtered by event, person and first day in UTC.
 
     Returns the exit code of an input error if the trail was changed. Raises InputError if `file` is missing,
     ConfigurationError for an unknown event.
     """
-    check_json(json)
     try:
         first = "" if since is None else date.fromisoformat(since).isoformat()
     except ValueError as exc:
         raise ConfigurationError("cli.not_a_date", option="--since", value=since, program="calstation audit") from exc
     path, trail = _read(file)
     known = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in trail.entries)))  # includes events of later versions
-    if event is not None and event not in known:
-        raise ConfigurationError("cli.unknown_choice", option="--event", value=event, choices=tuple(known))
+    check_choice("--event", event, tuple(known))
     events = [
         each
         for each in trail.entries
         if event in (None, each.event) and by in (None, each.by, each.confirmed_by) and each.utc >= first
     ]
-    report(_row(path, trail, events), json, [*map(_line, events), *_state(path, trail)])
+    emit(_row(path, trail, events), json, [*map(_line, events), *_state(path, trail)])
     return 0 if trail.damage is None else InputError.exit_code
 
 
-def check_audit_command(file: Path | None, json: str | None) -> int:
+def check_audit(file: Path | None, json: str | None) -> int:
     """Verify an audit trail, by default the site's; return the exit code of an input error if it was changed.
 
     Raises InputError if `file` is missing.
     """
-    check_json(json)
     path, trail = _read(file)
-    report(_row(path, trail, []), json, _state(path, trail))
+    emit(_row(path, trail, []), json, _state(path, trail))
     return 0 if trail.damage is None else InputError.exit_code
 
 

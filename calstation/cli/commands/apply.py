@@ -2,11 +2,14 @@
 
 import sys
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from rich.console import Console
 
-from calstation.cli.show import check_json, emit_json, ignore_progress, show_line, table
+from calstation.cli.options import JsonOption, ProductOption, StationOption, command_group
+from calstation.cli.show import emit_json, ignore_progress, show_line, table
 from calstation.cli.text import say
 from calstation.connection import OtherUnit, read_unit
 from calstation.errors import ConfigurationError
@@ -19,14 +22,22 @@ from calstation.results.plots import Applied, before_and_found, read_recording
 _QUANTITIES = (("force", MICRO_G), ("rate", DEGREE_PER_HOUR))
 
 
-def apply_command(
-    result_file: Path, log: Path | None, station: Path | None, product: Path | None, out: Path | None, json: str | None
+app = command_group()
+
+
+@app.command()
+def apply(
+    result_file: Annotated[Path, typer.Argument(metavar="RESULT.json")],
+    log: Annotated[Path | None, typer.Argument(metavar="LOG")] = None,
+    station: StationOption = None,
+    product: ProductOption = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.csv")] = None,
+    json: JsonOption = None,
 ) -> int:
     """Apply a result to a recording or to the output of the connected unit, and show every rest before and after.
 
     Raises ConfigurationError if both are given or the unit is a different one, and the errors of reading them.
     """
-    check_json(json)
     if log is not None and station is not None:
         raise ConfigurationError("cli.apply_to_one")
     result = load_result(result_file)

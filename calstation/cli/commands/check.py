@@ -1,0 +1,96 @@
+"""`check`: shows the errors in a file, the contents of a recording, or whether the audit trail is intact."""
+
+import math
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from calstation.cli.commands.audit import check_audit
+from calstation.cli.options import JsonOption, command_group
+from calstation.cli.show import emit
+from calstation.cli.text import say, sentence
+from calstation.config import check as check_text
+from calstation.config import detect_kind, library, line_of, load_station, missing_report_places, read_text
+from calstation.connection import station_conflicts
+from calstation.errors import ConfigurationError
+from calstation.quality import due_certificates
+from calstation.records import log_format
+from calstation.results import inspect_recording
+from calstation.schema import Problem
+
+app = command_group()
+
+
+@app.command()
+def check(
+    file: Annotated[Path | None, typer.Argument(metavar="[FILE]")] = None,
+    json: JsonOption = None,
+) -> int:
+    """Show the contents of a recording, every error in a station, table, IMU or product file, or verify an audit trail.
+
+    Returns 0, or the exit code of a configuration error if there is an error or no method can solve the recording.
+    """
+    if file is None or file.match("audit*.jsonl"):
+        return check_audit(file, json)
+    if log_format(file) is not None:
+        return _check_recording(file, json)
+    path = library.locate_any(file)
+    text = read_text(path)
+    kind = detect_kind(path, text)
+    problems = check_text(kind, text, path)
+    if kind == "stations" and not problems:
+        section = load_station(path)[1].report
+        missing = () if section is None else map(Problem.of, missing_report_places(section, path))
+        problems = [*station_conflicts(text), *(replace(each, line=line_of(text, each.place)) for each in missing)]
+    rows = [{"line": p.line, "text": p.text} for p in problems]
+    lines = [f"{path}:{problem.line}: {problem.text}" for problem in problems]
+    valid = [say("cli.file_valid", path=path, kind=kind)]
+    overdue = due_certificates(load_station(path)[1], datetime.now(UTC)) if kind == "stations" and not problems else []
+    certificates = [{"name": due.name, "since": due.when} for due in overdue]
+    valid += [say("cli.standard_certificate", **each) for each in certificates]
+    row = {"file": str(path), "kind": kind, "problems": rows}
+    emit({**row, "overdue": certificates} if certificates else row, json, lines or valid)
+    return ConfigurationError.exit_code if problems else 0
+
+
+def _check_recording(path: Path, json: str | None) -> int:
+    recording = inspect_recording(path)
+    facts, solvable = recording.facts, [name for name, reason in recording.methods.items() if reason is None]
+    reasons = {name: None if reason is None else sentence(reason) for name, reason in recording.methods.items()}
+    row = {
+        "file": str(path),
+        "kind": "recording",
+        "serial": recording.serial,
+        "samples": facts.samples,
+        "first_seq": facts.first_seq,
+        "last_seq": facts.last_seq,
+        "rate_hz": None if math.isnan(recording.rate) else recording.rate,
+        "sample_rate_hz": recording.configured_rate,
+        "jitter_s": recording.jitter,
+        "gaps": facts.gaps,
+        "missing": recording.missing,
+        "invalid": recording.invalid,
+        "damaged": facts.damaged,
+        "channels": list(recording.channels),
+        "temperature_c": facts.temperature,
+        "stages": recording.stages,
+        "methods": {name: {"solvable": reason is None, "reason": reason} for name, reason in reasons.items()},
+    }
+    seconds = (facts.last_seq - facts.first_seq + 1) / recording.configured_rate
+    times = say("cli.arrival_times" if recording.jitter else "cli.sample_clock", jitter=1e3 * (recording.jitter or 0.0))
+    stages = ", ".join(f"{stage} ({count})" for stage, count in recording.stages.items()) or say("cli.none")
+    lines = [
+        say("cli.recording_unit", **row),
+        say("cli.recording_samples", **row, seconds=seconds),
+        say("cli.recording_rate", rate=recording.rate, configured=recording.configured_rate, times=times),
+        say("cli.recording_gaps", **row),
+        say("cli.recording_damaged" if facts.damaged else "cli.recording_invalid", **row),
+        say("cli.recording_channels", **row),
+        say("cli.recording_stages", stages=stages),
+        *(f"{name:<18} {reason or say('cli.solvable')}" for name, reason in reasons.items()),
+    ]
+    emit(row, json, lines)
+    return 0 if solvable else ConfigurationError.exit_code

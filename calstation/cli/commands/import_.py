@@ -1,0 +1,40 @@
+"""`import`: converts a CSV, or a raw capture of an IMU's bytes, to a raw log."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from calstation.cli.options import LogOutOption, StationOption, by_name, command_group
+from calstation.cli.show import show_line
+from calstation.cli.text import say
+from calstation.records import open_log, write_log
+
+app = command_group()
+
+
+@app.command()
+def import_(
+    source: Annotated[Path, typer.Argument(metavar="FILE")],
+    out: LogOutOption,
+    meta: Path | None = None,
+    imu: Annotated[Path | None, typer.Option(callback=by_name("imus"))] = None,
+    station: StationOption = None,
+) -> None:
+    """Write a raw log from a CSV, or from a raw capture with the profile `imu` and the site of `station`."""
+    if imu is None:
+        log = open_log(source, meta)
+        facts = write_log(out, log.meta, log.blocks())
+        notes = [say("cli.import_jitter", jitter=1e3 * log.jitter)] if log.jitter else []
+    else:
+        from calstation.config import load_station
+        from calstation.connection import import_capture
+
+        config = load_station(station)[1]
+        capture = import_capture(source, out, imu, meta, config.site.place)
+        facts = capture.facts
+        notes = [say("cli.import_damaged", packets=capture.failed, bytes=capture.skipped)]
+        notes += [] if capture.has_site else [say("cli.import_site", station=config.name)]
+    text = say("cli.imported", file=out, samples=facts.samples, gaps=facts.gaps)
+    show_line(Console(stderr=True), ", ".join([text, *notes]))

@@ -1,0 +1,25 @@
+"""`pin`: sets the PIN of the site or of an engineer."""
+
+import typer
+
+from calstation.cli.confirmation import ask
+from calstation.cli.options import command_group
+from calstation.cli.show import emit
+from calstation.cli.text import say
+from calstation.config import access
+
+app = command_group()
+
+
+@app.command()
+def pin(badge: str = "") -> None:
+    """Set or change the site's PIN, or the personal PIN of an engineer's badge."""
+    exists = access.has_pin(badge)
+    old = ""
+    if exists:
+        old = ask(say("cli.ask_old_pin"))
+    elif badge and access.has_pin():
+        old = ask(say("cli.ask_site_pin"))
+    new = typer.prompt(say("cli.ask_new_pin"), hide_input=True, confirmation_prompt=say("cli.ask_again"), err=True)
+    access.set_pin(old, str(new), badge)
+    emit({"badge": badge, "changed": exists}, None, [say("cli.pin_set")])

@@ -1,0 +1,78 @@
+"""`test`: tests the link to the table or to the IMUs. Nothing moves."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from calstation.cli.errors import command_options
+from calstation.cli.options import JsonOption, ProductOption, StationOption, check_choice, command_group
+from calstation.cli.show import emit
+from calstation.cli.text import LANGUAGE, say
+from calstation.config import load_station
+from calstation.connection import (
+    LinkTestRequest,
+    check_imu_link,
+    check_table_link,
+    incompatibilities,
+    link_test_configuration,
+)
+from calstation.errors import DeviceFaultError
+from calstation.messages import Report, render
+
+_TESTS = {"table": check_table_link, "imu": check_imu_link}
+
+app = command_group()
+
+
+@app.command()
+def link(
+    device: Annotated[str, typer.Argument(metavar="DEVICE")],
+    station: StationOption = None,
+    product: ProductOption = None,
+    json: JsonOption = None,
+) -> int:
+    """Test a link, or the links of the IMUs in all slots, and show every finding.
+
+    Returns the exit code of a device fault if a run would not start.
+    """
+    check_choice("DEVICE", device, tuple(_TESTS))
+    console = Console(stderr=True)
+    last = ""
+
+    def progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+        nonlocal last
+        if note and note != last:
+            last = note
+            console.print(say(f"note.{note}"), highlight=False, markup=False, style="dim")
+
+    configured = load_station(station)[1]
+    slots = configured.slot_names if device == "imu" else ()
+    rows: list[dict[str, Any]] = []
+    lines: list[str] = []
+    for slot in slots or (None,):
+        request = LinkTestRequest(configured, product, slot)
+        tested = _TESTS[device](progress, request)
+        if device == "table" and product is not None and tested.state != "error":
+            more = incompatibilities(link_test_configuration(request))
+            tested = replace(tested, findings=(*tested.findings, *more))
+        findings, shown = _findings(tested, command_options(station, product))
+        row = {"device": tested.device, "state": tested.state, "findings": findings}
+        rows.append(row if slot is None else {"slot": slot, **row})
+        lines += ([] if slot is None else [f"[{slot}]"]) + shown
+    wrong = next((row["state"] for row in rows if row["state"] != "ok"), "ok")
+    emit({"device": device, "state": wrong, "slots": rows} if slots else rows[0], json, lines)
+    return 0 if wrong == "ok" else DeviceFaultError.exit_code
+
+
+def _findings(tested: Report, options: Mapping[str, str]) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return the findings of a link test for JSON, and as lines of text."""
+    findings, lines = [], []
+    for finding in tested.findings:
+        text = render(finding.message.code, {**finding.message.values, **options}, LANGUAGE)
+        findings.append({**finding.to_json(), "text": text.text, "mend": text.remedy})
+        lines.append(f"{say(f'cli.finding_{finding.state}'):<7} {text.text}")
+        lines += [f"        {text.remedy}"] if text.remedy else []
+    return findings, [*lines, say(f"cli.link_{tested.state}")]
