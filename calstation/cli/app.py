@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from calstation import __version__, applog
+from calstation import applog
 from calstation.cli import commands
 from calstation.cli.text import say, sentence
 from calstation.errors import CalstationError
@@ -59,6 +59,8 @@ def _with_help(command: Any, path: Sequence[str]) -> None:
 
 def _show_version(chosen: bool) -> None:
     if chosen:
+        from calstation import __version__  # loads importlib.metadata
+
         sys.stdout.write(f"calstation {__version__}\n")
         raise typer.Exit
 

@@ -3,6 +3,8 @@
 This package contains no solvers and no devices.
 """
 
+from typing import TYPE_CHECKING, Any
+
 from calstation.records.audit import (
     AUDIT_EVENTS,
     AuditEvent,
@@ -78,5 +80,16 @@ from calstation.records.raw_read import (
 )
 from calstation.records.reports import IssuedReport, audit_values, issued_reports, read_reports, report_file
 from calstation.records.resolves import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolve_file
-from calstation.records.run_index import RunIndex, from_columns, to_columns
 from calstation.records.verdict import Verdict
+
+if TYPE_CHECKING:
+    from calstation.records.run_index import RunIndex, from_columns, to_columns
+
+
+def __getattr__(name: str) -> Any:
+    """Import the index of runs when it is used: it loads SQLAlchemy, a ninth of the imports of `calstation resolve`."""
+    if name not in ("RunIndex", "from_columns", "to_columns"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from calstation.records import run_index
+
+    return getattr(run_index, name)

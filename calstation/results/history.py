@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, time, timedelta
 from itertools import takewhile
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
@@ -20,7 +20,6 @@ from calstation.records import (
     RunChoices,
     RunColumns,
     RunFilter,
-    RunIndex,
     RunRecord,
     Verdict,
     being_written,
@@ -30,6 +29,9 @@ from calstation.records import (
     solved_stages,
 )
 from calstation.results.result import SCHEMA, Result, load_result
+
+if TYPE_CHECKING:
+    from calstation.records import RunIndex
 
 #: Number of runs read between two progress reports.
 _AT_ONCE = 100
@@ -51,8 +53,10 @@ NO_FILTER = RunFilter()
 class History:
     """The runs of a folder. Queries read the index and take milliseconds; `refresh` updates it from the files."""
 
-    def __init__(self, folder: Path, index: RunIndex | None = None) -> None:
+    def __init__(self, folder: Path, index: "RunIndex | None" = None) -> None:
         """Open the history of a folder, with its index if that is already open."""
+        from calstation.records import RunIndex  # loads SQLAlchemy
+
         self._folder = folder
         self._index = RunIndex(folder) if index is None else index
         #: Offline solutions with the stamp of their file.

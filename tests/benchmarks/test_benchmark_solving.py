@@ -1,5 +1,7 @@
-"""Time to process a live 2 kHz stream, to simulate and read a log, and to solve a one-hour log."""
+"""Time to process a live 2 kHz stream, to simulate and read a log, and to solve a one-hour log, also by its command."""
 
+import subprocess
+import sys
 from itertools import pairwise
 from pathlib import Path
 from time import perf_counter, process_time
@@ -170,3 +172,38 @@ def test_one_hour_log_is_solved_in_seconds(hour, benchmark, figures):
     assert np.abs(errors).max() < 4.0
     assert ratio < 13.0
     assert min(alone) / plain < 10.0
+
+
+def processor_time(arguments):
+    """Return the CPU time of a command line in a process of its own, s."""
+    import resource  # not on Windows
+
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, *arguments], check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="CPU times of child processes need POSIX")
+def test_command_for_a_one_hour_log_costs_little_more_than_its_solution(hour, benchmark, figures):
+    path, _ = hour
+    command = ["-m", "calstation", "resolve", str(path), "--json", str(path.with_suffix(".json"))]
+    resolve(path, stages=("azimuth_flip",))
+    plain, solving, total = plain_pass(path), [], []
+    for _ in range(3):
+        begin = process_time()
+        resolve(path)
+        solving.append(process_time() - begin)
+    benchmark.pedantic(lambda: total.append(processor_time(command)), rounds=3)
+    help_, parser = (
+        min(processor_time(each) for _ in range(3)) for each in (["-m", "calstation", "--help"], ["-c", "import typer"])
+    )
+    figures(
+        command_s=round(min(total), 2),
+        wall_s=round(benchmark.stats["min"], 2),
+        ratio_to_plain_pass=round(min(total) / plain, 1),
+        start_s=round(min(total) - min(solving), 2),
+        help_ratio_to_import_of_typer=round(help_ / parser, 2),
+    )
+    assert min(total) / plain < 25.0
+    assert help_ / parser < 2.5

@@ -132,6 +132,27 @@ def test_help_is_shown_without_delay() -> None:
             output = output or done.stdout
     assert all(name in output for name in ("run", "resolve", "import", "export", "study"))
     assert min(times[0]) < 5.0 * min(times[1])
-    heavy = "import sys, calstation.cli.app; print(sorted({'numpy', 'numba', 'h5py'} & set(sys.modules)))"
-    listed = subprocess.run([sys.executable, "-c", heavy], capture_output=True, text=True, check=True)
-    assert listed.stdout.strip() == "[]"
+
+
+#: Modules that a command must not load.
+UNUSED = {
+    "--help": {"numpy", "numba", "h5py", "pydantic", "rich", "importlib.metadata", "calstation.config"},
+    "resolve": {
+        *("PySide6", "sqlalchemy", "pymodbus", "asyncio", "typst", "lxml", "allantools", "scipy.stats"),
+        *("calstation.gui", "calstation.simulation", "calstation.bench", "calstation.connection", "calstation.runs"),
+        *("calstation.database", "calstation.reports", "calstation.design", "calstation.fleet", "calstation.quality"),
+    },
+}
+
+
+@pytest.mark.parametrize("command", UNUSED)
+def test_command_loads_only_what_it_needs(command: str, tmp_path: Path) -> None:
+    arguments = [command] if command == "--help" else [command, str(write_log(tmp_path, six_position_rows()))]
+    script = (
+        "import sys; from calstation.cli.app import run_app\n"
+        f"code = run_app({arguments}); print('loaded', *sys.modules); sys.exit(code)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    loaded = done.stdout.partition("loaded ")[2].split()
+    assert "typer" in loaded
+    assert sorted(UNUSED[command].intersection(loaded)) == []

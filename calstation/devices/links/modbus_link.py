@@ -4,17 +4,16 @@ import logging
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Literal, TypeVar
-
-from pymodbus.client import ModbusTcpClient
-from pymodbus.exceptions import ModbusException, ModbusIOException
-from pymodbus.pdu import ModbusPDU
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from calstation.devices.links.modbus_rtu import RefusedError, RtuLine, UnansweredError
 from calstation.devices.links.serial_link import LINK_ERRORS, PortLostError, host_and_port, link_reason
 from calstation.devices.profiles import SerialSettings
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.messages import Text, known
+
+if TYPE_CHECKING:
+    from pymodbus.pdu import ModbusPDU
 
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # pymodbus errors are raised as DeviceFaultError
 
@@ -162,6 +161,8 @@ class TcpConnection:
     """
 
     def __init__(self, port: str, timeout: float) -> None:
+        from pymodbus.client import ModbusTcpClient  # also loads asyncio
+
         address = host_and_port(port)
         if address is None:
             raise ConfigurationError("link.not_an_address", device="table", port=port)
@@ -204,7 +205,9 @@ class TcpConnection:
         else:
             self._request(lambda: self._client.write_registers(address, values, device_id=unit))
 
-    def _request(self, request: Callable[[], ModbusPDU]) -> ModbusPDU:
+    def _request(self, request: "Callable[[], ModbusPDU]") -> "ModbusPDU":
+        from pymodbus.exceptions import ModbusException, ModbusIOException
+
         try:
             answer = request()
         except (ModbusException, *LINK_ERRORS) as exc:
