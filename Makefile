@@ -5,7 +5,7 @@ VENV := .venv
 # Without compiled files every process of a test would compile its modules again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test rehearse exhaustive check docs benchmarks study fuzz fonts clean
+.PHONY: run test rehearse exhaustive check docs benchmarks study fuzz figures fonts clean
 
 run: $(VENV)/installed
 	$(VENV)/bin/calstation
@@ -37,6 +37,9 @@ study: $(VENV)/installed
 
 fuzz: $(VENV)/installed-dev
 	mkdir -p .fuzz && cd .fuzz && mkdir -p corpus && ../$(VENV)/bin/python ../tests/fuzz/harness.py -max_total_time=600 corpus
+
+figures:
+	$(PYTHON) tests/figures.py $(SINCE)
 
 # The font of window and documents, from Debian packages that apt-get downloads.
 fonts: $(VENV)/installed-dev
