@@ -13,7 +13,10 @@ ROOT = Path(__file__).parents[1]
 PRODUCT, TESTS = ("calstation/", "procedures/"), ("tests/",)
 
 #: Parts of names, and words anywhere, that are stilted or private.
-NAMES = set(["found", "place", "places", "held", "wanted", "own", "asked", "left", "made", "belief", "misfit", "most", "beyond", "enough", "clearer", "look"])
+NAMES = {
+    *("found", "place", "places", "held", "wanted", "own", "asked", "left", "made", "belief", "misfit", "look"),
+    *("most", "beyond", "enough", "clearer"),
+}
 WORDS = re.compile(
     r"(?<![a-z])(belief|misfit|mend|errand|mailbox|spoilt|spool|wander|foresee|unfit|workshop|vouching|not_settled|"
     r"golden|overview|proof|proven|lacking|said to be|in force|of a unit that|None where)(?![a-z])",
