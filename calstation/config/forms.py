@@ -249,9 +249,9 @@ class Form:
 
     def unreadable(self, problems: Sequence[Problem]) -> Problem | None:
         """Return a problem that prevents the form from being shown, None if there is none."""
-        found = (p for p in problems if p.kind in _UNREADABLE)
+        unreadable = (p for p in problems if p.kind in _UNREADABLE)
         return next(
-            (p for p in found if any(p.place[: len(root)] == root[: len(p.place)] for root in self.roots)), None
+            (p for p in unreadable if any(p.place[: len(root)] == root[: len(p.place)] for root in self.roots)), None
         )
 
 
@@ -259,8 +259,8 @@ def cells_with_problem(rows: Sequence[FormRow], problem: Problem) -> list[FormCe
     """Return the cells in which to mark a problem: the cells of its value, or else the first cell of its row."""
     for row in rows:
         cells = [cell for cell in row.cells if isinstance(cell, FormCell)]
-        if found := [cell for cell in cells if cell.concerns(problem)]:
-            return found
+        if concerned := [cell for cell in cells if cell.concerns(problem)]:
+            return concerned
         if any(problem.place[: len(place)] == place for place in row.places):
             inside = [cell for cell in cells if cell.place[: len(problem.place)] == problem.place]
             return inside if len(inside) < len(cells) and inside else cells[:1]

@@ -1,16 +1,37 @@
-"""Request for a schedule, and the resulting schedule with its properties."""
+"""Request for a schedule, its limits by table and unit, the resulting schedule, and the product that contains it."""
 
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomlkit
 
+from calstation.config import ProductConfig, RunConfiguration, Version, edit_toml, library, read_text, versions
+from calstation.devices.profiles import span
+from calstation.errors import ConfigurationError
+from calstation.estimation.common import SolveContext, rest_mean_variance
 from calstation.estimation.effects import EffectLimit
+from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, FloatArray
+from calstation.schema import KeyPath
+from calstation.sequencer import plan_time, table_task
 
 #: Name of the stage.
 STAGE = "designed"
+#: Placeholder for the serial number of any unit of the product.
+SERIAL = "design"
+#: Fractions of the table's limits that a schedule uses.
+_RATE, _ACCELERATION = 0.85, 0.75
+#: Fraction of the gyro range that a move may use.
+_RANGE = 0.8
+#: Limit of the product's gravity check in sigmas of the force at a rest.
+_GRAVITY_SIGMAS = 4.0
+#: Suffix of the name of a product with a designed stage.
+_DESIGNED = ", designed"
+#: Checks that refer to the rests of one stage.
+_OF_RESTS = ("improvement_at_rest", "level")
 
 #: Angles of the outer and the inner joint, °, and the rest at these angles, s.
 Move = tuple[float, float, float]
@@ -136,3 +157,84 @@ class Design(Reached):
 def _finite(value: float) -> float | None:
     """Return a number, or None for an infinite one, which JSON does not support."""
     return value if np.isfinite(value) else None
+
+
+def speeds(setup: RunConfiguration, request: DesignRequest) -> tuple[float, float]:
+    """Return rate, °/s, and acceleration, °/s², of all moves: from the request, or fractions of the limits."""
+    limits, imu = setup.table.geometry().limits, setup.solve_context().imu
+    per_count = imu.gyro_lsb * (imu.sample_rate if imu.output == "increment" else 1.0)
+    ends = span(setup.imu.frame)
+    reach = float(np.min(np.minimum(-ends.low[:3], ends.high[:3]))) * per_count
+    both = 2.0**0.5  # two perpendicular joints that move simultaneously
+    rate = np.rad2deg(min(_RATE * min(limits.rate), _RANGE * reach / both))
+    acceleration = _ACCELERATION * np.rad2deg(min(limits.acceleration))
+    return request.rate_dps or _rounded(rate), request.acceleration_dps2 or _rounded(acceleration)
+
+
+def _rounded(value: float) -> float:
+    """Return a positive number rounded down to two digits."""
+    size = 10.0 ** np.floor(np.log10(value) - 1.0)
+    return float(np.floor(value / size + 1e-9) * size)
+
+
+def gravity_rest(product: ProductConfig, context: SolveContext) -> float | None:
+    """Return the shortest rest, s, that is suitable for the product's gravity check; None without this check."""
+    check = product.checks.gravity_at_rest if product.checks is not None else None
+    if check is None:
+        return None
+    enough = (check.within / _GRAVITY_SIGMAS) ** 2
+    rests = np.arange(1.0, check.shortest_rest_s, 0.5)
+    return next((float(rest) for rest in rests if rest_mean_variance(context, rest) < enough), check.shortest_rest_s)
+
+
+def stages_duration(setup: RunConfiguration) -> float | None:
+    """Return the duration of all stages without targets, s; None if this table cannot execute them."""
+    try:
+        return sum(plan_time(s.steps(), s.rule, (0.0, 0.0), setup.table.settle_s) for s in table_task(setup).stages)
+    except ConfigurationError:
+        return None
+
+
+def designed_product(text: str, design: Design) -> str:
+    """Return the text of a product file with the designed stage as its only stage.
+
+    Checks of the rests of other stages are removed; checks of gravity at rest and of motion angles apply to the stage.
+    """
+    data = tomllib.loads(text)
+    checks = data.get("checks", {})
+    changes: dict[KeyPath, Any] = {
+        ("name",): f"{data['name'].removesuffix(_DESIGNED)}{_DESIGNED}",
+        ("stages",): [STAGE],
+    }
+    changes["targets",] = None
+    changes |= {("schedule", stage): None for stage in data.get("schedule", {})}
+    changes |= {("limits", name, "sigma_below_after"): None for name in data.get("limits", {})}
+    changes |= {("checks", name): None for name in _OF_RESTS}
+    if "motion_angle" in checks:
+        changes["checks", "motion_angle", "stage"] = STAGE
+        changes["checks", "motion_angle", "positions"] = None
+    if design.gravity_rest is not None:
+        changes["checks", "gravity_at_rest", "shortest_rest_s"] = design.gravity_rest
+    for key, value in design.schedule().items():
+        changes["schedule", STAGE, key] = _lines(value) if key == "moves" else value
+    return edit_toml(text, changes)
+
+
+def save_design(
+    report: ProgressCallback, product: Path, name: str, design: Design, author: str
+) -> tuple[Path, Version]:
+    """Job: save a product with the designed stage under a name in the site's folder; return its file and version.
+
+    Raises ConfigurationError if the product would be invalid or cannot be written.
+    """
+    text = designed_product(read_text(product), design)
+    report(0.5)
+    version = versions.save("products", name, text, author)
+    return library.find("products", name), version
+
+
+def _lines(moves: list[list[float]]) -> tomlkit.items.Array:
+    """Return an array with a line for every move."""
+    array = tomlkit.array()
+    array.extend(moves)
+    return array.multiline(True)

@@ -9,8 +9,16 @@ from typing import Never
 import numpy as np
 
 from calstation.config import RunRequest, check_manual_rig, load_configuration
-from calstation.design.allowed import SERIAL, gravity_rest, speeds, stages_duration
-from calstation.design.design import STAGE, Design, DesignRequest, Variation
+from calstation.design.design import (
+    SERIAL,
+    STAGE,
+    Design,
+    DesignRequest,
+    Variation,
+    gravity_rest,
+    speeds,
+    stages_duration,
+)
 from calstation.design.search import Beam, Exchange, Front, Problem, Stops, durations, reachable, states
 from calstation.design.segments import LATTICE_DEG, REST_UNIT, Conditions, Position, SegmentLibrary
 from calstation.design.trial import MORE_NOISE, Moves, Trial
@@ -162,8 +170,8 @@ class _Designer:
         least = self._least(stops[:planned])
         reached = (k for k, (_, sigma) in enumerate(times, 1) if k >= least and np.all(sigma <= goal))
         planned = next(reached, planned)
-        solved = self._trial.solve(moves[:planned])
-        consistency, latitude = solved.solution.consistency, solved.solution.latitude
+        solution, hidden = self._trial.solve(moves[:planned])
+        consistency, latitude = solution.consistency, solution.latitude
         targets = {name: float(s) for name, s in zip(NAMES, goal, strict=True) if np.isfinite(s)}
         return Design(
             moves=moves,
@@ -174,14 +182,14 @@ class _Designer:
             duration=float(times[planned - 1][0]),
             longest=float(times[-1][0]),
             margin=factor * self._margin,
-            sigma=solved.solution.posterior.sigma,
+            sigma=solution.posterior.sigma,
             limits=self._limits,
             stop_targets=targets if request.as_present and request.duration is None else None,
             present=self._present,
             front=tuple((float(seconds), float(worst)) for seconds, worst, _ in self._front.points()),
             searched=self._searched,
             variations=tuple(self._variations(moves, self._goal)),
-            hidden=solved.hidden,
+            hidden=hidden,
             gravity_rest=None if self._gravity_rest is None else self._gravity_rest * REST_UNIT,
             rests=tuple(stop.rest * REST_UNIT for stop in stops[:planned]),
             latitude_sigma=None if latitude is None else latitude.sigma,
@@ -299,10 +307,8 @@ class _Designer:
         problem = replace(self._problem(factor), library=library)
         seconds = durations(library, stops)[-1]
         before = stops, states(library, stops)[-1], seconds
-        for _, found in Beam(problem, _RESERVE_WIDTH, _LONGEST_RESERVE * seconds).run(before):
-            if found is not None:
-                return found
-        return stops
+        *_, (_, longer) = Beam(problem, _RESERVE_WIDTH, _LONGEST_RESERVE * seconds).run(before)
+        return longer or stops
 
     def _best(self, duration: float) -> tuple[Stops, float]:
         """Return the schedule with the smallest worst ratio within a duration, s, and this ratio.
@@ -310,7 +316,7 @@ class _Designer:
         Raises ConfigurationError if the effects of the product's diagnosis need more time.
         """
         factor, worst = _OUT_OF_REACH, np.inf
-        best: Stops | None = None
+        best: Stops = ()
         for step in range(_STEPS):
             # The first beam is narrow and never ended early: only at its end does it contain long schedules.
             beam = Beam(self._problem(factor), _WIDTHS[min(step, 1)], duration, self._front)
@@ -318,24 +324,23 @@ class _Designer:
                 self._report(_SEARCHED * (step + seconds / duration) / (2 * _STEPS), note=_ratio(worst))
                 if step and self._over():
                     break
-            found = [point for point in self._front.points() if point[0] <= duration]
-            if not found:
+            points = [point for point in self._front.points() if point[0] <= duration]
+            if not points:
                 raise ConfigurationError("design.too_short", seconds=duration)
-            _, ratio, stops = min(found, key=lambda point: point[1])
+            _, ratio, stops = min(points, key=lambda point: point[1])
             better = ratio <= _LESS * worst
             if ratio < worst:
                 worst, best = ratio, stops
             if not better or self._over():
                 break
             factor = _LESS * worst
-        assert best is not None
         for step in range(_STEPS):
             exchange = Exchange(self._problem(_LESS * worst), best, self._request.seed)
             for share in exchange.run(_EXCHANGES // 3):
                 self._report(_SEARCHED * (0.5 + (step + share) / (2 * _STEPS)), note=_ratio(worst))
                 if self._over():
                     break
-            if not exchange.found:
+            if not exchange.reached:
                 break
             best, worst = exchange.best, _LESS * worst
             self._front.add(exchange.time, worst, best)

@@ -7,6 +7,7 @@ positive. The exchanges then change, insert, remove or swap moves and rests (sim
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from itertools import cycle, pairwise
 
 import numpy as np
@@ -99,20 +100,20 @@ class _Node:
 
     def stops(self) -> Stops:
         """Return the schedule."""
-        found: list[Stop] = []
+        stops: list[Stop] = []
         node: _Node | None = self
         while node is not None:
-            if found and found[-1].position == node.position:
-                found[-1] = Stop(node.position, found[-1].rest + node.rest)
+            if stops and stops[-1].position == node.position:
+                stops[-1] = Stop(node.position, stops[-1].rest + node.rest)
             else:
-                found.append(Stop(node.position, node.rest))
+                stops.append(Stop(node.position, node.rest))
             node = node.before
-        return tuple(reversed(found))
+        return tuple(reversed(stops))
 
 
 @dataclass
 class Front:
-    """Smallest worst ratio of a sigma to its limit found for each duration, and its schedule."""
+    """Smallest worst ratio of a sigma to its limit for each duration, and its schedule."""
 
     _best: dict[int, tuple[float, float, Stops]] = field(default_factory=dict)
 
@@ -124,11 +125,11 @@ class Front:
 
     def points(self) -> list[tuple[float, float, Stops]]:
         """Return durations, s, with ratios that no shorter schedule achieves, and the schedules."""
-        found: list[tuple[float, float, Stops]] = []
+        points: list[tuple[float, float, Stops]] = []
         for key in sorted(self._best):
-            if not found or self._best[key][1] < found[-1][1]:
-                found.append(self._best[key])
-        return found
+            if not points or self._best[key][1] < points[-1][1]:
+                points.append(self._best[key])
+        return points
 
 
 def missing(ratios: FloatArray) -> FloatArray:
@@ -244,10 +245,9 @@ def reachable(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
     faces = replace(problem, turns=tuple(turn for turn in problem.turns if turn % 2 == 0))
     possible = [each for each in (problem, faces) if any(each.next_positions((0, 0)))]
     walks = [_walk(each, rests, seed) for each in possible for rests in _WALK_RESTS]
-    found = [(durations(problem.library, stops)[-1], stops, ratios) for stops, ratios in walks if ratios.max() <= 1.0]
-    if found:
-        _, stops, ratios = min(found, key=lambda walk: walk[0])
-        return stops, ratios
+    successful = [walk for walk in walks if walk[1].max() <= 1.0]
+    if successful:
+        return min(successful, key=lambda walk: durations(problem.library, walk[0])[-1])
     return None, min((ratios for _, ratios in walks), key=lambda ratios: float(ratios.max()))
 
 
@@ -268,11 +268,12 @@ def _walk(problem: Problem, pattern: Sequence[int], seed: int) -> tuple[Stops, F
     loop = tuple(Stop(position, next(rests)) for position in [*positions[1:], *home])
     first = Stop((0, 0), FIRST_REST)
     state = library.begin(first.position, first.rest)
-    segment: FloatArray | None = None
-    for a, b in pairwise((first, *loop)):
-        for part in (library.move(a.position, b.position)[0], library.rest(b.position, b.rest - 1)):
-            segment = part if segment is None else joined(segment, part, library.states)
-    assert segment is not None
+    parts = [
+        part
+        for a, b in pairwise((first, *loop))
+        for part in (library.move(a.position, b.position)[0], library.rest(b.position, b.rest - 1))
+    ]
+    segment = reduce(lambda a, b: joined(a, b, library.states), parts)
     times, seconds = 1, durations(library, (first, *loop))[-1] - durations(library, (first,))[0]
     while True:
         ratios = problem.ratios(advanced(state[None], segment[None]))[0]
@@ -291,15 +292,13 @@ def durations(library: SegmentLibrary, stops: Stops) -> list[float]:
 
 def states(library: SegmentLibrary, stops: Stops) -> list[FloatArray]:
     """Return the information at the end of every stop."""
-    found = [library.begin(stops[0].position, stops[0].rest)]
+    ends = [library.begin(stops[0].position, stops[0].rest)]
     for a, b in pairwise(stops):
-        found.append(_after(library, found[-1], a, b))
-    return found
-
-
-def _after(library: SegmentLibrary, state: FloatArray, a: Stop, b: Stop) -> FloatArray:
-    state = advanced(state[None], library.move(a.position, b.position)[0][None])[0]
-    return state if b.rest == 1 else advanced(state[None], library.rest(b.position, b.rest - 1)[None])[0]
+        state = advanced(ends[-1][None], library.move(a.position, b.position)[0][None])
+        if b.rest > 1:
+            state = advanced(state, library.rest(b.position, b.rest - 1)[None])
+        ends.append(state[0])
+    return ends
 
 
 class Exchange:
@@ -311,7 +310,7 @@ class Exchange:
         self._take(stops)
         self.best, self.time = stops, self._times[-1]
         #: Whether `best` reaches all targets.
-        self.found = bool(missing(problem.ratios(self._states[-1][None]))[0] <= 0.0)
+        self.reached = bool(missing(problem.ratios(self._states[-1][None]))[0] <= 0.0)
 
     def _take(self, stops: Stops) -> None:
         self._stops = stops
@@ -335,10 +334,10 @@ class Exchange:
             left = missing(problem.ratios(ends))
             costs = times + price * left
             chosen = int(np.argmin(costs))
-            reached = np.flatnonzero((left <= 0.0) & (times < self.time + (-1e-9 if self.found else 1e-9)))
-            if len(reached):
-                self.found = True
-                first = int(reached[np.argmin(times[reached])])
+            better = np.flatnonzero((left <= 0.0) & (times < self.time + (-1e-9 if self.reached else 1e-9)))
+            if len(better):
+                self.reached = True
+                first = int(better[np.argmin(times[better])])
                 self.best, self.time = tried[first], float(times[first])
             if costs[chosen] < cost + heat * rng.exponential():
                 cost = float(costs[chosen])

@@ -49,8 +49,8 @@ class SegmentLibrary:
 
     def begin(self, position: Position, rest: int) -> FloatArray:
         """Return the information about states and parameters, shape (m + 30, m + 30), after the first rest."""
-        found, _ = self._pass(position, [Dwell(rest * REST_UNIT)])
-        return np.asarray(advanced(found.start[None], found.motion[None])[0])
+        segment, _ = self._pass(position, [Dwell(rest * REST_UNIT)])
+        return np.asarray(advanced(segment.start[None], segment.motion[None])[0])
 
     def move(self, at: Position, to: Position) -> tuple[FloatArray, float]:
         """Return information and duration, s, of a move with its settling and the shortest rest."""

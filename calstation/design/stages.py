@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from calstation.config import RunRequest, check_manual_rig, edit_toml, load_configuration, schedule_fields
-from calstation.design.allowed import SERIAL, gravity_rest, speeds, stages_duration
-from calstation.design.design import DesignRequest, Reached
+from calstation.design.design import SERIAL, DesignRequest, Reached, gravity_rest, speeds, stages_duration
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, FloatArray
@@ -57,13 +56,13 @@ def shorten_stages(report: ProgressCallback, request: DesignRequest) -> ShorterS
     return _Shortening(report, request).run()
 
 
-def shorter_product(text: str, found: ShorterStages) -> str:
+def shorter_product(text: str, shorter: ShorterStages) -> str:
     """Return the text of a product file with the shorter stages."""
     changes: dict[KeyPath, Any] = {
-        ("schedule", stage, name): value for stage, values in found.schedule.items() for name, value in values.items()
+        ("schedule", stage, name): value for stage, values in shorter.schedule.items() for name, value in values.items()
     }
-    if found.gravity_rest is not None:
-        changes["checks", "gravity_at_rest", "shortest_rest_s"] = found.gravity_rest
+    if shorter.gravity_rest is not None:
+        changes["checks", "gravity_at_rest", "shortest_rest_s"] = shorter.gravity_rest
     return edit_toml(text, changes)
 
 
@@ -79,25 +78,27 @@ class _Shortening:
         self._schedules = setup.schedules
         self._rest = gravity_rest(setup.product, setup.solve_context())
         self._speeds = dict(zip(("rate_dps", "acceleration_dps2"), speeds(setup, request), strict=True))
+        self._product = setup.product.name
         first = self._preview({})
-        self._present = first.duration
+        self._present, sigma = first.duration, self._sigma(first)
         limits = setup.sigma_limits()
-        sigma = first.stages[-1].sigma
-        if sigma is None:
-            raise ConfigurationError("design.no_present", product=setup.product.name)
         estimated = np.array([any(name in stage.estimated for stage in first.stages) for name in NAMES])
-        wanted = sigma if request.as_present else np.array([limits.get(name, np.inf) for name in NAMES])
-        self._limits = np.where(estimated, wanted, np.inf)
+        required = sigma if request.as_present else np.array([limits.get(name, np.inf) for name in NAMES])
+        self._limits = np.where(estimated, required, np.inf)
 
     def run(self) -> ShorterStages:
         """Reduce one value at a time, starting with the one that saves most time."""
-        values = self._fastest()
+        fields = {stage: {field.name for field in schedule_fields(stage)} for stage in self._schedules}
+        values: Values = {
+            stage: {name: speed for name, speed in self._speeds.items() if name in names}
+            for stage, names in fields.items()
+        }
         best = self._preview(values)
         if not self._reached(best):
             values = {stage: {} for stage in self._schedules}
             best = self._preview(values)
         if not self._reached(best):
-            raise ConfigurationError("design.stages_miss", parameter=Reached(_sigma(best), self._limits).limiting)
+            raise ConfigurationError("design.stages_miss", parameter=Reached(self._sigma(best), self._limits).limiting)
         for number, factor in enumerate(_FACTORS):
             tried: set[tuple[str, str, float]] = set()
             while (better := self._better(values, factor, tried)) is not None:
@@ -105,21 +106,13 @@ class _Shortening:
                 saved = 1.0 - best.duration / self._present
                 self._report((number + saved) / len(_FACTORS), note=f"{best.duration:.1f}")
         spent = time.monotonic() - self._begun
-        return ShorterStages(_sigma(best), self._limits, values, best.duration, self._present, self._rest, spent)
-
-    def _fastest(self) -> Values:
-        """Return the highest speeds of all stages that have speeds."""
-        found: Values = {}
-        for stage in self._schedules:
-            names = {field.name for field in schedule_fields(stage)}
-            found[stage] = {name: speed for name, speed in self._speeds.items() if name in names}
-        return found
+        return ShorterStages(self._sigma(best), self._limits, values, best.duration, self._present, self._rest, spent)
 
     def _better(
         self, values: Values, factor: float, tried: set[tuple[str, str, float]]
     ) -> tuple[Values, Preview] | None:
         """Return the values with the reduction that saves most time within the limits; None if there is none."""
-        reduced = sorted(self._reduced(values, factor), key=lambda found: self._duration(found[1]) or 0.0)
+        reduced = sorted(self._reduced(values, factor), key=lambda change: self._duration(change[1]) or 0.0)
         for change, new in reduced:
             if change in tried:
                 continue
@@ -155,9 +148,9 @@ class _Shortening:
         sigma = preview.stages[-1].sigma
         return sigma is not None and bool(np.all(sigma <= self._margin * self._limits))
 
-
-def _sigma(preview: Preview) -> FloatArray:
-    """Return the sigmas after the last stage of a preview that the table can execute."""
-    sigma = preview.stages[-1].sigma
-    assert sigma is not None
-    return sigma
+    def _sigma(self, preview: Preview) -> FloatArray:
+        """Return the sigmas after the last stage. Raises ConfigurationError if the table cannot execute the stages."""
+        sigma = preview.stages[-1].sigma
+        if sigma is None:
+            raise ConfigurationError("design.no_present", product=self._product)
+        return sigma

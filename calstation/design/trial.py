@@ -30,14 +30,6 @@ _HEADINGS = tuple(np.deg2rad([90.0, 200.0]))
 
 
 @dataclass(frozen=True)
-class Solved:
-    """Expected result of a run after some moves."""
-
-    solution: Solution
-    hidden: tuple[EffectLimit, ...]  #: Size of each effect outside the model that the moves cannot detect.
-
-
-@dataclass(frozen=True)
 class Condition:
     """A condition that differs from the planned one; `name` and `value` as in `Variation`."""
 
@@ -91,24 +83,32 @@ class Trial:
                 for block in samples.run(step, seconds, STAGE):
                     yield time, block
 
-    def solve(self, moves: Moves) -> Solved:
-        """Solve the moves as a run does."""
+    def solve(self, moves: Moves) -> tuple[Solution, tuple[EffectLimit, ...]]:
+        """Solve the moves as a run does; return also the size of each effect that the moves cannot detect."""
         chain = StageChain(self._meta)
         chain.start(STAGE)
         blocks = [block for _, block in self._blocks(moves, self._context, self.mount) if block is not None]
         for block in blocks:
             chain.feed(block)
-        return Solved(chain.finish(), tuple(_worst(self._hidden(blocks))))
+        return chain.finish(), self._hidden(blocks)
 
-    def _hidden(self, blocks: Sequence[SampleBlock]) -> list[EffectLimit]:
-        """Return the undetectable size of every effect, with the profiles' noise: these samples have none."""
+    def _hidden(self, blocks: Sequence[SampleBlock]) -> tuple[EffectLimit, ...]:
+        """Return the largest undetectable size of every constant effect, and of every group with a changing effect.
+
+        The noise is that of the profiles, because these samples have none.
+        """
         names = method(STAGE).estimates(self._context)
         mask = np.array([name in names for name in NAMES])
         data = stage_data(list(blocks), self._context.imu)
-        found = solve_navigation(STAGE, data, self._context, self._prior, mask)
+        solution = solve_navigation(STAGE, data, self._context, self._prior, mask)
         tests = EffectTests(self._prior.sigma)
-        tests.add(STAGE, result_sensitivity(found, data, self._context, mask), names)
-        return tests.limits(found.posterior, MAX_EXCESS + 1.0)
+        tests.add(STAGE, result_sensitivity(solution, data, self._context, mask), names)
+        largest: dict[tuple[str, str], EffectLimit] = {}
+        for limit in tests.limits(solution.posterior, MAX_EXCESS + 1.0):
+            key = limit.cause, limit.parameter.rpartition("_")[0]
+            if not limit.stage and (key not in largest or limit.size > largest[key].size):
+                largest[key] = limit
+        return tuple(largest.values())
 
     def conditions(self) -> Iterator[Condition]:
         """Yield conditions that differ from the planned ones."""
@@ -130,13 +130,3 @@ class Trial:
             if worst <= 1.0:
                 return Variation(condition.name, condition.value, float(time), worst)
         return Variation(condition.name, condition.value, None, worst)
-
-
-def _worst(limits: Sequence[EffectLimit]) -> Iterator[EffectLimit]:
-    """Yield the largest undetectable size of every constant effect, and of every group with a changing effect."""
-    found: dict[tuple[str, str], EffectLimit] = {}
-    for limit in limits:
-        key = limit.cause, limit.parameter.rpartition("_")[0]
-        if not limit.stage and (key not in found or limit.size > found[key].size):
-            found[key] = limit
-    yield from found.values()

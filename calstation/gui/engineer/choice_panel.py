@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QCheckBox, QFrame, QLabel, QToolButton, QVBoxLayou
 from calstation.config import ScheduleOptions
 from calstation.gui.engineer.schedule_form import ScheduleForm
 from calstation.gui.text import bind, on_language_change, say, term
-from calstation.gui.widgets import button, clear, column, enable, label, row, scroll_area, show_text, theme
+from calstation.gui.widgets import box, button, clear, column, enable, label, row, scroll_area, show_text, theme
 from calstation.messages import Text
 
 #: Stages of each part of the calibration, by the suffix of its check box's object name.
@@ -36,8 +36,8 @@ class ChoicePanel(QFrame):
         self._reset_button = button("reset_schedule_button", "engineer.reset", lambda: self.form.reset())
         self._save_button = button("save_product_button", "engineer.save_to_product", self.save_wanted)
         self._reason = label(kind="muted", name="save_reason_label", wrap=True)
-        content = QWidget()
-        self._form_box = column(on=content, spacing=0, margins=(0, 0, theme.GRID // 2, 0))
+        self._form_box = column(spacing=0)
+        content = box(self._form_box, margins=(0, 0, theme.GRID // 2, 0))
         self._area = scroll_area(content, wide=False)
         self._area.setMinimumHeight(6 * theme.GRID)
         for widget in (content, self._area.viewport()):
@@ -60,8 +60,7 @@ class ChoicePanel(QFrame):
     @property
     def schedule(self) -> dict[str, Mapping[str, Any]]:
         """Deviations from the product's schedule, by chosen stage; stages without deviations are omitted."""
-        found = {stage: self._forms[stage].departures for stage in self.parts.stages}
-        return {stage: departures for stage, departures in found.items() if departures}
+        return {stage: each for stage in self.parts.stages if (each := self._forms[stage].departures)}
 
     @property
     def invalid(self) -> tuple[str, ...]:
@@ -124,10 +123,9 @@ class Parts(QWidget):
         self._rows: list[_StageRow] = []
         self.current = ""
         self._parts = {name: QCheckBox() for name in PARTS}
-        bind(self._parts["scale_factors"], "engineer.scale_factors")
-        bind(self._parts["installation"], "engineer.installation_and_lever_arms")
-        bind(self._parts["biases"], "engineer.biases")
-        for name, check in self._parts.items():
+        texts = "engineer.scale_factors", "engineer.installation_and_lever_arms", "engineer.biases"
+        for (name, check), text in zip(self._parts.items(), texts, strict=True):
+            bind(check, text)
             check.setObjectName(f"part_check_{name}")
             check.setMinimumHeight(_ROW_HEIGHT)
             check.setFont(theme.font(theme.SECTION))

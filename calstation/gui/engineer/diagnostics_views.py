@@ -9,7 +9,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QPointF
 from PySide6.QtGui import QResizeEvent
 
-from calstation.gui.engineer.stage_combo import StageCombo
+from calstation.gui.engineer.observability_view import StageCombo
 from calstation.gui.text import on_language_change, say, term, with_minus
 from calstation.gui.widgets import (
     ROW,
@@ -283,11 +283,11 @@ def _placed(stages: Sequence[StageDiagnostics]) -> list[tuple[StageDiagnostics, 
     first = 0
     for stage in stages:
         last = first - 1
-        for is_move, group in groupby(stage.residuals, lambda found: found.kind == "move"):
+        for is_move, group in groupby(stage.residuals, lambda each: each.kind == "move"):
             together = list(group)
-            for number, found in enumerate(together, 1):
-                last = last if is_move else first + found.number - 1
-                placed.append((stage, found, last + number / (len(together) + 1) if is_move else last))
+            for number, each in enumerate(together, 1):
+                last = last if is_move else first + each.number - 1
+                placed.append((stage, each, last + number / (len(together) + 1) if is_move else last))
         first += len(stage.rests)
     return placed
 

@@ -1,11 +1,11 @@
 """Header of the engineer page, in the strip next to STOP: serial number, engineer's name, START and run status."""
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QLabel, QLineEdit, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from calstation.gui.state import EndStageButton, RunStatus, RunStrip
-from calstation.gui.text import bind, on_language_change, say
-from calstation.gui.widgets import button, column, label, row, theme
+from calstation.gui.text import on_language_change, say
+from calstation.gui.widgets import button, column, label, line_edit, row, theme
 
 
 class EngineerHeader(QWidget):
@@ -16,19 +16,20 @@ class EngineerHeader(QWidget):
 
     def __init__(self, run: RunStatus) -> None:
         super().__init__()
-        self.serial_edit, self.engineer_edit = QLineEdit(), QLineEdit()
-        self._next = False
+        self._next = self._partial = False
+        self.serial_edit = line_edit(
+            "engineer_serial_edit", width=24 * theme.GRID, longest=80, hint="engineer.scan_or_type"
+        )
+        self.engineer_edit = line_edit(
+            "engineer_name_edit", width=25 * theme.GRID, longest=40, hint="engineer.name_tip"
+        )
+        for edit in (self.serial_edit, self.engineer_edit):
+            edit.setFixedHeight(theme.BUTTON)
+            edit.textChanged.connect(lambda _: self.edited.emit())
         self._serial_caption = label(self._serial_text, buddy=self.serial_edit)
-        serial = self._captioned(self.serial_edit, "engineer_serial_edit", self._serial_caption)
-        name = label("engineer.your_name", buddy=self.engineer_edit)
-        engineer = self._captioned(self.engineer_edit, "engineer_name_edit", name)
-        self.serial_edit.setFixedWidth(24 * theme.GRID)
-        self.serial_edit.setMaxLength(80)
-        bind(self.serial_edit.setPlaceholderText, "engineer.scan_or_type")
-        self.engineer_edit.setFixedWidth(25 * theme.GRID)
-        self.engineer_edit.setMaxLength(40)
-        bind(self.engineer_edit.setPlaceholderText, "engineer.name_tip")
-        self._partial = False
+        serial = column(self._serial_caption, self.serial_edit, spacing=0)
+        caption = label("engineer.your_name", buddy=self.engineer_edit)
+        engineer = column(caption, self.engineer_edit, spacing=0)
         self.start_button = button("engineer_start_button", pressed=self.start_pressed, kind="primary")
         self.start_button.setFixedHeight(theme.BIG_BUTTON)
         self.start_button.setMinimumWidth(22 * theme.GRID)
@@ -65,9 +66,3 @@ class EngineerHeader(QWidget):
 
     def _serial_text(self) -> str:
         return say("engineer.next_serial" if self._next else "common.serial_number")
-
-    def _captioned(self, edit: QLineEdit, name: str, caption: QLabel) -> QVBoxLayout:
-        edit.setObjectName(name)
-        edit.setFixedHeight(theme.BUTTON)
-        edit.textChanged.connect(lambda _: self.edited.emit())
-        return column(caption, edit, spacing=0)

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QPoint, QRectF, Qt
+from PySide6.QtCore import QEvent, QPoint, QRectF, QSignalBlocker, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter
-from PySide6.QtWidgets import QToolTip, QWidget
+from PySide6.QtWidgets import QComboBox, QToolTip, QWidget
 
-from calstation.gui.engineer.stage_combo import StageCombo
-from calstation.gui.text import say, step_sentence, term
+from calstation.gui.text import on_language_change, say, step_sentence, term
 from calstation.gui.widgets import EmptyState, ThemedPlot, column, label, row, scroll_area, theme
 from calstation.messages import known, short_step_text
 from calstation.physics import OBSERVABLE, FloatArray
@@ -63,6 +62,33 @@ class StepAxis(pg.AxisItem):  # type: ignore[misc]
                 p.drawText(box, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter, shown)
 
 
+class StageCombo(QComboBox):
+    """Combo box of stages that emits `currentIndexChanged` only for a selection by the user."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.setObjectName(name)
+        self.setMinimumWidth(22 * theme.GRID)
+        on_language_change(self, self._show_names)
+
+    @property
+    def stage(self) -> str:
+        """The selected stage, "" if there is none."""
+        return str(self.currentData() or "")
+
+    def offer(self, stages: Sequence[str], chosen: str = "") -> None:
+        """Offer stages and select one, by default the first."""
+        with QSignalBlocker(self):
+            self.clear()
+            for stage in stages:
+                self.addItem(term("stage", stage), stage)
+            self.setCurrentIndex(max(self.findData(chosen), 0))
+
+    def _show_names(self) -> None:
+        for index in range(self.count()):
+            self.setItemText(index, term("stage", self.itemData(index)))
+
+
 class ObservabilityView(QWidget):
     """Heat map of a stage's observability, with a list of the states that the stage does not determine."""
 
@@ -91,7 +117,7 @@ class ObservabilityView(QWidget):
     def show_stages(self, stages: Mapping[str, Mapping[str, Any]], labels: Mapping[int, StepLabel] = {}) -> None:
         """Show the observability of stages from a result or a preview; `labels` names the moves by step."""
         self._live, self._labels = {}, labels
-        self._stages = {name: found for name, found in stages.items() if found.get("segments")}
+        self._stages = {name: stage for name, stage in stages.items() if stage.get("segments")}
         self._stage_combo.offer(list(self._stages))
         self._show()
 
@@ -116,17 +142,17 @@ class ObservabilityView(QWidget):
             self._show()
 
     def _show(self) -> None:
-        found = self._stages.get(self._stage_combo.stage)
+        stage = self._stages.get(self._stage_combo.stage)
         for widget in (self._scroll, self._caption, self._stage_combo, self._lost):
-            widget.setVisible(found is not None)
-        self._empty.setVisible(found is None)
-        if found is None:
+            widget.setVisible(stage is not None)
+        self._empty.setVisible(stage is None)
+        if stage is None:
             return
         # The unit is fixed to the table, so no observation depends on the position error.
-        states = {n: state for n, state in found["states"].items() if not n.startswith("position_error")}
+        states = {n: state for n, state in stage["states"].items() if not n.startswith("position_error")}
         self.map.show_strengths(
             tuple(states),
-            tuple(int(segment["step"]) for segment in found["segments"]),
+            tuple(int(segment["step"]) for segment in stage["segments"]),
             np.array([state["by_step"] for state in states.values()], dtype=np.float64),
             self._labels,
         )
@@ -205,8 +231,8 @@ class HeatMap(ThemedPlot):
     def describe(self, at: QPoint) -> str:
         """Return a description of the cell, or of the step on the axis, at a point of the view, "" elsewhere."""
         scene = self.mapToScene(at)
-        found = self.getViewBox().mapSceneToView(scene)
-        line, step = int(np.floor(found.y())), int(np.floor(found.x()))
+        at_view = self.getViewBox().mapSceneToView(scene)
+        line, step = int(np.floor(at_view.y())), int(np.floor(at_view.x()))
         if not 0 <= step < len(self._steps):
             return ""
         number = self._steps[step]

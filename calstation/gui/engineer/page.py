@@ -122,28 +122,28 @@ class EngineerPage(Page):
             self._options = schedule_options(app.station_path, app.product_path)
         except CalstationError as error:
             self._problem = error
-        found = self._options
-        self.design.offer(found)
-        self.choice.setEnabled(found is not None and bool(found.offered))
+        options = self._options
+        self.design.offer(options)
+        self.choice.setEnabled(options is not None and bool(options.offered))
         if self._header.serial in ("", self._suggested):
             self._suggest()
-        if found is not None and found.offered:
-            self.choice.show_options(found)
+        if options is not None and options.offered:
+            self.choice.show_options(options)
         self._update()
 
     def _suggest(self) -> None:
         """Fill in the unit of the virtual bench, unless its verdict is shown; on hardware, clear the field."""
-        found, run = self._options, self.app.run
+        run = self.app.run
         judged = run.unit.serial if run.ended or run.fault is not None else ""
-        self._suggested = found.serial if found is not None and found.serial != judged else ""
+        serial = "" if self._options is None else self._options.serial
+        self._suggested = "" if serial == judged else serial
         self._header.serial_edit.setText(self._suggested)
 
     def _choice_changed(self) -> None:
         self.preview.mark_outdated()
-        found = self._options
-        if found is not None:
+        if self._options is not None:
             stages, schedule = self.choice.parts.stages, self.choice.schedule
-            whole = not stages or (stages == found.stages and not schedule)
+            whole = not stages or (stages == self._options.stages and not schedule)
             self.app.choose(None, None) if whole else self.app.choose(stages, schedule)
         self._update()
 
@@ -153,14 +153,14 @@ class EngineerPage(Page):
             self._restore_product()
 
     def _restore_product(self) -> None:
-        """Restore the product's own stages and schedule."""
-        found = self._options
-        if found is not None and found.offered and (self.choice.parts.stages != found.stages or self.choice.schedule):
-            self.choice.show_options(found)
+        """Restore the product's stages and schedule."""
+        options, choice = self._options, self.choice
+        if options is not None and options.offered and (choice.parts.stages != options.stages or choice.schedule):
+            choice.show_options(options)
             self._update()
 
     def _role_changed(self, role: str) -> None:
-        """Restore the product's own stages and schedule when the role changes to operator."""
+        """Restore the product's stages and schedule when the role changes to operator."""
         self._drop_question()
         if role == "operator":
             self.app.choose(None, None)
@@ -174,9 +174,9 @@ class EngineerPage(Page):
         """
         if not running and self.app.engine_link.operation is None:
             self._header.serial_edit.clear()
-            found = self._options
-            if found is not None and found.offered and self.choice.parts.stages != found.stages:
-                self.choice.parts.offer(found.offered, found.stages)
+            options = self._options
+            if options is not None and options.offered and self.choice.parts.stages != options.stages:
+                self.choice.parts.offer(options.offered, options.stages)
             for name, values in self.app.run.unit.remarks:
                 if name in ("certificate_waits", "certificate_not_made", "table_moved"):
                     self.notice.ask("caution", event_text(name, values), "")
@@ -210,29 +210,31 @@ class EngineerPage(Page):
         return replace(request, slot=slots.get(request.serial) or None)
 
     def _ask_to_save(self) -> None:
-        assert self._options is not None
+        if self._options is None:
+            return
         product, stage = self._options.name, self.choice.form.stage
         save = partial(self._save, self._options.product, {stage: self.choice.form.departures})
         confirm = Choice("confirm_save_button", "engineer.save_to_product", save, primary=True)
-        self.notice.ask(
-            "caution",
-            lambda: say("engineer.ask_save", stage=stage, product=product_text(product)),
-            Text.of("engineer.about_save", engineer=self._header.engineer),
-            (Choice("cancel_save_button", "common.cancel", lambda: None), confirm),
-        )
+        choices = Choice("cancel_save_button", "common.cancel", lambda: None), confirm
+
+        def title() -> str:
+            return say("engineer.ask_save", stage=stage, product=product_text(product))
+
+        self.notice.ask("caution", title, Text.of("engineer.about_save", engineer=self._header.engineer), choices)
 
     def _save(self, product: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
-        job = self.app.job_queue.submit(save_schedule, product, changes, self._header.engineer, cancellable=False)
-        self._saving.watch(job)
+        work = save_schedule, product, changes, self._header.engineer
+        self._saving.watch(self.app.job_queue.submit(*work, cancellable=False))
         self._update()
 
     def _saved(self, saved: tuple[Path, Version]) -> None:
         path, version = saved
         name = self._options.name if self._options is not None else path.stem
-        number = version.number
-        self.notice.ask(
-            "good", lambda: say("engineer.saved", product=product_text(name), number=number), lambda: str(path)
-        )
+
+        def title() -> str:
+            return say("engineer.saved", product=product_text(name), number=version.number)
+
+        self.notice.ask("good", title, lambda: str(path))
         if path == self.app.product_path:
             self.app.product_changed.emit()
         else:
@@ -252,33 +254,28 @@ class EngineerPage(Page):
         if interrupted is None:
             self._start_anew()
             return
-        log, unit = interrupted.log, {"serial": interrupted.serial}
-        self.notice.ask(
-            "paused",
-            lambda: say("engineer.interrupted", **unit),
-            "engineer.ask_resume",
-            (
-                Choice("resume_choice", "common.resume", lambda: self.app.resume_run.emit(log), primary=True),
-                Choice("anew_choice", "engineer.begin_again", self._start_anew),
-                Choice("cancel_choice", "common.cancel", lambda: None),
-            ),
+        choices = (
+            Choice("resume_choice", "common.resume", partial(self.app.resume_run.emit, interrupted.log), primary=True),
+            Choice("anew_choice", "engineer.begin_again", self._start_anew),
+            Choice("cancel_choice", "common.cancel", lambda: None),
         )
+        title = Text.of("engineer.interrupted", serial=interrupted.serial)
+        self.notice.ask("paused", title, "engineer.ask_resume", choices)
 
     def _start_anew(self) -> None:
         """Start a run from its first stage, after confirmation on hardware."""
-        assert self._options is not None
-        if self._options.virtual:
+        options = self._options
+        if options is None:
+            return
+        if options.virtual:
             self._run()
             return
-        station = self._options.station
+        choices = (
+            Choice("clear_choice", "engineer.all_clear", self._run),
+            Choice("cancel_choice", "common.cancel", lambda: None, primary=True),
+        )
         self.notice.ask(
-            "caution",
-            Text.of("engineer.table_moves", station=station),
-            "engineer.ask_clear",
-            (
-                Choice("clear_choice", "engineer.all_clear", self._run),
-                Choice("cancel_choice", "common.cancel", lambda: None, primary=True),
-            ),
+            "caution", Text.of("engineer.table_moves", station=options.station), "engineer.ask_clear", choices
         )
 
     def _run(self) -> None:
@@ -333,7 +330,7 @@ class EngineerPage(Page):
 
     def _update(self) -> None:
         """Enable the actions that are currently possible; the tooltips of the others show the reason."""
-        found, role = self._options, self._why_not_role()
+        options, role = self._options, self._why_not_role()
         busy = ""
         if self.app.engine_link.running:
             busy = say("window.busy_registers" if self.app.run.register_operation else "window.busy_run")
@@ -341,7 +338,7 @@ class EngineerPage(Page):
         device = say("engineer.communicating") if self.registers.watch.busy else ""
         problem, choice = self._why_no_options(), self._why_no_choice()
         stages = self.choice.parts.stages
-        self._header.show_partial(partial=found is not None and bool(stages) and not set(found.stages) <= set(stages))
+        self._header.show_partial(partial=options is not None and bool(stages) and not {*options.stages} <= {*stages})
         for edit in (self._header.serial_edit, self._header.engineer_edit):
             enable(edit, busy)
         badge = say("operator.sign_in") if self.app.badge_required else ""
@@ -349,7 +346,7 @@ class EngineerPage(Page):
         self.choice.lock(busy, role, name or self._why_not_save(), new_pin=self.app.role.new)
         enable(self.preview.button, problem or choice)
         self.design.lock(problem, role or name)
-        self.registers.table = "" if found is None or found.by_hand else found.station
+        self.registers.table = "" if options is None or options.by_hand else options.station
         read = problem or busy or device
         self.registers.set_why_not(read, role or read or name or self.registers.why_not_write())
 
@@ -373,13 +370,13 @@ class EngineerPage(Page):
         return ""
 
     def _why_no_unit(self) -> str:
-        serial, found = self._header.serial, self._options
-        if found is not None and found.slots:
+        serial, options = self._header.serial, self._options
+        if options is not None and options.slots:
             return say("engineer.several_slots")
         if not serial:
             return say("engineer.no_serial")
-        if found is not None and not re.fullmatch(found.serial_pattern, serial):
-            return say("engineer.wrong_serial", example=found.serial_example)
+        if options is not None and not re.fullmatch(options.serial_pattern, serial):
+            return say("engineer.wrong_serial", example=options.serial_example)
         return say("engineer.fault_unread") if self.app.run.fault is not None else ""
 
     def _why_not_save(self) -> str:

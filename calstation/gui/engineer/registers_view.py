@@ -20,7 +20,7 @@ from calstation.config import (
     load_station,
 )
 from calstation.errors import CalstationError
-from calstation.gui.engineer.verdict import verdict_badge
+from calstation.gui.engineer.result_analysis import verdict_badge
 from calstation.gui.state import AppContext, PeoplePanel
 from calstation.gui.text import Words, bind, fault_text, on_language_change, say, step_sentence
 from calstation.gui.widgets import (
@@ -106,11 +106,8 @@ class RegistersView(QWidget):
         status = (self._badge, (self._about, 1), (self._job, 1))
         column(
             row(*status, self._read_button, self._write_button, spacing=2 * theme.GRID),
-            self._reason,
-            self._notice,
-            self._people,
-            (table, 1),
-            (self._empty, 1),
+            *(self._reason, self._notice, self._people),
+            *((table, 1), (self._empty, 1)),
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
@@ -121,8 +118,7 @@ class RegistersView(QWidget):
         self._target_watch.cancel()
         self._show_target(None)
         if run.result.parameters:
-            job = self._app.job_queue.submit(wanted_registers, self._request(), run.result)
-            self._target_watch.watch(job)
+            self._target_watch.watch(self._app.job_queue.submit(wanted_registers, self._request(), run.result))
 
     def set_why_not(self, read: str, write: str) -> None:
         """Disable reading and writing for the given reasons; "" enables the action."""
@@ -154,8 +150,8 @@ class RegistersView(QWidget):
             self.show_run(self._run)
 
     def _read(self) -> None:
-        job = self._app.job_queue.submit(read_unit, self._request(), self._app.runs_folder, cancellable=False)
-        self.watch.watch(job)
+        work = read_unit, self._request(), self._app.runs_folder
+        self.watch.watch(self._app.job_queue.submit(*work, cancellable=False))
         self._error = ""
         self._notice.dismiss()
         self._refresh()
@@ -191,22 +187,18 @@ class RegistersView(QWidget):
         return load_product(request.product)[1], load_station(request.station)[1]
 
     def _write(self, target: TargetRegisters, people: Confirmation | None = None, *, at_rest: bool) -> None:
-        assert self._run is not None
+        if self._run is None:
+            return
         if self._app.job_queue.at_device:
             self._show_error("engineer.device_busy")
             return
         result = self._run.result
         request = replace(self._request(), serial=result.serial)
-        self._operation = RegisterOperation(
-            request if people is None else replace(request, operator=people.by),
-            "write",
-            dict(target.values),
-            Path(result.log.file).name,
-            at_rest=at_rest,
-            people=people,
-        )
-        self._incomplete = ""
-        self._error = ""
+        if people is not None:
+            request = replace(request, operator=people.by)
+        log = Path(result.log.file).name
+        self._operation = RegisterOperation(request, "write", dict(target.values), log, at_rest=at_rest, people=people)
+        self._incomplete = self._error = ""
         self._show_progress("engineer.write_starting")
         self._app.engine_link.start(self._operation)
 
@@ -225,15 +217,12 @@ class RegistersView(QWidget):
             self._show_end(event)
 
     def _show_end(self, event: Settled | Fault) -> None:
-        incomplete = self._incomplete
         if isinstance(event, Fault):
             self._show_error(lambda: fault_text(event).sentences)
         elif event.closing != "stopped":
             self._show_unit(UnitRegisters.of(event.unit), event.proof)
-        elif incomplete:
-            self._show_error(event_text(incomplete, {}))
         else:
-            self._show_error("engineer.write_stopped")
+            self._show_error(event_text(self._incomplete, {}) if self._incomplete else "engineer.write_stopped")
 
     # ---- display
 
@@ -299,26 +288,20 @@ class RegistersView(QWidget):
 
     def _before_run(self, name: str) -> str:
         before = self.target.before if self.target is not None and self.target.written else ()
-        for register in before:
-            if register.parameter == name:
-                value, unit = display(name, register.value)
-                return say("engineer.before_run", value=f"{value:.4f}", unit=unit)
-        return ""
+        register = next((each for each in before if each.parameter == name), None)
+        if register is None:
+            return ""
+        value, unit = display(name, register.value)
+        return say("engineer.before_run", value=f"{value:.4f}", unit=unit)
 
     def _ask(self) -> None:
         """Show the result's verdict unless it is a PASS, and all changes; ask for confirmation."""
-        target, unit = self.target, self.unit
-        assert self._run is not None
-        result = self._run.result
-        assert target is not None
-        assert unit is not None
+        target, unit, run = self.target, self.unit, self._run
+        if target is None or unit is None or run is None:
+            return
         changes, table, count = self._changes(), self.table, len(target.registers)
-        values = {
-            "changes": len(changes),
-            "addresses": self._addresses(changes),
-            "commits": unit.commits + 1,
-            "engineer": self._request().operator or "",
-        }
+        values = {"changes": len(changes), "addresses": self._addresses(changes), "commits": unit.commits + 1}
+        values["engineer"] = self._request().operator or ""
 
         def text() -> str:
             verification = say("engineer.verify_by_turns" if table else "engineer.verify_at_rest", table=table)
@@ -330,20 +313,17 @@ class RegistersView(QWidget):
         choices = [Choice("cancel_write_button", "common.cancel", lambda: None, primary=True)]
         confirm = "confirm_write_button"
         if table:
-            at_rest = "confirm_at_rest_button"
-            choices.append(choice(at_rest, "engineer.write_at_rest", at_rest=True))
+            choices.append(choice("confirm_at_rest_button", "engineer.write_at_rest", at_rest=True))
             choices.append(choice(confirm, "engineer.write_and_turn", at_rest=False))
         else:
             choices.append(choice(confirm, Text.of("engineer.write_registers", count=count), at_rest=True))
+        passed = run.result.verdict == "passed"
 
         def title() -> str:
-            values = {"count": count, "serial": unit.serial}
-            if result.verdict == "passed":
-                return say("engineer.ask_write", **values)
-            return say("engineer.ask_write_despite", **values, verdict=verdict_badge(result)[1])
+            code = "engineer.ask_write" if passed else "engineer.ask_write_despite"
+            return say(code, count=count, serial=unit.serial, verdict=verdict_badge(run.result)[1])
 
-        kind = "caution" if result.verdict == "passed" else verdict_badge(result)[0]
-        self._notice.ask(kind, title, text, choices)
+        self._notice.ask("caution" if passed else verdict_badge(run.result)[0], title, text, choices)
 
     def _addresses(self, names: list[str]) -> str:
         ranges: list[list[int]] = []

@@ -1,6 +1,7 @@
 """Views of a finished run, the first of which is the parameter table; jobs compute the contents of some."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -11,10 +12,9 @@ from calstation.errors import CalstationError
 from calstation.gui.engineer.cycle_view import CycleView
 from calstation.gui.engineer.diagnostics_views import InnovationsView, ResidualsView
 from calstation.gui.engineer.observability_view import ObservabilityView
-from calstation.gui.engineer.verdict import verdict_badge, verdict_text
 from calstation.gui.operator import advice
 from calstation.gui.state import AppContext, ReleaseBar
-from calstation.gui.text import Words, bind, of_parameter, on_language_change, say, term
+from calstation.gui.text import KINDS, Words, bind, of_parameter, on_language_change, say, term
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
     CellTable,
@@ -42,6 +42,7 @@ from calstation.results import (
     Parameter,
     Preview,
     Registers,
+    Result,
     diagnose,
     load_finished_run,
     resolve_with_state,
@@ -58,6 +59,25 @@ _COMPARED_COLUMNS = (3, 4, 5)
 _ACCEPTED_COLUMN = 7
 #: Badge shape (`widgets.badge.KINDS`) of each parameter verdict.
 _SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad", "sigma": "bad", "both": "bad"}
+
+
+def verdict_text(result: Result, *, stages: bool = True) -> str:
+    """Return the verdict of a run, such as ``PASS``; for a partial run, with its `stages` unless they are False."""
+    if result.released or not result.partial or not result.stages:
+        return term("badge", result.badge)
+    passed = result.verdict == "partial"
+    if not stages:
+        return term("badge", "partial") if passed else say("engineer.partial", outcome=result.outcome)
+    code = "engineer.passed_stages" if passed else "engineer.partial_stages"
+    return say(code, outcome=result.outcome, stages=result.stages)
+
+
+def verdict_badge(result: Result) -> tuple[str, str]:
+    """Return the shape (`widgets.badge.KINDS`) and the text of the verdict of a run, or of a re-solved log."""
+    if result.outcome != "resolved":
+        return KINDS.get(result.verdict, "none"), verdict_text(result)
+    kind = {None: "none", True: "partial" if result.partial else "good", False: "bad"}[result.passed]
+    return kind, say(f"engineer.resolved_{kind if result.tested else 'untested'}")
 
 
 class ResultView(QWidget):
@@ -78,10 +98,9 @@ class ResultView(QWidget):
                 table.column("common.plus_minus_sigma", "sigma"),
                 table.column(self._compared_heading, "previous"),
                 table.column("engineer.change", "change"),
-                Column(
-                    "engineer.in_sigma",
-                    lambda name: table.cells[name].get("in_sigma", _NONE),
-                    state=lambda name: "caution" if "changed" in table.cells[name] else None,
+                replace(
+                    table.column("engineer.in_sigma", "in_sigma"),
+                    state=lambda name: table.cells[name].get("changed"),
                 ),
                 table.column("engineer.value_limit", "limit"),
                 table.column("engineer.accepted", "accepted"),
@@ -143,13 +162,13 @@ class ResultView(QWidget):
     def _conformity_hint(self, name: str) -> str:
         """Return the probability that the decision about a parameter is wrong, and the risks of its product."""
         decided = self.shown.result.conformity if self.shown is not None else None
-        found = decided.parameters.get(name) if decided is not None else None
-        if found is None:
+        decision = decided.parameters.get(name) if decided is not None else None
+        if decision is None:
             return ""
-        kind = "accepted" if found.accepted else "refused"
-        texts = [say(f"engineer.conformity_{kind}", percent=100.0 * found.probability)]
-        if found.false_accept is not None and found.false_reject is not None:
-            risks = {"accept": 100.0 * found.false_accept, "reject": 100.0 * found.false_reject}
+        kind = "accepted" if decision.accepted else "refused"
+        texts = [say(f"engineer.conformity_{kind}", percent=100.0 * decision.probability)]
+        if decision.false_accept is not None and decision.false_reject is not None:
+            risks = {"accept": 100.0 * decision.false_accept, "reject": 100.0 * decision.false_reject}
             texts.append(say("engineer.conformity_product", **risks))
         return "\n".join(texts)
 
@@ -199,7 +218,7 @@ def _verdict(checks: dict[str, Check]) -> str:
 def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict[str, Check]) -> dict[str, str]:
     """Return the texts of a row, with numbers in display units and rounded according to the sigma.
 
-    ``verdict`` is a key of `_SHAPES` or ``none``; ``changed`` exists only if the change is to be highlighted.
+    ``verdict`` is a key of `_SHAPES` or ``none``; ``changed`` is the state of a change to be highlighted.
     """
     value, unit = _display(name, parameter.value)
     sigma, _ = _display(name, parameter.sigma)
@@ -216,7 +235,7 @@ def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict
         cells["change"] = "0" if before == value else number(value - before, sigma)
         cells["in_sigma"] = f"{(value - before) / sigma:+.2f}" if sigma > 0.0 else _NONE
         if abs(parameter.value - previous) > NOTABLE_SIGMAS * parameter.sigma:
-            cells["changed"] = "yes"
+            cells["changed"] = "caution"
     if "within" in checks:
         check = checks["within"]
         for key, interval in (("limit", check.limit), ("accepted", check.acceptance)):
@@ -317,8 +336,7 @@ class ResultAnalysis(QObject):
         else:
             self._diagnosed_log = run.log
             log, stages = run.result.log, tuple(run.result.stages)
-            job = self._app.job_queue.submit(diagnose, run.log, stages, log.first_seq, log.last_seq)
-            self._diagnosing.watch(job)
+            self._diagnosing.watch(self._app.job_queue.submit(diagnose, run.log, stages, log.first_seq, log.last_seq))
             for lazy in self._computed:
                 lazy.show_work()
 
@@ -340,8 +358,8 @@ class ResultAnalysis(QObject):
 
     def _add_state(self, state: EffectName) -> None:
         """Solve the log of the displayed run again with one more state in its model."""
-        assert self._run is not None
-        self.adding.watch(self._app.job_queue.submit(resolve_with_state, self._run, state))
+        if self._run is not None:
+            self.adding.watch(self._app.job_queue.submit(resolve_with_state, self._run, state))
 
     def _loaded(self, run: FinishedRun) -> None:
         self._diagnosing.cancel()
@@ -375,9 +393,9 @@ class ResultAnalysis(QObject):
         self.changed.emit()
         self.failed.emit(error)
 
-    def _diagnosed(self, found: Diagnostics) -> None:
-        self.innovations.view.show_data(found)
-        self.residuals.view.show_data(found)
+    def _diagnosed(self, diagnostics: Diagnostics) -> None:
+        self.innovations.view.show_data(diagnostics)
+        self.residuals.view.show_data(diagnostics)
         for lazy in self._computed:
             lazy.show_view()
 

@@ -10,26 +10,22 @@ from PySide6.QtCore import QObject, QSettings, Signal
 
 from calstation.config import computer_user, editing, library, versions
 from calstation.errors import ConfigurationError
-from calstation.schema import KeyPath, Problem, value_at
+from calstation.gui.widgets import FormValues
+from calstation.schema import KeyPath, Problem
 
 
-class Draft(QObject):
+class Draft(FormValues):
     """One file of a kind (``stations``, ``tables``, ``imus``, ``products``), checked again after every change.
 
     A file that is not valid TOML has no data: its fields remain empty until its text is corrected.
     """
 
-    changed = Signal()
-
     def __init__(self, kind: str, parent: QObject | None = None) -> None:
-        super().__init__(parent)
+        super().__init__({}, parent=parent)
         self.kind = kind
         self.path: Path | None = None
         #: The stored and the edited text.
         self.saved = self.text = ""
-        self.problems: list[Problem] = []
-        self._data: Mapping[str, Any] = {}
-        self._saved_data: Mapping[str, Any] = {}
         self._shown: tuple[Path | None, str, str, list[Problem]] | None = None
 
     @property
@@ -47,7 +43,7 @@ class Draft(QObject):
         """The validated model of `text`; None while the text has problems."""
         if self.problems or self.path is None:
             return None
-        return editing.MODELS[self.kind].model_validate(self._data)
+        return editing.MODELS[self.kind].model_validate(self.values)
 
     def open(self, path: Path) -> None:
         """Read a file, possibly the current one again; unsaved changes are lost."""
@@ -56,26 +52,18 @@ class Draft(QObject):
             self.saved = editing.read_text(path)
         except ConfigurationError as error:
             self.saved = ""
-            self._show("", [Problem((), "file", error.as_text, 1)])
+            self._show_text("", [Problem((), "file", error.as_text, 1)])
             return
         self.rewrite(self.saved)
 
     def rewrite(self, text: str) -> None:
         """Replace the whole text."""
-        self._show(text, editing.check(self.kind, text, self.path))
+        self._show_text(text, editing.check(self.kind, text, self.path))
 
     def discard(self) -> None:
         """Revert to the stored text."""
         if self.path is not None:
             self.open(self.path)
-
-    def value(self, place: KeyPath) -> Any:
-        """Return the value at a key path, None if there is none."""
-        return value_at(self._data, place)
-
-    def differs(self, place: KeyPath) -> bool:
-        """Return whether the value at a key path differs from the stored one."""
-        return self.dirty and value_at(self._saved_data, place) != self.value(place)
 
     def set(self, changes: Mapping[KeyPath, Any]) -> None:
         """Change values; None removes a value. A text that is not valid TOML remains unchanged."""
@@ -86,12 +74,12 @@ class Draft(QObject):
         if text != self.text:
             self.rewrite(text)
 
-    def _show(self, text: str, problems: list[Problem]) -> None:
+    def _show_text(self, text: str, problems: list[Problem]) -> None:
         shown = (self.path, self.saved, text, problems)
         if shown != self._shown:
             self._shown = shown
             self.text, self.problems = text, problems
-            self._data, self._saved_data = _parsed(text), _parsed(self.saved)
+            self.values, self.stored = _parsed(text), _parsed(self.saved)
             self.changed.emit()
 
 
@@ -198,7 +186,7 @@ def _name_to_store(draft: Draft) -> str:
     return name
 
 
-def _parsed(text: str) -> Mapping[str, Any]:
+def _parsed(text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError:

@@ -27,7 +27,6 @@ from calstation.gui.widgets import (
     problem_text,
     row,
     theme,
-    typed_number,
 )
 from calstation.messages import Text, known
 from calstation.schema import KeyPath, Problem
@@ -53,18 +52,6 @@ class AddressEdit(WordEdit):
             self.setText(str(value or "").partition("://")[2])
 
 
-class NumberBox(EditableBox):
-    """A number that is typed, or selected from common ones."""
-
-    def __init__(self, common: Sequence[int]) -> None:
-        super().__init__([str(number) for number in common])
-        self.activated.connect(self.typed)
-
-    def value(self) -> Any:
-        """Return the typed or selected number, or the text itself if it is not a number."""
-        return typed_number(self.currentText())
-
-
 class PortBox(EditableBox):
     """A serial port, typed or selected; a USB adapter is identified by its serial number, not by its USB socket."""
 
@@ -73,7 +60,6 @@ class PortBox(EditableBox):
         self.setCompleter(None)  # type: ignore[arg-type]  # completion could select an unintended port
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self._ports: Sequence[FoundPort] = ()
-        self.activated.connect(self._chosen)
         self.view().setMinimumWidth(56 * theme.GRID)
         bind(self.line.setPlaceholderText, "settings.port_placeholder")
 
@@ -95,9 +81,10 @@ class PortBox(EditableBox):
         value = self.value()
         return next((_describe(port) for port in self._ports if value in (port.device, port.usb)), "")
 
-    def _chosen(self, index: int) -> None:
+    def choose(self, index: int) -> None:
+        """Use the name of the selected port."""
         self.setEditText(str(self.itemData(index)))
-        self.typed.emit()
+        super().choose(index)
 
 
 def _describe(port: FoundPort) -> str:

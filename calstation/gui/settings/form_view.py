@@ -1,42 +1,37 @@
 """Forms for limits, noise, priors and register maps: editable tables of a draft's values in display units."""
 
-from collections.abc import Callable
+from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
-from PySide6.QtCore import QAbstractItemModel, QModelIndex, QSize, Qt
-from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import (
-    QAbstractItemView,
-    QComboBox,
-    QStyledItemDelegate,
-    QStyleOptionViewItem,
-    QWidget,
-)
+from PySide6.QtCore import QAbstractItemModel, QModelIndex, QPersistentModelIndex, QSize, Qt
+from PySide6.QtGui import QColor, QKeyEvent
+from PySide6.QtWidgets import QAbstractItemView, QComboBox, QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
-from calstation.config import (
-    Form,
-    FormCell,
-    arrange_entries,
-    cells_with_problem,
-)
+from calstation.config import Form, FormCell, FormColumn, FormRow, arrange_entries, cells_with_problem
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.settings.form_model import FormModel, Index
-from calstation.gui.text import on_language_change, parameter_text, say, with_minus, without_minus
+from calstation.gui.text import on_language_change, parameter_text, say, term, with_minus, without_minus
 from calstation.gui.widgets import (
     ChoiceBox,
+    Column,
     EditableBox,
+    ParameterModel,
     ParameterTable,
     WordEdit,
+    align_columns,
     button,
     column,
     enable,
     label,
+    problem_text,
     row,
     show_text,
     theme,
 )
+from calstation.messages import known
 from calstation.schema import Problem
+
+Index = QModelIndex | QPersistentModelIndex
 
 #: Largest width of a column, and additional width for the input of a cell with choices, px.
 _WIDEST, _ARROW = 34 * theme.GRID, 3 * theme.GRID
@@ -48,21 +43,175 @@ _EDITS = (
 )
 
 
+class FormModel(ParameterModel):
+    """The rows and columns of a form, with the values, defaults and problems of a draft."""
+
+    def __init__(self, form: Form) -> None:
+        super().__init__((), grouped=False)
+        self.form = form
+        self.draft = Draft(form.kind)
+        #: Reason why values cannot be changed, "" if they can.
+        self.locked = ""
+        self.rows: list[FormRow] = []
+        self._form_columns: list[FormColumn] = []
+        self._texts: dict[str, dict[str, str]] = {}
+        self._problems: dict[FormCell | str, Problem] = {}
+
+    def show_draft(self, draft: Draft) -> None:
+        """Show the values of a draft."""
+        rows, columns = self.form.rows(draft.value), self.form.columns(draft.value)
+        names = [each.name for each in rows]
+        reshaped = (
+            draft is not self.draft or columns != self._form_columns or names != [each.name for each in self.rows]
+        )
+        if reshaped:
+            self.set_names(())
+        self.draft, self.rows, self._form_columns = draft, rows, columns
+        self._problems = {}
+        for problem in draft.problems:
+            for cell in cells_with_problem(rows, problem):
+                self._problems.setdefault(cell, problem)
+        self._write_texts()
+        if reshaped:
+            self.show([self._column(i, each) for i, each in enumerate(columns)], names)
+        self.refresh()
+
+    def cell(self, index: Index) -> FormCell | str:
+        """Return the cell at an index, or its text if it cannot be changed."""
+        return self.rows[index.row()].cells[index.column()]
+
+    def index_of(self, cell: FormCell) -> QModelIndex:
+        """Return the index of a cell."""
+        number = next(i for i, each in enumerate(self.rows) if cell in each.cells)
+        return self.index(number, self.rows[number].cells.index(cell))
+
+    def describe(self, problem: Problem) -> str:
+        """Return the sentence of a problem with its row and column names, "" if it does not belong to this form."""
+        cells = cells_with_problem(self.rows, problem)
+        if not cells:
+            return ""
+        index = self.index_of(cells[0])
+        heading = self._heading(self._form_columns[index.column()], unit=False) if len(cells) == 1 else ""
+        name, unit = self._title(self.rows[index.row()].name), cells[0].unit[0]
+        name = say("form.row", number=name) if self.form.names == "number" else name
+        name = say("form.cell", row=name, column=heading) if heading else name
+        name = say("form.in_unit", name=name, unit=unit) if unit else name
+        what = problem_text(cells[0].in_display_unit(problem))
+        return say("form.problem", name=f"{name[0].upper()}{name[1:]}", what=what)
+
+    def lines(self, rows: Iterable[int]) -> list[list[str]]:
+        """Return headings and rows in the format of a spreadsheet."""
+        lines = super().lines(rows)
+        lines[0][0] = self.form.names
+        return lines
+
+    def flags(self, index: Index) -> Qt.ItemFlag:
+        """Return the flags of a cell, which depend on whether it can be changed."""
+        flags = super().flags(index)
+        can_change = not self.locked and isinstance(self.cell(index), FormCell)
+        return flags | Qt.ItemFlag.ItemIsEditable if can_change else flags
+
+    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        """Return the text, the value to edit, or the appearance of a cell; defaults are grey."""
+        cell = self.cell(index)
+        if role == Qt.ItemDataRole.EditRole and isinstance(cell, FormCell):
+            return cell.shown(self.draft.value)
+        if role == Qt.ItemDataRole.ForegroundRole and cell not in self._problems:
+            stated = isinstance(cell, FormCell) and cell.stated(self.draft.value)
+            return None if stated else QColor(theme.colours().muted)
+        return super().data(index, role)
+
+    def setData(self, index: Index, value: Any, role: int = Qt.ItemDataRole.EditRole) -> bool:
+        """Write a text or choice into the draft."""
+        cell = self.cell(index)
+        changes = {} if isinstance(cell, str) else cell.changes(self.draft.value, value)
+        if changes:
+            self.draft.set(changes)
+        return bool(changes)
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        """Return the name of a row, or the heading of a column with its explanation."""
+        if orientation == Qt.Orientation.Vertical and role == Qt.ItemDataRole.DisplayRole:
+            return self._title(self.rows[section].name)
+        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.ToolTipRole:
+            return self._about(self._form_columns[section])
+        return super().headerData(section, orientation, role)
+
+    def choice_text(self, cell: FormCell, value: Any) -> str:
+        """Return the text of a choice."""
+        key = cell.place[-1]
+        if key == "orientation":
+            return say("form.mounting", name=value, x=with_minus(value[:2]), z=with_minus(value[2:]))
+        return say(f"form.{key}_{value}") if known(f"form.{key}_{value}") else str(value)
+
+    def _column(self, number: int, each: FormColumn) -> Column:
+        cells = [row.cells[number] for row in self.rows]
+        numbers = any(isinstance(cell, FormCell) and cell.kind == "number" for cell in cells)
+        return Column(
+            partial(self._heading, each),
+            lambda name: self._texts[name][str(number)],
+            number=numbers,
+            state=lambda name: "bad" if self._named_cell(name, number) in self._problems else None,
+            hint=lambda name: self._hint(name, number),
+        )
+
+    def _write_texts(self) -> None:
+        self._texts = {each.name: {str(i): self._text(cell) for i, cell in enumerate(each.cells)} for each in self.rows}
+        for number in range(len(self._form_columns)):
+            cells = [each.cells[number] for each in self.rows]
+            if all(isinstance(cell, FormCell) and cell.kind == "number" for cell in cells):
+                align_columns(self._texts, [str(number)])
+
+    def _text(self, cell: FormCell | str) -> str:
+        if isinstance(cell, str):
+            return cell
+        shown = cell.shown(self.draft.value)
+        if cell.kind == "choice":
+            return self.choice_text(cell, shown) if shown in cell.choices else str(shown or "")
+        return str(shown)
+
+    def _named_cell(self, name: str, number: int) -> FormCell | str:
+        return next(each for each in self.rows if each.name == name).cells[number]
+
+    def _hint(self, name: str, number: int) -> str:
+        cell = self._named_cell(name, number)
+        if not isinstance(cell, str):
+            if cell in self._problems:
+                return self.describe(self._problems[cell])
+            if cell.kind == "names" or cell.place[-1] == "orientation":
+                return self._text(cell)  # may be too long for the column
+        return self.locked or self._about(self._form_columns[number])
+
+    def _title(self, name: str) -> str:
+        if self.form.names == "parameter":
+            return parameter_text(name)
+        return term("form", name) if self.form.names == "key" else name
+
+    def _heading(self, each: FormColumn, *, unit: bool = True) -> str:
+        heading = term("form", each.key, stage=each.stage)
+        return say("form.in_unit", name=heading, unit=each.unit) if unit and each.unit else heading
+
+    def _about(self, each: FormColumn) -> str:
+        return say(f"form.about_{each.key}") if known(f"form.about_{each.key}") else ""
+
+
 class _Delegate(QStyledItemDelegate):
     """Creates the input of a cell: a line, a list of choices, or a line with suggestions."""
 
+    def __init__(self, model: FormModel, parent: QWidget) -> None:
+        super().__init__(parent)
+        self._model = model
+
     def createEditor(self, parent: QWidget, option: QStyleOptionViewItem, index: Index) -> QWidget:
         """Create the input of a cell."""
-        model = _model(index)
-        cell = model.cell(index)
-        assert isinstance(cell, FormCell)
-        if cell.kind == "choice":
+        model, cell = self._model, self._model.cell(index)
+        if isinstance(cell, FormCell) and cell.kind == "choice":
             box = ChoiceBox(lambda: [(value, model.choice_text(cell, value)) for value in cell.choices])
             box.setParent(parent)
             box.typed.connect(lambda: self._done(box))
             box.view().setMinimumWidth(box.view().sizeHintForColumn(0) + _ARROW)  # the column may be narrower
             return box
-        if cell.choices:
+        if isinstance(cell, FormCell) and cell.choices:
             typed = EditableBox(cell.choices)
             typed.setParent(parent)
             return typed
@@ -73,20 +222,23 @@ class _Delegate(QStyledItemDelegate):
 
     def setEditorData(self, editor: QWidget, index: Index) -> None:
         """Show the value of a cell in its input."""
-        assert isinstance(editor, ChoiceBox | EditableBox | WordEdit)
         value = index.data(Qt.ItemDataRole.EditRole)
-        editor.show_value(value if isinstance(editor, ChoiceBox) else with_minus(value))
+        if isinstance(editor, ChoiceBox):
+            editor.show_value(value)
+        elif isinstance(editor, EditableBox | WordEdit):
+            editor.show_value(with_minus(value))
 
     def setModelData(self, editor: QWidget, model: QAbstractItemModel, index: Index) -> None:
         """Write the value of an input into the draft."""
-        assert isinstance(editor, ChoiceBox | EditableBox | WordEdit)
-        value = editor.value()
-        _model(index).setData(index, value if isinstance(editor, ChoiceBox) else without_minus(value or ""))
+        if isinstance(editor, ChoiceBox):
+            model.setData(index, editor.value())
+        elif isinstance(editor, EditableBox | WordEdit):
+            model.setData(index, without_minus(editor.value() or ""))
 
     def sizeHint(self, option: QStyleOptionViewItem, index: Index) -> QSize:
         """Return the size of a cell; long lists of names are elided."""
         size = super().sizeHint(option, index)
-        cell = _model(index).cell(index)
+        cell = self._model.cell(index)
         if isinstance(cell, FormCell) and cell.choices:
             size.setWidth(size.width() + _ARROW)
         return size.boundedTo(QSize(_WIDEST, 1000))
@@ -94,19 +246,13 @@ class _Delegate(QStyledItemDelegate):
     def initStyleOption(self, option: QStyleOptionViewItem, index: Index) -> None:
         """Show an arrow next to a value that has choices."""
         super().initStyleOption(option, index)
-        cell = _model(index).cell(index)
-        if isinstance(cell, FormCell) and cell.choices and not _model(index).locked:
+        cell = self._model.cell(index)
+        if isinstance(cell, FormCell) and cell.choices and not self._model.locked:
             option.text += " ▾"
 
     def _done(self, editor: QWidget) -> None:
         self.commitData.emit(editor)
         self.closeEditor.emit(editor)
-
-
-def _model(index: Index) -> FormModel:
-    model = index.model()
-    assert isinstance(model, FormModel)
-    return model
 
 
 class FormTable(ParameterTable):
@@ -116,7 +262,7 @@ class FormTable(ParameterTable):
         super().__init__(model)
         self.form_model = model
         self.setObjectName(f"{model.form.name}_table")
-        self.setItemDelegate(_Delegate(self))
+        self.setItemDelegate(_Delegate(model, self))
         self.setEditTriggers(_EDITS)
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectItems)
         self.setHorizontalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
@@ -149,7 +295,7 @@ class FormView(QWidget):
     def __init__(self, form: Form) -> None:
         super().__init__()
         self.form = form
-        self._draft: Draft | None = None
+        self._draft = Draft(form.kind)
         self.model = FormModel(form)
         self.table = FormTable(self.model)
         self.setObjectName(f"{form.name}_form")
@@ -157,23 +303,21 @@ class FormView(QWidget):
         self._offer = ChoiceBox(self._offered, f"{form.name}_add_combo")
         self._offer.setMinimumWidth(28 * theme.GRID)
         self._offer.setVisible(bool(form.offered))
-        self._add_button = self._button("add", "settings.add", self._add)
-        self._remove_button = self._button("remove", "settings.remove", self._remove)
-        self._up_button = self._button("up", "settings.move_up", partial(self._move, -1))
-        self._down_button = self._button("down", "settings.move_down", partial(self._move, 1))
-        self._buttons = (self._add_button, self._remove_button, self._up_button, self._down_button)
-        rows = bool(form.offered) or form.listed
-        for each, there in zip(self._buttons, (rows, rows, form.listed, form.listed), strict=True):
-            each.setVisible(there)
+        actions = {
+            "add": ("settings.add", lambda: self._add()),
+            "remove": ("settings.remove", lambda: self._remove()),
+            "up": ("settings.move_up", lambda: self._move(-1)),
+            "down": ("settings.move_down", lambda: self._move(1)),
+        }
+        self._buttons = {name: button(f"{form.name}_{name}_button", *action) for name, action in actions.items()}
+        for name, each in self._buttons.items():
+            each.setVisible(form.listed or (bool(form.offered) and name in ("add", "remove")))
         hint = label("form.edit_hint", "muted", wrap=True)
-        actions = row(self._offer, *self._buttons, (hint, 1))
-        column(self._reason, (self.table, 1), actions, on=self, margins=(0, theme.GRID, 0, 0))
+        below = row(self._offer, *self._buttons.values(), (hint, 1))
+        column(self._reason, (self.table, 1), below, on=self, margins=(0, theme.GRID, 0, 0))
         self.table.selectionModel().currentChanged.connect(lambda *_: self._enable())
         self.model.modelReset.connect(self._enable)
         on_language_change(self, self.refresh)
-
-    def _button(self, action: str, words: str, pressed: Callable[..., Any]) -> Any:
-        return button(f"{self.form.name}_{action}_button", words, lambda: pressed())
 
     @property
     def title(self) -> str:
@@ -194,8 +338,6 @@ class FormView(QWidget):
         """Show the current values, or the reason why there are none."""
         self.table.setAccessibleName(say(self.title))
         draft = self._draft
-        if draft is None:
-            return
         current = self.table.currentIndex()
         at = current.row(), current.column()
         self.model.show_draft(draft)
@@ -224,10 +366,10 @@ class FormView(QWidget):
         none = "" if number >= 0 else say("settings.choose_row")
         enable(self._offer, why_not)
         some = self.form.listed or self._offer.count()
-        enable(self._add_button, why_not or ("" if some else say("settings.all_listed")))
-        enable(self._remove_button, why_not or none)
-        enable(self._up_button, why_not or none or ("" if number > 0 else say("settings.is_first")))
-        enable(self._down_button, why_not or none or ("" if number < last else say("settings.is_last")))
+        enable(self._buttons["add"], why_not or ("" if some else say("settings.all_listed")))
+        enable(self._buttons["remove"], why_not or none)
+        enable(self._buttons["up"], why_not or none or ("" if number > 0 else say("settings.is_first")))
+        enable(self._buttons["down"], why_not or none or ("" if number < last else say("settings.is_last")))
 
     def _offered(self) -> list[tuple[str, str]]:
         present = {each.name for each in self.model.rows}
@@ -235,7 +377,6 @@ class FormView(QWidget):
 
     def _add(self) -> None:
         draft = self._draft
-        assert draft is not None
         if self.form.new_entry is not None:
             number = len(self.model.rows)
             self._arrange([*range(number), self.form.new_entry(draft.value, draft.model)])
@@ -248,12 +389,11 @@ class FormView(QWidget):
         self.table.setFocus()
 
     def _remove(self) -> None:
-        draft, number = self._draft, self.table.currentIndex().row()
-        assert draft is not None
+        number = self.table.currentIndex().row()
         if self.form.listed:
             self._arrange([i for i in range(len(self.model.rows)) if i != number])
         else:
-            draft.set(dict.fromkeys(self.model.rows[number].places))
+            self._draft.set(dict.fromkeys(self.model.rows[number].places))
 
     def _move(self, by: int) -> None:
         index = self.table.currentIndex()
@@ -263,7 +403,5 @@ class FormView(QWidget):
         self.table.setCurrentIndex(self.model.index(index.row() + by, index.column()))
 
     def _arrange(self, order: list[Any]) -> None:
-        draft = self._draft
-        assert draft is not None
         (key,) = self.form.roots[0]
-        draft.rewrite(arrange_entries(draft.text, str(key), order))
+        self._draft.rewrite(arrange_entries(self._draft.text, str(key), order))

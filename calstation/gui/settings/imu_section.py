@@ -26,13 +26,13 @@ class _SlotsView(FormView):
     def _remove(self) -> None:
         if len(self.model.rows) > 1:
             super()._remove()
-        elif self._draft is not None:
+        else:
             self._draft.rewrite(with_one_unit(self._draft.text))
 
     def _enable(self) -> None:
         super()._enable()
-        if len(self.model.rows) == 1 and self._remove_button.isEnabled():
-            self._remove_button.setToolTip(say("settings.one_unit"))
+        if len(self.model.rows) == 1 and self._buttons["remove"].isEnabled():
+            self._buttons["remove"].setToolTip(say("settings.one_unit"))
 
 
 class ImuSection(Section):

@@ -19,20 +19,12 @@ from calstation.config import (
 from calstation.connection import FoundPort, LinkTestRequest, check_imu_link, check_table_link, discover_ports
 from calstation.errors import CalstationError
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.settings.fields import (
-    EDITOR,
-    LABEL,
-    AddressEdit,
-    Field,
-    NumberBox,
-    PortBox,
-    Row,
-    Section,
-)
+from calstation.gui.settings.fields import EDITOR, LABEL, AddressEdit, Field, PortBox, Row, Section
 from calstation.gui.state import AppContext, ResetBar
 from calstation.gui.text import offered_products, on_language_change, rendered, say, term
 from calstation.gui.widgets import (
     ChoiceBox,
+    EditableBox,
     JobRow,
     JobWatch,
     NumberEdit,
@@ -41,6 +33,7 @@ from calstation.gui.widgets import (
     box,
     button,
     choices_of,
+    clear,
     column,
     enable,
     label,
@@ -48,6 +41,7 @@ from calstation.gui.widgets import (
     scroll_area,
     show_text,
     theme,
+    typed_number,
 )
 from calstation.messages import Finding, Report
 from calstation.schema import KeyPath
@@ -97,7 +91,7 @@ class LinkSection(Section):
         timeout = Field(draft, (*self._place, "timeout_s"), self._timeout_edit)
         self._unit = Field(draft, ("table", "unit"), self._unit_edit)
         self._line_fields = [
-            Field(draft, (*serial, "baud"), NumberBox(_BAUDS)),
+            Field(draft, (*serial, "baud"), EditableBox(_BAUDS, typed_number)),
             *(Field(draft, (*serial, key)) for key in ("data_bits", "parity")),
             Field(draft, (*serial, "stop_bits"), ChoiceBox(choices_of("stop_bits", 1, 1.5, 2))),
         ]
@@ -265,8 +259,8 @@ class TestPanel(QFrame):
         on_language_change(self, self._show_running)
 
     def _lay_out(self) -> None:
-        self._lines = QWidget()
-        self._list = column(None, on=self._lines, margins=(0, 0, theme.GRID, 0))
+        self._list = column()
+        self._lines = box(self._list, None, margins=(0, 0, theme.GRID, 0))
         caption = label("settings.expected_imu", buddy=self.product_box)
         self._expected = box(row(caption, (self.product_box, 1)))
         column(
@@ -348,7 +342,7 @@ class TestPanel(QFrame):
     def _done(self, report: Report) -> None:
         self.report = report
         for finding in report.findings:
-            self._list.insertWidget(self._list.count() - 1, _Line(finding))
+            self._list.addWidget(_finding_row(finding))
         self._show_running()
         # This is last, so that the focus does not move from the hidden job row to the reset button.
         self.reset.offer(self._device == "table" and any(map(report.find, _LATCHED)))
@@ -374,27 +368,15 @@ class TestPanel(QFrame):
     def _clear(self) -> None:
         self.report = self._error = None
         self.reset.offer(False)
-        for line in self._lines.findChildren(_Line):
-            line.setParent(None)
-            line.deleteLater()
+        clear(self._list)
         self._show_verdict()
 
 
-class _Line(QWidget):
-    """Shows one finding: symbol, message and remedy."""
-
-    def __init__(self, finding: Finding) -> None:
-        super().__init__()
-        self._message = finding.message
-        icon = StateIcon(18)
-        icon.set_kind(_KINDS[finding.state])
-        self._text = label(wrap=True, selectable=True)
-        self._remedy = label(kind="muted", wrap=True, selectable=True)
-        words = column(self._text, self._remedy, spacing=2)
-        row((icon, 0, Qt.AlignmentFlag.AlignTop), (words, 1), on=self)
-        on_language_change(self, self._show)
-
-    def _show(self) -> None:
-        shown = rendered(self._message)
-        self._text.setText(shown.text)
-        show_text(self._remedy, shown.remedy)
+def _finding_row(finding: Finding) -> QWidget:
+    """Create a row for one finding: symbol, message and remedy."""
+    icon = StateIcon(18)
+    icon.set_kind(_KINDS[finding.state])
+    text = label(lambda: rendered(finding.message).text, wrap=True, selectable=True)
+    remedy = label(lambda: rendered(finding.message).remedy, "muted", wrap=True, selectable=True)
+    remedy.setVisible(bool(remedy.text()))
+    return box(row((icon, 0, Qt.AlignmentFlag.AlignTop), (column(text, remedy, spacing=2), 1)))

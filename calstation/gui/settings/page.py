@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from PySide6.QtCore import QSignalBlocker, QSize, Qt
+from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QComboBox, QListWidget, QListWidgetItem, QStackedWidget, QWidget
+from PySide6.QtWidgets import QListWidget, QListWidgetItem, QWidget
 
 from calstation.config import DEFAULT_STATION, editing, library
 from calstation.errors import ConfigurationError
@@ -15,16 +15,17 @@ from calstation.gui.settings.imu_section import ImuSection
 from calstation.gui.settings.link_section import LinkSection
 from calstation.gui.settings.personal_section import PersonalSection
 from calstation.gui.settings.profiles_section import NewFileBar, ProfilesSection
-from calstation.gui.settings.records_section import RecordsSection
 from calstation.gui.settings.site_section import SiteSection
-from calstation.gui.settings.station_section import StationSection
+from calstation.gui.settings.station_section import RecordsSection, StationSection
 from calstation.gui.settings.table_section import TableSection
 from calstation.gui.state import AppContext, Page, RunStrip
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import (
     Choice,
+    ChoiceBox,
     NoticeBar,
     PageArea,
+    box,
     button,
     column,
     enable,
@@ -32,6 +33,7 @@ from calstation.gui.widgets import (
     row,
     scroll_area,
     show_text,
+    stack,
     theme,
 )
 from calstation.schema import KeyPath
@@ -94,10 +96,9 @@ class StationPage(Page):
         on_language_change(self, self._lock)
 
     def _make_header(self) -> QWidget:
-        self.station_box = QComboBox()
-        self.station_box.setObjectName("station_combo")
+        self.station_box = ChoiceBox(self._stations, "station_combo")
         self.station_box.setMinimumWidth(36 * theme.GRID)
-        self.station_box.activated.connect(self._choose)
+        self.station_box.typed.connect(self._choose)
         bind(self.station_box.setAccessibleName, "common.station")
         caption = label("common.station", buddy=self.station_box)
         self._new_button = button("new_station_button", "settings.new_from_copy", self._ask_new)
@@ -105,10 +106,8 @@ class StationPage(Page):
         self._discard_button = button("discard_station_button", "settings.discard", self.drafts.discard)
         self._unsaved_label = label(name="unsaved_label", wrap=True)
         self._unsaved_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        header = QWidget()
-        files = (caption, self.station_box, self._new_button)
-        row(*files, (self._unsaved_label, 1), self._discard_button, self._save_button, on=header)
-        return header
+        buttons = self._discard_button, self._save_button
+        return box(row(caption, self.station_box, self._new_button, (self._unsaved_label, 1), *buttons))
 
     def _lay_out(self) -> None:
         self.nav = QListWidget()
@@ -116,17 +115,15 @@ class StationPage(Page):
         self.nav.setFixedWidth(_NAV)
         self.nav.setProperty("kind", "nav")
         self.nav.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self._stack = QStackedWidget()
-        for section in self._sections:
+        self._stack = stack(*(s if s is self.profiles else scroll_area(s, wide=False) for s in self._sections))
+        for _ in self._sections:
             QListWidgetItem(self.nav).setSizeHint(QSize(_NAV, theme.BUTTON))
-            self._stack.addWidget(section if section is self.profiles else scroll_area(section, wide=False))
         self.nav.setMinimumHeight(self.nav.count() * theme.BUTTON)
         self.nav.currentRowChanged.connect(self._show_section)
         self._problems = label(kind="error", name="station_problem_label", wrap=True)
         right = column(self.notice, self._new_bar, self._problems, (self._stack, 1))
         wide = 2 * theme.GRID
-        content = QWidget()
-        row(self.nav, (right, 1), on=content, spacing=wide, margins=(wide, theme.GRID, wide, theme.GRID))
+        content = box(row(self.nav, (right, 1), spacing=wide), margins=(wide, theme.GRID, wide, theme.GRID))
         status = row(RunStrip(self.app.run), margins=(wide, 0, wide, theme.GRID))
         column((PageArea(content), 1), status, on=self)
         self.nav.setCurrentRow(0)
@@ -171,8 +168,7 @@ class StationPage(Page):
         try:
             self.drafts.save()
         except ConfigurationError as error:
-            refusal = error
-            self.notice.ask("bad", "settings.not_saved", refusal.as_text)
+            self.notice.ask("bad", "settings.not_saved", error.as_text)
             return False
         self._saved_names = names
         self.refresh()
@@ -232,10 +228,10 @@ class StationPage(Page):
     def _name_sections(self) -> None:
         """Name the sections, with a dot after sections with unsaved changes."""
         station, table = self.drafts.station, self.drafts.table
-        typed = [any(station.differs(place) for place in places) for places in _SECTION_KEYS]
-        typed += [table.dirty, any(draft not in (station, table) for draft in self.drafts.dirty), False]
+        edited = [any(station.differs(place) for place in places) for places in _SECTION_KEYS]
+        edited += [table.dirty, any(draft not in (station, table) for draft in self.drafts.dirty), False]
         titles = ("common.station", "settings.link_to_table", self.imus.title, *_OTHER_TITLES)
-        for number, (title, dot) in enumerate(zip(titles, typed, strict=True)):
+        for number, (title, dot) in enumerate(zip(titles, edited, strict=True)):
             self.nav.item(number).setText(f"{say(title)} ●" if dot else say(title))
 
     def _show_section(self, number: int) -> None:
@@ -260,22 +256,24 @@ class StationPage(Page):
             self.drafts.use(self.drafts.table, library.find("tables", name))
 
     def _fill(self) -> None:
-        """List all stations, including the current one, whose file may be in another folder."""
+        self.station_box.fill()
         current = self.drafts.station.path
-        paths = {str(entry.path.absolute()): entry.path for entry in editing.list_files("stations")}
-        if current is not None:
-            paths.setdefault(str(current.absolute()), current)
-        with QSignalBlocker(self.station_box):
-            self.station_box.clear()
-            for key, path in paths.items():
-                bench = say("settings.virtual_station", name=path.stem)
-                self.station_box.addItem(bench if editing.is_bench(path) else path.stem, key)
-            chosen = "" if current is None else str(current.absolute())
-            self.station_box.setCurrentIndex(self.station_box.findData(chosen))
+        self.station_box.show_value(None if current is None else str(current.absolute()))
 
-    def _choose(self, index: int) -> None:
+    def _stations(self) -> list[tuple[str, str]]:
+        """Return the paths and names of all stations, and of the current one, whose file may be in another folder."""
+        paths = [entry.path.absolute() for entry in editing.list_files("stations")]
+        if (current := self.drafts.station.path) is not None:
+            paths.append(current.absolute())
+        names = {path: path.stem for path in paths}
+        return [
+            (str(path), say("settings.virtual_station", name=name) if editing.is_bench(path) else name)
+            for path, name in names.items()
+        ]
+
+    def _choose(self) -> None:
         """Switch to another station; ask the user first if there are unsaved changes."""
-        path, now = Path(self.station_box.itemData(index)), self.drafts.station.path
+        path, now = Path(self.station_box.value()), self.drafts.station.path
         if now is not None and path == now.absolute():
             return
         if self.may_leave(lambda: self._use(path)):

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QSignalBlocker, Signal
-from PySide6.QtGui import QColor, QFontDatabase, QShowEvent, QTextCharFormat, QTextCursor, QTextFormat
+from PySide6.QtGui import QFontDatabase, QShowEvent, QTextCharFormat, QTextCursor, QTextFormat
 from PySide6.QtWidgets import QComboBox, QListWidget, QPlainTextEdit, QTabWidget, QTextEdit, QWidget
 
 from calstation.config import FORMS, Version, editing, library, versions
@@ -37,10 +37,8 @@ class TextView(QPlainTextEdit):
         """Shade only these lines, numbered from 1, each in its colour."""
         selections = []
         for number, colour in lines:
-            shade = QColor(colour)
-            shade.setAlpha(45)
             form = QTextCharFormat()
-            form.setBackground(shade)
+            form.setBackground(theme.faint(colour, 45))
             form.setProperty(QTextFormat.Property.FullWidthSelection, True)
             selection = QTextEdit.ExtraSelection()
             selection.format = form
@@ -231,8 +229,8 @@ class ProfilesSection(QWidget):
     def _problem_line(self, problem: Problem) -> str:
         """Return the sentence of a problem with its location: in the displayed form, or else in the text."""
         view = self.views.currentWidget()
-        found = view.model.describe(problem) if isinstance(view, FormView) else ""
-        return found or say("settings.line", number=problem.line, problem=say(problem.as_text))
+        text = view.model.describe(problem) if isinstance(view, FormView) else ""
+        return text or say("settings.line", number=problem.line, problem=say(problem.as_text))
 
     def showEvent(self, event: QShowEvent) -> None:
         """List the files and versions again, because they may have changed outside the section."""
@@ -300,7 +298,7 @@ class ProfilesSection(QWidget):
         if self._draft is None or self._chosen is None:
             return
         self.views.setCurrentWidget(self.diff)
-        if (text := self._text_of(self._chosen)) is not None:
+        if (text := self._text_of(self._draft, self._chosen)) is not None:
             self._compared = None
             self._draft.rewrite(text)
 
@@ -338,7 +336,7 @@ class ProfilesSection(QWidget):
         text: str | None = draft.saved
         name = say("settings.saved_text")
         if self._compared is not None:
-            text, name = self._text_of(self._compared), say("settings.version", number=self._compared.number)
+            text, name = self._text_of(draft, self._compared), say("settings.version", number=self._compared.number)
         if text is None:
             return
         old, new = text.splitlines(), draft.text.splitlines()
@@ -347,11 +345,10 @@ class ProfilesSection(QWidget):
         colours = {"+": theme.colours().good, "-": theme.colours().bad}
         self.diff.shade((i, colours[line[0]]) for i, line in enumerate(lines, 1) if line[:1] in colours)
 
-    def _text_of(self, version: Version) -> str | None:
+    def _text_of(self, draft: Draft, version: Version) -> str | None:
         """Return the text of a version; if it cannot be read, show the error in the difference view and return None."""
-        assert self._draft is not None
         try:
-            return versions.text(self._draft.kind, self._draft.name, version.number)
+            return versions.text(draft.kind, draft.name, version.number)
         except ConfigurationError as error:
             self.diff.setPlainText(say(error.as_text))
             self.diff.shade(())

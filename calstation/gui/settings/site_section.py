@@ -104,7 +104,7 @@ class SiteSection(Section):
 
     def _advice(self, *ids: str) -> str:
         """Return the first of these findings that applies to the typed values, "" if none does."""
-        return next((say(found.message) for found in site_advice(*self._values()) if found.id in ids), "")
+        return next((say(finding.message) for finding in site_advice(*self._values()) if finding.id in ids), "")
 
 
 class _Confirmation(QWidget):

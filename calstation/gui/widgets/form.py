@@ -1,10 +1,10 @@
 """The form engine: fields with label, input, unit and message, which edit the values of a source."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
-from typing import Any, Protocol
+from typing import Any
 
-from PySide6.QtCore import QObject, QSignalBlocker, Signal, SignalInstance
+from PySide6.QtCore import QObject, QSignalBlocker, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import FieldSpec
@@ -16,35 +16,18 @@ from calstation.messages import known
 from calstation.schema import KeyPath, Problem, value_at
 
 
-class Source(Protocol):
-    """The values of a form, checked after every change."""
-
-    #: Emitted after every change of a value or of the problems.
-    changed: SignalInstance
-
-    @property
-    def problems(self) -> Sequence[Problem]:
-        """Errors in the values."""
-
-    def value(self, place: KeyPath) -> Any:
-        """Return the value at a key path, None if there is none."""
-
-    def differs(self, place: KeyPath) -> bool:
-        """Return whether the value at a key path differs from the stored one."""
-
-    def set(self, changes: Mapping[KeyPath, Any]) -> None:
-        """Change values; None removes a value."""
-
-
 class FormValues(QObject):
-    """A source of values in memory: the `stored` ones, and the edited `values`, whose problems `check` returns."""
+    """The values of a form: the `stored` ones, the edited `values`, and the problems that `check` finds in them."""
 
     changed = Signal()
 
     def __init__(
-        self, stored: Mapping[str, Any], check: Callable[[Mapping[str, Any]], Iterable[Problem]] = lambda _: ()
+        self,
+        stored: Mapping[str, Any],
+        check: Callable[[Mapping[str, Any]], Iterable[Problem]] = lambda _: (),
+        parent: QObject | None = None,
     ) -> None:
-        super().__init__()
+        super().__init__(parent)
         self.stored, self._check = stored, check
         self.reset()
 
@@ -64,15 +47,14 @@ class FormValues(QObject):
                 table.pop(key, None)
             else:
                 table[key] = value
-        self._update()
+        self._show(self.values)
 
     def reset(self) -> None:
         """Restore the stored values."""
-        self.values = deepcopy(dict(self.stored))
-        self._update()
+        self._show(deepcopy(dict(self.stored)))
 
-    def _update(self) -> None:
-        self.problems = list(self._check(self.values))
+    def _show(self, values: dict[str, Any]) -> None:
+        self.values, self.problems = values, list(self._check(values))
         self.changed.emit()
 
 
@@ -91,7 +73,9 @@ class FormField(QWidget):
         Object name of the input; its suffix ``_edit`` is replaced by ``_message`` for the message.
     """
 
-    def __init__(self, source: Source, place: KeyPath, editor: Editor, words: Words, name: str, unit: str = "") -> None:
+    def __init__(
+        self, source: FormValues, place: KeyPath, editor: Editor, words: Words, name: str, unit: str = ""
+    ) -> None:
         super().__init__()
         self._source, self._place, self.editor = source, place, editor
         #: Key paths whose problems are shown here.

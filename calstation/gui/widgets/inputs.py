@@ -176,20 +176,27 @@ class ChoiceBox(_Box):
 
 
 class EditableBox(_Box):
-    """A combo box whose value is typed or selected from `offers`."""
+    """A combo box whose value is typed or selected from `offers`; `read` converts a text that is not empty."""
 
-    def __init__(self, offers: Sequence[str] = ()) -> None:
+    def __init__(self, offers: Sequence[Any] = (), read: Callable[[str], Any] = str) -> None:
         super().__init__()
+        self._read = read
         self.line = QLineEdit()
         self.setEditable(True)
         self.setLineEdit(self.line)
         self.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
-        self.addItems(list(offers))
+        self.addItems(list(map(str, offers)))
         self.line.textEdited.connect(self.typed)
+        self.activated.connect(self.choose)
+
+    def choose(self, index: int) -> None:
+        """Use the selected item."""
+        self.typed.emit()
 
     def value(self) -> Any:
-        """Return the typed or selected text, None if it is empty."""
-        return self.currentText().strip() or None
+        """Return the typed or selected value, None if the text is empty."""
+        text = self.currentText().strip()
+        return self._read(text) if text else None
 
     def show_value(self, value: Any) -> None:
         """Show a value, unless the text already represents it."""

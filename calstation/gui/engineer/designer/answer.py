@@ -1,6 +1,7 @@
 """The result of a search for a schedule: duration and limiting parameter, plots, parameters and robustness."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from PySide6.QtCore import QModelIndex, QPersistentModelIndex
@@ -8,7 +9,7 @@ from PySide6.QtGui import QColor, QPainter
 from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
 from calstation.config import ScheduleOptions
-from calstation.design import Design, Variation
+from calstation.design import Design
 from calstation.gui.engineer.designer.plots import FrontPlot, Path3D, PathPlot, SphereBox
 from calstation.gui.text import bind, duration_text, on_language_change, parameter_text, product_text, say, term
 from calstation.gui.widgets import (
@@ -20,6 +21,7 @@ from calstation.gui.widgets import (
     JobWatch,
     StateBadge,
     ViewTabs,
+    box,
     button,
     column,
     enable,
@@ -40,13 +42,15 @@ Index = QModelIndex | QPersistentModelIndex
 
 
 class RatioBar(QStyledItemDelegate):
-    """Draws the ratio of a row of a `CellTable` as a bar; the full width is 1, or the largest ratio if above 1."""
+    """Draws the ratio of a row of a table as a bar; the full width is 1, or the largest ratio if above 1."""
+
+    def __init__(self, table: CellTable) -> None:
+        super().__init__(table)
+        self._table = table
 
     def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: Index) -> None:
         """Draw the bar."""
-        table = self.parent()
-        assert isinstance(table, CellTable)
-        ratios = [float(cells["ratio"]) for cells in table.cells.values()]
+        ratios = [float(cells["ratio"]) for cells in self._table.cells.values()]
         box = option.rect.adjusted(theme.GRID, theme.GRID, -theme.GRID, -theme.GRID)
         ratio = ratios[index.row()]
         box.setWidth(max(1, round(box.width() * ratio / max(1.0, *ratios))))
@@ -60,22 +64,49 @@ class DesignAnswer(QWidget):
         self, driving: JobWatch, save: Callable[[], None], copy: Callable[[], None], export: Callable[[], None]
     ) -> None:
         super().__init__()
-        self._design: Design | None = None
-        self._options: ScheduleOptions | None = None
+        self._shown: tuple[Design, ScheduleOptions] | None = None
         self._badge = StateBadge()
         self._headline = label(kind="section", name="design_headline", wrap=True)
         self._about = label(kind="muted", name="design_about", wrap=True)
         self._front, self._path, self._sphere = FrontPlot(), PathPlot(), SphereBox()
-        self._parameters = self._make_parameters()
-        self._variations, self._hidden = self._make_variations(), self._make_hidden()
+        self._parameters = table = CellTable("design_parameters")
+        table.parameters.set_columns(
+            (
+                table.column("common.unit", "unit", number=False),
+                table.column("engineer.sigma_planned", "sigma"),
+                table.column("engineer.sigma_limit", "limit"),
+                _with_state(table, table.column("engineer.sigma_over_limit", "ratio")),
+                Column(str, lambda _: "", number=False),
+            )
+        )
+        table.setItemDelegateForColumn(table.model().columnCount() - 1, RatioBar(table))
+        self._variations = table = CellTable("design_variations")
+        table.verticalHeader().hide()
+        table.parameters.set_columns(
+            (
+                _with_state(table, table.column("engineer.condition", "condition", number=False)),
+                table.column("engineer.reached_after", "reached"),
+                table.column("engineer.largest_sigma_then", "worst"),
+            )
+        )
+        self._hidden = table = CellTable("design_hidden")
+        table.verticalHeader().hide()
+        table.parameters.set_columns(
+            (
+                table.column("engineer.effect", "effect", number=False),
+                table.column("engineer.hidden_up_to", "size"),
+                table.column("common.unit", "unit", number=False),
+                table.column("engineer.effect_moves_most", "moved", number=False),
+                table.column("engineer.effect_by", "move"),
+            )
+        )
         self._notes = label(name="design_sees", wrap=True)
         self._tabs = ViewTabs(
             "design_views",
             *("engineer.duration", "engineer.path", "common.parameters", "engineer.robustness"),
             "engineer.hidden_effects",
         )
-        robustness = QWidget()
-        column(self._variations, self._notes, None, on=robustness)
+        robustness = box(self._variations, self._notes, None)
         self._driving = EmptyState(JobRow(driving), title="engineer.computing_path")
         path = self._drawn = stack(self._driving, split((self._path, 3), (self._sphere, 2)))
         self._views = stack(
@@ -103,16 +134,16 @@ class DesignAnswer(QWidget):
 
     def show_design(self, design: Design, options: ScheduleOptions) -> None:
         """Show a design for the product and table of these options."""
-        self._design, self._options = design, options
+        self._shown = design, options
         self._front.show_design(design)
         self._drawn.setCurrentIndex(0)
         self._show_texts()
 
     def show_path(self, preview: Preview) -> None:
         """Show the motion of the design."""
-        assert self._design is not None
-        assert self._options is not None
-        path = Path3D(self._design, preview, self._options.geometry)
+        if self._shown is None:
+            return
+        path = Path3D(self._shown[0], preview, self._shown[1].geometry)
         self._path.show_path(path)
         self._sphere.sphere.show_path(path)
         self._drawn.setCurrentIndex(1)
@@ -121,69 +152,24 @@ class DesignAnswer(QWidget):
         """Disable saving for the given reason; "" enables it."""
         enable(self._save_button, why, say("engineer.save_as_product_tip"))
 
-    def _make_parameters(self) -> CellTable:
-        table = CellTable("design_parameters")
-        table.parameters.set_columns(
-            (
-                table.column("common.unit", "unit", number=False),
-                table.column("engineer.sigma_planned", "sigma"),
-                table.column("engineer.sigma_limit", "limit"),
-                Column(
-                    "engineer.sigma_over_limit",
-                    lambda name: table.cells[name]["ratio"],
-                    state=lambda name: table.cells[name].get("state"),
-                ),
-                Column(str, lambda _: "", number=False),
-            )
-        )
-        table.setItemDelegateForColumn(table.model().columnCount() - 1, RatioBar(table))
-        return table
-
-    def _make_variations(self) -> CellTable:
-        table = CellTable("design_variations")
-        table.verticalHeader().hide()
-        table.parameters.set_columns(
-            (
-                Column(
-                    "engineer.condition",
-                    lambda name: table.cells[name]["condition"],
-                    number=False,
-                    state=lambda name: table.cells[name]["state"],
-                ),
-                table.column("engineer.reached_after", "reached"),
-                table.column("engineer.largest_sigma_then", "worst"),
-            )
-        )
-        return table
-
-    def _make_hidden(self) -> CellTable:
-        table = CellTable("design_hidden")
-        table.verticalHeader().hide()
-        table.parameters.set_columns(
-            (
-                table.column("engineer.effect", "effect", number=False),
-                table.column("engineer.hidden_up_to", "size"),
-                table.column("common.unit", "unit", number=False),
-                table.column("engineer.effect_moves_most", "moved", number=False),
-                table.column("engineer.effect_by", "move"),
-            )
-        )
-        return table
-
     def _show_texts(self) -> None:
-        design, options = self._design, self._options
-        if design is None or options is None:
+        if self._shown is None:
             return
+        design, options = self._shown
         self._badge.show_state(*_verdict(design))
         self._headline.setText(_headline(design))
         self._about.setText(_about(design, options))
         self._notes.setText("\n".join(_notes(design)))
         self._parameters.show_cells(_parameter_cells(design), ("sigma", "limit", "ratio"))
-        conditions = _variation_cells(design)
-        self._variations.show_cells(conditions)
+        self._variations.show_cells(_variation_cells(design))
         header = self._variations.horizontalHeader().sizeHint().height()
-        self._variations.setFixedHeight(header + ROW * len(conditions) + theme.GRID // 2)
+        self._variations.setFixedHeight(header + ROW * len(self._variations.cells) + theme.GRID // 2)
         self._hidden.show_cells(_hidden_cells(design), ("size", "move"))
+
+
+def _with_state(table: CellTable, column: Column) -> Column:
+    """Return a column that also shows the symbol of each row's state."""
+    return replace(column, state=lambda name: table.cells[name]["state"])
 
 
 def _verdict(design: Design) -> tuple[str, str]:
@@ -242,7 +228,7 @@ def _parameter_cells(design: Design) -> dict[str, dict[str, str]]:
 def _variation_cells(design: Design) -> dict[str, dict[str, str]]:
     """Return the rows of the conditions; for several with the same name, only the worst one."""
     cells = {}
-    for variation in sorted(design.variations, key=_by_severity):
+    for variation in sorted(design.variations, key=lambda v: (v.duration is None, v.duration or 0.0, v.worst)):
         angle = variation.value if variation.name == "noise" else float(np.rad2deg(variation.value))
         condition = say(f"engineer.design_{variation.name}", value=angle)
         reached = variation.duration
@@ -253,10 +239,6 @@ def _variation_cells(design: Design) -> dict[str, dict[str, str]]:
             "state": "caution" if reached is None else "good",
         }
     return cells
-
-
-def _by_severity(variation: Variation) -> tuple[bool, float, float]:
-    return variation.duration is None, variation.duration or 0.0, variation.worst
 
 
 def _hidden_cells(design: Design) -> dict[str, dict[str, str]]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from PySide6.QtWidgets import QFrame
 
@@ -24,9 +23,6 @@ from calstation.gui.widgets import (
     show_text,
     theme,
 )
-
-if TYPE_CHECKING:
-    from calstation.design import DesignRequest
 
 #: Goals of a search.
 SHORTEST, GIVEN_TIME, AS_PRESENT = "shortest", "given_time", "as_present"
@@ -96,7 +92,7 @@ class DesignForm(QFrame):
         enable(self.button, why, say("engineer.design_tip"))
         show_text(self._reason, why if shown else "")
 
-    def request(self, station: Path | None, product: Path, stop: Path) -> "DesignRequest":
+    def request(self, station: Path | None, product: Path, stop: Path) -> design.DesignRequest:
         """Return the request for a product on a station; a file `stop` ends the search."""
         goal, values = self.goal, self._source.values
         return design.DesignRequest(

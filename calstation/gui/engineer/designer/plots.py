@@ -39,7 +39,7 @@ _TURN = 10
 
 
 class FrontPlot(ThemedPlot):
-    """Smallest worst ratio of a sigma to its limit found for each duration, with the selected schedule."""
+    """Smallest worst ratio of a sigma to its limit for each duration, with the selected schedule."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -70,24 +70,18 @@ class FrontPlot(ThemedPlot):
             return
         c = theme.colours()
         self.getPlotItem().clear()
-        chosen = np.array([(design.duration, design.worst)])
         better = [p for p in design.front if p[0] < design.duration or p[1] < design.worst]
         front = np.array(sorted([*better, (design.duration, design.worst)]))
         size = time_unit(float(front[-1, 0]))
+        front[:, 0] /= size
         self.setLabel("bottom", say("engineer.axis_duration_s" if size == 1.0 else "engineer.axis_duration_min"))
-        found = pg.PlotDataItem(front[:, 0] / size, front[:, 1], pen=pg.mkPen(c.accent, width=1), name="found")
-        found.setSymbol("o")
-        found.setSymbolSize(5)
-        found.setSymbolBrush(c.accent)
-        found.setSymbolPen(None)
-        mark = pg.PlotDataItem(chosen[:, 0] / size, chosen[:, 1], pen=None, name="chosen")
-        mark.setSymbol("d")
-        mark.setSymbolSize(16)
-        mark.setSymbolBrush(c.good)
-        mark.setSymbolPen(c.panel)
+        dots = {"symbol": "o", "symbolSize": 5, "symbolBrush": c.accent, "symbolPen": None}
+        line = pg.PlotDataItem(*front.T, pen=pg.mkPen(c.accent, width=1), name="found", **dots)
+        diamond = {"symbol": "d", "symbolSize": 16, "symbolBrush": c.good, "symbolPen": c.panel}
+        mark = pg.PlotDataItem([design.duration / size], [design.worst], pen=None, name="chosen", **diamond)
         low, high = float(front[:, 1].min()), float(front[:, 1].max())
         self.setYRange(np.log10(0.8 * low), np.log10(min(high, _HIGHEST * low)), padding=0.0)
-        self.addItem(found)
+        self.addItem(line)
         self.addItem(pg.InfiniteLine(np.log10(design.margin), 0, pen=dashed(c.bad)))
         self.addItem(mark)
         self._note.say(
@@ -213,11 +207,11 @@ class Sphere(ThemedPlot):
     def _draw_rests(self, path: Path3D) -> None:
         """Draw a dot for every attitude of a planned rest, with the numbers of its rests."""
         c = theme.colours()
-        found: dict[tuple[float, ...], list[int]] = {}
+        rests: dict[tuple[float, ...], list[int]] = {}
         for number, down in enumerate(path.rests[: path.design.planned], start=1):
-            found.setdefault(tuple(np.round(down, 3).tolist()), []).append(number)
-        for place, numbers in found.items():
-            down = np.array([place])
+            rests.setdefault(tuple(np.round(down, 3).tolist()), []).append(number)
+        for direction, numbers in rests.items():
+            down = np.array([direction])
             front = bool(self._in_front(down)[0])
             at = self._on_screen(down)[0]
             dot = pg.ScatterPlotItem([at[0]], [at[1]], size=9 if front else 6, pen=pg.mkPen(c.panel))

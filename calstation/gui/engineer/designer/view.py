@@ -6,14 +6,15 @@ from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QWidget
 
 from calstation import design
 from calstation.config import RunRequest, ScheduleOptions, Version
+from calstation.design import Design
 from calstation.errors import CalstationError
+from calstation.gui.engineer.designer.answer import DesignAnswer
 from calstation.gui.engineer.designer.form import GIVEN_TIME, DesignForm, SaveBar
 from calstation.gui.state import AppContext
 from calstation.gui.text import duration_text, on_language_change, say
@@ -24,6 +25,7 @@ from calstation.gui.widgets import (
     JobWatch,
     NoticeBar,
     ask_file,
+    box,
     button,
     column,
     enable,
@@ -34,11 +36,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import Text
-from calstation.results import Preview, compute_preview
-
-if TYPE_CHECKING:
-    from calstation.design import Design
-    from calstation.gui.engineer.designer.answer import DesignAnswer
+from calstation.results import compute_preview
 
 
 class DesignView(QWidget):
@@ -48,36 +46,30 @@ class DesignView(QWidget):
         super().__init__()
         self._app, self._notice, self._author = app, notice, author
         self._options: ScheduleOptions | None = None
-        #: Product and table of the result, and of the current search, with its station file.
-        self._designed: ScheduleOptions | None = None
+        #: Product, table and station file of the current search; and the result with its product and table.
         self._searched: tuple[ScheduleOptions, Path | None] | None = None
-        self._design: Design | None = None
+        self._result: tuple[Design, ScheduleOptions] | None = None
         self._answer: DesignAnswer | None = None
         self._why_not = self._why_not_save = ""
         self._goal = ""
         self._error: CalstationError | None = None
         self._folder: tempfile.TemporaryDirectory[str] | None = None
+        #: A file that ends the search.
+        self._stop_file = Path()
         self._stopping = False
-        self.watch = JobWatch(self, self._found, self._failed, self._refresh)
-        self.driving, self._saving = JobWatch(self, self._driven), JobWatch(self, self._saved)
+        self.watch = JobWatch(self, self._designed, self._failed, self._refresh)
+        self.driving = JobWatch(self, lambda preview: self.answer.show_path(preview))
+        self._saving = JobWatch(self, self._saved)
         self.form = DesignForm(self._begin)
         self._job = JobRow(self.watch, "cancel_design_button", self._progress_text)
         self._stop_button = button("stop_design_button", "engineer.stop_with_best", self._stop)
-        self._progress = QWidget()
-        row((self._job, 1), self._stop_button, on=self._progress)
+        self._progress = box(row((self._job, 1), self._stop_button))
         self._problem = label(kind="error", name="design_problem", wrap=True)
         self.save_bar = SaveBar(self._save)
         self._empty = EmptyState(title="engineer.design_empty", text="engineer.design_about")
         self._stack = stack(self._empty)
-        column(
-            self.form,
-            self._progress,
-            self._problem,
-            self.save_bar,
-            (self._stack, 1),
-            on=self,
-            margins=(0, theme.GRID, 0, 0),
-        )
+        above = self.form, self._progress, self._problem, self.save_bar
+        column(*above, (self._stack, 1), on=self, margins=(0, theme.GRID, 0, 0))
         self.watch.busy_changed.connect(self._end)
         for watch in (self.watch, self._saving):
             watch.busy_changed.connect(self._refresh)
@@ -86,11 +78,9 @@ class DesignView(QWidget):
         on_language_change(self, self._refresh)
 
     @property
-    def answer(self) -> "DesignAnswer":
+    def answer(self) -> DesignAnswer:
         """The view of the result, created on first use."""
         if self._answer is None:
-            from calstation.gui.engineer.designer.answer import DesignAnswer  # imports the solvers
-
             self._answer = DesignAnswer(self.driving, self._ask_name, self._copy, self._ask_file)
             self._stack.addWidget(self._answer)
             for before, after in pairwise((self.save_bar.last, *self._answer.tab_order)):
@@ -114,20 +104,16 @@ class DesignView(QWidget):
     # ---- the search
 
     def _begin(self) -> None:
-        assert self._options is not None
+        if self._options is None:
+            return
         self._searched = self._options, self._app.station_path
         self._goal, self._stopping, self._error = self.form.goal, False, None
         self.driving.cancel()
         self.save_bar.hide()
         self._folder = tempfile.TemporaryDirectory(prefix="calstation-")
+        self._stop_file = Path(self._folder.name) / "stop"
         request = self.form.request(self._app.station_path, self._options.product, self._stop_file)
         self.watch.watch(self._app.job_queue.submit(design.design_schedule, request))
-
-    @property
-    def _stop_file(self) -> Path:
-        """File that ends the search."""
-        assert self._folder is not None
-        return Path(self._folder.name) / "stop"
 
     def _stop(self) -> None:
         self._stop_file.touch()
@@ -152,26 +138,23 @@ class DesignView(QWidget):
             return say("engineer.design_best_ratio", ratio=float(note))
         return say("engineer.design_best_duration", duration=duration_text(float(note)))
 
-    def _found(self, found: "Design") -> None:
-        assert self._searched is not None
-        self._design, (self._designed, station) = found, self._searched
-        self.answer.show_design(found, self._designed)
+    def _designed(self, answer: Design) -> None:
+        if self._searched is None:
+            return
+        options, station = self._searched
+        self._result = answer, options
+        self.answer.show_design(answer, options)
         self._stack.setCurrentWidget(self.answer)
         schedule = {
-            "moves": [list(move) for move in found.moves],
-            "rate_dps": found.rate_dps,
-            "acceleration_dps2": found.acceleration_dps2,
+            "moves": [list(move) for move in answer.moves],
+            "rate_dps": answer.rate_dps,
+            "acceleration_dps2": answer.acceleration_dps2,
             "stop_at_limits": False,
         }
-        stage = design.STAGE
-        request = RunRequest(
-            "-", station, self._designed.product, (stage,), self._app.runs_folder, schedule={stage: schedule}
-        )
+        stage, folder = design.STAGE, self._app.runs_folder
+        request = RunRequest("-", station, options.product, (stage,), folder, schedule={stage: schedule})
         self.driving.watch(self._app.job_queue.submit(compute_preview, request))
         self._refresh()
-
-    def _driven(self, preview: Preview) -> None:
-        self.answer.show_path(preview)
 
     def _failed(self, error: CalstationError) -> None:
         self._error = error
@@ -180,14 +163,13 @@ class DesignView(QWidget):
     # ---- the result
 
     def _ask_name(self) -> None:
-        assert self._designed is not None
-        self.save_bar.ask(self._designed.product.stem)
+        if self._result is not None:
+            self.save_bar.ask(self._result[1].product.stem)
 
     def _save(self, name: str) -> None:
-        assert self._design is not None
-        assert self._designed is not None
-        work = design.save_design, self._designed.product, name, self._design, self._author()
-        self._saving.watch(self._app.job_queue.submit(*work, cancellable=False))
+        if self._result is not None:
+            work = design.save_design, self._result[1].product, name, self._result[0], self._author()
+            self._saving.watch(self._app.job_queue.submit(*work, cancellable=False))
 
     def _saved(self, saved: tuple[Path, Version]) -> None:
         path, version = saved
@@ -207,18 +189,16 @@ class DesignView(QWidget):
         )
 
     def _copy(self) -> None:
-        assert self._design is not None
-        QGuiApplication.clipboard().setText(_schedule_text(self._design))
+        if self._result is not None:
+            QGuiApplication.clipboard().setText(_schedule_text(self._result[0]))
 
     def _ask_file(self) -> None:
-        assert self._designed is not None
-        name = Path(f"{self._designed.product.stem}_design.json")
-        ask_file(self, say("engineer.save_design"), name, ["JSON (*.json)"], self._export)
-
-    def _export(self, target: Path) -> None:
-        assert self._design is not None
-        text = json.dumps(self._design.to_json(), indent=1, ensure_ascii=False) + "\n"
-        target.write_text(text, encoding="utf-8")
+        if self._result is not None:
+            answer, options = self._result
+            text = json.dumps(answer.to_json(), indent=1, ensure_ascii=False) + "\n"
+            name = Path(f"{options.product.stem}_design.json")
+            write = partial(Path.write_text, data=text, encoding="utf-8")
+            ask_file(self, say("engineer.save_design"), name, ["JSON (*.json)"], write)
 
     # ---- state
 
@@ -234,9 +214,9 @@ class DesignView(QWidget):
             self._answer.lock(why_not_save)
 
 
-def _schedule_text(found: "Design") -> str:
+def _schedule_text(answer: Design) -> str:
     """Return the schedule in the format of a product file, with a line for every move."""
-    values = found.schedule()
+    values = answer.schedule()
     moves = values.pop("moves")
     targets = values.pop("targets", None)
     lines = [f"[schedule.{design.STAGE}]"]
