@@ -56,7 +56,7 @@ def choose_longest_rest(page: OfflinePage, qtbot: QtBot) -> None:
 
 def compute(page: OfflinePage, qtbot: QtBot) -> None:
     press(page, "allan_button", qtbot)
-    qtbot.waitUntil(lambda: page.allan.found is not None and not page.allan.watch.busy, timeout=WAIT)
+    qtbot.waitUntil(lambda: page.allan.data is not None and not page.allan.watch.busy, timeout=WAIT)
 
 
 def cells(page: OfflinePage) -> list[list[str]]:
@@ -100,8 +100,8 @@ def test_curves_are_saved(page: OfflinePage, tmp_path: Path, qtbot: QtBot) -> No
     plot.findChild(QFileDialog).fileSelected.emit(str(tmp_path / "a.csv"))
     plot.findChild(QFileDialog).close()
     rows = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
-    assert page.allan.found is not None
-    curve = page.allan.found.curves["gyro_y"]
+    assert page.allan.data is not None
+    curve = page.allan.data.curves["gyro_y"]
     np.testing.assert_allclose(rows["gyro_y_deviation"], curve.deviation)
     np.testing.assert_allclose(rows["gyro_y_high"], curve.high)
     np.testing.assert_allclose(rows["tau_s"], curve.tau)
@@ -127,6 +127,6 @@ def test_engineer_saves_the_values_in_the_profile(page: OfflinePage, operator: O
     operator.press("save_noise_button")
     operator.until(lambda: "Saved: version 2 of the IMU profile bench_nav" in page.notice.title_label.text())
     profile = library.find("imus", "bench_nav")
-    measured = max(page.allan.found.curves[f"gyro_{axis}"].random_walk for axis in "xyz")  # type: ignore[union-attr]
+    measured = max(page.allan.data.curves[f"gyro_{axis}"].random_walk for axis in "xyz")  # type: ignore[union-attr]
     assert load_imu_profile(profile).noise.gyro_arw == pytest.approx(measured, rel=1e-3)
     assert load_imu_profile(profile).noise.gyro_arw == pytest.approx(WALK * DEGREE / 60.0, rel=0.3)

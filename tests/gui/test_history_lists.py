@@ -15,7 +15,6 @@ from PySide6.QtWidgets import (
     QLabel,
     QPushButton,
     QTableView,
-    QTableWidget,
 )
 from pytestqt.qtbot import QtBot
 
@@ -332,8 +331,8 @@ def test_offline_solutions_are_listed_in_the_details(
     append_resolve(folder, replace(RECORD, log=log))
     append_resolve(folder, replace(RECORD, log=log, by="wang", difference=OnlineDifference(True, "gyro_bias_x", 0.0)))
     shown(page, qtbot)
-    table = page.findChild(QTableWidget, "resolves_table")
-    texts = [[table.item(row, column).text() for column in (1, 2, 4)] for row in range(table.rowCount())]
+    table = page.findChild(QTableView, "resolves_table")
+    texts = [[table.model().index(row, k).data() for k in (1, 2, 4)] for row in range(table.model().rowCount())]
     assert texts == [["wang", "identical bit for bit", "0–9"], ["li", "0.50 σ, gyro bias x", "0–9"]]
     assert table.isVisible()
     select_row(page, 1, qtbot)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QApplication, QComboBox, QFileDialog, QLabel, QPushButton, QTableView
+from PySide6.QtWidgets import QApplication, QComboBox, QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from calstation.config import RunRequest, library, pair_folder
@@ -367,9 +367,7 @@ def test_checks_are_shown_as_sentences_and_values_near_limits_are_marked(qtbot: 
         check("previous", "accel_scale", 1e-4, 3e-4, "1"),
     ]
     table.show_checks([Check.from_json(row) for row in rows])
-    view = table.findChild(QTableView, "checks_table")
-    assert view is not None
-    model = table.model
+    model = table.parameters
     verdict = model.columnCount() - 1
     shown = [[str(model.index(r, k).data()) for k in range(verdict + 1)] for r in range(4)]
     assert [row[verdict] for row in shown] == ["failed", "near-miss", "passed", "passed"]

@@ -72,7 +72,7 @@ def test_state_is_added_on_the_offline_page(operator: Operator, log: Path) -> No
     assert not page.missing.isVisible()
     assert "Solved with accel_cubic added" in page.comparison.note_label.text()
     rows = {
-        page.comparison.model.headerData(k, Qt.Orientation.Vertical, Qt.ItemDataRole.ToolTipRole)
-        for k in range(page.comparison.model.rowCount())
+        page.comparison.table.parameters.headerData(k, Qt.Orientation.Vertical, Qt.ItemDataRole.ToolTipRole)
+        for k in range(page.comparison.table.parameters.rowCount())
     }
     assert rows >= NAMES

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.gui.logs.log_columns import LogColumns, split_at_gaps
-from calstation.gui.logs.time_axis import time_text
+from calstation.gui.logs.plot_items import LogColumns, split_at_gaps, time_text
 from calstation.records import LogMeta, RawLogWriter
 from calstation.results.plots import Columns, LogIndex, log_index, samples
 from tests.results.test_log_index import META, START, blocks

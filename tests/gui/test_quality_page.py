@@ -126,7 +126,7 @@ def test_capability_and_yield_are_shown(operator: Operator, page: QualityPage) -
     assert len(rows) == 30
     assert all(0.5 < float(row[5]) < 3.0 for row in rows), "Cpk"
     click_row(operator, "capability_table", 3)
-    assert page.capability.plot._shown.parameter == list(page.capability._found)[3]
+    assert page.capability.plot.data.parameter == list(page.capability._charts)[3]
     click_tab(operator, "Yield")
     assert "Yield 9" in operator.says()
     shares = cells(operator, "yield_table")
@@ -198,7 +198,7 @@ def test_errors_detectable_by_a_check_standard_are_shown_with_the_limits(operato
     assert "Smallest errors that this run detects, 90 %" in operator.says()
     names = page.standards.errors.getAxis("left")._tickLevels[0]
     assert [name for _, name in names] == [parameter_text(name) for name in ("gyro_bias_x", "accel_bias_y")]
-    page.standards.errors.show_errors(dict.fromkeys(NAMES, 0.5), 2.0)
+    page.standards.errors.show_data((dict.fromkeys(NAMES, 0.5), 2.0))
     errors = page.standards.errors
     rows = [row for row, _ in errors.getAxis("left")._tickLevels[0]]
     space = errors.getViewBox().height() / len(NAMES)

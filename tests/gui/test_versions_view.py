@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QTableView, QTableWidget, QWidget
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QTableView, QWidget
 from pytestqt.qtbot import QtBot
 
 from calstation.database import ExchangeState
@@ -70,21 +71,21 @@ def test_two_versions_are_compared(page: HistoryPage, tmp_path: Path, qtbot: QtB
     summary = page.findChild(QLabel, "versions_summary_label")
     assert summary.text() == "4 logs in both versions  ·  PASS to FAIL: 1, FAIL to PASS: 1"
     assert "Changed verdicts: 3" in texts(page)
-    changes = page.findChild(QTableWidget, "versions_changes_table")
-    cells = [[changes.item(line, k).text() for k in (0, 1, 2, 4, 5, 6)] for line in range(changes.rowCount())]
+    changes = page.findChild(QTableView, "versions_changes_table").model()
+    cells = [[changes.index(line, k).data() for k in (0, 1, 2, 4, 5, 6)] for line in range(changes.rowCount())]
     assert cells == [
         ["A", "p", "bench 1", "PASS", "FAIL", "gyro bias x"],
         ["B", "p", "bench 2", "FAIL", "PASS", "gyro bias x"],
         ["D", "q", "bench 2", "PASS", "not judged", ""],
     ]
-    assert changes.item(0, 0).toolTip() == "/logs/A.h5"
+    assert changes.index(0, 0).data(Qt.ItemDataRole.ToolTipRole) == "/logs/A.h5"
     moves = page.findChild(QTableView, "versions_moves_table").model()
     assert [moves.index(0, k).data().strip() for k in range(4)] == ["2.500", "3.850", "4.000", "D"]
-    assert list(page.versions.plot._rows) == ["gyro bias x"]
+    assert list(page.versions.plot.data) == ["gyro bias x"]
     group = page.findChild(QComboBox, "versions_group_combo")
     for name, rows in (("By station", ["bench 1", "bench 2"]), ("By month", ["2026-01", "2026-03"])):
         group.setCurrentIndex(group.findText(name))
-        assert list(page.versions.plot._rows) == rows
+        assert list(page.versions.plot.data) == rows
     language.use("zh_CN")
     assert "判定变化：3 份" in texts(page)
     language.use("en")
@@ -101,8 +102,8 @@ def test_a_partial_calibration_is_not_shown_as_a_pass(page: HistoryPage, tmp_pat
     settle(page, qtbot)
     summary = page.findChild(QLabel, "versions_summary_label")
     assert summary.text() == "4 logs in both versions  ·  PASS to FAIL: 0, FAIL to PASS: 1"
-    changes = page.findChild(QTableWidget, "versions_changes_table")
-    cells = [[changes.item(line, k).text() for k in (0, 4, 5)] for line in range(changes.rowCount())]
+    changes = page.findChild(QTableView, "versions_changes_table").model()
+    cells = [[changes.index(line, k).data() for k in (0, 4, 5)] for line in range(changes.rowCount())]
     assert cells == [
         ["A", "PARTIAL", "FAIL"],
         ["B", "FAIL", "PASS"],
@@ -131,13 +132,13 @@ def test_comparison_and_later_version_are_exported(
 def test_long_list_of_changes_is_truncated(
     page: HistoryPage, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(versions_view, "_MOST", 2)
+    monkeypatch.setattr(versions_view, "_MAX_CHANGES", 2)
     filled(tmp_path)
     open_versions(page, qtbot)
     press(page, "versions_compare_button")
     settle(page, qtbot)
     assert "Changed verdicts: 3, the first 2 listed" in texts(page)
-    assert page.findChild(QTableWidget, "versions_changes_table").rowCount() == 2
+    assert page.findChild(QTableView, "versions_changes_table").model().rowCount() == 2
 
 
 def test_page_explains_how_to_create_two_versions(page: HistoryPage, app: AppContext, qtbot: QtBot) -> None:

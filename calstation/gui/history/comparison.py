@@ -48,10 +48,8 @@ class RunComparison(QWidget):
         self._back_button = button("comparison_back_button", "history.back_to_list", back)
         self._title = label(kind="section")
         self._note = label(kind="muted", wrap=True, name="comparison_note_label")
-        self.table = ComparisonTable(independent=True)
-        self.table.setObjectName("run_comparison_table")
+        self.table = ComparisonTable("run_comparison_table", "history.compared_parameters", independent=True)
         self.table.horizontalHeader().setMinimumHeight(6 * theme.GRID)  # serial number and time on two lines
-        bind(self.table.setAccessibleName, "history.compared_parameters")
         self.plot = ComparisonPlot()
         body = split((self.table, 13), (self.plot, 9), handle=2 * theme.GRID)
         column(row(self._back_button, self._title, None, spacing=2 * theme.GRID), self._note, (body, 1), on=self)

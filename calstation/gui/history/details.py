@@ -1,17 +1,17 @@
-"""Details of one run: outcome and reason, key figures, a trend over the runs of the unit, and the possible actions."""
+"""Details of a run: outcome, facts, offline solutions, a parameter over the runs of the unit, and actions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QSignalBlocker, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPen
-from PySide6.QtWidgets import QComboBox, QFormLayout, QFrame, QSizePolicy, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QComboBox, QFormLayout, QFrame, QSizePolicy, QWidget
 
 from calstation.database import is_archived
+from calstation.errors import CalstationError
 from calstation.gui.history.comparison import limits_of
-from calstation.gui.history.resolves_table import ResolvesTable
 from calstation.gui.history.run_table import stages_text
 from calstation.gui.operator import CertificateButton, FiguresTable, LabelButton, advice
 from calstation.gui.state import ReleaseBar
@@ -27,12 +27,16 @@ from calstation.gui.text import (
     term,
 )
 from calstation.gui.widgets import (
+    ROW,
+    Cell,
+    CellTable,
     ElidedLabel,
     StateBadge,
     ThemedPlot,
     button,
     column,
     enable,
+    fill_combo,
     label,
     ordered,
     row,
@@ -43,7 +47,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import local_time
 from calstation.physics import display
-from calstation.records import IndexedRun, RunRecord, Verdict
+from calstation.records import IndexedRun, ResolveRecord, RunRecord, Verdict
 from calstation.results import Result
 
 #: Maximum number of runs in the trend.
@@ -91,14 +95,8 @@ class Trend(QWidget):
     def show_runs(self, runs: Sequence[IndexedRun], selected: str, limits: Mapping[str, tuple[float, float]]) -> None:
         """Show a unit's solved runs, oldest first, with the run `selected` enlarged, and the parameter limits, SI."""
         self._runs, self._selected, self._limits = tuple(runs), selected, limits
-        wanted = self._combo.currentData()
-        found = dict.fromkeys(name for run in self._runs for name in run.values)
-        names = ordered(found)
-        with QSignalBlocker(self._combo):
-            self._combo.clear()
-            for name in names:
-                self._combo.addItem(parameter_text(name), name)
-            self._combo.setCurrentIndex(max(0, self._combo.findData(wanted)))
+        names = ordered({name: None for run in self._runs for name in run.values})
+        fill_combo(self._combo, [(parameter_text(name), name) for name in names])
         self.setVisible(bool(names))
         self.draw()
 
@@ -317,3 +315,76 @@ class RunDetails(QFrame):
             busy or (say("history.being_closed") if actions.closing else ""),
             say("history.close_tip"),
         )
+
+
+#: Number of rows visible without scrolling.
+_VISIBLE = 4
+_COLUMNS = (
+    Cell("common.time", "time", number=False, hint="hint"),
+    Cell("history.user", "user", number=False, hint="hint"),
+    Cell("history.largest_difference", "difference", number=False, hint="hint"),
+    Cell("common.stages", "stages", number=False, hint="hint"),
+    Cell("history.samples", "samples", number=False, hint="hint"),
+    Cell("history.software", "software", number=False, hint="hint"),
+)
+
+
+class ResolvesTable(QWidget):
+    """Lists when, by whom and how a log was solved again, the latest first; hidden if there are no solutions."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._records: Sequence[ResolveRecord] = ()
+        self._error: CalstationError | None = None
+        caption = label("history.solved_again", "muted")
+        self._problem = label(kind="caution", wrap=True)
+        self.table = CellTable("resolves_table", "history.offline_solutions", _COLUMNS, named=False)
+        self.table.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
+        self.table.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        column(caption, self._problem, self.table, on=self, spacing=theme.GRID // 2)
+        on_language_change(self, self._show)
+
+    def show_records(self, records: Sequence[ResolveRecord], error: CalstationError | None) -> None:
+        """Show the records of a log, the oldest first, or the error if they cannot be read."""
+        self._records, self._error = records[::-1], error
+        self._show()
+
+    def _show(self) -> None:
+        table = self.table
+        table.show_cells({str(number): self._cells(record) for number, record in enumerate(self._records)})
+        rows = min(len(self._records), _VISIBLE)
+        bars = table.horizontalHeader().sizeHint().height() + table.horizontalScrollBar().sizeHint().height()
+        table.setFixedHeight(ROW * rows + bars + 2)
+        table.setVisible(bool(self._records))
+        show_text(self._problem, "" if self._error is None else say(self._error.as_text))
+        self.setVisible(bool(self._records) or self._error is not None)
+
+    def _cells(self, record: ResolveRecord) -> dict[str, str]:
+        return {
+            "time": local_time(record.utc),
+            "user": record.by or "",
+            "difference": self._difference(record),
+            "stages": say("common.comma").join(term("stage", stage) for stage in record.stages),
+            "samples": f"{record.first_seq}–{record.last_seq}",
+            "software": record.software,
+            "hint": self._hint(record),
+        }
+
+    def _difference(self, record: ResolveRecord) -> str:
+        difference = record.difference
+        if difference is None:
+            return say("history.no_run_result")
+        if difference.identical:
+            return say("history.identical")
+        if not difference.parameter:
+            return say("history.no_common_parameter")
+        size = "∞" if difference.sigmas is None else f"{difference.sigmas:.2f}"
+        text = say("history.difference", sigmas=size, parameter=difference.parameter)
+        return say("history.trial", states=record.states_added, difference=text) if record.states_added else text
+
+    def _hint(self, record: ResolveRecord) -> str:
+        lines = [local_time(record.utc, zone=True)]
+        if record.states_added:
+            lines.append(say("history.states_added", states=", ".join(record.states_added)))
+        lines.append(say("history.configuration", digest=record.configuration_sha256 or ""))
+        return "\n".join(lines)

@@ -9,7 +9,7 @@ from PySide6.QtGui import QTextCharFormat
 from PySide6.QtWidgets import QCalendarWidget, QComboBox, QDateEdit, QLineEdit, QSizePolicy, QWidget
 
 from calstation.gui.text import Words, bind, language, on_language_change, product_text, say
-from calstation.gui.widgets import column, combo_box, label, row, theme
+from calstation.gui.widgets import column, combo_box, fill_combo, label, row, theme
 from calstation.messages import Text, local_time
 from calstation.records import RunChoices, RunFilter
 
@@ -45,17 +45,18 @@ class Filters(QWidget):
         self._verdict, self._period = self._combo("outcome", _VERDICTS), self._combo("time", _PERIODS)
         self._product, self._station, self._operator = map(self._combo, ("product", "station", "operator"))
         self._from, self._to = self._date_edit("from"), self._date_edit("to")
-        for set_name, text in (
-            (self._verdict.setAccessibleName, "history.outcome"),
-            (self._product.setAccessibleName, "common.product"),
-            (self._station.setAccessibleName, "common.station"),
-            (self._operator.setAccessibleName, "common.operator"),
-            (self._period.setAccessibleName, "common.time"),
-            (self._from.setAccessibleName, "history.from_date"),
-            (self._to.setAccessibleName, "history.to_date"),
+        for widget, words in (
+            (self._verdict, "history.outcome"),
+            (self._product, "common.product"),
+            (self._station, "common.station"),
+            (self._operator, "common.operator"),
+            (self._period, "common.time"),
+            (self._from, "history.from_date"),
+            (self._to, "history.to_date"),
         ):
-            bind(set_name, text)
-        values = ((combo, 2) for combo in (self._verdict, self._product, self._station, self._operator))
+            bind(widget.setAccessibleName, words)
+        self._listed = self._verdict, self._product, self._station, self._operator
+        values = ((combo, 2) for combo in self._listed)
         column(
             row(caption, (self.search_edit, 3), *values),
             row(self._period, self._from, label("history.to"), self._to, (beside, 1)),
@@ -64,7 +65,7 @@ class Filters(QWidget):
         self._timer = QTimer(self, singleShot=True, interval=150)
         self._timer.timeout.connect(self.changed)
         self.search_edit.textChanged.connect(lambda _: self._timer.start())
-        for combo in (self._verdict, self._product, self._station, self._operator):
+        for combo in self._listed:
             combo.currentIndexChanged.connect(lambda _: self.changed.emit())
         self._period.currentIndexChanged.connect(self._period_chosen)
         self._from.dateChanged.connect(lambda _: self._date_chosen(self._from, self._to))
@@ -72,7 +73,7 @@ class Filters(QWidget):
         on_language_change(self, self._name_entries)
 
     @property
-    def wanted(self) -> RunFilter:
+    def conditions(self) -> RunFilter:
         """The conditions for the runs; dates are in this computer's time zone."""
         days = self._period.currentData()
         first, last = self._from.date(), self._to.date()
@@ -92,7 +93,7 @@ class Filters(QWidget):
         """Reset all filters."""
         with QSignalBlocker(self):
             self.search_edit.clear()
-            for combo in (self._verdict, self._product, self._station, self._operator, self._period):
+            for combo in (*self._listed, self._period):
                 combo.setCurrentIndex(0)
         self.changed.emit()
 
@@ -148,25 +149,18 @@ class Filters(QWidget):
                 edit.setDate(shown)
 
     def _name_entries(self) -> None:
-        found = self._choices
-        _offer(self._product, say("history.every_product"), [(product_text(name), name) for name in found.products])
-        _offer(self._station, say("history.every_station"), [(name, name) for name in found.stations])
-        _offer(self._operator, say("history.every_operator"), [(name, name) for name in found.operators])
+        choices = self._choices
+        products = ((product_text(name), name) for name in choices.products)
+        fill_combo(self._product, [(say("history.every_product"), ""), *products])
+        for combo, code, names in (
+            (self._station, "history.every_station", choices.stations),
+            (self._operator, "history.every_operator", choices.operators),
+        ):
+            fill_combo(combo, [(say(code), ""), *((name, name) for name in names)])
         locale = QLocale(QLocale.Language.Chinese if language.current() == "zh_CN" else QLocale.Language.English)
         for edit in (self._from, self._to):
             edit.setLocale(locale)
             edit.calendarWidget().setLocale(locale)
-
-
-def _offer(combo: QComboBox, everything: str, entries: list[tuple[str, str]]) -> None:
-    """Fill a list of options, the first of which means no condition; the selected entry remains selected if offered."""
-    chosen = combo.currentData()
-    with QSignalBlocker(combo):
-        combo.clear()
-        combo.addItem(everything, "")
-        for text, value in entries:
-            combo.addItem(text, value)
-        combo.setCurrentIndex(max(0, combo.findData(chosen)))
 
 
 def _midnight(day: QDate) -> str:

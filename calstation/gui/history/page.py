@@ -96,9 +96,9 @@ class HistoryPage(Page):
         runs: list[RunRecord] = []
         self._count = 0
         if self.app.runs_folder.is_dir():
-            wanted = self._filters.wanted
-            runs = self._history().runs(wanted, _MAX_RUNS)
-            self._count = self._history().count(wanted) if len(runs) == _MAX_RUNS else len(runs)
+            conditions = self._filters.conditions
+            runs = self._history().runs(conditions, _MAX_RUNS)
+            self._count = self._history().count(conditions) if len(runs) == _MAX_RUNS else len(runs)
         self._stack.setCurrentWidget(self._split if runs else self._nothing)
         self.table.show_runs(runs)
         self._show_texts()
@@ -279,14 +279,14 @@ class HistoryPage(Page):
 
     def _export(self) -> None:
         """Export the selected runs if there are several, otherwise all that match the filters."""
-        folder, wanted = self.app.runs_folder, self._filters.wanted
+        folder, conditions = self.app.runs_folder, self._filters.conditions
         if len(self.table.chosen) > 1:
-            wanted = RunFilter(names=tuple(run.log.stem for run in self.table.chosen))
+            conditions = RunFilter(names=tuple(run.log.stem for run in self.table.chosen))
         self.exports.ask(
             say("history.export_runs"),
             folder.absolute().parent / "runs.csv",
             ["CSV (*.csv)", "JSON (*.json)"],
-            lambda target: (export_shared_runs, self.app.station_path, folder, wanted, target),
+            lambda target: (export_shared_runs, self.app.station_path, folder, conditions, target),
         )
 
     def _why_not_compare(self) -> str:
@@ -304,7 +304,7 @@ class HistoryPage(Page):
         if self._count == listed:
             code = "history.one_run" if listed == 1 else "history.run_count"
         self._count_label.setText(say(code, count=self._count, shown=listed))
-        filtered = self._filters.wanted != RunFilter()
+        filtered = self._filters.conditions != RunFilter()
         self._clear_button.setVisible(filtered)
         enable(self._compare_button, self._why_not_compare(), say("history.compare_tip"))
         self._export_button.setText(say("history.export_selection" if chosen > 1 else "history.export_list"))

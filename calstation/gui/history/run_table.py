@@ -1,6 +1,6 @@
 """The table of runs: outcome, unit, time, operator, duration, station, slot, batch and stages."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, Qt, Signal
 from PySide6.QtGui import QResizeEvent
@@ -11,6 +11,20 @@ from calstation.gui.widgets import state_colour, state_icon, theme
 from calstation.messages import local_time
 from calstation.records import RunRecord
 
+#: Heading and text of each column.
+_COLUMNS: tuple[tuple[str, Callable[[RunRecord], str]], ...] = (
+    ("history.outcome", lambda run: term("badge", run.badge)),
+    ("common.serial_number", lambda run: run.serial),
+    ("common.started", lambda run: local_time(run.started_utc)),
+    ("common.product", lambda run: product_text(run.product or "")),
+    ("history.attempt", lambda run: str(run.attempt)),
+    ("common.operator", lambda run: run.operator or ""),
+    ("history.duration", lambda run: duration_text(run.duration)),
+    ("common.station", lambda run: run.station or ""),
+    ("history.slot", lambda run: run.slot or ""),
+    ("history.batch", lambda run: run.batch or ""),
+    ("common.stages", lambda run: stages_text(run)),
+)
 _OUTCOME, _STARTED, _DURATION, _STATION, _SLOT, _BATCH, _STAGES = 0, 2, 6, 7, 8, 9, 10
 #: Columns hidden first if there is too little space: attempt, operator, product; the details also show them.
 _HIDDEN_FIRST = (4, 5, 3)
@@ -83,50 +97,20 @@ class RunTable(QTableWidget):
             self._share_width()
 
     def _fill_rows(self) -> None:
-        products = {product: product_text(product) for product in {run.product or "" for run in self.runs}}
         for number, run in enumerate(self.runs):
-            self._fill(number, run, products[run.product or ""])
+            cells = [_cell(text(run), column) for column, (_, text) in enumerate(_COLUMNS)]
+            kind = KINDS.get(run.verdict, "none")
+            cells[_OUTCOME].setIcon(state_icon(kind))
+            cells[_OUTCOME].setForeground(state_colour(kind))
+            for column, cell in enumerate(cells):
+                cell.setToolTip(local_time(run.started_utc, zone=True) if column == _STARTED else cell.text())
+                self.setItem(number, column, cell)
 
     def _refresh(self) -> None:
-        headings = (
-            "history.outcome",
-            "common.serial_number",
-            "common.started",
-            "common.product",
-            "history.attempt",
-            "common.operator",
-            "history.duration",
-            "common.station",
-            "history.slot",
-            "history.batch",
-            "common.stages",
-        )
-        for column, code in enumerate(headings):
+        for column, (code, _) in enumerate(_COLUMNS):
             self.setHorizontalHeaderItem(column, _cell(say(code), column))
         if self.runs:
             self.show_runs(self.runs)
-
-    def _fill(self, number: int, run: RunRecord, product: str) -> None:
-        texts = (
-            term("badge", run.badge),
-            run.serial,
-            local_time(run.started_utc),
-            product,
-            str(run.attempt),
-            run.operator or "",
-            duration_text(run.duration),
-            run.station or "",
-            run.slot or "",
-            run.batch or "",
-            stages_text(run),
-        )
-        cells = [_cell(text, column) for column, text in enumerate(texts)]
-        kind = KINDS.get(run.verdict, "none")
-        cells[_OUTCOME].setIcon(state_icon(kind))
-        cells[_OUTCOME].setForeground(state_colour(kind))
-        for column, cell in enumerate(cells):
-            cell.setToolTip(local_time(run.started_utc, zone=True) if column == _STARTED else cell.text())
-            self.setItem(number, column, cell)
 
     def _share_width(self) -> None:
         """Fit the columns to their contents, the stages to the remaining width; hide columns if there is too little.

@@ -1,24 +1,31 @@
 """Comparison of two versions of the solutions of all logs: changed verdicts, and changes of the parameters."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QAbstractItemView, QComboBox, QTableWidget, QTableWidgetItem, QWidget
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QComboBox, QWidget
 
-from calstation.fleet import GROUPS, Comparison, VerdictChange, compare_job, export_job, versions_job
-from calstation.gui.history.moves_plot import MovesPlot
+from calstation.fleet import GROUPS, Comparison, Move, VerdictChange, compare_job, export_job, versions_job
 from calstation.gui.state import FileExport, Page
 from calstation.gui.text import Words, bind, on_language_change, parameter_text, product_text, say, term
 from calstation.gui.widgets import (
-    ROW,
+    NOTABLE_SIGMAS,
+    Cell,
     CellTable,
+    DataView,
     EmptyState,
     JobRow,
     JobStack,
+    LogAxis,
+    ThemedPlot,
     button,
     column,
     combo_box,
+    dashed,
     enable,
+    fill_combo,
     label,
     row,
     show_text,
@@ -33,7 +40,22 @@ _ONLINE = "online"
 #: Rows of the plot: parameters, or the groups of one parameter.
 _GROUPS = {"": "history.by_parameter", **{kind: f"history.by_{kind}" for kind in GROUPS}}
 #: Largest number of changed verdicts listed; an export contains all.
-_MOST = 1000
+_MAX_CHANGES = 1000
+_CHANGES = (
+    Cell("common.serial_number", "serial", number=False, hint="log"),
+    Cell("common.product", "product", number=False, hint="log"),
+    Cell("common.station", "station", number=False, hint="log"),
+    Cell("common.started", "started", number=False, hint="log"),
+    Cell("history.before", "before", number=False, hint="log"),
+    Cell("history.after", "after", number=False, hint="log"),
+    Cell("history.failed_checks", "checks", number=False, hint="log"),
+)
+_MOVES = (
+    Cell("history.median_sigma", "median"),
+    Cell("history.percentile_sigma", "percentile_95"),
+    Cell("history.largest_sigma", "largest"),
+    Cell("history.largest_unit", "serial", number=False, hint="log"),
+)
 
 
 class VersionsView(QWidget):
@@ -43,9 +65,9 @@ class VersionsView(QWidget):
         super().__init__()
         self._app = page.app
         self._versions: list[str] = []
-        self._found: Comparison | None = None
+        self._comparison: Comparison | None = None
         self._reader = page.job(versions_job, self._offer, failure="history.versions_not_read", then=back)
-        self._worker = page.job(compare_job, self._show_found, failure="history.versions_not_compared", then=back)
+        self._worker = page.job(compare_job, self._show_comparison, failure="history.versions_not_compared", then=back)
         self.back_button = button("versions_back_button", "history.back_to_list", back)
         self.exports = FileExport(page, self.back_button.setFocus)
         for watch in (self._worker, self.exports.watch):
@@ -53,8 +75,9 @@ class VersionsView(QWidget):
         self._reader.busy_changed.connect(self._show_texts)
         self._summary = label(wrap=True, name="versions_summary_label")
         self._changes_title = label(kind="section")
-        self.changes = self._make_changes()
-        self.moves = self._make_moves()
+        self.changes = CellTable("versions_changes_table", "history.changed_verdicts", _CHANGES, named=False)
+        self.moves = CellTable("versions_moves_table", "history.moves_of_parameters", _MOVES, single=True)
+        self.moves.selectionModel().currentRowChanged.connect(lambda *_: self._draw())
         self.plot = MovesPlot()
         self._group = combo_box("versions_group_combo", _GROUPS)
         bind(self._group.setAccessibleName, "history.plot_rows")
@@ -103,41 +126,6 @@ class VersionsView(QWidget):
         combo.currentIndexChanged.connect(lambda _: self._show_texts())
         return combo
 
-    def _make_changes(self) -> QTableWidget:
-        table = QTableWidget(0, 7)
-        table.setObjectName("versions_changes_table")
-        table.setFont(theme.font())
-        table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        table.setAlternatingRowColors(True)
-        table.setShowGrid(False)
-        table.setWordWrap(False)
-        table.setTabKeyNavigation(False)
-        table.verticalHeader().hide()
-        table.verticalHeader().setDefaultSectionSize(ROW)
-        table.horizontalHeader().setHighlightSections(False)
-        table.horizontalHeader().setStretchLastSection(True)
-        table.horizontalHeader().setResizeContentsPrecision(_MOST)
-        table.horizontalHeader().setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
-        bind(table.setAccessibleName, "history.changed_verdicts")
-        return table
-
-    def _make_moves(self) -> CellTable:
-        table = CellTable("versions_moves_table")
-        bind(table.setAccessibleName, "history.moves_of_parameters")
-        table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        text = table.column
-        table.parameters.set_columns(
-            (
-                text("history.median_sigma", "median"),
-                text("history.percentile_sigma", "percentile_95"),
-                text("history.largest_sigma", "largest"),
-                text("history.largest_unit", "serial", number=False, hint=self._log_of),
-            )
-        )
-        table.selectionModel().currentRowChanged.connect(lambda *_: self._draw())
-        return table
-
     # ---- choosing and comparing
 
     def _offer(self, versions: list[str]) -> None:
@@ -145,12 +133,9 @@ class VersionsView(QWidget):
         if versions == self._versions:
             self._show_texts()
             return
-        self._versions, self._found = versions, None
-        for combo, index in ((self._before, 0), (self._after, len(versions) - 1)):
-            combo.clear()
-            for version in versions:
-                combo.addItem(self._name(version), version)
-            combo.setCurrentIndex(index)
+        self._versions, self._comparison = versions, None
+        for combo, chosen in ((self._before, versions[:1]), (self._after, versions[-1:])):
+            fill_combo(combo, [(self._name(version), version) for version in versions], *chosen)
         self._show_texts()
 
     def _name(self, version: str) -> str:
@@ -171,8 +156,8 @@ class VersionsView(QWidget):
             lambda target: (export_job, station, before, after, target),
         )
 
-    def _show_found(self, found: Comparison) -> None:
-        self._found = found
+    def _show_comparison(self, comparison: Comparison) -> None:
+        self._comparison = comparison
         self._show_texts()
 
     # ---- showing
@@ -190,20 +175,20 @@ class VersionsView(QWidget):
         for combo in (self._before, self._after):
             for index in range(combo.count()):
                 combo.setItemText(index, self._name(combo.itemData(index)))
-        found = self._found
-        if found is None or (found.before, found.after) != self._chosen():
+        comparison = self._comparison
+        if comparison is None or (comparison.before, comparison.after) != self._chosen():
             self._body.setCurrentWidget(self._nothing)
             self._nothing.say(*self._empty_words())
             return
         self._body.setCurrentWidget(self._answer)
-        down, up = len(found.pass_to_fail), len(found.fail_to_pass)
-        lines = [say("history.logs_in_both", count=found.logs)]
-        if found.only_before or found.only_after:
-            lines.append(say("history.logs_in_one", before=found.only_before, after=found.only_after))
+        down, up = len(comparison.pass_to_fail), len(comparison.fail_to_pass)
+        lines = [say("history.logs_in_both", count=comparison.logs)]
+        if comparison.only_before or comparison.only_after:
+            lines.append(say("history.logs_in_one", before=comparison.only_before, after=comparison.only_after))
         lines.append(say("history.verdict_changes", down=down, up=up))
         show_text(self._summary, "  ·  ".join(lines))
-        self._fill_changes(found.changes)
-        self._fill_moves(found)
+        self._fill_changes(comparison.changes)
+        self._fill_moves(comparison)
         self._draw()
 
     def _empty_words(self) -> tuple[Words, ...]:
@@ -217,74 +202,105 @@ class VersionsView(QWidget):
         return "history.choose_versions", "history.about_versions"
 
     def _fill_changes(self, changes: Sequence[VerdictChange]) -> None:
-        table, shown = self.changes, changes[:_MOST]
+        table, shown = self.changes, changes[:_MAX_CHANGES]
         code = "history.no_verdict_changed"
         if changes:
             code = "history.changed_count" if len(shown) == len(changes) else "history.changed_listed"
         self._changes_title.setText(say(code, count=len(changes), shown=len(shown)))
         table.setVisible(bool(changes))
-        headings = (
-            "common.serial_number",
-            "common.product",
-            "common.station",
-            "common.started",
-            "history.before",
-            "history.after",
-            "history.failed_checks",
+        table.show_cells(
+            {
+                str(number): {
+                    "serial": change.serial,
+                    "product": product_text(change.product or ""),
+                    "station": change.station or "",
+                    "started": local_time(change.started_utc or ""),
+                    "before": self._verdict(change.before),
+                    "after": self._verdict(change.after),
+                    "checks": _checks_text(change.failed_after or change.failed_before),
+                    "log": change.log,
+                }
+                for number, change in enumerate(shown)
+            }
         )
-        table.setHorizontalHeaderLabels([say(code) for code in headings])
-        table.setRowCount(len(shown))
-        for number, change in enumerate(shown):
-            texts = (
-                change.serial,
-                product_text(change.product or ""),
-                change.station or "",
-                local_time(change.started_utc or ""),
-                self._verdict(change.before),
-                self._verdict(change.after),
-                _checks_text(change.failed_after or change.failed_before),
-            )
-            for k, text in enumerate(texts):
-                cell = QTableWidgetItem(text)
-                cell.setToolTip(change.log)
-                table.setItem(number, k, cell)
-        table.resizeColumnsToContents()
 
     def _verdict(self, verdict: str) -> str:
         code = f"history.verdict_{verdict}"
         return say(code) if known(code) else term("badge", verdict)
 
-    def _fill_moves(self, found: Comparison) -> None:
+    def _fill_moves(self, comparison: Comparison) -> None:
         numbers = ("median", "percentile_95", "largest")
         self.moves.show_cells(
             {
-                name: {**{key: f"{getattr(move, key):.3f}" for key in numbers}, "serial": move.serial}
-                for name, move in found.moves.items()
+                name: {**{key: f"{getattr(move, key):.3f}" for key in numbers}, "serial": move.serial, "log": move.log}
+                for name, move in comparison.moves.items()
             },
             numbers,
         )
-        if found.moves and not self.moves.currentIndex().isValid():
-            medians = [move.median for move in found.moves.values()]
+        if comparison.moves and not self.moves.currentIndex().isValid():
+            medians = [move.median for move in comparison.moves.values()]
             self.moves.selectRow(medians.index(max(medians)))
 
-    def _log_of(self, name: str) -> str:
-        assert self._found is not None
-        return self._found.moves[name].log
-
     def _draw(self) -> None:
-        found, kind = self._found, self._group.currentData()
-        if found is None:
+        comparison, kind = self._comparison, self._group.currentData()
+        if comparison is None:
             return
-        rows = {parameter_text(name): move for name, move in found.moves.items()}
-        line = self.moves.currentIndex().row()
-        if kind and 0 <= line < len(found.moves):
-            name = list(found.moves)[line]
+        rows = {parameter_text(name): move for name, move in comparison.moves.items()}
+        name = self.moves.chosen
+        if kind and name:
             naming = product_text if kind == "product" else str
-            rows = {naming(group.name): group.moves[name] for group in found.groups[kind] if name in group.moves}
-        self.plot.show_moves(rows)
+            rows = {naming(group.name): group.moves[name] for group in comparison.groups[kind] if name in group.moves}
+        self.plot.show_data(rows)
 
 
 def _checks_text(names: str) -> str:
     """Return the quantities whose checks failed."""
     quantities = dict.fromkeys(name.split()[0] for name in names.split(", ") if name)
     return ", ".join(map(parameter_text, quantities))
+
+
+#: Smallest change that is distinguished from zero, and smallest upper end of the axis, sigmas.
+_MIN_CHANGE, _MIN_END = 1e-3, 10.0
+#: Height of the horizontal axis with its label, px.
+_AXIS = 7 * theme.GRID
+
+
+class MovesPlot(ThemedPlot, DataView[Mapping[str, Move]]):
+    """Median, 95th percentile and maximum of the change, one row for each parameter or group of logs."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("moves_plot")
+        self.setAxisItems({"bottom": LogAxis("bottom")})
+        self.apply_theme()
+        self.setLogMode(x=True)
+        bind(self.setAccessibleName, "history.move_distribution")
+        theme.on_appearance_change(self, self.refresh)
+
+    def show_data(self, data: Mapping[str, Move]) -> None:
+        """Plot changes by the text of their row."""
+        self.setMinimumHeight(theme.BODY * len(data) + _AXIS)
+        self.getViewBox().reset()
+        super().show_data(data)
+
+    def draw(self, data: Mapping[str, Move]) -> None:
+        """Plot the changes."""
+        self.clear()
+        c = theme.colours()
+        y = np.arange(len(data))
+        marks = (("median", "o"), ("percentile_95", "|"), ("largest", "x"))
+        x = {mark: np.array([max(getattr(move, mark), _MIN_CHANGE) for move in data.values()]) for mark, _ in marks}
+        self.addItem(pg.InfiniteLine(np.log10(NOTABLE_SIGMAS), 90, pen=dashed(c.caution)))
+        for k in y.tolist():
+            ends = [x["median"][k], x["largest"][k]]
+            self.addItem(pg.PlotDataItem(ends, [k, k], pen=pg.mkPen(c.muted, width=1)))
+        for mark, symbol in marks:
+            pen, colour = pg.mkPen(c.accent, width=2), QColor(c.accent)
+            style = {"symbol": symbol, "symbolSize": 9, "symbolPen": pen, "symbolBrush": colour}
+            self.addItem(pg.PlotDataItem(x[mark], y, pen=None, **style))
+        self.getAxis("left").setTicks([list(enumerate(data))])
+        self.getPlotItem().invertY(True)
+        self.setYRange(-0.6, max(len(y), 1) - 0.4, padding=0)
+        end = max([_MIN_END, *x["largest"]])
+        self.setXRange(np.log10(_MIN_CHANGE) - 0.1, np.log10(end) + 0.1, padding=0)
+        self.setLabel("bottom", say("history.axis_moves"))

@@ -14,13 +14,12 @@ from calstation.gui.logs.methods import MethodPlot
 from calstation.gui.state import Page
 from calstation.gui.text import duration_text, say, term
 from calstation.gui.widgets import (
+    Cell,
+    CellTable,
     Choice,
-    Column,
+    DataView,
     EmptyState,
     JobRow,
-    ParameterModel,
-    ParameterTable,
-    align_columns,
     button,
     column,
     enable,
@@ -40,22 +39,27 @@ _ENTRIES = {
     "gyro": ("gyro_arw", "gyro_bias_instability"),
     "accel": ("accel_vrw", "accel_bias_instability"),
 }
+_COLUMNS = (
+    Cell("logs.channel", "channel", number=False),
+    Cell("logs.random_walk", "value0"),
+    Cell("logs.profile", "profile0", number=False),
+    Cell("logs.bias_instability", "value1"),
+    Cell("logs.profile", "profile1", number=False),
+)
 
 
-class AllanPlot(MethodPlot):
+class AllanPlot(MethodPlot, DataView[AllanDeviation]):
     """The Allan deviations of the three axes of a sensor with their 95 % bands, and the profile's noise."""
 
     def __init__(self, sensor: str) -> None:
         super().__init__(log=True, log_x=True)
         self._sensor = sensor
-        self._shown: AllanDeviation | None = None
 
-    def show_deviation(self, found: AllanDeviation) -> None:
+    def draw(self, data: AllanDeviation) -> None:
         """Draw the deviations."""
-        self._shown = found
         self.empty()
         unit, size = _UNITS[self._sensor]
-        c, walk, instability = theme.colours(), *(found.noise[name] / size for name in _ENTRIES[self._sensor])
+        c, walk, instability = theme.colours(), *(data.noise[name] / size for name in _ENTRIES[self._sensor])
         curves = self._curves()
         for axis, curve in curves.items():
             low, high = (
@@ -66,7 +70,7 @@ class AllanPlot(MethodPlot):
             self.line(curve.tau, curve.deviation / size, theme.AXIS_COLOURS[axis])
         if curves:
             tau = next(iter(curves.values())).tau
-            step = found.quantisation[self._sensor == "accel"] / size
+            step = data.quantisation[self._sensor == "accel"] / size
             for name, values, at, anchor in (
                 (say("logs.random_walk_line"), walk / np.sqrt(tau), -1, (1.0, 0.0)),
                 (say("logs.bias_instability_line"), np.full(len(tau), FLOOR * instability), 0, (0.0, 1.0)),
@@ -92,9 +96,8 @@ class AllanPlot(MethodPlot):
             writer.writerows(np.column_stack([next(iter(curves.values())).tau, *columns]).tolist())
 
     def _curves(self) -> dict[str, AllanCurve]:
-        assert self._shown is not None
-        found = {axis: self._shown.curves.get(f"{self._sensor}_{axis}") for axis in "xyz"}
-        return {axis: curve for axis, curve in found.items() if curve is not None}
+        curves = {} if self.data is None else self.data.curves
+        return {axis: curves[f"{self._sensor}_{axis}"] for axis in "xyz" if f"{self._sensor}_{axis}" in curves}
 
     def _profile_line(
         self, name: str, tau: FloatArray, values: FloatArray, at: int, anchor: tuple[float, float]
@@ -109,7 +112,7 @@ class AllanPlot(MethodPlot):
         self.addItem(text, ignoreBounds=True)
 
 
-class AllanView(QWidget):
+class AllanView(QWidget, DataView[AllanDeviation]):
     """Computes and shows Allan deviations; `closed` is emitted by its Back button."""
 
     closed = Signal()
@@ -117,11 +120,13 @@ class AllanView(QWidget):
     def __init__(self, page: Page) -> None:
         super().__init__()
         self._app, self._notice = page.app, page.notice
-        self.found: AllanDeviation | None = None
-        self._cells: dict[str, dict[str, str]] = {}
         close = self.closed.emit
         self.watch = page.job(
-            allan_deviation, self._show, failure="logs.no_allan_deviation", failed=lambda _: close(), cancelled=close
+            allan_deviation,
+            self.show_data,
+            failure="logs.no_allan_deviation",
+            failed=lambda _: close(),
+            cancelled=close,
         )
         self.saving = page.job(
             save_noise, self._saved, failure="logs.values_not_saved", then=self.setFocus, cancellable=False
@@ -129,7 +134,8 @@ class AllanView(QWidget):
         self._plots = AllanPlot("gyro"), AllanPlot("accel")
         self._about = label(wrap=True, name="allan_label")
         hint = label("logs.about_missing_noise", "muted", wrap=True)
-        self._table = self._make_table()
+        self._table = CellTable("allan_table", columns=_COLUMNS, grouped=True, named=False)
+        self._table.verticalHeader().setDefaultSectionSize(3 * theme.GRID)
         self._take_button = button("take_noise_button", "logs.take_values", self._ask)
         copy = button("copy_noise_button", "common.copy_table", self._table.copy)
         back = button("allan_back_button", "logs.back", self.closed)
@@ -147,49 +153,24 @@ class AllanView(QWidget):
         self.saving.busy_changed.connect(self._update)
         self._app.role.changed.connect(lambda _: self._update())
         self._app.engine_link.running_changed.connect(lambda _: self._update())
-        theme.on_appearance_change(self, self._refresh)
+        theme.on_appearance_change(self, self.refresh)
 
     def compute(self, path: Path, first_seq: int, last_seq: int) -> None:
         """Compute the Allan deviations of a range of a log."""
         self._stack.setCurrentWidget(self._working)
         self.watch.start(path, first_seq, last_seq)
 
-    def _make_table(self) -> ParameterTable:
-        def cell(heading: str, key: str, number: bool = True) -> Column:
-            return Column(heading, lambda name: self._cells[name][key], number)
-
-        columns = [Column("logs.channel", self._channel_text, number=False)]
-        for number, heading in enumerate(("logs.random_walk", "logs.bias_instability")):
-            columns.append(cell(heading, f"value{number}"))
-            columns.append(cell("logs.profile", f"profile{number}", number=False))
-        table = ParameterTable(ParameterModel(columns))
-        table.setObjectName("allan_table")
-        table.verticalHeader().hide()
-        table.verticalHeader().setDefaultSectionSize(3 * theme.GRID)
-        return table
-
-    def _channel_text(self, channel: str) -> str:
-        sensor, _, axis = channel.partition("_")
-        return say(f"logs.{sensor}_axis", axis=axis)
-
-    def _show(self, found: AllanDeviation) -> None:
-        self.found = found
-        self._cells = {name: _cells(found, name, curve) for name, curve in found.curves.items()}
-        align_columns(self._cells, ("value0", "value1"))
-        self._table.parameters.set_names([name for name in CHANNELS if name in found.curves])
+    def draw(self, data: AllanDeviation) -> None:
+        """Draw the deviations, and list the derived noise."""
+        for plot in self._plots:
+            plot.show_data(data)
+        cells = {name: _cells(data, name, data.curves[name]) for name in CHANNELS if name in data.curves}
+        self._table.show_cells(cells, ("value0", "value1"))
         header = self._table.horizontalHeader().sizeHint().height()
-        self._table.setFixedHeight(header + 3 * theme.GRID * len(found.curves) + theme.GRID // 2)
+        self._table.setFixedHeight(header + 3 * theme.GRID * len(cells) + theme.GRID // 2)
         self._stack.setCurrentIndex(0)
-        self._refresh()
-
-    def _refresh(self) -> None:
-        found = self.found
-        if found is not None:
-            for plot in self._plots:
-                plot.show_deviation(found)
-            duration = duration_text(found.seconds)
-            values = {"serial": found.serial, "duration": duration, "first": found.first_seq, "last": found.last_seq}
-            self._about.setText(say("logs.rest", **values))
+        values = {"serial": data.serial, "first": data.first_seq, "last": data.last_seq}
+        self._about.setText(say("logs.rest", duration=duration_text(data.seconds), **values))
         self._update()
 
     # ---- values for the profile
@@ -197,12 +178,12 @@ class AllanView(QWidget):
     @property
     def _values(self) -> dict[str, float]:
         """The entries of `[noise]` determined by all three axes: the largest value of each, SI."""
-        found = self.found
-        if found is None:
+        data = self.data
+        if data is None:
             return {}
         values = {}
         for sensor, names in _ENTRIES.items():
-            curves = [found.curves[f"{sensor}_{axis}"] for axis in "xyz" if f"{sensor}_{axis}" in found.curves]
+            curves = [data.curves[f"{sensor}_{axis}"] for axis in "xyz" if f"{sensor}_{axis}" in data.curves]
             for name, key in zip(names, ("random_walk", "instability"), strict=True):
                 measured = [getattr(curve, key) for curve in curves]
                 if measured and None not in measured:
@@ -214,43 +195,42 @@ class AllanView(QWidget):
             return say("engineer.new_pin_needed" if self._app.role.new else "engineer.pin_needed")
         if self._app.engine_link.running or self.saving.busy:
             return say("window.busy_job")
-        if self.found is None or self.found.profile is None:
+        if self.data is None or self.data.profile is None:
             return say("logs.no_profile_named")
         return "" if self._values else say("logs.rest_too_short")
 
     def _update(self) -> None:
         enable(self._take_button, self._why_not_take(), say("logs.take_tip"))
 
-    def _change_text(self) -> str:
+    def _change_text(self, data: AllanDeviation) -> str:
         """Return the values before and after the change, and the unchanged ones."""
-        assert self.found is not None
         parts = []
         for name, value in self._values.items():
             _, unit, size = NOISE_DISPLAY[name]
-            parts.append(f"{term('form', name)} {self.found.noise[name] / size:.3g} → {value / size:.3g} {unit}")
+            parts.append(f"{term('form', name)} {data.noise[name] / size:.3g} → {value / size:.3g} {unit}")
         text = "; ".join(parts) + "\n" + say("logs.largest_of_axes")
         kept = [term("form", name) for name in NOISE_DISPLAY if name not in self._values]
         return text + (" " + say("logs.kept_values", names=", ".join(kept)) if kept else "")
 
     def _ask(self) -> None:
-        found = self.found
-        assert found is not None
-        save = partial(self._save, found, self._values)
+        data = self.data
+        if data is None or data.profile is None:
+            return
+        save = partial(self._save, data, self._values)
         self._notice.ask(
             "caution",
-            Text.of("logs.ask_profile_version", profile=found.profile),
-            self._change_text,
+            Text.of("logs.ask_profile_version", profile=data.profile),
+            partial(self._change_text, data),
             (
                 Choice("cancel_noise_button", "common.cancel", self.setFocus),
                 Choice("save_noise_button", "common.save", save, primary=True),
             ),
         )
 
-    def _save(self, found: AllanDeviation, values: dict[str, float]) -> None:
-        assert found.profile is not None
+    def _save(self, data: AllanDeviation, values: dict[str, float]) -> None:
         author = str(self._app.settings.value("author", "")).strip() or computer_user() or "engineer"
-        source = f"Allan deviation of {found.serial}, {found.seconds:.0f} s"
-        self.saving.start(found.profile, values, source, author)
+        source = f"Allan deviation of {data.serial}, {data.seconds:.0f} s"
+        self.saving.start(data.profile, values, source, author)
 
     def _saved(self, version: Version) -> None:
         self._app.product_changed.emit()
@@ -262,14 +242,15 @@ class AllanView(QWidget):
         )
 
 
-def _cells(found: AllanDeviation, channel: str, curve: AllanCurve) -> dict[str, str]:
+def _cells(data: AllanDeviation, channel: str, curve: AllanCurve) -> dict[str, str]:
     """Return the texts of a channel's row: each derived value, and the profile's value with the unit."""
-    cells = {}
-    bound = f"≤ {curve.largest_instability / _UNITS[channel.partition('_')[0]][1]:.2g}"
+    sensor, _, axis = channel.partition("_")
+    cells = {"channel": say(f"logs.{sensor}_axis", axis=axis)}
+    bound = f"≤ {curve.largest_instability / _UNITS[sensor][1]:.2g}"
     for number, (name, value, other) in enumerate(
-        zip(_ENTRIES[channel.partition("_")[0]], (curve.random_walk, curve.instability), ("–", bound), strict=True)
+        zip(_ENTRIES[sensor], (curve.random_walk, curve.instability), ("–", bound), strict=True)
     ):
         _, unit, size = NOISE_DISPLAY[name]
         cells[f"value{number}"] = other if value is None else f"{value / size:.3g}"
-        cells[f"profile{number}"] = f"{found.noise[name] / size:.3g} {unit}" if found.noise[name] else f"– {unit}"
+        cells[f"profile{number}"] = f"{data.noise[name] / size:.3g} {unit}" if data.noise[name] else f"– {unit}"
     return cells

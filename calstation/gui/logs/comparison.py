@@ -3,7 +3,7 @@
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import KINDS, bind, on_language_change, say, term
+from calstation.gui.text import KINDS, on_language_change, say, term
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
     Compared,
@@ -16,7 +16,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import event_text
-from calstation.results import Parameter, Resolved, Result, online_difference
+from calstation.results import Resolved, Result, online_difference
 from calstation.results.plots import LogIndex
 
 
@@ -30,8 +30,6 @@ class Comparison(QWidget):
         self._outdated = False
         self._online: Result | None = None
         self._in_sigma: dict[str, float] = {}
-        self._failed: frozenset[tuple[str, bool]] = frozenset()
-        self._unobservable: frozenset[str] = frozenset()
         names = ("online_badge", "offline_badge", "difference_badge")
         self.online_badge, self.offline_badge, self.difference_badge = badges = [StateBadge(name=n) for n in names]
         self._difference_head = label("logs.compared", "muted")
@@ -41,14 +39,11 @@ class Comparison(QWidget):
         for line, (head, badge) in enumerate(zip(heads, badges, strict=True)):
             rows.addWidget(head, line, 0)
             rows.addWidget(badge, line, 1, Qt.AlignmentFlag.AlignLeft)
-        self.table = ComparisonTable(independent=False, differences=True)
-        self.model = self.table.parameters
-        self.table.setObjectName("comparison_table")
-        bind(self.table.setAccessibleName, "logs.compared_parameters")
-        hint = label("logs.about_comparison", "muted")
-        hint.setWordWrap(True)
-        hint.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self._nothing = hint
+        self.table = ComparisonTable(
+            "comparison_table", "logs.compared_parameters", independent=False, differences=True
+        )
+        self._nothing = label("logs.about_comparison", "muted", wrap=True)
+        self._nothing.setAlignment(Qt.AlignmentFlag.AlignCenter)
         column(rows, self.note_label, (self.table, 1), (self._nothing, 1), on=self)
         on_language_change(self, self._refresh)
 
@@ -69,35 +64,23 @@ class Comparison(QWidget):
             self._outdated = outdated
             self._refresh()
 
-    def _parameters(self) -> tuple[dict[str, Parameter], dict[str, Parameter]]:
-        online = {} if self._online is None else self._online.parameters
-        return online, {} if self._solved is None else self._solved.result.parameters
-
     def _fill(self) -> None:
         result = None if self._solved is None else self._solved.result
-        failed = [] if result is None else result.failed_checks
-        self._failed = frozenset((check.subject, check.kind == "sigma_below") for check in failed)
-        self._unobservable = frozenset([] if result is None else result.undetermined)
-        online, offline = self._parameters()
-        self.table.show_sets(
-            (
-                Compared("logs.online_column", online),
-                Compared(self._offline_heading, offline, self._value_state, self._sigma_state),
-            )
-        )
+        online = Compared("logs.online_column", {} if self._online is None else self._online.parameters)
+        offline = Compared(self._offline_heading, {})
+        if result is not None:
+            sigmas = {check.subject for check in result.failed_checks if check.kind == "sigma_below"}
+            values = {check.subject for check in result.failed_checks if check.kind != "sigma_below"}
+            sigma_states = dict.fromkeys(result.undetermined, "caution") | dict.fromkeys(sigmas, "bad")
+            offline = Compared(self._offline_heading, result.parameters, dict.fromkeys(values, "bad"), sigma_states)
+        self.table.show_sets((online, offline))
         (self._in_sigma,) = self.table.in_sigma
         self.table.setVisible(bool(self.table.names))
         self._nothing.setVisible(not self.table.names)
         self._refresh()
 
-    def _value_state(self, name: str) -> str | None:
-        return "bad" if (name, False) in self._failed else None
-
-    def _sigma_state(self, name: str) -> str | None:
-        return "bad" if (name, True) in self._failed else "caution" if name in self._unobservable else None
-
     def _refresh(self) -> None:
-        self.model.refresh()
+        self.table.parameters.refresh()
         self.online_badge.show_state(*self._online_verdict())
         if self._solved is None or self._log_index is None:
             self.offline_badge.show_state("none", say("logs.not_solved_yet"))
@@ -136,11 +119,11 @@ class Comparison(QWidget):
         return "bad", say("logs.outside_limits", failed=len(result.failed_checks), count=len(result.checks))
 
     def _difference(self, offline: Result, online: Result) -> tuple[str, str]:
-        found = online_difference(offline, online)
-        if found.identical:
+        difference = online_difference(offline, online)
+        if difference.identical:
             return "good", say("logs.identical")
-        sigmas = abs(self._in_sigma[found.parameter])
-        largest = say("logs.largest_difference", sigmas=sigmas, parameter=found.parameter)
+        sigmas = abs(self._in_sigma[difference.parameter])
+        largest = say("logs.largest_difference", sigmas=sigmas, parameter=difference.parameter)
         beyond = sum(abs(difference) > NOTABLE_SIGMAS for difference in self._in_sigma.values())
         if not beyond:
             return "none", largest
@@ -154,8 +137,8 @@ class Comparison(QWidget):
             notes.append(say("logs.part_of_log", first=first, last=last))
         if self._online is not None and self._online.stages not in ([], result.stages):
             notes.append(say("logs.stages_solved", stages=result.stages))
-        if self._unobservable:
-            lost, count = len(self._unobservable), len(result.parameters)
+        if result.undetermined:
+            lost, count = len(result.undetermined), len(result.parameters)
             notes.append(say("logs.parameters_lost", lost=lost, count=count))
         notes += [say(reason) for reason in solved.missing_data]
         return notes + [say(event_text(key, values)) for key, values in solved.messages]

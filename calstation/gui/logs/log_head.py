@@ -2,16 +2,54 @@
 
 from functools import partial
 
-from PySide6.QtCore import QRectF
-from PySide6.QtWidgets import QLabel, QPushButton, QWidget
+from PySide6.QtCore import QRectF, Signal
+from PySide6.QtWidgets import QLabel, QMenu, QPushButton, QWidget
 
-from calstation.gui.logs.channels import ChannelButton
 from calstation.gui.logs.log_plot import LogPlot
-from calstation.gui.logs.marks import draw_sign
+from calstation.gui.logs.plot_items import PLOTS, draw_sign
 from calstation.gui.logs.range_bar import RangeBar
-from calstation.gui.text import Words, bind, duration_text, product_text, say
+from calstation.gui.text import Words, bind, duration_text, on_language_change, product_text, say
 from calstation.gui.widgets import ElidedLabel, button, label, painted_pixmap, row, theme
 from calstation.results.plots import LogIndex
+
+
+class ChannelButton(QPushButton):
+    """Offers the channels of a log in a menu; emits `changed(shown)` with the set of ticked channels."""
+
+    changed = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("channels_button")
+        self._present: tuple[str, ...] = ()
+        self._hidden: set[str] = set()
+        self._menu = QMenu(self)
+        self.setMenu(self._menu)
+        bind(self, "logs.channels")
+        bind(self.setToolTip, "logs.channels_tip")
+        on_language_change(self, self._fill)
+
+    def show_channels(self, present: tuple[str, ...]) -> None:
+        """Offer the channels of another log, all ticked."""
+        self._present, self._hidden = present, set()
+        self._fill()
+        self.changed.emit(set(present))
+
+    def _fill(self) -> None:
+        self._menu.clear()
+        for channels, _, _ in PLOTS:
+            for channel in filter(self._present.__contains__, channels):
+                sensor, _, axis = channel.partition("_")
+                action = self._menu.addAction(say(f"logs.channel_{sensor}", axis=axis))
+                action.setCheckable(True)
+                action.setChecked(channel not in self._hidden)
+                action.toggled.connect(lambda _, channel=channel: self._toggle(channel))
+            self._menu.addSeparator()
+
+    def _toggle(self, channel: str) -> None:
+        self._hidden ^= {channel}
+        self.changed.emit(set(self._present) - self._hidden)
+
 
 _SIGN = 12
 

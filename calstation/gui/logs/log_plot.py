@@ -11,11 +11,17 @@ from PySide6.QtCore import QEvent, QPointF, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QContextMenuEvent, QKeyEvent, QPen
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.logs.channels import PLOTS
-from calstation.gui.logs.log_columns import LogColumns, Wanted, split_at_gaps
-from calstation.gui.logs.marks import Backdrop, LogMarks, Strip
-from calstation.gui.logs.range_item import RangeItem
-from calstation.gui.logs.time_axis import TimeAxis
+from calstation.gui.logs.plot_items import (
+    PLOTS,
+    Backdrop,
+    LogColumns,
+    LogMarks,
+    RangeItem,
+    SampleRequest,
+    Strip,
+    TimeAxis,
+    split_at_gaps,
+)
 from calstation.gui.text import say, term, with_minus
 from calstation.gui.widgets import NumberAxis, PlotMenu, PlotNote, TimeBox, column, fit_below_note, theme
 from calstation.results.plots import CHANNELS, Columns, LogIndex
@@ -43,13 +49,13 @@ class _Graph(pg.GraphicsLayoutWidget):  # type: ignore[misc]
 class LogPlot(QWidget):
     """Plots a log with about two points per pixel, and a range whose edges can be dragged.
 
-    Signals: `range_moved(first, last)` with sequence numbers during a drag; `samples_wanted(Wanted)` when the view is
-    narrow enough for single samples, which the receiver passes to `show_samples`; `pointed(seq)` with the sequence
+    Signals: `range_moved(first, last)` with sequence numbers during a drag; `samples_requested(request)` when the view
+    is narrow enough for single samples, which the receiver passes to `show_samples`; `pointed(seq)` with the sequence
     number under the mouse, None outside the log. The values at this point are written at the top of each plot.
     """
 
     range_moved = Signal(object, object)
-    samples_wanted = Signal(object)
+    samples_requested = Signal(object)
     pointed = Signal(object)
 
     def __init__(self) -> None:
@@ -62,9 +68,9 @@ class LogPlot(QWidget):
         self._graph.ci.setContentsMargins(0, 0, theme.GRID, 0)
         self._graph.ci.setSpacing(2)
         column(self._graph, on=self)
-        self._log_index: LogIndex | None = None
         self._columns: LogColumns | None = None
-        self._length = 1.0
+        #: Sequence numbers of the first and the last sample, rate, Hz, and length, s, of the log.
+        self._first, self._last, self._rate, self._length = 0, 0, 1.0, 1.0
         #: Number of samples merged into a drawn column; 1 if single samples are drawn.
         self.samples_per_column = 0
         self._drawn: Columns | None = None
@@ -86,25 +92,25 @@ class LogPlot(QWidget):
 
     def show_log(self, log_index: LogIndex) -> None:
         """Plot the whole of a log."""
-        self._log_index, self._columns = log_index, LogColumns(log_index)
-        facts = log_index.facts
-        self._length = (facts.last_seq + 1 - facts.first_seq) / log_index.rate
+        self._columns = LogColumns(log_index)
+        self._first, self._last, self._rate = log_index.facts.first_seq, log_index.facts.last_seq, log_index.rate
+        self._length = self._seconds(self._last + 1)
         pad = _MARGIN * self._length
-        closest = min(10 / log_index.rate, self._length)
+        closest = min(10 / self._rate, self._length)
         for plot in (self._strip, *self._plots):
             plot.setLimits(xMin=-pad, xMax=self._length + pad, minXRange=closest, maxXRange=self._length + 2 * pad)
         self._show_marks(LogMarks(log_index))
         for item in self._ranges:
             item.setBounds((0.0, self._length))
             item.setVisible(True)
-        self.set_range(facts.first_seq, facts.last_seq)
+        self.set_range(self._first, self._last)
         self._point_to(None)
         self.whole()
         self._draw()
 
     def close_log(self) -> None:
         """Clear the plots."""
-        self._log_index = self._columns = self._drawn = None
+        self._columns = self._drawn = None
         self._point_to(None)
         self._show_marks(LogMarks())
         for curve in self._curves.values():
@@ -136,24 +142,24 @@ class LogPlot(QWidget):
             item.setRegion(region)
             item.blockSignals(False)
 
-    def show_samples(self, wanted: Wanted, columns: Columns) -> None:
-        """Draw the single samples requested by `samples_wanted`."""
+    def show_samples(self, request: SampleRequest, columns: Columns) -> None:
+        """Draw the single samples requested by `samples_requested`."""
         if self._columns is not None:
-            self._columns.keep(wanted, columns)
+            self._columns.keep(request, columns)
             self._schedule_draw()
 
     def write_csv(self, target: Path) -> None:
         """Write the shown channels as drawn: two rows, the lowest and the highest values, for merged samples."""
-        assert self._log_index is not None
-        columns, facts = self._drawn, self._log_index.facts
-        assert columns is not None
+        columns = self._drawn
+        if columns is None:
+            return
         shown = [(k, name) for k, name in enumerate(CHANNELS) if name in self._shown]
         units = {name: unit for names, unit, _ in PLOTS for name in names}
         values = np.stack([columns.low, columns.high], axis=1)[:, : 1 if columns.samples == 1 else 2]
         seq = np.repeat(columns.seq, values.shape[1])
         rows = values.reshape(len(seq), -1)[:, [k for k, _ in shown]]
         heading = ["seq", "time_s", *(f"{name} [{units[name]}]" for _, name in shown)]
-        time = (seq - facts.first_seq) / self._log_index.rate
+        time = (seq - self._first) / self._rate
         style = ["%d", "%.9g", *["%.9g"] * len(shown)]
         table = np.column_stack([seq, time, rows])
         np.savetxt(target, table, style, ",", header=",".join(heading), comments="", encoding="utf-8")
@@ -296,13 +302,10 @@ class LogPlot(QWidget):
         return with_minus(low if low == high else f"{low}…{high}").replace("nan", "–")
 
     def _seconds(self, seq: int) -> float:
-        assert self._log_index is not None
-        return (seq - self._log_index.facts.first_seq) / self._log_index.rate
+        return (seq - self._first) / self._rate
 
     def _seq(self, seconds: float) -> int:
-        assert self._log_index is not None
-        facts = self._log_index.facts
-        return min(max(facts.first_seq + round(seconds * self._log_index.rate), facts.first_seq), facts.last_seq)
+        return min(max(self._first + round(seconds * self._rate), self._first), self._last)
 
     def _dragged(self, item: RangeItem) -> None:
         start, stop = item.getRegion()
@@ -311,7 +314,7 @@ class LogPlot(QWidget):
         self.range_moved.emit(first, last)
 
     def _point(self, position: QPointF) -> None:
-        if self._log_index is None:
+        if self._columns is None:
             return
         strip = self._strip.getViewBox()
         seconds, box = strip.mapSceneToView(position).x(), strip.sceneBoundingRect()
@@ -333,20 +336,20 @@ class LogPlot(QWidget):
         super().leaveEvent(event)
 
     def _schedule_draw(self) -> None:
-        if self._log_index is not None and not self._redraw.isActive():
+        if self._columns is not None and not self._redraw.isActive():
             self._redraw.start(0)
 
     def _draw(self) -> None:
-        if self._log_index is None or self._columns is None:
+        if self._columns is None:
             return
         left, right = self.view
         count = max(64, round(self._strip.getViewBox().width()))
-        columns, wanted = self._columns.view(self._seq(left), self._seq(right), count)
-        if wanted is not None:
-            self.samples_wanted.emit(wanted)
+        columns, request = self._columns.view(self._seq(left), self._seq(right), count)
+        if request is not None:
+            self.samples_requested.emit(request)
         self.samples_per_column, self._drawn = columns.samples, columns
-        seq, low, high = split_at_gaps(columns, (right - left) * self._log_index.rate / count)
-        x = np.repeat((seq - self._log_index.facts.first_seq) / self._log_index.rate, 2)
+        seq, low, high = split_at_gaps(columns, (right - left) * self._rate / count)
+        x = np.repeat((seq - self._first) / self._rate, 2)
         for name, channel_low, channel_high in zip(CHANNELS, low.T, high.T, strict=True):
             if name in self._shown:
                 self._curves[name].setData(x, np.column_stack([channel_low, channel_high]).ravel())

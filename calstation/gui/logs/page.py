@@ -12,14 +12,12 @@ from PySide6.QtWidgets import QSplitter, QWidget
 
 from calstation.gui.logs.allan_view import AllanView
 from calstation.gui.logs.comparison import Comparison
-from calstation.gui.logs.exports import Exports
-from calstation.gui.logs.log_columns import Wanted
 from calstation.gui.logs.log_head import LogHead
 from calstation.gui.logs.log_plot import LogPlot
 from calstation.gui.logs.methods import MethodBar
+from calstation.gui.logs.plot_items import SampleRequest, time_text
 from calstation.gui.logs.range_bar import RangeBar, StageChoice
-from calstation.gui.logs.source_bar import MAX_RECENT, SourceBar
-from calstation.gui.logs.time_axis import time_text
+from calstation.gui.logs.source_bar import MAX_RECENT, Exports, SourceBar
 from calstation.gui.state import AppContext, Page
 from calstation.gui.text import on_language_change, say, step_sentence, term
 from calstation.gui.widgets import (
@@ -60,7 +58,7 @@ class OfflinePage(Page):
         weakref.finalize(self, shutil.rmtree, self._indexes, ignore_errors=True)
         self._opened = 0
         self._pointed: int | None = None
-        self._wanted: Wanted | None = None
+        self._request: SampleRequest | None = None
         close = self._close
         self.reader = self.job(log_index, self._show_log, failure="logs.log_not_opened", failed=close, cancelled=close)
         self.solver = self.job(offline_solve, self._show_solved, failure="logs.range_not_solved")
@@ -164,7 +162,7 @@ class OfflinePage(Page):
         self.range.changed.connect(self.plot.set_range)
         for signal in (self.plot.range_moved, self.range.changed):
             signal.connect(self._choose_range)
-        self.plot.samples_wanted.connect(self._fetch_samples)
+        self.plot.samples_requested.connect(self._fetch_samples)
         self.plot.pointed.connect(self._show_pointed)
         self.stages.changed.connect(self._update)
         self.missing.wanted.connect(self._add_state)
@@ -222,7 +220,7 @@ class OfflinePage(Page):
         self._stack.setCurrentWidget(self._empty)
         self.plot.close_log()
         self._hide_allan()
-        self.log = self.solved = self._wanted = None
+        self.log = self.solved = self._request = None
         shutil.rmtree(self._index_folder, ignore_errors=True)
         self._update()
 
@@ -278,16 +276,16 @@ class OfflinePage(Page):
         self.stages.set_range(first, last)
         self._update()
 
-    def _fetch_samples(self, wanted: Wanted) -> None:
+    def _fetch_samples(self, request: SampleRequest) -> None:
         """Fetch single samples; a request during another fetch is ignored, and the plot repeats it later."""
         log = self.log
         if log is not None and not self._sampler.busy:
-            self._wanted = wanted
-            self._sampler.start(log.path, log.folder, log.scale, wanted.start, wanted.stop, wanted.count)
+            self._request = request
+            self._sampler.start(log.path, log.folder, log.scale, request.start, request.stop, request.count)
 
     def _show_samples(self, columns: Columns) -> None:
-        if self._wanted is not None:
-            self.plot.show_samples(self._wanted, columns)
+        if self._request is not None:
+            self.plot.show_samples(self._request, columns)
 
     def _show_pointed(self, seq: int | None) -> None:
         """Show time, stage and step of the sample under the mouse."""

@@ -79,7 +79,8 @@ class RangeBar(QWidget):
 
     def set_range(self, first: int, last: int) -> None:
         """Show a range, limited to the log."""
-        assert self._log_index is not None
+        if self._log_index is None:
+            return
         facts = self._log_index.facts
         first = min(max(first, facts.first_seq), facts.last_seq)
         last = min(max(last, first), facts.last_seq)
@@ -139,8 +140,8 @@ class RangeBar(QWidget):
         typed, self._typed = self._typed, ""
         if self._log_index is not None and typed and typed != spin.lineEdit().text():
             facts = self._log_index.facts
-            held = {"first": facts.first_seq, "last": facts.last_seq}
-            self._show_note(Text.of("logs.sample_outside", sample=typed, **held))
+            outside = Text.of("logs.sample_outside", sample=typed, first=facts.first_seq, last=facts.last_seq)
+            self._show_note(outside)
 
     def _show_note(self, note: Words) -> None:
         self._note = note

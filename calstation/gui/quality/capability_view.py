@@ -4,18 +4,30 @@ from collections.abc import Sequence
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtWidgets import QAbstractItemView, QWidget
+from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import bind, on_language_change, parameter_text, say
-from calstation.gui.widgets import CellTable, ThemedPlot, column, dashed, label, split, theme
+from calstation.gui.text import on_language_change, parameter_text, say
+from calstation.gui.widgets import Cell, CellTable, DataView, ThemedPlot, column, dashed, label, split, theme
 from calstation.messages import Text
 from calstation.physics import display, number
-from calstation.quality import Interval, ParameterQuality
+from calstation.quality import ParameterQuality
 
 #: Smallest capability index that is usually required.
 _REQUIRED = 1.33
 #: Half width of the drawn normal distribution, in standard deviations.
 _DRAWN = 4.0
+_COLUMNS = (
+    Cell("quality.mean", "mean"),
+    Cell("quality.sigma_within", "within"),
+    Cell("quality.sigma_overall", "overall"),
+    Cell("common.unit", "unit", number=False),
+    Cell("quality.cp", "cp", hint="hint"),
+    Cell("quality.cpk", "cpk", hint="hint"),
+    Cell("quality.pp", "pp", hint="hint"),
+    Cell("quality.ppk", "ppk", hint="hint"),
+    Cell("quality.outside", "outside"),
+    Cell("quality.normal", "normal", number=False, hint="hint"),
+)
 
 
 class CapabilityView(QWidget):
@@ -23,27 +35,11 @@ class CapabilityView(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self._found: dict[str, ParameterQuality] = {}
-        self.table = table = CellTable("capability_table", grouped=True)
+        self._charts: dict[str, ParameterQuality] = {}
+        name, words = "capability_table", "quality.capability_by_parameter"
+        self.table = table = CellTable(name, words, _COLUMNS, grouped=True, single=True)
         self.plot = Histogram()
-        bind(table.setAccessibleName, "quality.capability_by_parameter")
-        table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        text = table.column
-        table.parameters.set_columns(
-            (
-                text("quality.mean", "mean"),
-                text("quality.sigma_within", "within"),
-                text("quality.sigma_overall", "overall"),
-                text("common.unit", "unit", number=False),
-                text("quality.cp", "cp", hint=self._hint),
-                text("quality.cpk", "cpk", hint=self._hint),
-                text("quality.pp", "pp", hint=self._hint),
-                text("quality.ppk", "ppk", hint=self._hint),
-                text("quality.outside", "outside"),
-                text("quality.normal", "normal", number=False, hint=self._hint),
-            )
-        )
-        table.selectionModel().currentRowChanged.connect(lambda current, _: self._choose(current.row()))
+        table.selectionModel().currentRowChanged.connect(lambda *_: self._draw())
         note = label(Text.of("quality.about_capability", required=_REQUIRED), kind="muted", wrap=True)
         column(
             note,
@@ -55,71 +51,59 @@ class CapabilityView(QWidget):
 
     def show_charts(self, charts: Sequence[ParameterQuality]) -> None:
         """Show the capability of quantities that have limits."""
-        self._found = {each.parameter: each for each in charts if each.capability is not None}
+        self._charts = {each.parameter: each for each in charts if each.capability is not None}
         self._fill()
-        if self._found:
+        if self._charts:
             self.table.selectRow(0)
 
     @property
     def empty(self) -> bool:
         """Return whether there is nothing to show."""
-        return not self._found
+        return not self._charts
 
     def _fill(self) -> None:
         cells = {}
-        for name, charts in self._found.items():
-            found = charts.capability
-            assert found is not None
+        for name, charts in self._charts.items():
+            capability = charts.capability
+            if capability is None:
+                continue
             size, unit = display(name, 1.0)
-            digits = size * found.sigma_overall
+            digits = size * capability.sigma_overall
+            indices = {"cp": capability.cp, "cpk": capability.cpk, "pp": capability.pp, "ppk": capability.ppk}
+            lines = [f"{name.title()}: {i.low:.2f} … {i.value:.2f} … {i.high:.2f}" for name, i in indices.items()]
             cells[name] = {
-                "mean": number(size * found.mean, digits),
-                "within": number(size * found.sigma_within, digits),
+                "mean": number(size * capability.mean, digits),
+                "within": number(size * capability.sigma_within, digits),
                 "overall": number(digits, digits),
                 "unit": unit,
-                "cp": _index(found.cp),
-                "cpk": _index(found.cpk),
-                "pp": _index(found.pp),
-                "ppk": _index(found.ppk),
-                "outside": str(found.outside),
-                "normal": say("quality.yes" if found.normal else "quality.no"),
+                **{name: f"{index.value:.2f}" for name, index in indices.items()},
+                "outside": str(capability.outside),
+                "normal": say("quality.yes" if capability.normal else "quality.no"),
+                "hint": "\n".join([*lines, say("quality.normality", probability=capability.normality_p)]),
             }
         self.table.show_cells(cells, ("mean", "within", "overall"))
 
-    def _hint(self, name: str) -> str:
-        found = self._found[name].capability
-        assert found is not None
-        indices = (("Cp", found.cp), ("Cpk", found.cpk), ("Pp", found.pp), ("Ppk", found.ppk))
-        lines = [f"{key}: {i.low:.2f} … {i.value:.2f} … {i.high:.2f}" for key, i in indices]
-        return "\n".join([*lines, say("quality.normality", probability=found.normality_p)])
-
-    def _choose(self, line: int) -> None:
-        names = list(self._found)
-        if 0 <= line < len(names):
-            self.plot.show_charts(self._found[names[line]])
+    def _draw(self) -> None:
+        if self.table.chosen:
+            self.plot.show_data(self._charts[self.table.chosen])
 
 
-class Histogram(ThemedPlot):
+class Histogram(ThemedPlot, DataView[ParameterQuality]):
     """Histogram of a parameter with its limits and the normal distribution of its mean and scatter."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._shown: ParameterQuality | None = None
-        theme.on_appearance_change(self, self._draw)
+        theme.on_appearance_change(self, self.refresh)
 
-    def show_charts(self, charts: ParameterQuality) -> None:
-        """Show the values of a quantity with limits."""
-        self._shown = charts
-        self._draw()
-
-    def _draw(self) -> None:
-        if self._shown is None or self._shown.capability is None:
+    def draw(self, data: ParameterQuality) -> None:
+        """Draw the values of a quantity with limits."""
+        name, capability = data.parameter, data.capability
+        if capability is None:
             return
-        name, found = self._shown.parameter, self._shown.capability
         c = theme.colours()
         self.getPlotItem().clear()
         size, unit = display(name, 1.0)
-        values, mean, sigma = size * self._shown.values, size * found.mean, size * found.sigma_overall
+        values, mean, sigma = size * data.values, size * capability.mean, size * capability.sigma_overall
         self.setLabel("bottom", f"{parameter_text(name)}, {unit}")
         self.setLabel("left", say("quality.axis_runs"))
         counts, edges = np.histogram(values, bins="auto" if len(values) < 5000 else 60)
@@ -129,10 +113,6 @@ class Histogram(ThemedPlot):
         x = np.linspace(mean - _DRAWN * sigma, mean + _DRAWN * sigma, 200)
         density = np.exp(-0.5 * ((x - mean) / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi)) * len(values) * width
         self.addItem(pg.PlotDataItem(x, density, pen=pg.mkPen(c.text, width=1)))
-        for limit in (found.low, found.high):
+        for limit in (capability.low, capability.high):
             self.addItem(pg.InfiniteLine(size * limit, 90, pen=dashed(c.bad)))
             self.addItem(pg.PlotDataItem([size * limit], [0.0], pen=pg.mkPen(None)))
-
-
-def _index(index: Interval) -> str:
-    return f"{index.value:.2f}"

@@ -17,7 +17,7 @@ Slow = Literal["ewma", "cusum"]
 
 #: Largest number of runs whose points are drawn individually, and of marks at runs that signal. For more runs, the
 #: extremes in each pixel are drawn; for more marks, every n-th.
-_MOST_POINTS, _MOST_MARKS = 400, 2000
+_MAX_POINTS, _MAX_MARKS = 400, 2000
 #: Width of the left axes, px.
 _AXIS = 9 * theme.GRID
 
@@ -131,7 +131,7 @@ class ControlCharts(StackedPlots[Shown]):
         c = theme.colours()
         run = np.arange(first + 1, first + 1 + len(values))
         line = pg.PlotDataItem(run, values, pen=pg.mkPen(c.muted, width=1))
-        if len(values) <= _MOST_POINTS:
+        if len(values) <= _MAX_POINTS:
             line.setSymbol("o")
             line.setSymbolSize(5)
             line.setSymbolBrush(QColor(c.accent))
@@ -139,7 +139,7 @@ class ControlCharts(StackedPlots[Shown]):
         else:
             line.setDownsampling(auto=True, method="peak")
         self.add(plot, line)
-        signals = signals[:: max(1, -(-len(signals) // _MOST_MARKS))]
+        signals = signals[:: max(1, -(-len(signals) // _MAX_MARKS))]
         mark = pg.ScatterPlotItem(run[signals], values[signals], symbol="s", size=9, pen=pg.mkPen(c.bad, width=2))
         mark.setBrush(None)
         self.add(plot, mark)

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QSignalBlocker, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QWidget
 
@@ -26,6 +26,7 @@ from calstation.gui.widgets import (
     ViewTabs,
     column,
     combo_box,
+    fill_combo,
     label,
     row,
     stack,
@@ -143,15 +144,9 @@ class QualityPage(Page):
 
     # ---- choices
 
-    def _offer_products(self, wanted: Path | None) -> None:
+    def _offer_products(self, product: Path | None) -> None:
         """Offer the products of the library and select one."""
-        wanted = wanted or library.find("products", DEFAULT_PRODUCT)
-        with QSignalBlocker(self.product):
-            self.product.clear()
-            for text, path in offered_products():
-                self.product.addItem(text, path)
-            paths = [self.product.itemData(index) for index in range(self.product.count())]
-            self.product.setCurrentIndex(paths.index(wanted) if wanted in paths else 0)
+        fill_combo(self.product, offered_products(), product or library.find("products", DEFAULT_PRODUCT))
         self._offer_units()
         self._refresh_visible()
 
@@ -162,13 +157,13 @@ class QualityPage(Page):
 
     def _offer_units(self) -> None:
         """Offer all units together, and every check standard of the product individually."""
-        chosen = self.unit.currentData()
-        with QSignalBlocker(self.unit):
-            self.unit.clear()
-            self.unit.addItem(say("quality.all_units"), "")
-            for serial in _check_standards(self.product.currentData()):
-                self.unit.addItem(say("quality.check_standard", serial=serial), serial)
-            self.unit.setCurrentIndex(max(0, self.unit.findData(chosen)))
+        try:
+            product = load_product(self.product.currentData())[1]
+            serials = [each.serial for each in product.check_standards]
+        except CalstationError:
+            serials = []
+        standards = ((say("quality.check_standard", serial=serial), serial) for serial in serials)
+        fill_combo(self.unit, [(say("quality.all_units"), ""), *standards])
 
     def _refresh_visible(self) -> None:
         """Show the indexed runs immediately, and again if the folder has changed."""
@@ -200,10 +195,10 @@ class QualityPage(Page):
         elif view is self.capability:
             self.capability.show_charts(summary.parameters)
         else:
-            self.yields.show_yields(summary.yields)
+            self.yields.show_data(summary.yields)
 
-    def _show_station(self, found: StationQuality) -> None:
-        self.standards.show_station(found)
+    def _show_station(self, station: StationQuality) -> None:
+        self.standards.show_data(station)
         self._show_view()
 
     def _show_view(self) -> None:
@@ -239,11 +234,3 @@ class QualityPage(Page):
         self.shown_as.setItemData(1, say("quality.about_deviations"), Qt.ItemDataRole.ToolTipRole)
         self._offer_products(self.product.currentData() or self.app.product_path)
         self._show_view()
-
-
-def _check_standards(product: Path | None) -> list[str]:
-    """Return the serial numbers of a product's check standards; none if the product cannot be read."""
-    try:
-        return [] if product is None else [each.serial for each in load_product(product)[1].check_standards]
-    except CalstationError:
-        return []

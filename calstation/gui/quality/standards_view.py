@@ -6,12 +6,13 @@ from collections.abc import Mapping
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QAbstractItemView, QWidget
+from PySide6.QtWidgets import QWidget
 
 from calstation.gui.text import Words, bind, on_language_change, parameter_text, say, with_minus
 from calstation.gui.widgets import (
+    Cell,
     CellTable,
-    Column,
+    DataView,
     ElidedLabel,
     StackedPlots,
     ThemedPlot,
@@ -29,24 +30,69 @@ from calstation.quality import BASELINE, StandardHistory, StationQuality, TableC
 
 #: Quantities of the table's geometry in the order of the plots.
 _QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
+_STATE = Cell("quality.state", "state", number=False, state="kind")
+#: Object name, accessible name and columns of the tables: standards, runs, instruments, and detectable errors.
+_TABLES = (
+    (
+        "standards_table",
+        "quality.check_standards",
+        (
+            _STATE,
+            Cell("common.serial_number", "serial", number=False),
+            Cell("quality.passed", "passed", number=False),
+            Cell("quality.due", "due", number=False),
+        ),
+    ),
+    (
+        "standard_runs_table",
+        "quality.runs_of_standard",
+        (
+            Cell("common.verdict", "state", number=False, state="kind"),
+            Cell("common.started", "started", number=False),
+            Cell("quality.largest_en", "error"),
+            Cell("quality.t_squared", "t_squared"),
+        ),
+    ),
+    (
+        "instruments_table",
+        "quality.instruments",
+        (
+            _STATE,
+            Cell("quality.name", "name", number=False),
+            Cell("quality.certificate", "certificate", number=False),
+            Cell("quality.due", "due", number=False),
+        ),
+    ),
+    (
+        "standard_power_table",
+        "quality.smallest_errors",
+        (
+            Cell("common.parameter", "parameter", number=False),
+            Cell("quality.normalised_error", "e_n"),
+            Cell("quality.error", "error"),
+            Cell("common.unit", "unit", number=False),
+            Cell("quality.of_limit", "share"),
+        ),
+    ),
+)
 
 
-class StandardsView(QWidget):
+class StandardsView(QWidget, DataView[StationQuality]):
     """Shows the check standards of a station; emits `run_wanted(name)` for a run that the user opens."""
 
     run_wanted = Signal(str)
 
     def __init__(self) -> None:
         super().__init__()
-        self._found: StationQuality | None = None
         self.standards, self.runs, self.instruments, self.power = (
-            CellTable(name)
-            for name in ("standards_table", "standard_runs_table", "instruments_table", "standard_power_table")
+            CellTable(*each, named=False, single=True) for each in _TABLES
         )
+        self.standards.selectionModel().currentRowChanged.connect(lambda *_: self._show_runs())
+        self.runs.selectionModel().currentRowChanged.connect(lambda *_: self._show_errors())
+        self.runs.doubleClicked.connect(lambda _: self._open())
         self.errors, self.table = ErrorBars(), TableCharts()
         self.waiting = label(wrap=True, name="table_waiting_label")
         self.alarm = label(kind="error", wrap=True, name="table_alarm_label")
-        self._build_tables()
         words: tuple[Words, ...] = (
             "quality.product_standards",
             "quality.standard_runs",
@@ -67,90 +113,36 @@ class StandardsView(QWidget):
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
-        on_language_change(self, self._fill)
+        on_language_change(self, self.refresh)
 
-    def show_station(self, found: StationQuality) -> None:
-        """Show the state of a station."""
-        self._found = found
-        self.table.show_data(found.table)
-        self._fill()
-        if found.standards:
+    def show_data(self, data: StationQuality) -> None:
+        """Show the state of a station, and select its first check standard."""
+        self.table.show_data(data.table)
+        super().show_data(data)
+        if data.standards:
             self.standards.selectRow(0)
 
     @property
     def empty(self) -> bool:
         """Return whether there is nothing to show."""
-        found = self._found
-        return found is None or not (found.standards or found.instruments or found.table)
+        data = self.data
+        return data is None or not (data.standards or data.instruments or data.table)
 
     @property
     def _standard(self) -> StandardHistory | None:
         line = self.standards.currentIndex().row()
-        return None if self._found is None or line < 0 else self._found.standards[line]
+        return None if self.data is None or line < 0 else self.data.standards[line]
 
-    def _build_tables(self) -> None:
-        for table, words in (
-            (self.standards, "quality.check_standards"),
-            (self.runs, "quality.runs_of_standard"),
-            (self.instruments, "quality.instruments"),
-            (self.power, "quality.smallest_errors"),
-        ):
-            table.verticalHeader().hide()
-            table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-            bind(table.setAccessibleName, words)
-        text = self.standards.column
-        self.standards.parameters.set_columns(
-            (
-                _state_column(self.standards, "quality.state"),
-                text("common.serial_number", "serial", number=False),
-                text("quality.passed", "passed", number=False),
-                text("quality.due", "due", number=False),
-            )
-        )
-        text = self.runs.column
-        self.runs.parameters.set_columns(
-            (
-                _state_column(self.runs, "common.verdict"),
-                text("common.started", "started", number=False),
-                text("quality.largest_en", "error"),
-                text("quality.t_squared", "t_squared"),
-            )
-        )
-        text = self.instruments.column
-        self.instruments.parameters.set_columns(
-            (
-                _state_column(self.instruments, "quality.state"),
-                text("quality.name", "name", number=False),
-                text("quality.certificate", "certificate", number=False),
-                text("quality.due", "due", number=False),
-            )
-        )
-        text = self.power.column
-        self.power.parameters.set_columns(
-            (
-                text("common.parameter", "parameter", number=False),
-                text("quality.normalised_error", "e_n"),
-                text("quality.error", "error"),
-                text("common.unit", "unit", number=False),
-                text("quality.of_limit", "share"),
-            )
-        )
-        self.standards.selectionModel().currentRowChanged.connect(lambda *_: self._show_runs())
-        self.runs.selectionModel().currentRowChanged.connect(lambda current, _: self._show_errors(current.row()))
-        self.runs.doubleClicked.connect(lambda index: self._open(index.row()))
-
-    def _fill(self) -> None:
-        found = self._found
-        if found is None:
-            return
-        known = min((found.table[name].baseline if name in found.table else 0) for name in _QUANTITIES)
+    def draw(self, data: StationQuality) -> None:
+        """Fill the tables."""
+        known = min((data.table[name].baseline if name in data.table else 0) for name in _QUANTITIES)
         missing = BASELINE - known
         text = say("quality.baseline_missing", missing=missing, runs=BASELINE) if missing > 0 else ""
         show_text(self.waiting, text)
-        moved = [name for name in _QUANTITIES if name in found.table and found.table[name].alarms]
+        moved = [name for name in _QUANTITIES if name in data.table and data.table[name].alarms]
         show_text(self.alarm, say("chart.table_moved", quantities=moved) if moved else "")
         cells = {}
-        for each in found.standards:
+        for each in data.standards:
             state, wrong = each.state, each.state.wrong
             cells[state.standard.serial] = {
                 "kind": "good" if wrong is None else "bad",
@@ -160,7 +152,7 @@ class StandardsView(QWidget):
                 "due": "–" if state.due is None else local_time(state.due.isoformat())[:10],
             }
         self.standards.show_cells(cells)
-        overdue = {due.name for due in found.overdue}
+        overdue = {due.name for due in data.overdue}
         self.instruments.show_cells(
             {
                 str(k): {
@@ -170,22 +162,21 @@ class StandardsView(QWidget):
                     "certificate": each.certificate or "–",
                     "due": "–" if each.due is None else each.due.isoformat(),
                 }
-                for k, each in enumerate(found.instruments)
+                for k, each in enumerate(data.instruments)
             }
         )
         self._show_runs()
 
     def _show_runs(self) -> None:
         standard = self._standard
+        runs = [] if standard is None else list(zip(standard.started_utc, standard.verdicts, strict=True))
         cells = {}
-        for k in reversed(range(len(standard.names) if standard is not None else 0)):
-            assert standard is not None
-            verdict = standard.verdicts[k]
+        for k, (started, verdict) in reversed(list(enumerate(runs))):
             largest = max(verdict.e_n, key=lambda name: abs(verdict.e_n[name]), default="")
             cells[str(k)] = {
                 "kind": "good" if verdict.passed else "bad",
                 "state": say(f"chart.standard_{'agrees' if verdict.passed else 'differs'}"),
-                "started": local_time(standard.started_utc[k])[2:],
+                "started": local_time(started)[2:],
                 "error": f"{abs(verdict.e_n.get(largest, 0.0)):.2f} ({verdict.e_n_limit:.2f})",
                 "t_squared": f"{verdict.t_squared:.1f} ({verdict.t_squared_limit:.1f})",
             }
@@ -193,61 +184,54 @@ class StandardsView(QWidget):
         if cells:
             self.runs.selectRow(0)
         else:
-            self.errors.show_errors({}, 1.0)
+            self.errors.show_data(({}, 1.0))
             self.power.show_cells({})
 
-    def _run(self, line: int) -> int | None:
-        keys = list(self.runs.cells)
-        return int(keys[line]) if 0 <= line < len(keys) else None
+    def _show_errors(self) -> None:
+        standard, run = self._standard, self.runs.chosen
+        if standard is not None and run:
+            verdict = standard.verdicts[int(run)]
+            self.errors.show_data((verdict.e_n, verdict.e_n_limit))
+            self.power.show_cells(_power_cells(standard, int(run)))
 
-    def _show_errors(self, line: int) -> None:
-        standard, k = self._standard, self._run(line)
-        if standard is not None and k is not None:
-            self.errors.show_errors(standard.verdicts[k].e_n, standard.verdicts[k].e_n_limit)
-            self.power.show_cells(_power_cells(standard, k))
-
-    def _open(self, line: int) -> None:
-        standard, k = self._standard, self._run(line)
-        if standard is not None and k is not None:
-            self.run_wanted.emit(standard.names[k])
+    def _open(self) -> None:
+        standard, run = self._standard, self.runs.chosen
+        if standard is not None and run:
+            self.run_wanted.emit(standard.names[int(run)])
 
 
-class ErrorBars(ThemedPlot):
-    """Normalised errors by parameter as horizontal bars, and their limits."""
+class ErrorBars(ThemedPlot, DataView[tuple[Mapping[str, float], float]]):
+    """Normalised errors by parameter as horizontal bars, and their limit."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._errors: Mapping[str, float] = {}
-        self._limit = 1.0
         self.getAxis("left").setWidth(22 * theme.GRID)
         self.getViewBox().invertY(True)
         self.getViewBox().sigResized.connect(self._label_rows)
-        theme.on_appearance_change(self, self._draw)
+        theme.on_appearance_change(self, self.refresh)
 
-    def show_errors(self, errors: Mapping[str, float], limit: float) -> None:
-        """Show the normalised errors of a run."""
-        self._errors, self._limit = errors, limit
-        self._draw()
-
-    def _draw(self) -> None:
+    def draw(self, data: tuple[Mapping[str, float], float]) -> None:
+        """Draw the errors of a run."""
+        errors, highest = data
         self.setLabel("bottom", say("quality.normalised_error"))
         self.getPlotItem().clear()
         c = theme.colours()
-        values, rows = np.array(list(self._errors.values())), np.arange(len(self._errors))
-        brushes = [theme.faint(c.bad if abs(value) > self._limit else c.accent, 130) for value in values]
+        values, rows = np.array(list(errors.values())), np.arange(len(errors))
+        brushes = [theme.faint(c.bad if abs(value) > highest else c.accent, 130) for value in values]
         self.addItem(pg.BarGraphItem(x0=0, y=rows, height=0.7, width=values, brushes=brushes, pen=c.line))
-        for limit in (-self._limit, self._limit):
+        for limit in (-highest, highest):
             self.addItem(pg.InfiniteLine(limit, 90, pen=dashed(c.bad)))
-        reach = 1.1 * max(self._limit, float(np.abs(values).max(initial=0.0)))
+        reach = 1.1 * max(highest, float(np.abs(values).max(initial=0.0)))
         self.setXRange(-reach, reach, padding=0)
         self.setYRange(-0.5, max(len(rows), 4) - 0.5)
         self._label_rows()
 
     def _label_rows(self) -> None:
         """Label as many rows as there is space for."""
-        space = self.getViewBox().height() / max(len(self._errors), 4)
+        errors = {} if self.data is None else self.data[0]
+        space = self.getViewBox().height() / max(len(errors), 4)
         step = max(1, math.ceil(self.fontMetrics().height() / max(space, 1.0)))
-        names = [(k, parameter_text(name)) for k, name in enumerate(self._errors)]
+        names = [(k, parameter_text(name)) for k, name in enumerate(errors)]
         self.getAxis("left").setTicks([names[::step]])
 
 
@@ -266,11 +250,11 @@ class TableCharts(StackedPlots[Mapping[str, TableChart]]):
             plot.setLabel("left", say(f"chart.{name}"))
             if name not in data:
                 continue
-            found = data[name]
-            chart = found.ewma
-            every = np.arange(1, len(found.values) + 1)
-            run, alarms = every[found.baseline :], chart.signals
-            values = pg.ScatterPlotItem(every, found.values / ARCSECOND, size=4, pen=None, brush=c.line)
+            quantity = data[name]
+            chart = quantity.ewma
+            every = np.arange(1, len(quantity.values) + 1)
+            run, alarms = every[quantity.baseline :], chart.signals
+            values = pg.ScatterPlotItem(every, quantity.values / ARCSECOND, size=4, pen=None, brush=c.line)
             self.add(plot, values)
             for limit in (chart.low, chart.high):
                 self.add(plot, pg.PlotDataItem(run, limit / ARCSECOND, pen=dashed(c.bad)))
@@ -280,15 +264,6 @@ class TableCharts(StackedPlots[Mapping[str, TableChart]]):
             )
             mark.setBrush(None)
             self.add(plot, mark)
-
-
-def _state_column(table: CellTable, heading: Words) -> Column:
-    return Column(
-        heading,
-        lambda key: table.cells[key]["state"],
-        number=False,
-        state=lambda key: table.cells[key]["kind"],
-    )
 
 
 def _power_cells(standard: StandardHistory, k: int) -> dict[str, dict[str, str]]:

@@ -7,7 +7,6 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import QSignalBlocker
 from PySide6.QtWidgets import QComboBox, QFileDialog, QLineEdit, QSpinBox, QWidget
 
 from calstation.config import load_product
@@ -15,13 +14,14 @@ from calstation.errors import CalstationError
 from calstation.gui.state import Page
 from calstation.gui.text import bind, on_language_change, parameter_text, say
 from calstation.gui.widgets import (
+    Cell,
     CellTable,
-    Column,
     EmptyState,
     StateBadge,
     ask_file,
     button,
     column,
+    fill_combo,
     label,
     panel,
     row,
@@ -37,6 +37,27 @@ from calstation.quality import AnovaRow, GaugePlan, GaugeStudy, StudyState, Vari
 _STATES = {"acceptable": "good", "marginal": "caution", "unacceptable": "bad"}
 #: Fields for names in the form of a new plan.
 _FIELDS = ("units", "operators", "stations")
+_ORDER = (
+    Cell("quality.run", "run"),
+    Cell("quality.trial", "trial"),
+    Cell("quality.unit", "unit", number=False),
+    Cell("common.operator", "operator", number=False),
+    Cell("common.station", "station", number=False),
+    Cell("quality.state", "state", number=False, state="kind"),
+)
+_COMPONENTS = (
+    Cell("quality.variation", "name", number=False),
+    Cell("common.sigma", "sigma"),
+    Cell("quality.interval", "interval"),
+    Cell("quality.of_study", "study"),
+    Cell("quality.of_tolerance", "tolerance"),
+)
+_ANOVA = (
+    Cell("quality.source", "name", number=False),
+    Cell("quality.degrees_of_freedom", "dof"),
+    Cell("quality.variance_ratio", "f"),
+    Cell("quality.probability", "p"),
+)
 
 
 class StudyView(QWidget):
@@ -57,12 +78,11 @@ class StudyView(QWidget):
         self._problem = label(kind="error", name="study_problem_label", wrap=True)
         self.form = PlanForm(product, self._planned)
         self.form.hide()
-        self.order, self.components, self.anova = (
-            CellTable(name) for name in ("study_order_table", "study_components_table", "study_anova_table")
-        )
+        self.order = CellTable("study_order_table", "quality.plan_runs", _ORDER, named=False)
+        self.components = CellTable("study_components_table", "quality.variation_components", _COMPONENTS, named=False)
+        self.anova = CellTable("study_anova_table", "quality.analysis_of_variance", _ANOVA, named=False)
         self.badge, self.about_label = StateBadge(theme.SECTION), label(name="study_about_label", wrap=True)
         self._left_label = label(kind="section", name="study_left_label", wrap=True)
-        self._build_tables()
         self._empty, self._waiting, self._answer = EmptyState(), QWidget(), QWidget()
         column(self._left_label, (self.order, 1), on=self._waiting)
         caption = label("quality.quantity", buddy=self._quantity)
@@ -89,49 +109,6 @@ class StudyView(QWidget):
         if self._path is not None and self._app.runs_folder.is_dir():
             self._job.start(self._app.runs_folder, self._path, None)
 
-    def _build_tables(self) -> None:
-        text = self.order.column
-        self.order.verticalHeader().hide()
-        self.order.parameters.set_columns(
-            (
-                text("quality.run", "run"),
-                text("quality.trial", "trial"),
-                text("quality.unit", "unit", number=False),
-                text("common.operator", "operator", number=False),
-                text("common.station", "station", number=False),
-                Column(
-                    "quality.state",
-                    lambda key: self.order.cells[key]["state"],
-                    number=False,
-                    state=lambda key: self.order.cells[key]["kind"],
-                ),
-            )
-        )
-        bind(self.order.setAccessibleName, "quality.plan_runs")
-        text = self.components.column
-        self.components.verticalHeader().hide()
-        self.components.parameters.set_columns(
-            (
-                text("quality.variation", "name", number=False),
-                text("common.sigma", "sigma"),
-                text("quality.interval", "interval"),
-                text("quality.of_study", "study"),
-                text("quality.of_tolerance", "tolerance"),
-            )
-        )
-        bind(self.components.setAccessibleName, "quality.variation_components")
-        text = self.anova.column
-        self.anova.verticalHeader().hide()
-        self.anova.parameters.set_columns(
-            (
-                text("quality.source", "name", number=False),
-                text("quality.degrees_of_freedom", "dof"),
-                text("quality.variance_ratio", "f"),
-                text("quality.probability", "p"),
-            )
-        )
-        bind(self.anova.setAccessibleName, "quality.analysis_of_variance")
-
     # ---- plan
 
     def _open(self) -> None:
@@ -157,12 +134,7 @@ class StudyView(QWidget):
 
     def _show(self, state: StudyState) -> None:
         self._state, self._error = state, None
-        wanted = self._quantity.currentData()
-        with QSignalBlocker(self._quantity):
-            self._quantity.clear()
-            for name in state.studies:
-                self._quantity.addItem(parameter_text(name), name)
-            self._quantity.setCurrentIndex(max(0, self._quantity.findData(wanted)))
+        fill_combo(self._quantity, [(parameter_text(name), name) for name in state.studies])
         self._refresh()
 
     def _show_error(self, error: CalstationError) -> None:
@@ -274,15 +246,15 @@ def _split(text: str) -> list[str]:
     return [part.strip() for part in text.replace("，", ",").split(",") if part.strip()]
 
 
-def _cells(found: Variation, size: float, digits: float) -> dict[str, str]:
-    sigma, low, high = (number(size * value, digits) for value in (found.sigma, found.low, found.high))
+def _cells(variation: Variation, size: float, digits: float) -> dict[str, str]:
+    sigma, low, high = (number(size * value, digits) for value in (variation.sigma, variation.low, variation.high))
     cells = {
         "sigma": sigma,
         "interval": f"{low} … {high}",
-        "study": f"{found.percent_study:.1f}",
+        "study": f"{variation.percent_study:.1f}",
     }
-    if found.percent_tolerance is not None:
-        cells["tolerance"] = f"{found.percent_tolerance:.1f}"
+    if variation.percent_tolerance is not None:
+        cells["tolerance"] = f"{variation.percent_tolerance:.1f}"
     return cells
 
 
@@ -295,15 +267,15 @@ def _kept(state: StudyState) -> list[str]:
 def _components(study: GaugeStudy) -> dict[str, Variation]:
     """Return the components, with the parts of each sum before the sum."""
     parts = {name: each for name, each in study.components.items() if len(study.levels) > 2 and name != "unit"}
-    found = {
+    components = {
         "repeatability": study.repeatability,
         **{name: each for name, each in parts.items() if "unit" not in name},
         "reproducibility": study.reproducibility,
         **{name: each for name, each in parts.items() if "unit" in name},
     }
     if study.interaction is not None:
-        found["interaction"] = study.interaction
-    return {**found, "gauge": study.gauge, "part": study.part, "total": study.total}
+        components["interaction"] = study.interaction
+    return {**components, "gauge": study.gauge, "part": study.part, "total": study.total}
 
 
 def _source(source: str) -> str:

@@ -9,68 +9,62 @@ from pyqtgraph.graphicsItems.DateAxisItem import MONTH_SPACING
 from PySide6.QtCore import QLocale
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import bind, check_name, language, on_language_change, product_text, say
-from calstation.gui.widgets import CellTable, ThemedPlot, column, label, row, split, theme
+from calstation.gui.text import check_name, language, on_language_change, product_text, say
+from calstation.gui.widgets import Cell, CellTable, DataView, ThemedPlot, column, label, row, split, theme
 from calstation.quality import FailedCheck, Share, Yields
 
 #: Largest number of failed checks drawn.
-_MOST_CHECKS = 7
+_MAX_CHECKS = 7
 #: Largest number of days that are drawn individually.
-_MOST_DAYS = 60
+_MAX_DAYS = 60
 #: Smallest fraction shown on the yield axis.
-_LEAST_SHARE = 0.5
+_MIN_SHARE = 0.5
+_COLUMNS = (
+    Cell("quality.by", "by", number=False),
+    Cell("quality.name", "name", number=False),
+    Cell("quality.passed", "passed"),
+    Cell("quality.runs", "count"),
+    Cell("quality.yield", "share"),
+    Cell("quality.interval", "interval"),
+)
 
 
-class YieldView(QWidget):
+class YieldView(QWidget, DataView[Yields]):
     """Shows the yield of the selected runs."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._yields: Yields | None = None
         self.overall_label = label(kind="section", name="yield_overall_label")
         self.first_label = label(name="yield_first_label")
         self.days, self.pareto = DailyYield(), Pareto()
-        self.table = table = CellTable("yield_table")
-        bind(table.setAccessibleName, "quality.yield_table")
-        table.verticalHeader().hide()
-        table.parameters.set_columns(
-            (
-                table.column("quality.by", "by", number=False),
-                table.column("quality.name", "name", number=False),
-                table.column("quality.passed", "passed"),
-                table.column("quality.runs", "count"),
-                table.column("quality.yield", "share"),
-                table.column("quality.interval", "interval"),
-            )
-        )
+        self.table = CellTable("yield_table", "quality.yield_table", _COLUMNS, named=False)
         plots = QWidget()
         titles = label("quality.yield_by_day", "muted"), label("quality.failed_checks", "muted")
         column(titles[0], (self.days, 4), titles[1], (self.pareto, 5), on=plots, spacing=theme.GRID // 2)
         column(
             row(self.overall_label, 2 * theme.GRID, self.first_label, None),
-            (split((plots, 5), (table, 4), handle=2 * theme.GRID), 1),
+            (split((plots, 5), (self.table, 4), handle=2 * theme.GRID), 1),
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
-        on_language_change(self, self._fill)
+        on_language_change(self, self.refresh)
 
-    def show_yields(self, yields: Yields) -> None:
+    def show_data(self, data: Yields) -> None:
         """Show the yield of runs."""
-        self._yields = yields
-        self.days.show_days(yields.days)
-        self.pareto.show_checks(yields.failed_checks)
-        self._fill()
+        self.days.show_data(data.days if len(data.days) <= _MAX_DAYS else _by_week(data.days))
+        self.pareto.show_data(data.failed_checks[:_MAX_CHECKS])
+        super().show_data(data)
 
-    def _fill(self) -> None:
-        found = self._yields
-        if found is None or found.overall is None or found.first_pass is None:
+    def draw(self, data: Yields) -> None:
+        """Show the fractions."""
+        if data.overall is None or data.first_pass is None:
             return
-        self.overall_label.setText(say("quality.overall_yield", percent=_text(found.overall)))
-        self.first_label.setText(say("quality.first_pass", percent=_text(found.first_pass)))
+        self.overall_label.setText(say("quality.overall_yield", percent=_text(data.overall)))
+        self.first_label.setText(say("quality.first_pass", percent=_text(data.first_pass)))
         groups = (
-            (say("common.product"), {product_text(name): share for name, share in found.products.items()}),
-            (say("common.station"), found.stations),
-            (say("common.operator"), found.operators),
+            (say("common.product"), {product_text(name): share for name, share in data.products.items()}),
+            (say("common.station"), data.stations),
+            (say("common.operator"), data.operators),
         )
         cells = {
             f"{by} {name}": {
@@ -99,35 +93,28 @@ class DayAxis(pg.DateAxisItem):  # type: ignore[misc]
         return [locale.monthName(month, QLocale.FormatType.ShortFormat) for month in months]
 
 
-class DailyYield(ThemedPlot):
-    """The fraction that passed on each day, with its confidence interval."""
+class DailyYield(ThemedPlot, DataView[Mapping[str, Share]]):
+    """The fraction that passed on each day or in each week, by date, with its confidence interval."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._days: Mapping[str, Share] = {}
         self.setAxisItems({"bottom": DayAxis("bottom", utcOffset=0)})
         self.getAxis("left").setWidth(8 * theme.GRID)
         self.showGrid(y=True, alpha=0.2)
         self.apply_theme()
-        theme.on_appearance_change(self, self._draw)
+        theme.on_appearance_change(self, self.refresh)
 
-    def show_days(self, days: Mapping[str, Share]) -> None:
-        """Show the fractions by date, or by week if there are many."""
-        self._days = days if len(days) <= _MOST_DAYS else _by_week(days)
-        self._draw()
-
-    def _draw(self) -> None:
+    def draw(self, data: Mapping[str, Share]) -> None:
+        """Draw the fractions."""
         self.setLabel("left", say("quality.yield_percent"))
         self.getAxis("bottom").setStyle(tickFont=theme.font())  # draws the months again in the current language
         self.getPlotItem().clear()
-        if not self._days:
+        if not data:
             return
         c = theme.colours()
-        noon = [date.fromisoformat(day).toordinal() - date(1970, 1, 1).toordinal() + 0.5 for day in self._days]
+        noon = [date.fromisoformat(day).toordinal() - date(1970, 1, 1).toordinal() + 0.5 for day in data]
         x = 86_400.0 * np.array(noon)
-        value, low, high = (
-            100.0 * np.array([getattr(s, k) for s in self._days.values()]) for k in ("value", "low", "high")
-        )
+        value, low, high = (100.0 * np.array([getattr(s, k) for s in data.values()]) for k in ("value", "low", "high"))
         bars = pg.ErrorBarItem(x=x, y=value, top=high - value, bottom=value - low, beam=0.0, pen=pg.mkPen(c.line))
         line = pg.PlotDataItem(x, value, pen=pg.mkPen(c.accent, width=1))
         line.setSymbol("o")
@@ -136,33 +123,28 @@ class DailyYield(ThemedPlot):
         line.setSymbolPen(None)
         self.addItem(bars)
         self.addItem(line)
-        self.setYRange(min(100.0 * _LEAST_SHARE, float(low.min())), 100.0)
+        self.setYRange(min(100.0 * _MIN_SHARE, float(low.min())), 100.0)
 
 
-class Pareto(ThemedPlot):
-    """Failed checks by frequency, and their cumulative fraction of all failed runs."""
+class Pareto(ThemedPlot, DataView[tuple[FailedCheck, ...]]):
+    """Failed checks, the most frequent first, and their cumulative fraction of all failed runs."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._checks: tuple[FailedCheck, ...] = ()
         self.getAxis("left").setWidth(30 * theme.GRID)
         self.getViewBox().invertY(True)
-        theme.on_appearance_change(self, self._draw)
+        theme.on_appearance_change(self, self.refresh)
 
-    def show_checks(self, checks: tuple[FailedCheck, ...]) -> None:
-        """Show failed checks, the most frequent first."""
-        self._checks = checks[:_MOST_CHECKS]
-        self._draw()
-
-    def _draw(self) -> None:
+    def draw(self, data: tuple[FailedCheck, ...]) -> None:
+        """Draw the checks."""
         self.setLabel("bottom", say("quality.axis_runs"))
         self.getPlotItem().clear()
         c = theme.colours()
-        rows = np.arange(len(self._checks))
-        runs = [check.runs for check in self._checks]
+        rows = np.arange(len(data))
+        runs = [check.runs for check in data]
         self.addItem(pg.BarGraphItem(x0=0, y=rows, height=0.7, width=runs, brush=theme.faint(c.bad, 110), pen=c.line))
-        self.getAxis("left").setTicks([[(k, check_name(check.id)) for k, check in enumerate(self._checks)]])
-        for k, check in enumerate(self._checks):
+        self.getAxis("left").setTicks([[(k, check_name(check.id)) for k, check in enumerate(data)]])
+        for k, check in enumerate(data):
             text = pg.TextItem(f"{check.runs}   {100 * check.cumulative:.0f} %", color=c.text, anchor=(0, 0.5))
             text.setFont(theme.font())
             text.setPos(check.runs, k)
@@ -175,8 +157,8 @@ def _by_week(days: Mapping[str, Share]) -> dict[str, Share]:
     """Return the fractions by week, with the date of its Monday."""
     weeks: dict[str, list[Share]] = {}
     for day, share in days.items():
-        found = date.fromisoformat(day)
-        weeks.setdefault((found - timedelta(days=found.weekday())).isoformat(), []).append(share)
+        local = date.fromisoformat(day)
+        weeks.setdefault((local - timedelta(days=local.weekday())).isoformat(), []).append(share)
     return {
         monday: Share.of(sum(s.passed for s in shares), sum(s.count for s in shares))
         for monday, shares in weeks.items()

@@ -4,13 +4,10 @@ Widgets that know nothing of runs belong in `calstation.gui.widgets`.
 """
 
 from calstation.gui.state.context import AppContext
-from calstation.gui.state.end_stage import EndStageButton
-from calstation.gui.state.exchange_label import ExchangeLabel
 from calstation.gui.state.page import FileExport, JobView, Page
-from calstation.gui.state.people_panel import PeoplePanel
-from calstation.gui.state.release_bar import ReleaseBar
+from calstation.gui.state.people_panel import PeoplePanel, ReleaseBar
 from calstation.gui.state.reset_bar import ResetBar
 from calstation.gui.state.role import RolePanel
 from calstation.gui.state.run_status import RunStatus, planned
-from calstation.gui.state.run_strip import RunStrip, run_badge
+from calstation.gui.state.run_strip import EndStageButton, ExchangeLabel, RunStrip, run_badge
 from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus, largest_sigmas

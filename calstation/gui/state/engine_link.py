@@ -33,7 +33,8 @@ class EngineLink(QObject):
 
     def start(self, order: RunRequest | RegisterOperation) -> None:
         """Start a run or a register operation; only one can be in progress."""
-        assert self._engine is None, "a run is in progress"
+        if self._engine is not None:
+            raise RuntimeError("a run is in progress")
         self.operation = order if isinstance(order, RegisterOperation) else None
         self.request = order if isinstance(order, RunRequest) else order.request
         self._engine = Engine.start(order)

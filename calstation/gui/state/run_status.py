@@ -242,18 +242,18 @@ class RunStatus(QObject):
         return next(verdict for verdict in _VERDICTS if verdict in verdicts)
 
     def _running_changed(self, running: bool) -> None:
-        if running:
-            assert self._link.request is not None
+        request = self._link.request
+        if running and request is not None:
             self.state, self.commanded = "starting", False
             self.register_operation = self._link.operation is not None
             self.fault = self.latest = None
             self.stage_ending = ""
             self._begun = self._done_before = 0.0
             try:
-                self.run_summary = run_summary(self._link.request)
+                self.run_summary = run_summary(request)
             except CalstationError:  # the engine encounters the same error and reports it as a fault
                 self.run_summary = None
-            self.units = self._requested(self._link.request)
+            self.units = self._requested(request)
             self.choose(self.units[0])
         elif self.going:
             self.state = "idle" if self.register_operation else "incomplete"

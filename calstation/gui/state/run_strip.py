@@ -1,12 +1,17 @@
-"""A line next to STOP with state, stage, progress and remaining time, for pages without their own header."""
+"""Widgets with the status of the run and of the exchange with the shared database."""
 
 from collections import Counter
+from collections.abc import Callable
+from datetime import datetime
 
-from PySide6.QtWidgets import QWidget
+from PySide6.QtWidgets import QLabel, QPushButton, QWidget
 
+from calstation.database import ExchangeState
+from calstation.gui.state.context import AppContext
 from calstation.gui.state.run_status import RunStatus
-from calstation.gui.text import KINDS, duration_text, on_language_change, say, term
-from calstation.gui.widgets import STEPS, StateBadge, column, label, progress_bar, row, theme
+from calstation.gui.text import KINDS, bind, duration_text, on_language_change, say, term
+from calstation.gui.widgets import STEPS, StateBadge, column, enable, label, progress_bar, row, show_text, theme
+from calstation.messages import local_time
 
 #: Outcomes of units, in the order in which they are counted.
 _COUNTED = ("passed", "partial", "failed", "fault", "stopped", "incomplete")
@@ -53,3 +58,58 @@ def run_badge(run: RunStatus) -> tuple[str, str]:
     if run.going and run.partial:
         state = f"{term('badge', 'partial')}  ·  {state}"
     return KINDS.get(run.shown, "none"), state
+
+
+class EndStageButton(QPushButton):
+    """Ends the current stage of the run after its current move; shown during a run, on some pages only if `allowed`."""
+
+    def __init__(self, run: RunStatus, name: str, allowed: Callable[[], bool] = lambda: True) -> None:
+        super().__init__()
+        self._run, self._allowed = run, allowed
+        self.setObjectName(name)
+        self.setVisible(False)
+        bind(self, "window.end_stage")
+        self.clicked.connect(run.end_stage)
+        run.changed.connect(self._refresh)
+        on_language_change(self, self._refresh)
+
+    def _refresh(self) -> None:
+        why_not = self._run.why_not_end_stage
+        run = self._run
+        self.setVisible(run.going and not run.register_operation and not run.by_hand and self._allowed())
+        enable(self, term("end_stage", why_not) if why_not else "", say("window.end_stage_tip"))
+
+
+class ExchangeLabel(QLabel):
+    """A line that is hidden unless runs or logs are pending because of an error, which the tooltip shows."""
+
+    def __init__(self, app: AppContext) -> None:
+        super().__init__()
+        self.setObjectName("exchange_label")
+        self._app = app
+        theme.set_kind(self, "caution")
+        app.exchange_changed.connect(self._refresh)
+        on_language_change(self, self._refresh)
+
+    def _refresh(self) -> None:
+        state = self._app.exchange_state
+        show_text(self, "" if state is None else "  ·  ".join(filter(None, (self._runs(state), self._logs(state)))))
+        errors = () if state is None else (state.error_text, state.archive_error_text)
+        self.setToolTip("\n".join(say(error) for error in errors if error is not None))
+
+    def _runs(self, state: ExchangeState) -> str:
+        count, since = state.pending, state.contact_utc
+        if state.error is None or not count:
+            return ""
+        waiting = "one_run" if count == 1 else "runs"
+        if since is None:
+            return say(f"window.waiting_{waiting}", count=count)
+        today = since.astimezone().date() == datetime.now().astimezone().date()
+        since_text = f"{since.astimezone():%H:%M}" if today else local_time(since.isoformat())
+        return say(f"window.waiting_{waiting}_since", count=count, since=since_text)
+
+    def _logs(self, state: ExchangeState) -> str:
+        count = state.logs_pending
+        if state.archive_error is None or not count:
+            return ""
+        return say("window.one_log_waits" if count == 1 else "window.logs_wait", count=count)

@@ -79,12 +79,12 @@ class StageState:
 
 def largest_sigmas(event: StageSolved) -> dict[str, float]:
     """Return the largest sigma of each parameter group, SI."""
-    found: dict[str, float] = {}
+    largest: dict[str, float] = {}
     for name, solved in event.parameters.items():
         group = PARAMETERS[INDEX[name]].group if name in INDEX else ""
         if group in GROUPS:
-            found[group] = max(solved["sigma"], found.get(group, 0.0))
-    return found
+            largest[group] = max(solved["sigma"], largest.get(group, 0.0))
+    return largest
 
 
 @dataclass

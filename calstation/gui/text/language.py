@@ -35,17 +35,15 @@ def system_language() -> Language:
 def use(code: str) -> None:
     """Switch to a language and show all bound texts again; an unknown code selects English."""
     global _current
-    app = QCoreApplication.instance()
-    assert app is not None
     chosen: Language = "zh_CN" if code == "zh_CN" else "en"
     if chosen == _current:
         return
     _current = chosen
     QLocale.setDefault(QLocale(QLocale.Language.C))
-    app.removeTranslator(_qt_texts)
+    QCoreApplication.removeTranslator(_qt_texts)
     folder = QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)
     if chosen != "en" and _qt_texts.load(f"qtbase_{chosen}", folder):
-        app.installTranslator(_qt_texts)
+        QCoreApplication.installTranslator(_qt_texts)
     languages.changed.emit()
 
 

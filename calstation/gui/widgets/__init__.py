@@ -11,10 +11,7 @@ from calstation.gui.widgets.badge import (
     state_icon,
     theme_icon,
 )
-from calstation.gui.widgets.checks_table import ChecksTable
-from calstation.gui.widgets.comparison_table import Compared, ComparisonTable
 from calstation.gui.widgets.drawing import VIEWER, Drawing, basis, circle, depth, screen
-from calstation.gui.widgets.files import ask_file
 from calstation.gui.widgets.form import FormField, FormValues, NameBar, choices_of, make_input, problem_text
 from calstation.gui.widgets.inputs import (
     ChoiceBox,
@@ -31,17 +28,20 @@ from calstation.gui.widgets.jobs import JobRow, JobStack, JobWatch, Slot
 from calstation.gui.widgets.layout import (
     PANEL,
     STEPS,
+    DataView,
     ElidedLabel,
     EmptyState,
     Item,
     PageArea,
     ViewTabs,
+    ask_file,
     box,
     button,
     clear,
     column,
     combo_box,
     enable,
+    fill_combo,
     grid,
     label,
     line_edit,
@@ -53,11 +53,11 @@ from calstation.gui.widgets.layout import (
     split,
     stack,
 )
-from calstation.gui.widgets.missing_state import MissingState
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.gui.widgets.parameter_table import (
     NOTABLE_SIGMAS,
     ROW,
+    Cell,
     CellTable,
     Column,
     ParameterModel,
@@ -73,8 +73,10 @@ from calstation.gui.widgets.plot import (
     PlotMenu,
     PlotNote,
     ThemedPlot,
+    TimeBox,
+    ZoomBox,
     fit_below_note,
     spread,
 )
+from calstation.gui.widgets.result_views import ChecksTable, Compared, ComparisonTable, MissingState
 from calstation.gui.widgets.stacked_plots import Band, StackedPlots, dashed, time_unit
-from calstation.gui.widgets.zoom_box import TimeBox, ZoomBox

@@ -21,8 +21,8 @@ _SIZE, _RATIO = 24, 2
 def state_colour(kind: str) -> QColor:
     """Return the colour of a kind of state in the current theme."""
     c = theme.colours()
-    found = {"good": c.good, "partial": c.partial, "bad": c.bad, "caution": c.caution, "paused": c.caution}
-    return QColor({**found, "active": c.accent}.get(kind, c.muted))
+    colours = {"good": c.good, "partial": c.partial, "bad": c.bad, "caution": c.caution, "paused": c.caution}
+    return QColor({**colours, "active": c.accent}.get(kind, c.muted))
 
 
 def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None = None) -> None:

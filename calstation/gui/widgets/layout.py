@@ -1,14 +1,16 @@
-"""Functions that build layouts, labels, buttons and bars; their texts change with the language."""
+"""Functions that build layouts, labels, buttons, bars and file dialogs; their texts change with the language."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import Any, Generic, TypeVar
 
-from PySide6.QtCore import QEvent, QObject, QSize, Qt, SignalInstance
+from PySide6.QtCore import QEvent, QObject, QSignalBlocker, QSize, Qt, SignalInstance
 from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QBoxLayout,
     QComboBox,
+    QFileDialog,
     QFrame,
     QGridLayout,
     QHBoxLayout,
@@ -42,6 +44,7 @@ PANEL: Margins = (2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
 STEPS = 1000
 
 Box = TypeVar("Box", bound=QBoxLayout)
+Data = TypeVar("Data")
 
 
 def column(
@@ -120,6 +123,26 @@ def split(
         made.setStretchFactor(index, share)
     made.setSizes([100 * share for _, share in parts])
     return made
+
+
+class DataView(Generic[Data]):
+    """Mixin of a widget that draws data; its constructor registers `refresh` for changes of language or theme."""
+
+    data: Data | None = None
+
+    def show_data(self, data: Data) -> None:
+        """Show new data."""
+        self.data = data
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Draw the current data again, if there are any."""
+        if self.data is not None:
+            self.draw(self.data)
+
+    def draw(self, data: Data) -> None:
+        """Draw the data."""
+        raise NotImplementedError
 
 
 class ViewTabs(QTabBar):
@@ -216,6 +239,17 @@ def combo_box(name: str, items: Mapping[Any, Words] = {}) -> QComboBox:
         made.addItem("", data)
         bind(partial(made.setItemText, index), words)
     return made
+
+
+def fill_combo(combo: QComboBox, items: Iterable[tuple[str, Any]], chosen: Any = None) -> None:
+    """Offer other items (text, data) without emitting signals, and select `chosen`, by default the selected item."""
+    chosen = combo.currentData() if chosen is None else chosen
+    with QSignalBlocker(combo):
+        combo.clear()
+        for text, data in items:
+            combo.addItem(text, data)
+            if data == chosen:
+                combo.setCurrentIndex(combo.count() - 1)
 
 
 def progress_bar(height: int, name: str = "") -> QProgressBar:
@@ -357,3 +391,24 @@ def _filled(box: Box, items: tuple[Item, ...], on: QWidget | None, spacing: int,
     if on is not None:
         on.setLayout(box)
     return box
+
+
+def ask_file(
+    parent: QWidget, title: str, proposed: Path, kinds: Sequence[str], write: Callable[[Path], object]
+) -> None:
+    """Ask for a file, then call `write`; `kinds` are name filters such as ``CSV (*.csv)``, the usual one first."""
+    dialog = QFileDialog(parent, title, str(proposed.parent))
+    dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+    dialog.setFileMode(QFileDialog.FileMode.AnyFile)
+    dialog.setNameFilters(list(kinds))
+    dialog.selectFile(proposed.name)
+    dialog.filterSelected.connect(lambda kind: dialog.setDefaultSuffix(_suffix(kind)))
+    dialog.setDefaultSuffix(_suffix(kinds[0]))
+    dialog.fileSelected.connect(lambda name: write(Path(name)))
+    dialog.finished.connect(dialog.deleteLater)
+    dialog.open()
+
+
+def _suffix(kind: str) -> str:
+    """Return the suffix in the brackets of a name filter, without its first dot."""
+    return kind.rpartition("*.")[2].rstrip(")")

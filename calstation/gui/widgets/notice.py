@@ -36,6 +36,7 @@ class NoticeBar(QFrame):
         self._title: Words = ""
         self._text: Words = ""
         self._choices: Sequence[Choice] = ()
+        self._answers: dict[str, QPushButton] = {}
         self._icon = StateIcon(28)
         self.title_label, self.text_label = label(kind="section", wrap=True), label(wrap=True)
         self._buttons = row()
@@ -63,6 +64,7 @@ class NoticeBar(QFrame):
         for choice in choices:
             kind = "primary" if choice.primary else ""
             answer = button(choice.name, choice.words, lambda _, choice=choice: self._choose(choice), kind=kind)
+            self._answers[choice.name] = answer
             self._buttons.addWidget(answer)
         self.refresh()
         self.show()
@@ -84,14 +86,13 @@ class NoticeBar(QFrame):
 
     def button(self, name: str) -> QPushButton:
         """Return the button of a choice by its object name."""
-        found = self.findChild(QPushButton, name)
-        assert found is not None, name
-        return found
+        return self._answers[name]
 
     def dismiss(self) -> None:
         """Hide the bar."""
         self.hide()
         self._choices = ()
+        self._answers.clear()
         clear(self._buttons)
 
     def refresh(self) -> None:

@@ -10,16 +10,16 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelInd
 from PySide6.QtGui import QColor, QContextMenuEvent, QGuiApplication, QKeyEvent, QKeySequence, QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QTableView, QWidget
 
-from calstation.gui.text import Words, parameter_text, say, with_minus, without_minus
+from calstation.gui.text import Words, bind, parameter_text, say, with_minus, without_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import state_colour, state_icon
-from calstation.gui.widgets.files import ask_file
+from calstation.gui.widgets.layout import ask_file
 from calstation.physics import INDEX, NAMES, aligned
 
 Index = QModelIndex | QPersistentModelIndex
 
 #: Smallest width of an elided column, px.
-_LEAST_WIDTH = 15 * theme.GRID
+_MIN_WIDTH = 15 * theme.GRID
 
 #: Height of a row of a table of texts, px.
 ROW = 26
@@ -47,8 +47,8 @@ class Column:
 
 def ordered(parameters: Iterable[str]) -> list[str]:
     """Return parameters in the order of the contract, followed by parameters that are not in the contract."""
-    found = list(parameters)
-    return [*(name for name in NAMES if name in found), *(name for name in found if name not in INDEX)]
+    names = list(parameters)
+    return [*(name for name in NAMES if name in names), *(name for name in names if name not in INDEX)]
 
 
 def align_columns(cells: Mapping[str, dict[str, str]], columns: Iterable[str]) -> None:
@@ -128,7 +128,7 @@ class ParameterModel(QAbstractTableModel):
         state = None if column.state is None else column.state(name)
         match role:
             case Qt.ItemDataRole.UserRole:
-                return state
+                return state or None
             case Qt.ItemDataRole.DecorationRole if state:
                 return state_icon(state)
             case Qt.ItemDataRole.ForegroundRole if state:
@@ -180,7 +180,7 @@ class ParameterTable(QTableView):
                 self.setColumnWidth(i, self.columnWidth(i) + share + (k < more))
         elif shown:
             widest = max(shown, key=self.columnWidth)
-            self.setColumnWidth(widest, max(self.columnWidth(widest) + left, _LEAST_WIDTH))
+            self.setColumnWidth(widest, max(self.columnWidth(widest) + left, _MIN_WIDTH))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Fit the columns to the new width."""
@@ -215,14 +215,52 @@ class ParameterTable(QTableView):
         super().keyPressEvent(event)
 
 
-class CellTable(ParameterTable):
-    """Table of the texts in `cells`, by row name and column key; a missing text is shown as a dash."""
+@dataclass(frozen=True)
+class Cell:
+    """A column of a `CellTable`: its heading, and the keys of its texts, symbols and tooltips, "" for none."""
 
-    def __init__(self, name: str, *, grouped: bool = False) -> None:
+    heading: Words
+    key: str
+    number: bool = True
+    state: str = ""
+    hint: str = ""
+
+
+class CellTable(ParameterTable):
+    """Table of the texts in `cells`, by row name and column key; a missing text is shown as a dash.
+
+    Parameters
+    ----------
+    name, words
+        Object name and accessible name.
+    columns
+        The columns, which `show_cells` may replace.
+    grouped
+        Whether every second group of parameters is shaded.
+    named
+        Whether the names of the rows are shown.
+    single
+        Whether only one row can be selected.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        words: Words = "",
+        columns: Sequence[Cell] = (),
+        *,
+        grouped: bool = False,
+        named: bool = True,
+        single: bool = False,
+    ) -> None:
         self.cells: dict[str, dict[str, str]] = {}
-        super().__init__(ParameterModel((), grouped=grouped))
+        super().__init__(ParameterModel(self._columns_of(columns), grouped=grouped))
         self.setObjectName(name)
+        bind(self.setAccessibleName, words)
+        self.verticalHeader().setVisible(named)
         self.verticalHeader().setDefaultSectionSize(ROW)
+        if single:
+            self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
 
     def column(
         self, heading: Words, key: str, *, number: bool = True, hint: Callable[[str], str] | None = None
@@ -230,8 +268,36 @@ class CellTable(ParameterTable):
         """Return a column that shows the texts with the given key."""
         return Column(heading, lambda name: self.cells[name].get(key, "–"), number, hint=hint)
 
-    def show_cells(self, cells: Mapping[str, dict[str, str]], numbers: Sequence[str] = ()) -> None:
-        """Show these rows; the columns `numbers` are aligned at the decimal point."""
+    def show_cells(
+        self,
+        cells: Mapping[str, dict[str, str]],
+        numbers: Iterable[str] = (),
+        columns: Sequence[Cell] = (),
+    ) -> None:
+        """Show these rows, in other `columns` if given; the columns `numbers` are aligned at the decimal point."""
         self.cells = dict(cells)
         align_columns(self.cells, numbers)
-        self.parameters.set_names(list(self.cells))
+        if columns:
+            self.parameters.show(self._columns_of(columns), list(self.cells))
+        else:
+            self.parameters.set_names(list(self.cells))
+
+    @property
+    def chosen(self) -> str:
+        """Name of the current row, "" for none."""
+        return dict(enumerate(self.cells)).get(self.currentIndex().row(), "")
+
+    def _columns_of(self, columns: Sequence[Cell]) -> list[Column]:
+        def text(key: str, default: str) -> Callable[[str], str]:
+            return lambda name: self.cells[name].get(key, default)
+
+        return [
+            Column(
+                each.heading,
+                text(each.key, "–"),
+                each.number,
+                text(each.state, "") if each.state else None,
+                text(each.hint, "") if each.hint else None,
+            )
+            for each in columns
+        ]

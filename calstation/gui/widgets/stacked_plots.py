@@ -1,7 +1,6 @@
 """Plots that are stacked and share their horizontal axis."""
 
 from collections.abc import Sequence
-from typing import Generic, TypeVar
 
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
@@ -9,9 +8,8 @@ from PySide6.QtGui import QColor, QShowEvent
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import Data, DataView
 from calstation.gui.widgets.plot import ThemedPlot
-
-Data = TypeVar("Data")
 
 #: Name of a stage, and the start and end of its band on the horizontal axis.
 Band = tuple[str, float, float]
@@ -20,7 +18,7 @@ Band = tuple[str, float, float]
 _MIN_CHARACTER_WIDTH = 0.008
 
 
-class StackedPlots(QWidget, Generic[Data]):
+class StackedPlots(QWidget, DataView[Data]):
     """Base class of views with `count` linked plots, each with a left axis `left` px wide.
 
     `draw` is called for new data and after a change of language or theme, but not while the view is hidden.
@@ -28,7 +26,6 @@ class StackedPlots(QWidget, Generic[Data]):
 
     def __init__(self, count: int, left: int) -> None:
         super().__init__()
-        self._data: Data | None = None
         self._outdated = True
         self._items: list[tuple[ThemedPlot, pg.GraphicsObject]] = []
         self.plots = tuple(ThemedPlot() for _ in range(count))
@@ -42,15 +39,6 @@ class StackedPlots(QWidget, Generic[Data]):
             if number:
                 plot.setXLink(self.plots[0])
         theme.on_appearance_change(self, self.refresh)
-
-    def show_data(self, data: Data) -> None:
-        """Show new data."""
-        self._data = data
-        self.refresh()
-
-    def draw(self, data: Data) -> None:
-        """Draw the current data into empty plots."""
-        raise NotImplementedError
 
     def refresh(self) -> None:
         """Redraw now, or when the view is next shown if it is hidden."""
@@ -94,8 +82,7 @@ class StackedPlots(QWidget, Generic[Data]):
             plot.removeItem(item)
         self._items.clear()
         self._outdated = False
-        if self._data is not None:
-            self.draw(self._data)
+        super().refresh()
 
 
 def time_unit(duration: float) -> float:

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
+from string import Template
 
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QColor, QFont, QFontDatabase, QPainter, QPalette
@@ -22,6 +24,28 @@ BUTTON, BIG_BUTTON = 44, 64
 
 #: Height of the tab bar, px.
 TOP_BAR = 56
+
+#: Sizes in the style sheet, px.
+_SIZES = {
+    "input_height": BUTTON - 2 * GRID,
+    "half_grid": GRID // 2,
+    "button_inside": BUTTON - 2,
+    "padding": 2 * GRID,
+    "padding_focus": 2 * GRID - 1,
+    "padding_primary": 2 * GRID - 2,
+    "big_button_inside": BIG_BUTTON - 2,
+    "section": SECTION,
+    "button": BUTTON,
+    "grid": GRID,
+    "heading": 3 * GRID,
+    "check_box": 5 * GRID // 2,
+    "check_box_inside": 5 * GRID // 2 - 2,
+    "tab": TOP_BAR - 3,
+    "tab_padding": 3 * GRID // 2,
+    "body": BODY,
+    "view_tab": BUTTON - 3,
+}
+_STYLE_SHEET = Path(__file__).with_suffix(".qss")
 
 #: Colours of x, y and z in both themes, safe for colour-blind viewers.
 AXIS_COLOURS = {"x": "#0072B2", "y": "#D55E00", "z": "#009E73"}
@@ -108,7 +132,8 @@ def apply(name: str) -> None:
     """Switch the whole application to a theme."""
     global _current
     app = QApplication.instance()
-    assert isinstance(app, QApplication)
+    if not isinstance(app, QApplication):
+        raise TypeError("a theme needs a QApplication")
     name = name if name in COLOURS else "light"
     if name == _current and app.styleSheet():
         return  # a new style sheet polishes every widget again, which is slow
@@ -161,97 +186,7 @@ def palette(c: Colours) -> QPalette:
 
 def style_sheet(c: Colours) -> str:
     """Return the style sheet that sets heights, borders and fills, which a palette cannot set."""
-    return f"""
-    QComboBox, QLineEdit, QSpinBox, QDoubleSpinBox, QDateEdit {{ min-height: {BUTTON - 2 * GRID}px; }}
-    QLineEdit {{
-        border: 1px solid {c.line}; border-radius: 4px; background: {c.field}; padding: 0 {GRID // 2}px;
-    }}
-    QLineEdit:focus {{ border: 2px solid {c.accent}; padding: 0 3px; }}
-    QLineEdit:disabled {{ background: {c.window}; color: {c.muted}; }}
-    QComboBox QLineEdit, QAbstractSpinBox QLineEdit {{ border: none; background: transparent; padding: 0; }}
-    QLineEdit[kind="tall"], QComboBox[kind="tall"] {{
-        min-height: {BUTTON - 2}px; max-height: {BUTTON - 2}px;
-    }}
-    QPushButton {{
-        min-height: {BUTTON - 2}px; padding: 0 {2 * GRID}px; border: 1px solid {c.line}; border-radius: 4px;
-        background: {c.panel};
-    }}
-    QPushButton:hover {{ border-color: {c.accent}; }}
-    QPushButton:pressed {{ background: {c.track}; }}
-    QPushButton:focus {{ border: 2px solid {c.accent}; padding: 0 {2 * GRID - 1}px; }}
-    QPushButton:disabled {{ background: {c.window}; color: {c.muted}; }}
-    QPushButton:checked {{ background: {c.accent}; color: {c.on_accent}; }}
-    QPushButton[kind="primary"] {{ background: {c.accent}; color: {c.on_accent}; border-color: {c.accent}; }}
-    QPushButton[kind="primary"]:focus {{ border: 3px solid {c.text}; padding: 0 {2 * GRID - 2}px; }}
-    QPushButton[kind="primary"]:disabled {{ background: {c.window}; color: {c.muted}; border-color: {c.line}; }}
-    QPushButton[kind="partial"] {{ background: {c.partial}; color: {c.on_state}; border-color: {c.partial}; }}
-    QPushButton[kind="partial"]:focus {{ border: 3px solid {c.text}; padding: 0 {2 * GRID - 2}px; }}
-    QPushButton[kind="partial"]:disabled {{ background: {c.window}; color: {c.muted}; border-color: {c.line}; }}
-    Tile[kind="tile"] {{ background: {c.panel}; border: 1px solid {c.line}; border-radius: 4px; }}
-    Tile[kind="tile_chosen"] {{ background: {c.window}; border: 2px solid {c.accent}; border-radius: 4px; }}
-    Tile:hover {{ border-color: {c.accent}; }}
-    Tile:focus {{ border: 2px solid {c.text}; }}
-    QPushButton#stop_button {{ background: {c.bad}; color: {c.on_state}; border-color: {c.bad}; }}
-    QPushButton#stop_button:focus {{ border: 3px solid {c.text}; padding: 0 {2 * GRID - 2}px; }}
-    QPushButton#start_button, QPushButton#stop_button, QPushButton#pause_button {{
-        min-height: {BIG_BUTTON - 2}px; font-size: {SECTION}px; font-weight: 600;
-    }}
-    QFrame[kind="panel"] {{ background: {c.panel}; border: 1px solid {c.line}; border-radius: 4px; }}
-    QFrame[kind="current"] {{ background: {c.window}; border: none; border-left: 3px solid {c.accent}; }}
-    QLabel[kind="section"] {{ font-size: {SECTION}px; font-weight: 600; }}
-    QLabel[kind="muted"] {{ color: {c.muted}; }}
-    QLabel[kind="error"] {{ color: {c.bad}; }}
-    QLabel[kind="caution"] {{ color: {c.caution}; }}
-    QLabel[kind="partial"] {{ color: {c.partial}; font-weight: 600; }}
-    QLineEdit[wrong="true"], QComboBox[wrong="true"] {{ border: 2px solid {c.bad}; border-radius: 4px; }}
-    QListWidget#stage_list {{ background: transparent; }}
-    QListWidget#stage_list::item {{ border-bottom: 1px solid {c.line}; }}
-    QListWidget[kind="nav"] {{ background: transparent; border: none; outline: none; }}
-    QListWidget[kind="nav"]::item {{
-        height: {BUTTON}px; padding-left: {GRID}px; border-left: 3px solid transparent; color: {c.muted};
-    }}
-    QListWidget[kind="nav"]::item:selected {{
-        background: {c.panel}; color: {c.text}; border-left-color: {c.accent};
-    }}
-    QScrollArea[kind="clear"], QScrollArea[kind="clear"] > #qt_scrollarea_viewport > QWidget {{
-        background: transparent;
-    }}
-    QLabel[kind="number"] {{
-        background: {c.accent}; color: {c.on_accent}; border-radius: 14px; min-height: 28px; min-width: 28px;
-        font-weight: 600; qproperty-alignment: AlignCenter;
-    }}
-    QLabel[kind="pill"] {{
-        border: 1px solid {c.line}; border-radius: 4px; padding: 0 {GRID}px; min-height: 28px; color: {c.text};
-    }}
-    QTableView {{ border: 1px solid {c.line}; }}
-    QHeaderView {{ background: {c.panel}; }}
-    QHeaderView::section {{ background: {c.panel}; color: {c.text}; border: none; padding: 0 {GRID // 2}px; }}
-    QHeaderView::section:horizontal {{ border-bottom: 1px solid {c.line}; min-height: {3 * GRID}px; }}
-    QTableCornerButton::section {{ background: {c.panel}; border: none; border-bottom: 1px solid {c.line}; }}
-    QCheckBox::indicator {{ width: {5 * GRID // 2}px; height: {5 * GRID // 2}px; }}
-    QCheckBox::indicator:unchecked {{
-        border: 1px solid {c.muted}; border-radius: 3px; background: {c.field};
-        width: {5 * GRID // 2 - 2}px; height: {5 * GRID // 2 - 2}px;
-    }}
-    QCheckBox::indicator:unchecked:hover, QCheckBox::indicator:unchecked:focus {{ border-color: {c.accent}; }}
-    QCheckBox::indicator:unchecked:disabled {{ border-color: {c.line}; background: {c.window}; }}
-    QProgressBar {{ border: none; border-radius: 4px; background: {c.track}; }}
-    QProgressBar::chunk {{ border-radius: 4px; background: {c.accent}; }}
-    QTabWidget#page_tabs > QTabBar::tab {{
-        height: {TOP_BAR - 3}px; padding: 0 {3 * GRID // 2}px; border: none; border-bottom: 3px solid transparent;
-        color: {c.muted}; font-size: {BODY}px;
-    }}
-    QTabWidget#page_tabs > QTabBar::tab:selected {{ color: {c.text}; border-bottom-color: {c.accent}; }}
-    QTabWidget#page_tabs > QTabBar::tab:focus {{ color: {c.accent}; }}
-    QTabBar[kind="views"]::tab {{
-        height: {BUTTON - 3}px; padding: 0 {GRID}px; border: none; border-bottom: 3px solid transparent;
-        color: {c.muted}; background: transparent;
-    }}
-    QTabBar[kind="views"]::tab:selected {{ color: {c.text}; border-bottom-color: {c.accent}; }}
-    QTabBar[kind="views"]::tab:focus {{ color: {c.accent}; }}
-    QTabWidget#page_tabs::pane {{ border: none; }}
-    QToolTip {{ color: {c.text}; background: {c.panel}; border: 1px solid {c.line}; padding: {GRID // 2}px; }}
-    """
+    return Template(_STYLE_SHEET.read_text(encoding="utf-8")).substitute(_SIZES, **vars(c))
 
 
 def font(size: int = BODY, *, bold: bool = False) -> QFont:

@@ -14,6 +14,7 @@ from calstation.gui.state import JobView
 from calstation.gui.text import Words, duration_text, on_language_change, say
 from calstation.gui.widgets import (
     ChecksTable,
+    DataView,
     StateBadge,
     ViewTabs,
     column,
@@ -77,9 +78,10 @@ class AnswerViews(QWidget):
         if self.check is not None and self.residuals is not None and isinstance(data, PairPlotData):
             self.check.show_data(data, answer.schedule)
             self.residuals.show_data(data, answer.parameters)
-        self.table.show_answer(answer)
+        self.table.show_data(answer)
         self.checks.show_checks(answer.resolved.result.checks)
-        self._head.show_answer(answer)
+        self._head.show_data(answer)
+        self._head.show()
         self._refresh()
         self.tabs.setCurrentIndex(1)
 
@@ -95,27 +97,18 @@ class AnswerViews(QWidget):
             self.tabs.setTabToolTip(index, unsolved)
 
 
-class _AnswerHead(QWidget):
+class _AnswerHead(QWidget, DataView[MethodAnswer]):
     """Shows the verdict, recording and remarks of a solution; hidden until there is one."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._answer: MethodAnswer | None = None
         self._badge, self._about, self._remarks = StateBadge(), label(kind="muted"), label(kind="caution", wrap=True)
         column(row(self._badge, (self._about, 1), spacing=2 * theme.GRID), self._remarks, on=self)
         self.hide()
-        on_language_change(self, self._refresh)
+        on_language_change(self, self.refresh)
 
-    def show_answer(self, answer: MethodAnswer) -> None:
+    def draw(self, answer: MethodAnswer) -> None:
         """Show a solution."""
-        self._answer = answer
-        self._refresh()
-        self.show()
-
-    def _refresh(self) -> None:
-        answer = self._answer
-        if answer is None:
-            return
         show_text(self._remarks, "\n".join(say(event_text(key, values)) for key, values in answer.resolved.messages))
         self._badge.show_state(*self._verdict(answer))
         result, recording = answer.resolved.result, answer.recording

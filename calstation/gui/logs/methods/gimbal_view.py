@@ -7,17 +7,27 @@ from PySide6.QtWidgets import QFrame, QWidget
 
 from calstation.gui.logs.methods.plots import MethodPlot, three_digits
 from calstation.gui.text import say
-from calstation.gui.widgets import ElidedLabel, StateBadge, clear, column, label, panel, row, scroll_area, theme
+from calstation.gui.widgets import (
+    DataView,
+    ElidedLabel,
+    StateBadge,
+    clear,
+    column,
+    label,
+    panel,
+    row,
+    scroll_area,
+    theme,
+)
 from calstation.physics import ARCSECOND
 from calstation.results.plots import GimbalAxis, GimbalPlotData
 
 
-class GimbalView(QWidget):
+class GimbalView(QWidget, DataView[GimbalPlotData]):
     """Plots the drift measured in each turn (dots), the predicted drift (thin line), and the threshold (dashed)."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._data: GimbalPlotData | None = None
         self.badges: list[StateBadge] = []
         self.plot = MethodPlot(log=True)
         self.plot.getAxis("bottom").setTickSpacing(1.0, 1.0)
@@ -25,17 +35,10 @@ class GimbalView(QWidget):
         self._panels = column(on=side)
         parts = (self.plot, 11), (scroll_area(side), 8)
         row(*parts, on=self, spacing=2 * theme.GRID, margins=(0, theme.GRID, 0, 0))
-        theme.on_appearance_change(self, self._refresh)
+        theme.on_appearance_change(self, self.refresh)
 
-    def show_data(self, data: GimbalPlotData) -> None:
-        """Show a solution."""
-        self._data = data
-        self._refresh()
-
-    def _refresh(self) -> None:
-        data = self._data
-        if data is None:
-            return
+    def draw(self, data: GimbalPlotData) -> None:
+        """Draw a solution."""
         c = theme.colours()
         clear(self._panels)
         self.badges = []

@@ -6,10 +6,9 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QSpinBox, QWidget
 
 from calstation.config import MANUAL_STATION, manual_product, uses_manual_rig
-from calstation.gui.logs.exports import Exports
 from calstation.gui.logs.methods.answer_views import AnswerViews
 from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
-from calstation.gui.logs.source_bar import SourceBar
+from calstation.gui.logs.source_bar import Exports, SourceBar
 from calstation.gui.state import AppContext, JobView
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import JobRow, JobStack, button, column, combo_box, enable, label, row
@@ -102,7 +101,7 @@ class MethodPanel(JobView):
             self.exports.ask_result(self.answer.recording.path, self.answer.resolved.result, None, self.stage)
 
     def _connect(self) -> None:
-        self.bench.wanted.connect(self.make)
+        self.bench.requested.connect(self.make)
         self.busy_changed.connect(self._update)
         if self.answers.check is not None:
             self.answers.check.check_wanted.connect(self._check)
@@ -151,9 +150,9 @@ class MethodPanel(JobView):
 
 
 class BenchBox(QWidget):
-    """Selects the grade and seed of a simulated recording; emits `wanted(grade, seed)` to request it."""
+    """Selects the grade and seed of a simulated recording; emits `requested(grade, seed)` to request it."""
 
-    wanted = Signal(str, int)
+    requested = Signal(str, int)
 
     def __init__(self, stage: str) -> None:
         super().__init__()
@@ -166,7 +165,7 @@ class BenchBox(QWidget):
         self.make_button = button(
             f"bench_make_{stage}",
             "logs.make_one",
-            lambda: self.wanted.emit(self.grade_combo.currentData(), self.seed_spin.value()),
+            lambda: self.requested.emit(self.grade_combo.currentData(), self.seed_spin.value()),
             tip="logs.make_tip",
         )
         caption = label("common.virtual_bench", buddy=self.grade_combo)

@@ -6,37 +6,29 @@ from PySide6.QtGui import QColor, QMouseEvent, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.logs.methods.plots import Figure, MethodPlot
-from calstation.gui.text import say
-from calstation.gui.widgets import column, label, panel, row, theme
+from calstation.gui.text import bind, say
+from calstation.gui.widgets import DataView, column, label, panel, row, theme
 from calstation.physics import ARCSECOND, MICRO_G, FloatArray
 from calstation.results.plots import PositionPlotData
 
 
-class PositionsView(QWidget):
+class PositionsView(QWidget, DataView[PositionPlotData]):
     """Plots residuals before (hollow dots) and after (filled dots), with the product's limit as a dashed line."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._data: PositionPlotData | None = None
         self.sphere, self._caption = PositionSphere(), label(kind="muted", wrap=True)
+        bind(self.sphere.setAccessibleName, "logs.gravity_directions")
         self.force_figure, self.angle_figure = Figure(), Figure()
         self.force_plot, self.angle_plot = MethodPlot(log=True), MethodPlot(log=True)
         figures = row(self.force_figure, self.angle_figure, None, spacing=4 * theme.GRID)
         right = column(figures, (self.force_plot, 1), (self.angle_plot, 1))
         parts = (panel((self.sphere, 1), self._caption), 4), (right, 9)
         row(*parts, on=self, spacing=2 * theme.GRID, margins=(0, theme.GRID, 0, 0))
-        theme.on_appearance_change(self, self._refresh)
+        theme.on_appearance_change(self, self.refresh)
 
-    def show_data(self, data: PositionPlotData) -> None:
-        """Show a solution."""
-        self._data = data
-        self._refresh()
-
-    def _refresh(self) -> None:
-        self.sphere.setAccessibleName(say("logs.gravity_directions"))
-        data = self._data
-        if data is None:
-            return
+    def draw(self, data: PositionPlotData) -> None:
+        """Draw a solution."""
         self.sphere.show_positions(data.up)
         self._caption.setText(say("logs.gravity_at_rests", count=len(data.up)))
         force, angle = (data.force_before, data.force_after), (data.angle_before, data.angle_after)

@@ -1,16 +1,27 @@
-"""Marks on the plots of a log: stages as bands, moves as faint lines, gaps and invalid samples as hatched areas."""
+"""Data and items of the plots of a log: columns to draw, marks of stages and gaps, selected range, time axis."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
+from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QBrush, QColor, QFontMetricsF, QPainter, QPen, QPolygonF
 from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 
 from calstation.gui.widgets import theme
 from calstation.physics import FloatArray
-from calstation.results.plots import LogIndex
+from calstation.results.plots import BINS, CHANNELS, Columns, LogIndex, MinMaxPyramid, Values, group_of, joined
+
+#: Channels of each plot, and the unit and decimals of their values.
+PLOTS = (
+    (CHANNELS[:3], "°/s", 5),
+    (CHANNELS[3:6], "m/s²", 5),
+    (CHANNELS[6:8], "°", 4),
+    (CHANNELS[8:], "°C", 3),
+)
 
 #: Minimum drawn width of a gap or invalid range, px.
 _MIN_WIDTH = 3.0
@@ -152,3 +163,127 @@ def _visible_ranges(ranges: FloatArray, box: QRectF) -> FloatArray:
     stops = np.append(starts[1:], len(inside)) - 1
     joined: FloatArray = np.column_stack([left[starts], right[stops]])
     return np.clip(joined, box.left() - 1, box.right() + 1)
+
+
+class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
+    """A region in seconds with draggable edges; dragging between them zooms."""
+
+    def __init__(self) -> None:
+        super().__init__(swapMode="block")
+        self.setZValue(50)
+
+    def apply_theme(self) -> None:
+        """Apply the colours of the current theme."""
+        accent = theme.colours().accent
+        self.setBrush(theme.faint(accent, 18))
+        for line in self.lines:
+            line.setPen(QPen(QColor(accent), 2))
+            line.setHoverPen(QPen(theme.faint(accent, 160), 20))  # an edge can be dragged within this width
+            line.pen.setCosmetic(True)
+            line.hoverPen.setCosmetic(True)
+
+    def mouseDragEvent(self, event: Any) -> None:
+        """Ignore the drag, so that the plot handles it."""
+        event.ignore()
+
+    def hoverEvent(self, event: Any) -> None:
+        """Ignore the mouse, so that the plot handles it."""
+
+
+#: Allowed tick spacings, s.
+_SPACINGS = (
+    *(base * 10.0**power for power in range(-5, 0) for base in (1, 2, 5)),
+    *(1.0, 2.0, 5.0, 10.0, 15.0, 30.0),
+    *(60.0 * minutes for minutes in (1, 2, 5, 10, 15, 30)),
+    *(3600.0 * hours for hours in (1, 2, 3, 6, 12, 24, 48, 96, 240, 480, 960)),
+)
+
+
+class TimeAxis(pg.AxisItem):  # type: ignore[misc]
+    """A time axis with ticks at round numbers of seconds, minutes or hours."""
+
+    def __init__(self) -> None:
+        super().__init__("bottom")
+
+    def tickSpacing(self, low: float, high: float, size: float) -> list[tuple[float, float]]:
+        """Return the smallest tick spacing at which labels do not overlap."""
+        least = (high - low) * 110 / max(size, 1.0)  # 110 px between ticks
+        return [(next((s for s in _SPACINGS if s >= least), _SPACINGS[-1]), 0.0)]
+
+    def tickStrings(self, values: Sequence[float], _: float, spacing: float) -> list[str]:
+        """Return labels in the form h:mm:ss, with as many decimals as the spacing needs."""
+        return [time_text(value, spacing) for value in values]
+
+
+def time_text(seconds: float, resolution: float = 1.0) -> str:
+    """Format seconds as h:mm:ss, with decimals if `resolution` is finer than a second."""
+    decimals = next((d for d in range(5) if resolution >= 0.99 * 10.0**-d), 5)
+    units = 10**decimals
+    ticks = round(abs(seconds) * units)
+    minutes, rest = divmod(ticks, 60 * units)
+    hours, minutes = divmod(minutes, 60)
+    sign = "−" if seconds < 0 and ticks else ""
+    width = 3 + decimals if decimals else 2
+    return f"{sign}{hours}:{minutes:02d}:{rest / units:0{width}.{decimals}f}"
+
+
+@dataclass(frozen=True)
+class SampleRequest:
+    """A request for rows `start` to `stop`, sequence numbers `first` to `last`, in at most `count` columns."""
+
+    first: int
+    last: int
+    start: int
+    stop: int
+    count: int
+
+
+class LogColumns:
+    """The min-max pyramid of a log, and the single samples fetched last."""
+
+    def __init__(self, log_index: LogIndex) -> None:
+        self._facts = log_index.facts
+        self._pyramid = MinMaxPyramid(log_index.folder)
+        self._fine: tuple[SampleRequest, Columns] | None = None
+
+    def keep(self, request: SampleRequest, columns: Columns) -> None:
+        """Store the single samples fetched for a request."""
+        self._fine = (request, columns)
+
+    def view(self, first: int, last: int, count: int) -> tuple[Columns, SampleRequest | None]:
+        """Return at most `count` columns over a range of sequence numbers, and a request for finer samples or None."""
+        columns = self._pyramid.columns(first, last, count)
+        if columns.samples > BINS[0] or len(columns) >= count // 2:
+            return columns, None
+        if self._fine is not None:
+            request, fine = self._fine
+            inside = request.first <= first and last <= request.last
+            if inside and fine.samples <= max(1, (last - first) // count):
+                return _between(fine, first, last, count), None
+        width = last - first
+        reach = max(self._facts.first_seq, first - width), min(self._facts.last_seq, last + width)
+        return columns, SampleRequest(*reach, *self._pyramid.rows(*reach), 8 * count)
+
+
+def split_at_gaps(columns: Columns, wide: float) -> tuple[NDArray[np.float64], Values, Values]:
+    """Return sequence numbers, minima and maxima, with NaN to break the line if more than `wide` samples are missing.
+
+    A merged column with such a gap may contain samples from before and after it, and is omitted.
+    """
+    gaps = np.flatnonzero(np.diff(columns.seq) - columns.samples > wide)
+    seq, low, high = columns.seq.astype(np.float64), columns.low, columns.high
+    if len(gaps) and columns.samples == 1:
+        seq = np.insert(seq, gaps + 1, np.nan)
+        low, high = (np.insert(values, gaps + 1, np.nan, axis=0) for values in (low, high))
+    else:
+        seq[gaps] = np.nan
+    return seq, low, high
+
+
+def _between(columns: Columns, first: int, last: int, count: int) -> Columns:
+    """Return the columns that cover a range, merged into at most `count`."""
+    start = max(0, int(columns.seq.searchsorted(first, side="right")) - 1)
+    stop = int(columns.seq.searchsorted(last, side="right")) + 1
+    k = slice(start, stop)
+    group = group_of(len(columns.seq[k]), count)
+    return joined(columns.seq[k], columns.low[k], columns.high[k], group, columns.samples)
