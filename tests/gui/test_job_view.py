@@ -10,7 +10,7 @@ from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, JobView
 from calstation.jobs import ProgressCallback
 
-WAIT = 20_000
+WAIT = 60_000
 
 
 def add(report: ProgressCallback, first: int, second: int = 0) -> int:

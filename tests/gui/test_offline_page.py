@@ -360,7 +360,8 @@ def test_sigma_above_its_limit_marks_only_the_sigma(qtbot: QtBot) -> None:
     before = result_with(**result, outcome="failed", stages=["rate"])
     shown.show_log(SimpleNamespace(stored=before, facts=SimpleNamespace(first_seq=0, last_seq=9)))  # type: ignore[arg-type]
     shown.show_solved(Resolved(result_with(**result, stages=["rate"], outcome="resolved"), ()))
-    states = [[shown.model.index(line, column).data(Qt.ItemDataRole.UserRole) for column in (3, 4)] for line in (0, 1)]
+    model = shown.table.model()
+    states = [[model.index(line, column).data(Qt.ItemDataRole.UserRole) for column in (3, 4)] for line in (0, 1)]
     assert states == [[None, "bad"], ["bad", None]]
 
 

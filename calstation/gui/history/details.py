@@ -35,6 +35,7 @@ from calstation.gui.widgets import (
     ThemedPlot,
     button,
     column,
+    combo_box,
     enable,
     fill_combo,
     label,
@@ -76,8 +77,7 @@ class Trend(QWidget):
         self._runs: tuple[IndexedRun, ...] = ()
         self._selected = ""
         self._limits: Mapping[str, tuple[float, float]] = {}
-        self._combo = QComboBox()
-        self._combo.setObjectName("trend_combo")
+        self._combo = combo_box("trend_combo")
         self._combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self._combo.setMinimumContentsLength(18)
         self._combo.currentIndexChanged.connect(lambda _: self.draw())

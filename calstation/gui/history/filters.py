@@ -6,10 +6,10 @@ from typing import Any
 
 from PySide6.QtCore import QDate, QLocale, QSignalBlocker, Qt, QTimer, Signal
 from PySide6.QtGui import QTextCharFormat
-from PySide6.QtWidgets import QCalendarWidget, QComboBox, QDateEdit, QLineEdit, QSizePolicy, QWidget
+from PySide6.QtWidgets import QCalendarWidget, QComboBox, QDateEdit, QSizePolicy, QWidget
 
 from calstation.gui.text import Words, bind, language, on_language_change, product_text, say
-from calstation.gui.widgets import column, combo_box, fill_combo, label, row, theme
+from calstation.gui.widgets import column, combo_box, fill_combo, label, line_edit, row, theme
 from calstation.messages import Text, local_time
 from calstation.records import RunChoices, RunFilter
 
@@ -36,11 +36,9 @@ class Filters(QWidget):
     def __init__(self, beside: QWidget) -> None:
         super().__init__()
         self._choices = RunChoices()
-        self.search_edit = QLineEdit()
-        self.search_edit.setObjectName("history_search_edit")
+        self.search_edit = line_edit("history_search_edit", hint="history.search_placeholder")
         self.search_edit.setClearButtonEnabled(True)
         self.search_edit.setMinimumWidth(14 * theme.GRID)
-        bind(self.search_edit.setPlaceholderText, "history.search_placeholder")
         caption = label("history.search", buddy=self.search_edit)
         self._verdict, self._period = self._combo("outcome", _VERDICTS), self._combo("time", _PERIODS)
         self._product, self._station, self._operator = map(self._combo, ("product", "station", "operator"))

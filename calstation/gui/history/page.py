@@ -24,6 +24,7 @@ from calstation.gui.widgets import (
     EmptyState,
     JobRow,
     JobStack,
+    box,
     button,
     column,
     enable,
@@ -73,8 +74,7 @@ class HistoryPage(Page):
         self._nothing = EmptyState()
         self._split = split((self.table, 25), (self.details, 21), handle=2 * theme.GRID)
         self._stack = stack(self._nothing, self._split)
-        runs = QWidget()
-        column(self._filters, (self._stack, 1), on=runs)
+        runs = box(self._filters, (self._stack, 1))
         self._comparison = RunComparison(self._show_list)
         self.versions = VersionsView(self, self._show_list)
         self._views = stack(runs, self._comparison, self.versions)

@@ -20,6 +20,7 @@ from calstation.gui.widgets import (
     JobStack,
     LogAxis,
     ThemedPlot,
+    box,
     button,
     column,
     combo_box,
@@ -82,12 +83,9 @@ class VersionsView(QWidget):
         self._group = combo_box("versions_group_combo", _GROUPS)
         bind(self._group.setAccessibleName, "history.plot_rows")
         self._group.currentIndexChanged.connect(lambda _: self._draw())
-        left = QWidget()
-        column(self._changes_title, (self.changes, 2), (self.moves, 3), on=left)
-        right = QWidget()
-        column(row(None, self._group), (self.plot, 1), on=right)
-        answer = QWidget()
-        column(self._summary, (split((left, 5), (right, 4), handle=2 * theme.GRID), 1), on=answer)
+        left = box(self._changes_title, (self.changes, 2), (self.moves, 3))
+        right = box(row(None, self._group), (self.plot, 1))
+        answer = box(self._summary, (split((left, 5), (right, 4), handle=2 * theme.GRID), 1))
         self._nothing = EmptyState()
         self._body, self._answer = stack(self._nothing, answer), answer
         column(self._make_choice(), (self._body, 1), on=self)
@@ -104,8 +102,7 @@ class VersionsView(QWidget):
         self._before, self._after = self._version_combo("before"), self._version_combo("after")
         self._compare_button = button("versions_compare_button", "common.compare", self._compare, kind="primary")
         self._export_button = button("versions_export_button", "history.export", self._export)
-        idle = QWidget()
-        row(None, self._compare_button, self._export_button, on=idle)
+        idle = box(row(None, self._compare_button, self._export_button))
         progress = JobStack(
             idle,
             JobRow(self._reader, "versions_read_cancel_button"),
@@ -114,13 +111,11 @@ class VersionsView(QWidget):
         )
         before = label("history.before", buddy=self._before)
         after = label("history.after", buddy=self._after)
-        choice = QWidget()
-        row(self.back_button, before, (self._before, 2), after, (self._after, 2), (progress, 3), on=choice)
+        choice = box(row(self.back_button, before, (self._before, 2), after, (self._after, 2), (progress, 3)))
         return choice
 
     def _version_combo(self, name: str) -> QComboBox:
-        combo = QComboBox()
-        combo.setObjectName(f"versions_{name}_combo")
+        combo = combo_box(f"versions_{name}_combo")
         combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         combo.setMinimumContentsLength(10)
         combo.currentIndexChanged.connect(lambda _: self._show_texts())

@@ -25,6 +25,7 @@ from calstation.gui.widgets import (
     JobRow,
     JobStack,
     MissingState,
+    box,
     button,
     column,
     enable,
@@ -123,8 +124,7 @@ class OfflinePage(Page):
         self._reading = EmptyState(progress, title="logs.reading_log")
         self._open = self._build_open()
         self._stack = stack(self._empty, self._reading, self._open)
-        by_stages = QWidget()
-        column(self.notice, (self._stack, 1), on=by_stages)
+        by_stages = box(self.notice, (self._stack, 1))
         self._body = stack(by_stages)
         margins = (2 * theme.GRID, theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
         column(self.methods, self.source, (self._body, 1), on=self, margins=margins)

@@ -5,11 +5,11 @@ from pathlib import Path
 
 from PySide6.QtCore import QSettings, QTimer, Signal
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QFileDialog, QLineEdit, QMenu, QWidget
+from PySide6.QtWidgets import QFileDialog, QMenu, QWidget
 
 from calstation.gui.state import FileExport
-from calstation.gui.text import bind, on_language_change, say
-from calstation.gui.widgets import button, enable, label, row
+from calstation.gui.text import on_language_change, say
+from calstation.gui.widgets import button, enable, label, line_edit, row
 from calstation.records import LOG_SUFFIXES
 from calstation.results import Result, export_log, export_result
 from calstation.results.plots import LogIndex
@@ -38,15 +38,13 @@ class SourceBar(QWidget):
         super().__init__()
         self._settings, self._latest = settings, latest
         self._shown = ""
-        self.log_edit = QLineEdit()
-        self.log_edit.setObjectName("log_edit")
+        self.log_edit = line_edit("log_edit", hint="logs.path_tip")
         self.log_edit.setAcceptDrops(False)  # the page handles dropped files
         self.log_edit.returnPressed.connect(self._open_typed)
         #: A path that is unchanged for this time, such as a pasted one, is opened if the file exists.
         self._unchanged = QTimer(self, singleShot=True, interval=400)
         self._unchanged.timeout.connect(self._open_pasted)
         self.log_edit.textChanged.connect(self._unchanged.start)
-        bind(self.log_edit.setPlaceholderText, "logs.path_tip")
         caption = label("logs.log", buddy=self.log_edit)
         self.open_button = button("log_open_button", "logs.open", self.browse)
         self.recent_button = button("log_recent_button", "logs.recent")

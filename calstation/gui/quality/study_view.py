@@ -7,12 +7,12 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtWidgets import QComboBox, QFileDialog, QLineEdit, QSpinBox, QWidget
+from PySide6.QtWidgets import QComboBox, QFileDialog, QSpinBox, QWidget
 
 from calstation.config import load_product
 from calstation.errors import CalstationError
 from calstation.gui.state import Page
-from calstation.gui.text import bind, on_language_change, parameter_text, say
+from calstation.gui.text import on_language_change, parameter_text, say
 from calstation.gui.widgets import (
     Cell,
     CellTable,
@@ -21,8 +21,10 @@ from calstation.gui.widgets import (
     ask_file,
     button,
     column,
+    combo_box,
     fill_combo,
     label,
+    line_edit,
     panel,
     row,
     show_text,
@@ -35,8 +37,6 @@ from calstation.quality import AnovaRow, GaugePlan, GaugeStudy, StudyState, Vari
 
 #: State of each verdict.
 _STATES = {"acceptable": "good", "marginal": "caution", "unacceptable": "bad"}
-#: Fields for names in the form of a new plan.
-_FIELDS = ("units", "operators", "stations")
 _ORDER = (
     Cell("quality.run", "run"),
     Cell("quality.trial", "trial"),
@@ -70,8 +70,7 @@ class StudyView(QWidget):
         self._state: StudyState | None = None
         self._error: CalstationError | None = None
         self._job = page.job(evaluate_study, self._show, failed=self._show_error)
-        self._quantity = QComboBox()
-        self._quantity.setObjectName("study_quantity_combo")
+        self._quantity = combo_box("study_quantity_combo")
         self._quantity.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self._quantity.currentIndexChanged.connect(lambda _: self._show_study())
         self._plan_label = label(kind="muted", name="study_plan_label")
@@ -201,14 +200,14 @@ class PlanForm(QWidget):
     def __init__(self, product: Callable[[], Path | None], then: Callable[[GaugePlan], object]) -> None:
         super().__init__()
         self._product, self._then = product, then
-        self.units_edit, self.operators_edit, self.stations_edit = (_edit(name) for name in _FIELDS)
+        names = "quality.names_placeholder"
+        self.units_edit = line_edit("study_units_edit", hint="quality.serials_placeholder")
+        self.operators_edit = line_edit("study_operators_edit", hint=names)
+        self.stations_edit = line_edit("study_stations_edit", hint=names)
         self._trials = QSpinBox()
         self._trials.setRange(2, 20)
         self._trials.setValue(3)
         self._problem = label(kind="error", wrap=True)
-        bind(self.units_edit.setPlaceholderText, "quality.serials_placeholder")
-        for edit in (self.operators_edit, self.stations_edit):
-            bind(edit.setPlaceholderText, "quality.names_placeholder")
         fields = (
             ("quality.study_units", self.units_edit, 3),
             ("quality.operators", self.operators_edit, 2),
@@ -234,12 +233,6 @@ class PlanForm(QWidget):
             return
         show_text(self._problem, "")
         self._then(plan)
-
-
-def _edit(name: str) -> QLineEdit:
-    edit = QLineEdit()
-    edit.setObjectName(f"study_{name}_edit")
-    return edit
 
 
 def _split(text: str) -> list[str]:

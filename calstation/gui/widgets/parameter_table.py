@@ -160,7 +160,6 @@ class ParameterTable(QTableView):
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.setShowGrid(False)
         self.setTabKeyNavigation(False)
-        self.verticalHeader().setDefaultSectionSize(4 * theme.GRID)
         self.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         self.verticalHeader().setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
@@ -241,6 +240,8 @@ class CellTable(ParameterTable):
         Whether the names of the rows are shown.
     single
         Whether only one row can be selected.
+    row
+        Height of a row, px.
     """
 
     def __init__(
@@ -252,13 +253,14 @@ class CellTable(ParameterTable):
         grouped: bool = False,
         named: bool = True,
         single: bool = False,
+        row: int = ROW,
     ) -> None:
         self.cells: dict[str, dict[str, str]] = {}
         super().__init__(ParameterModel(self._columns_of(columns), grouped=grouped))
         self.setObjectName(name)
         bind(self.setAccessibleName, words)
         self.verticalHeader().setVisible(named)
-        self.verticalHeader().setDefaultSectionSize(ROW)
+        self.verticalHeader().setDefaultSectionSize(row)
         if single:
             self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
 

@@ -33,8 +33,7 @@ class ChecksTable(CellTable):
 
     def __init__(self) -> None:
         self._checks: Sequence[Check] = ()
-        super().__init__("checks_table", "common.checks_of_result", _COLUMNS, named=False)
-        self.verticalHeader().setDefaultSectionSize(_ROW)
+        super().__init__("checks_table", "common.checks_of_result", _COLUMNS, named=False, row=_ROW)
         on_language_change(self, self._refresh)
 
     def show_checks(self, checks: Sequence[Check]) -> None:
@@ -69,7 +68,7 @@ class ComparisonTable(CellTable):
     """
 
     def __init__(self, name: str, words: Words, *, independent: bool, differences: bool = False) -> None:
-        super().__init__(name, words, grouped=True)
+        super().__init__(name, words, grouped=True, row=4 * theme.GRID)
         self._independent, self._differences = independent, differences
         self.names: list[str] = []
         #: Difference from the first set in sigmas by parameter, for each further set.

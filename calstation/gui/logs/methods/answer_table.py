@@ -1,7 +1,7 @@
 """Table of a method's parameters: value, sigma, previous value, and other values for comparison."""
 
 from calstation.gui.text import on_language_change, say, with_minus
-from calstation.gui.widgets import NOTABLE_SIGMAS, Cell, CellTable, DataView, ordered
+from calstation.gui.widgets import NOTABLE_SIGMAS, Cell, CellTable, DataView, ordered, theme
 from calstation.physics import display, number
 from calstation.results import Parameter
 from calstation.results.plots import GimbalPlotData, MethodAnswer
@@ -32,7 +32,7 @@ class AnswerTable(CellTable, DataView[MethodAnswer]):
     """
 
     def __init__(self) -> None:
-        super().__init__("method_table", "logs.parameters_found", grouped=True)
+        super().__init__("method_table", "logs.parameters_found", grouped=True, row=4 * theme.GRID)
         on_language_change(self, self.refresh)
 
     def draw(self, answer: MethodAnswer) -> None:

@@ -16,6 +16,7 @@ from calstation.gui.widgets import (
     ElidedLabel,
     EmptyState,
     JobRow,
+    box,
     button,
     column,
     enable,
@@ -49,8 +50,7 @@ class AppliedView(QWidget):
         self.unit_label = label(kind="caution", name="applied_unit_label", wrap=True)
         self.force_plot, self.rate_plot = MethodPlot(), MethodPlot(log=True)
         self.rate_plot.setXLink(self.force_plot)
-        shown = QWidget()
-        column((self.force_plot, 1), (self.rate_plot, 1), on=shown)
+        shown = box((self.force_plot, 1), (self.rate_plot, 1))
         progress = JobRow(self.watch, "apply_cancel_button")
         progress.setFixedWidth(60 * theme.GRID)
         self._nothing = EmptyState(title="logs.before_after_time", text="logs.about_applied")

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from PySide6.QtCore import QSignalBlocker, Signal
-from PySide6.QtWidgets import QComboBox, QWidget
+from PySide6.QtWidgets import QWidget
 
 from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
 from calstation.gui.logs.methods.plots import Figure, MethodPlot, three_digits
 from calstation.gui.text import on_language_change, say, term, with_minus
-from calstation.gui.widgets import button, column, label, panel, row, show_text, theme
+from calstation.gui.widgets import button, column, combo_box, label, panel, row, show_text, theme
 from calstation.messages import Text, local_time
 from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G, display, number, pair_name
 from calstation.results import PairCheckResult, PairProgress, Parameter
@@ -178,8 +178,7 @@ class PairResidualsView(QWidget):
         self.figures = [Figure(theme.SECTION) for _ in range(4)]
         self._plots = {sensor: MethodPlot(log=True) for sensor in _SENSORS}
         self._plots["accel"].setXLink(self._plots["gyro"])
-        self.secondary_combo = QComboBox()
-        self.secondary_combo.setObjectName("secondary_combo")
+        self.secondary_combo = combo_box("secondary_combo")
         self.secondary_combo.currentIndexChanged.connect(self._refresh)
         top = row(*self.figures, None, self.secondary_combo, spacing=3 * theme.GRID)
         column(top, *((plot, 1) for plot in self._plots.values()), on=self, margins=(0, theme.GRID, 0, 0))

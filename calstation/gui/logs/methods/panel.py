@@ -11,7 +11,7 @@ from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
 from calstation.gui.logs.source_bar import Exports, SourceBar
 from calstation.gui.state import AppContext, JobView
 from calstation.gui.text import bind, on_language_change, say
-from calstation.gui.widgets import JobRow, JobStack, button, column, combo_box, enable, label, row
+from calstation.gui.widgets import JobRow, JobStack, box, button, column, combo_box, enable, label, row
 from calstation.results import check_pair, progress_from_note
 from calstation.results.plots import MethodAnswer, solve_method
 from calstation.simulation import record_on_bench, recordings_folder
@@ -35,8 +35,7 @@ class MethodPanel(JobView):
         self.live_button.setVisible(stage == MULTI_POSITION)
         self.export_button = button(f"{stage}_export_button", "logs.export_result", self._export)
         self.answers = AnswerViews(self, stage, self.export_button)
-        idle = QWidget()
-        row(self.bench, None, self.live_button, self.solve_button, on=idle)
+        idle = box(row(self.bench, None, self.live_button, self.solve_button))
         jobs = JobStack(
             idle,
             JobRow(self.maker, f"{stage}_make_cancel_button", "logs.making_recording"),
