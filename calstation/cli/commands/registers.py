@@ -83,8 +83,8 @@ def list_transfers(
     ]
     rows: dict[str, dict[str, Any]] = {}
     for unit in units:
-        transfers = [_json(transfer, unit.kind) for transfer in unit.transfers]
-        rows.setdefault(unit.serial, {})[unit.kind] = {"flash_cycles": unit.cycles, "transfers": transfers}
+        shown = [_json(transfer, unit.kind) for transfer in unit.transfers]
+        rows.setdefault(unit.serial, {})[unit.kind] = {"flash_cycles": unit.cycles, "transfers": shown}
     lines = [line for unit in units for line in _lines(unit)]
     emit(rows, json, lines or [say("cli.no_transfers", runs=out, site=site)])
 
