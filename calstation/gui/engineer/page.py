@@ -23,8 +23,6 @@ from calstation.gui.text import on_language_change, product_text, say
 from calstation.gui.widgets import (
     Choice,
     ElidedLabel,
-    JobWatch,
-    NoticeBar,
     ViewTabs,
     button,
     column,
@@ -45,8 +43,7 @@ class EngineerPage(Page):
     """Page with stage choice, schedules, preview and START, and with views of results and registers."""
 
     def __init__(self, app: AppContext) -> None:
-        super().__init__(app)
-        self.setObjectName("engineer_page")
+        super().__init__(app, "engineer")
         self._options: ScheduleOptions | None = None
         #: Serial number last suggested by the virtual bench.
         self._suggested = ""
@@ -56,12 +53,11 @@ class EngineerPage(Page):
         self.header = self._header = EngineerHeader(app.run)
         self._header.engineer_edit.setText(str(app.settings.value("engineer_name", "")))
         self.choice = ChoicePanel()
-        self.notice = NoticeBar()
         self.preview = PreviewView(app, self._request)
         self.registers = RegistersView(app, self._register_request)
         self.analysis = ResultAnalysis(app, self)
         self.design = DesignView(app, self.notice, lambda: self._header.engineer)
-        self._saving = JobWatch(self, self._saved, self._not_saved)
+        self._saving = app.job(self, save_schedule, self._saved, failed=self._not_saved, cancellable=False)
         self._lay_out()
         self._connect()
         on_language_change(self, self._show_texts)
@@ -223,8 +219,7 @@ class EngineerPage(Page):
         self.notice.ask("caution", title, Text.of("engineer.about_save", engineer=self._header.engineer), choices)
 
     def _save(self, product: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
-        work = save_schedule, product, changes, self._header.engineer
-        self._saving.watch(self.app.job_queue.submit(*work, cancellable=False))
+        self._saving.start(product, changes, self._header.engineer)
         self._update()
 
     def _saved(self, saved: tuple[Path, Version]) -> None:

@@ -18,7 +18,6 @@ from calstation.gui.widgets import (
     Column,
     EmptyState,
     JobRow,
-    JobWatch,
     StackedPlots,
     StateBadge,
     button,
@@ -44,12 +43,12 @@ class PreviewView(QWidget):
 
     def __init__(self, app: AppContext, request: Callable[[], RunRequest]) -> None:
         super().__init__()
-        self._app, self._request = app, request
+        self._request = request
         self.preview: Preview | None = None
         #: Whether the selection has changed since the preview job was started, and since the next one was.
         self._outdated = self._next_outdated = False
         self._error: CalstationError | None = None
-        self.watch = JobWatch(self, self._done, self._show_error, self._refresh)
+        self.watch = app.job(self, compute_preview, self._done, failed=self._show_error, cancelled=self._refresh)
         self._job = JobRow(self.watch)
         self.button = button("preview_button", "engineer.preview", self._start)
         self._badge = StateBadge()
@@ -79,7 +78,7 @@ class PreviewView(QWidget):
 
     def _start(self) -> None:
         self._next_outdated = False
-        self.watch.watch(self._app.job_queue.submit(compute_preview, self._request()))
+        self.watch.start(self._request())
         self._show_error(None)
 
     def _done(self, preview: Preview) -> None:

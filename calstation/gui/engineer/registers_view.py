@@ -28,7 +28,6 @@ from calstation.gui.widgets import (
     Choice,
     EmptyState,
     JobRow,
-    JobWatch,
     NoticeBar,
     StateBadge,
     button,
@@ -75,8 +74,11 @@ class RegistersView(QWidget):
         self._why_not = ""
         self._error: Words = ""
         self._progress: Words = ""
-        self.watch = JobWatch(self, self._show_unit, self._show_failure, self._refresh)
-        self._target_watch = JobWatch(self, self._show_target, self._show_failure)
+        failed = self._show_failure
+        self.watch = app.job(
+            self, read_unit, self._show_unit, failed=failed, cancelled=self._refresh, cancellable=False
+        )
+        self._target_watch = app.job(self, wanted_registers, self._show_target, failed=failed)
         self._lay_out()
         app.engine_link.event.connect(self._follow)
         app.product_changed.connect(self._product_changed)
@@ -118,7 +120,7 @@ class RegistersView(QWidget):
         self._target_watch.cancel()
         self._show_target(None)
         if run.result.parameters:
-            self._target_watch.watch(self._app.job_queue.submit(wanted_registers, self._request(), run.result))
+            self._target_watch.start(self._request(), run.result)
 
     def set_why_not(self, read: str, write: str) -> None:
         """Disable reading and writing for the given reasons; "" enables the action."""
@@ -150,8 +152,7 @@ class RegistersView(QWidget):
             self.show_run(self._run)
 
     def _read(self) -> None:
-        work = read_unit, self._request(), self._app.runs_folder
-        self.watch.watch(self._app.job_queue.submit(*work, cancellable=False))
+        self.watch.start(self._request(), self._app.runs_folder)
         self._error = ""
         self._notice.dismiss()
         self._refresh()

@@ -283,9 +283,9 @@ class ResultAnalysis(QObject):
         self._step_labels: dict[int, tuple[str | float, ...]] = {}
         #: Log whose diagnostics are shown or being computed.
         self._diagnosed_log: Path | None = None
-        self.loading = JobWatch(self, self._loaded, self._not_loaded)
-        self._diagnosing = JobWatch(self, self._diagnosed, cancelled=self._not_diagnosed)
-        self.adding = JobWatch(self, self._loaded)
+        self.loading = app.job(self, load_finished_run, self._loaded, failed=self._not_loaded)
+        self._diagnosing = app.job(self, diagnose, self._diagnosed, cancelled=self._not_diagnosed)
+        self.adding = app.job(self, resolve_with_state, self._loaded)
         self.result, self.observability = _LazyView(self._result_view), _LazyView(ObservabilityView)
         self.innovations = _LazyView(InnovationsView, self._diagnosing)
         self.residuals = _LazyView(ResidualsView, self._diagnosing)
@@ -301,7 +301,7 @@ class ResultAnalysis(QObject):
         self.loading.cancel()
         self.adding.cancel()
         self._path = path
-        self.loading.watch(self._app.job_queue.submit(load_finished_run, path, self._app.runs_folder))
+        self.loading.start(path, self._app.runs_folder)
         self.changed.emit()
 
     def show_preview(self, preview: Preview) -> None:
@@ -336,7 +336,7 @@ class ResultAnalysis(QObject):
         else:
             self._diagnosed_log = run.log
             log, stages = run.result.log, tuple(run.result.stages)
-            self._diagnosing.watch(self._app.job_queue.submit(diagnose, run.log, stages, log.first_seq, log.last_seq))
+            self._diagnosing.start(run.log, stages, log.first_seq, log.last_seq)
             for lazy in self._computed:
                 lazy.show_work()
 
@@ -359,7 +359,7 @@ class ResultAnalysis(QObject):
     def _add_state(self, state: EffectName) -> None:
         """Solve the log of the displayed run again with one more state in its model."""
         if self._run is not None:
-            self.adding.watch(self._app.job_queue.submit(resolve_with_state, self._run, state))
+            self.adding.start(self._run, state)
 
     def _loaded(self, run: FinishedRun) -> None:
         self._diagnosing.cancel()

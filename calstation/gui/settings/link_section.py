@@ -26,7 +26,6 @@ from calstation.gui.widgets import (
     ChoiceBox,
     EditableBox,
     JobRow,
-    JobWatch,
     NumberEdit,
     StateBadge,
     StateIcon,
@@ -71,7 +70,7 @@ class LinkSection(Section):
         self.own_box.typed.connect(self._choose_own)
         self.port_box = PortBox()
         self.search_button = button(f"{device}_search_button", "settings.search_ports", self.search)
-        self.searching = JobWatch(self, self._found, self._not_found)
+        self.searching = app.job(self, discover_ports, self._found, failed=self._not_found)
         self.test = TestPanel(app, device, self._station, self._slot)
         self._make_form()
         self._heading = label(kind="section", wrap=True)
@@ -109,7 +108,7 @@ class LinkSection(Section):
         """Search for ports in the background."""
         if not self.searching.busy:
             self.search_button.setEnabled(False)
-            self.searching.watch(self._app.job_queue.submit(discover_ports))
+            self.searching.start()
 
     def refresh(self) -> None:
         """Show the draft."""
@@ -243,7 +242,8 @@ class TestPanel(QFrame):
         self.product_box.typed.connect(self.refresh)
         self.button = button(f"test_{device}_button", f"settings.test_{device}", self.start, kind="primary")
         self.button.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
-        self.watch = JobWatch(self, self._done, self._failed, self._show_running)
+        work = check_table_link if device == "table" else check_imu_link
+        self.watch = app.job(self, work, self._done, failed=self._failed, cancelled=self._show_running)
         self.watch.progress.connect(self._show_note)
         self._progress, self._note = JobRow(self.watch), label(kind="muted")
         self.badge = StateBadge(theme.SECTION, f"{device}_test_badge")
@@ -312,8 +312,7 @@ class TestPanel(QFrame):
             return
         self._clear()
         self._tested = self._settings(request.station)
-        work = check_table_link if self._device == "table" else check_imu_link
-        self.watch.watch(self._app.job_queue.submit(work, request))
+        self.watch.start(request)
         self._show_running()
 
     def _request(self) -> LinkTestRequest | None:

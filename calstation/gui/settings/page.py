@@ -23,7 +23,6 @@ from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import (
     Choice,
     ChoiceBox,
-    NoticeBar,
     PageArea,
     box,
     button,
@@ -60,12 +59,10 @@ class StationPage(Page):
     """Lists the sections, and shows the selected one; edits are checked immediately and saved on demand."""
 
     def __init__(self, app: AppContext) -> None:
-        super().__init__(app)
-        self.setObjectName("station_page")
+        super().__init__(app, "station")
         self.drafts = Drafts(app.settings, self)
         #: Names of the files saved last; empty after the next edit.
         self._saved_names = ""
-        self.notice = NoticeBar()
         self._new_bar = NewFileBar(self.drafts)
         self._new_bar.made.connect(lambda _, path: self._use(path))
         self.header = self._make_header()

@@ -22,7 +22,6 @@ from calstation.gui.widgets import (
     Choice,
     EmptyState,
     JobRow,
-    JobWatch,
     NoticeBar,
     ask_file,
     box,
@@ -57,9 +56,9 @@ class DesignView(QWidget):
         #: A file that ends the search.
         self._stop_file = Path()
         self._stopping = False
-        self.watch = JobWatch(self, self._designed, self._failed, self._refresh)
-        self.driving = JobWatch(self, lambda preview: self.answer.show_path(preview))
-        self._saving = JobWatch(self, self._saved)
+        self.watch = app.job(self, None, self._designed, failed=self._failed, cancelled=self._refresh)
+        self.driving = app.job(self, compute_preview, lambda preview: self.answer.show_path(preview))
+        self._saving = app.job(self, design.save_design, self._saved, cancellable=False)
         self.form = DesignForm(self._begin)
         self._job = JobRow(self.watch, "cancel_design_button", self._progress_text)
         self._stop_button = button("stop_design_button", "engineer.stop_with_best", self._stop)
@@ -113,7 +112,7 @@ class DesignView(QWidget):
         self._folder = tempfile.TemporaryDirectory(prefix="calstation-")
         self._stop_file = Path(self._folder.name) / "stop"
         request = self.form.request(self._app.station_path, self._options.product, self._stop_file)
-        self.watch.watch(self._app.job_queue.submit(design.design_schedule, request))
+        self.watch.start(design.design_schedule, request)
 
     def _stop(self) -> None:
         self._stop_file.touch()
@@ -153,7 +152,7 @@ class DesignView(QWidget):
         }
         stage, folder = design.STAGE, self._app.runs_folder
         request = RunRequest("-", station, options.product, (stage,), folder, schedule={stage: schedule})
-        self.driving.watch(self._app.job_queue.submit(compute_preview, request))
+        self.driving.start(request)
         self._refresh()
 
     def _failed(self, error: CalstationError) -> None:
@@ -168,8 +167,7 @@ class DesignView(QWidget):
 
     def _save(self, name: str) -> None:
         if self._result is not None:
-            work = design.save_design, self._result[1].product, name, self._result[0], self._author()
-            self._saving.watch(self._app.job_queue.submit(*work, cancellable=False))
+            self._saving.start(self._result[1].product, name, self._result[0], self._author())
 
     def _saved(self, saved: tuple[Path, Version]) -> None:
         path, version = saved
