@@ -1,0 +1,81 @@
+"""Fields that edit the values of a form: typed numbers, units, problems beside the entry, and changed values."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pytestqt.qtbot import QtBot
+
+from calstation.gui.widgets import FlagBox, FormField, FormValues, NumberEdit, SpinEdit
+from calstation.messages import Text
+from calstation.physics import DISPLAY
+from calstation.schema import Problem
+
+
+def too_large(values: Mapping[str, Any]) -> Iterator[Problem]:
+    """Find values above 10."""
+    for name, value in values.items():
+        if isinstance(value, float | int) and value > 10:
+            yield Problem((name,), "less_than_equal", Text.of("entry.less_than_equal", bound=10, le=10))
+
+
+def make_field(qtbot: QtBot, values: FormValues, name: str, editor: Any) -> FormField:
+    field = FormField(values, (name,), editor, lambda: name, f"{name}_edit")
+    field.grid.addWidget(editor, 0, 0)
+    field.grid.addWidget(field.message, 1, 0)
+    qtbot.addWidget(field)
+    return field
+
+
+def test_problem_is_shown_at_its_entry_only(qtbot: QtBot) -> None:
+    values = FormValues({"a": 1.0, "b": 2.0}, too_large)
+    first, second = (make_field(qtbot, values, name, NumberEdit()) for name in ("a", "b"))
+    qtbot.keyClicks(first.editor, "5")
+    assert values.values == {"a": 15, "b": 2.0}
+    assert first.message.text() == "Out of range; it must be at most 10."
+    assert (first.editor.property("wrong"), second.editor.property("wrong")) == (True, False)
+    assert (first.message.isHidden(), second.message.isHidden()) == (False, True)
+    assert values.differs(("a",))
+    assert not values.differs(("b",))
+    values.reset()
+    assert values.values == {"a": 1.0, "b": 2.0}
+    assert (first.editor.value(), first.message.text()) == (1, "")
+
+
+def test_text_is_not_replaced_while_it_is_typed(qtbot: QtBot) -> None:
+    values = FormValues({"a": None})
+    field = make_field(qtbot, values, "a", NumberEdit())
+    qtbot.keyClicks(field.editor, "1.50")
+    assert (field.editor.property("text"), values.values) == ("1.50", {"a": 1.5})
+
+
+def test_unchanged_text_in_a_display_unit_keeps_the_exact_value(qtbot: QtBot) -> None:
+    exact = 9.696273622190721e-08
+    edit = NumberEdit(DISPLAY["gyro_bias"][1])
+    field = make_field(qtbot, FormValues({"a": exact}), "a", edit)
+    text = edit.text()
+    assert text.startswith("0.02")
+    edit.selectAll()
+    qtbot.keyClicks(edit, "0.5")
+    assert field.editor.value() != exact
+    edit.selectAll()
+    qtbot.keyClicks(edit, text)
+    assert field.editor.value() == exact
+
+
+def test_value_of_a_table_is_removed_by_an_empty_text(qtbot: QtBot) -> None:
+    values = FormValues({"targets": {"gyro_bias": 1.0}})
+    values.set({("targets", "gyro_bias"): None})
+    assert values.values == {"targets": {}}
+    assert values.stored == {"targets": {"gyro_bias": 1.0}}
+
+
+def test_flags_and_limited_numbers_edit_their_values(qtbot: QtBot) -> None:
+    values = FormValues({"flag": False, "number": 1.0})
+    flag, spin = FlagBox(), SpinEdit(0.0, 5.0, 1.0, 0)
+    make_field(qtbot, values, "flag", flag)
+    field = make_field(qtbot, values, "number", spin)
+    flag.click()
+    spin.setValue(9.0)
+    assert values.values == {"flag": True, "number": 5.0}
+    field.lock("No.")
+    assert (spin.isEnabled(), spin.toolTip()) == (False, "No.")
