@@ -61,7 +61,7 @@ def test_exchange_search_keeps_a_solution_and_shortens_a_poor_one(problem):
     exchange = Exchange(problem, poor, seed=3)
     shares = list(exchange.run(20))
     assert shares[-1] == 1.0
-    assert exchange.found
+    assert exchange.reached
     assert exchange.time < durations(problem.library, poor)[-1]
     assert exchange.time == pytest.approx(durations(problem.library, exchange.best)[-1])
     assert ratios(problem, exchange.best).max() <= 1.0
