@@ -7,7 +7,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPen
-from PySide6.QtWidgets import QAbstractItemView, QComboBox, QFormLayout, QFrame, QSizePolicy, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QFormLayout, QFrame, QSizePolicy, QWidget
 
 from calstation.database import is_archived
 from calstation.errors import CalstationError
@@ -77,9 +77,7 @@ class Trend(QWidget):
         self._runs: tuple[IndexedRun, ...] = ()
         self._selected = ""
         self._limits: Mapping[str, tuple[float, float]] = {}
-        self._combo = combo_box("trend_combo")
-        self._combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
-        self._combo.setMinimumContentsLength(18)
+        self._combo = combo_box("trend_combo", fit=True, characters=18)
         self._combo.currentIndexChanged.connect(lambda _: self.draw())
         bind(self._combo.setAccessibleName, "common.parameter")
         caption = label("history.runs_of_this_unit", buddy=self._combo)

@@ -6,7 +6,7 @@ from typing import Any
 
 from PySide6.QtCore import QDate, QLocale, QSignalBlocker, Qt, QTimer, Signal
 from PySide6.QtGui import QTextCharFormat
-from PySide6.QtWidgets import QCalendarWidget, QComboBox, QDateEdit, QSizePolicy, QWidget
+from PySide6.QtWidgets import QCalendarWidget, QDateEdit, QSizePolicy, QWidget
 
 from calstation.gui.text import Words, bind, language, on_language_change, product_text, say
 from calstation.gui.widgets import column, combo_box, fill_combo, label, line_edit, row, theme
@@ -40,8 +40,11 @@ class Filters(QWidget):
         self.search_edit.setClearButtonEnabled(True)
         self.search_edit.setMinimumWidth(14 * theme.GRID)
         caption = label("history.search", buddy=self.search_edit)
-        self._verdict, self._period = self._combo("outcome", _VERDICTS), self._combo("time", _PERIODS)
-        self._product, self._station, self._operator = map(self._combo, ("product", "station", "operator"))
+        offered: dict[str, Mapping[Any, Words]] = {"outcome": _VERDICTS, "time": _PERIODS}
+        self._verdict, self._period, self._product, self._station, self._operator = (
+            combo_box(f"history_{name}_combo", offered.get(name, {}), characters=10)
+            for name in ("outcome", "time", "product", "station", "operator")
+        )
         self._from, self._to = self._date_edit("from"), self._date_edit("to")
         for widget, words in (
             (self._verdict, "history.outcome"),
@@ -101,12 +104,6 @@ class Filters(QWidget):
             self._choices = choices
             self._name_entries()
         self._show_dates()
-
-    def _combo(self, name: str, items: Mapping[Any, Words] = {}) -> QComboBox:
-        combo = combo_box(f"history_{name}_combo", items)
-        combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        combo.setMinimumContentsLength(10)
-        return combo
 
     def _date_edit(self, name: str) -> QDateEdit:
         edit = QDateEdit(QDate.currentDate())

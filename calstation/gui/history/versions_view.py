@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QComboBox, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QWidget
 
 from calstation.fleet import GROUPS, Comparison, Move, VerdictChange, compare_job, export_job, versions_job
 from calstation.gui.state import FileExport, Page
@@ -98,8 +98,10 @@ class VersionsView(QWidget):
         self._show_texts()
         self.back_button.setFocus()
 
-    def _make_choice(self) -> QWidget:
-        self._before, self._after = self._version_combo("before"), self._version_combo("after")
+    def _make_choice(self) -> QHBoxLayout:
+        self._before, self._after = (combo_box(f"versions_{name}_combo", characters=10) for name in ("before", "after"))
+        for combo in (self._before, self._after):
+            combo.currentIndexChanged.connect(lambda _: self._show_texts())
         self._compare_button = button("versions_compare_button", "common.compare", self._compare, kind="primary")
         self._export_button = button("versions_export_button", "history.export", self._export)
         idle = box(row(None, self._compare_button, self._export_button))
@@ -111,15 +113,7 @@ class VersionsView(QWidget):
         )
         before = label("history.before", buddy=self._before)
         after = label("history.after", buddy=self._after)
-        choice = box(row(self.back_button, before, (self._before, 2), after, (self._after, 2), (progress, 3)))
-        return choice
-
-    def _version_combo(self, name: str) -> QComboBox:
-        combo = combo_box(f"versions_{name}_combo")
-        combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        combo.setMinimumContentsLength(10)
-        combo.currentIndexChanged.connect(lambda _: self._show_texts())
-        return combo
+        return row(self.back_button, before, (self._before, 2), after, (self._after, 2), (progress, 3))
 
     # ---- choosing and comparing
 

@@ -1,13 +1,11 @@
 """The Quality page: statistics of many runs about units, stations and the process."""
 
-from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QComboBox, QWidget
+from PySide6.QtWidgets import QWidget
 
 from calstation.config import DEFAULT_PRODUCT, library, load_product
 from calstation.database import fetch_result
@@ -58,12 +56,10 @@ class QualityPage(Page):
         self._watch = self.job(summarise_quality, self._show, failure=unread)
         self._station_watch = self.job(station_quality, self._show_station, failure=unread)
         self._fetcher = self.job(fetch_result, app.open_run.emit, failure="common.result_not_opened")
-        self.product, self.unit, self.period = (
-            self._combo("product"),
-            self._combo("unit"),
-            self._combo("period", _PERIODS),
-        )
-        self.shown_as = self._combo("scale", {False: "common.numeric_value", True: "quality.deviation"})
+        scales = {False: "common.numeric_value", True: "quality.deviation"}
+        self.product, self.unit = (combo_box(f"quality_{name}_combo", fit=True) for name in ("product", "unit"))
+        self.period = combo_box("quality_period_combo", _PERIODS, fit=True)
+        self.shown_as = combo_box("quality_scale_combo", scales, fit=True)
         bind(self.shown_as.setToolTip, "quality.about_deviations")
         self.count_label = label(kind="muted", name="quality_count_label")
         self.count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
@@ -115,11 +111,6 @@ class QualityPage(Page):
         """Offer the products, which may have changed, and read the runs."""
         super().showEvent(event)
         self._offer_products(self.product.currentData())
-
-    def _combo(self, name: str, items: Mapping[Any, Words] = {}) -> QComboBox:
-        combo = combo_box(f"quality_{name}_combo", items)
-        combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
-        return combo
 
     def _lay_out(self) -> None:
         fields = []

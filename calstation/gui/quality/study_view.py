@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtWidgets import QComboBox, QFileDialog, QSpinBox, QWidget
+from PySide6.QtWidgets import QFileDialog, QSpinBox, QWidget
 
 from calstation.config import load_product
 from calstation.errors import CalstationError
@@ -70,8 +70,7 @@ class StudyView(QWidget):
         self._state: StudyState | None = None
         self._error: CalstationError | None = None
         self._job = page.job(evaluate_study, self._show, failed=self._show_error)
-        self._quantity = combo_box("study_quantity_combo")
-        self._quantity.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+        self._quantity = combo_box("study_quantity_combo", fit=True)
         self._quantity.currentIndexChanged.connect(lambda _: self._show_study())
         self._plan_label = label(kind="muted", name="study_plan_label")
         self._problem = label(kind="error", name="study_problem_label", wrap=True)

@@ -1,13 +1,14 @@
 """Translated texts of the window: catalogue sentences, check texts and language bindings; no widget classes."""
 
 from calstation.gui.text import language
-from calstation.gui.text.binding import bind, on_language_change
 from calstation.gui.text.checks import CheckText, check_name, check_text, of_parameter, of_product, parameter_text
 from calstation.gui.text.messages import (
     KINDS,
     Words,
+    bind,
     duration_text,
     fault_text,
+    on_language_change,
     rendered,
     say,
     step_sentence,

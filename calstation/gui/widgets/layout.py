@@ -231,10 +231,18 @@ def line_edit(
     return made
 
 
-def combo_box(name: str, items: Mapping[Any, Words] = {}) -> QComboBox:
-    """Create a combo box; `items` maps the data of its items to their texts."""
+def combo_box(name: str, items: Mapping[Any, Words] = {}, *, fit: bool = False, characters: int = 0) -> QComboBox:
+    """Create a combo box; `items` maps the data of its items to their texts.
+
+    It is as wide as its longest item if `fit`, or else as the given number of `characters`, if not 0.
+    """
     made = QComboBox()
     made.setObjectName(name)
+    made.setMinimumContentsLength(characters)
+    if fit:
+        made.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+    elif characters:
+        made.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
     for index, (data, words) in enumerate(items.items()):
         made.addItem("", data)
         bind(partial(made.setItemText, index), words)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QComboBox, QSpinBox, QWidget
+from PySide6.QtWidgets import QSpinBox, QWidget
 
 from calstation.config import MANUAL_STATION, manual_product, uses_manual_rig
 from calstation.gui.logs.methods.answer_views import AnswerViews
@@ -156,8 +156,7 @@ class BenchBox(QWidget):
     def __init__(self, stage: str) -> None:
         super().__init__()
         grades = {grade: f"logs.grade_{grade}" for grade in ("mems", "tactical", "nav")}
-        self.grade_combo, self.seed_spin = combo_box(f"bench_grade_{stage}", grades), QSpinBox()
-        self.grade_combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+        self.grade_combo, self.seed_spin = combo_box(f"bench_grade_{stage}", grades, fit=True), QSpinBox()
         self.seed_spin.setObjectName(f"bench_seed_{stage}")
         self.seed_spin.setRange(1, 9999)
         bind(self.seed_spin.setToolTip, "logs.seed_tip")
