@@ -2,13 +2,15 @@
 
 import logging
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from sqlalchemy import URL, Engine, create_engine, event, make_url, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, InterfaceError, OperationalError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
-from calstation.config import check_database_url
+from calstation.config import StationConfig, check_database_url, load_station
 from calstation.errors import ConfigurationError
 from calstation.schema import EntryError
 
@@ -68,6 +70,18 @@ def connect(url: str, *, create: bool = True, pooled: bool = True) -> Engine:
     raise ConfigurationError(code, database=public(parsed))
 
 
+@contextmanager
+def opened(url: str, *, create: bool = True) -> Iterator[Engine]:
+    """Connect to a database. Refused requests and a lost connection are raised as ConfigurationError."""
+    engine = connect(url, create=create)
+    try:
+        yield engine
+    except DBAPIError as exc:
+        raise failure(exc, engine.url) from exc
+    finally:
+        engine.dispose()
+
+
 def upgrade(url: str) -> bool:
     """Upgrade the tables of a database to this version; return whether they changed. Raises ConfigurationError.
 
@@ -97,6 +111,14 @@ def upgrade(url: str) -> bool:
         raise ConfigurationError("database.not_upgraded", database=public(parsed), reason=reason_of(exc)) from exc
     finally:
         engine.dispose()
+
+
+def database_of(station: Path | None) -> tuple[str, StationConfig]:
+    """Return the URL of a station's shared database, and the station. Raises ConfigurationError if it has none."""
+    path, config = load_station(station)
+    if config.records.database is None:
+        raise ConfigurationError("database.not_named", path=path)
+    return config.records.database, config
 
 
 def failure(error: DBAPIError, url: URL) -> ConfigurationError:

@@ -119,9 +119,13 @@ class Outbox:
             yield [self._run_message(runs[name]) for name in names if name in runs]
             self._changed = self._changed[_AT_ONCE:]
         stamps = self._stamps()
+        try:
+            archived = self.copies()
+        except InputError:
+            archived = {}  # reported by the archiver; the runs are exchanged
         copies = [
             OutboxMessage("copy", copy.url, asdict(copy))
-            for name, copy in self.copies().items()
+            for name, copy in archived.items()
             if ("run", name) in stamps
             and stamps.get(("copy", name)) != copy.url
             and not self._is_refused("copy", name, copy.url)

@@ -8,11 +8,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from calstation.config import load_station
@@ -55,7 +54,7 @@ _CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 logger = logging.getLogger(__name__)
 
 
-class ExchangeProcess:
+class ExchangeProcess(AbstractContextManager["ExchangeProcess"]):
     """The exchange of a folder in a separate process, which ends after its owner and never delays a run."""
 
     def __init__(
@@ -114,12 +113,7 @@ class ExchangeProcess:
                 self.process.stdin.close()
         threading.Thread(target=self.process.wait, daemon=True).start()  # reaps the process when it ends
 
-    def __enter__(self) -> "ExchangeProcess":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.end()
 
 

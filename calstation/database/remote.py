@@ -10,8 +10,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from calstation.config import load_station
-from calstation.errors import ConfigurationError, InputError
+from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
 from calstation.records import SUFFIX, RunFilter, RunRecord, Verdict, write_atomic
 from calstation.results import History, Result, export_runs, load_results
@@ -98,26 +97,16 @@ def _fetch(station: Path | None, runs: Sequence[RunRecord]) -> None:
     if not remote:
         return
     from sqlalchemy import select
-    from sqlalchemy.exc import DBAPIError
 
     from calstation.database import tables
-    from calstation.database.connect import connect, failure
+    from calstation.database.connect import database_of, opened
 
-    path, config = load_station(station)
-    if config.records.database is None:
-        raise ConfigurationError("database.not_named", path=path)
-    engine = connect(config.records.database)
-    try:
-        with engine.connect() as connection:
-            for run in remote:
-                wanted = (tables.runs.c.outbox == run.origin, tables.runs.c.name == run.log.stem)
-                text = connection.execute(select(tables.runs.c.result).where(*wanted)).scalar()
-                if text is None:
-                    raise InputError("result.elsewhere", log=run.log.name, station=run.station or "?")
-                target = run.log.with_suffix(".json")
-                target.parent.mkdir(parents=True, exist_ok=True)
-                write_atomic(target, text)
-    except DBAPIError as exc:
-        raise failure(exc, engine.url) from exc
-    finally:
-        engine.dispose()
+    with opened(database_of(station)[0]) as engine, engine.connect() as connection:
+        for run in remote:
+            wanted = (tables.runs.c.outbox == run.origin, tables.runs.c.name == run.log.stem)
+            text = connection.execute(select(tables.runs.c.result).where(*wanted)).scalar()
+            if text is None:
+                raise InputError("result.elsewhere", log=run.log.name, station=run.station or "?")
+            target = run.log.with_suffix(".json")
+            target.parent.mkdir(parents=True, exist_ok=True)
+            write_atomic(target, text)

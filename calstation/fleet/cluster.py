@@ -12,7 +12,7 @@ from queue import Empty, SimpleQueue
 
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.fleet.sources import StoredLog
-from calstation.fleet.status import Assignment, Status
+from calstation.fleet.store import Assignment, Status
 from calstation.fleet.task import WarmUp, error_of, solve_stored_log
 from calstation.messages import values_from_json
 

@@ -109,24 +109,24 @@ def usable(folder: Path) -> Iterator[None]:
 
 
 def _updated(report: ProgressCallback, connection: Connection, version: str, folder: Path) -> list[Path]:
-    source = _source(version)
     files = _current(folder)
     known = np.concatenate([np.empty(0, np.int64), *(ColumnFiles((path,)).numbers("number") for path in files)])
     last = int(known.max(initial=0))
-    added = source.count(connection, last)
+    added = _count(connection, _rows(version, last))
     after, left = last, added
     if version != ONLINE:
-        total = source.count(connection, 0)
+        total = _count(connection, _rows(version, 0))
         if len(known) + added > total:  # rows were deleted
             for path in files:
                 path.unlink()
             files, known, after = [], known[:0], 0
         elif len(known) + added < total:
-            missing = np.setdiff1d(_numbers(connection, version), known)
+            numbers = connection.execute(_rows(version, 0).with_only_columns(solutions.c.id)).scalars().all()
+            missing = np.setdiff1d(np.array(numbers, np.int64), known)
             after = int(missing.min(initial=last + 1)) - 1
         left = total - len(known)
     done = 0
-    for table in _tables(connection, source.rows(after), set(known[known > after].tolist())):
+    for table in _tables(connection, _rows(version, after), set(known[known > after].tolist())):
         files.append(folder / f"{_generation(files)}-{len(files):06d}.parquet")
         _write(table, files[-1])
         done += len(table)
@@ -153,45 +153,22 @@ def _current(folder: Path) -> list[Path]:
     return current
 
 
-def _source(version: str) -> "_Runs | _Solutions":
-    return _Runs() if version == ONLINE else _Solutions(version)
+def _rows(version: str, after: int) -> Select[Any]:
+    """Return the query for the solutions of a version, or the runs of all stations, above a number."""
+    query: Select[Any]
+    if version == ONLINE:
+        r = runs.c
+        query = select(r.revision.label("number"), r.log_sha256, r.serial, r.started_utc, r.failed_checks)
+        query = query.add_columns(r.log.label("location"), r.content, r.parameters, r.numbers)
+        return query.where(r.log_sha256.is_not(None), r.revision > after).order_by(r.revision)
+    c = solutions.c
+    query = select(c.id.label("number"), c.log_sha256, c.serial, c.product, c.station, c.started_utc, c.failed_checks)
+    query = query.add_columns(c.location, c.outcome, c.passed, c.partial, c.batch, c.slot, c.parameters, c.numbers)
+    return query.where(c.version == version, c.id > after).order_by(c.id)
 
 
-class _Solutions:
-    """Rows of a version that was solved again."""
-
-    def __init__(self, version: str) -> None:
-        self._of_version = solutions.c.version == version
-
-    def count(self, connection: Connection, after: int) -> int:
-        wanted = select(func.count()).select_from(solutions).where(self._of_version, solutions.c.id > after)
-        return connection.execute(wanted).scalar_one()
-
-    def rows(self, after: int) -> Select[Any]:
-        c = solutions.c
-        verdict = (c.outcome, c.passed, c.partial)
-        texts = (c.log_sha256, c.serial, c.product, c.station, c.started_utc, c.failed_checks, c.location)
-        columns = (c.id.label("number"), *texts, *verdict, c.batch, c.slot, c.parameters, c.numbers)
-        return select(*columns).where(self._of_version, c.id > after).order_by(c.id)
-
-
-class _Runs:
-    """Rows of the runs of all stations."""
-
-    def count(self, connection: Connection, after: int) -> int:
-        wanted = select(func.count()).select_from(runs).where(runs.c.log_sha256.is_not(None), runs.c.revision > after)
-        return connection.execute(wanted).scalar_one()
-
-    def rows(self, after: int) -> Select[Any]:
-        c = runs.c
-        texts = (c.log_sha256, c.serial, c.started_utc, c.failed_checks, c.log.label("location"), c.content)
-        columns = (c.revision.label("number"), *texts, c.parameters, c.numbers)
-        return select(*columns).where(c.log_sha256.is_not(None), c.revision > after).order_by(c.revision)
-
-
-def _numbers(connection: Connection, version: str) -> NDArray[np.int64]:
-    wanted = select(solutions.c.id).where(solutions.c.version == version)
-    return np.array(connection.execute(wanted).scalars().all(), np.int64)
+def _count(connection: Connection, query: Select[Any]) -> int:
+    return connection.execute(query.with_only_columns(func.count()).order_by(None)).scalar_one()
 
 
 def _tables(connection: Connection, statement: Select[Any], held: set[int]) -> Iterator[Any]:
@@ -217,7 +194,10 @@ def _table(rows: list[Row[Any]]) -> Any:
         columns["verdict"] = [_verdict(Verdict(each["verdict"])) for each in contents]
     else:
         columns |= {name: [getattr(row, name) for row in rows] for name in _FROM_CONTENT}
-        columns["verdict"] = [_solved_verdict(row.outcome, row.passed, partial=row.partial) for row in rows]
+        columns["verdict"] = [
+            "error" if row.outcome == "failed" else _verdict(verdict_of(End.COMPLETED, row.passed, partial=row.partial))
+            for row in rows
+        ]
     numbers = np.full((len(NAMES), 2, len(rows)), np.nan)
     alike: dict[str, list[int]] = {}
     for k, row in enumerate(rows):
@@ -235,10 +215,6 @@ def _table(rows: list[Row[Any]]) -> Any:
 
 def _verdict(verdict: Verdict) -> str:
     return verdict if verdict.judged and verdict.passed is not None else "unjudged"
-
-
-def _solved_verdict(outcome: str, passed: bool | None, *, partial: bool) -> str:
-    return "error" if outcome == "failed" else _verdict(verdict_of(End.COMPLETED, passed, partial=partial))
 
 
 def _write(table: Any, path: Path) -> None:

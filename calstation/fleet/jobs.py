@@ -4,10 +4,9 @@ import json
 from collections.abc import Collection
 from pathlib import Path
 
-from calstation.config import load_station
+from calstation.database import database_of, opened
 from calstation.errors import ConfigurationError
 from calstation.fleet.comparison import Comparison
-from calstation.fleet.store import opened
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.records import write_atomic
@@ -55,14 +54,14 @@ def versions_job(report: ProgressCallback, station: Path | None) -> list[str]:
     """Job: return the versions of solutions in the database of a station. Raises ConfigurationError."""
     from calstation.fleet.columns import versions
 
-    with opened(_database(station)) as engine, engine.connect() as connection:
+    with opened(database_of(station)[0]) as engine, engine.connect() as connection:
         report(0.5)
         return versions(connection)
 
 
 def compare_job(report: ProgressCallback, station: Path | None, before: str, after: str) -> Comparison:
     """Job: compare two versions in the database of a station. Raises ConfigurationError."""
-    return compare(report, _database(station), before, after)
+    return compare(report, database_of(station)[0], before, after)
 
 
 def export_job(report: ProgressCallback, station: Path | None, before: str, after: str, target: Path) -> Path:
@@ -70,7 +69,7 @@ def export_job(report: ProgressCallback, station: Path | None, before: str, afte
 
     Returns `target`. Raises ConfigurationError.
     """
-    url = _database(station)
+    url = database_of(station)[0]
     if target.suffix == ".parquet":
         export_version(report, url, after, target)
         return target
@@ -80,10 +79,3 @@ def export_job(report: ProgressCallback, station: Path | None, before: str, afte
     except OSError as exc:
         raise ConfigurationError("csv.not_written", file=target, reason=os_reason(exc)) from exc
     return target
-
-
-def _database(station: Path | None) -> str:
-    path, config = load_station(station)
-    if config.records.database is None:
-        raise ConfigurationError("database.not_named", path=path)
-    return config.records.database

@@ -8,18 +8,19 @@ from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
 
+from calstation.database import opened
 from calstation.errors import ConfigurationError
 from calstation.fleet.changes import load_changes
-from calstation.fleet.selection import Selection
-from calstation.fleet.sources import StoredLog, find_logs
-from calstation.fleet.status import Assignment, Outcome, Status
+from calstation.fleet.sources import Selection, StoredLog, find_logs
 from calstation.fleet.store import (
+    Assignment,
     KnownFile,
+    Outcome,
+    Status,
     Wanted,
     enter_version,
     known_files,
     last_number,
-    opened,
     read_results,
     require_version,
 )

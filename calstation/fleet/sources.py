@@ -1,24 +1,59 @@
-"""Logs to solve: files, folders and URLs, or the archive of the shared database."""
+"""Logs to solve: files, folders and URLs, or the archive of the shared database; and their selection."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import Engine, select
 
 from calstation.config import has_password
 from calstation.database import log_copies, runs
 from calstation.errors import ConfigurationError, InputError
-from calstation.fleet.selection import Origin
 from calstation.messages import os_reason
-from calstation.records import log_format
+from calstation.records import LogMeta, log_format
 
 #: Source name of all logs in the database's archive.
 ARCHIVE = "archive"
 #: Properties of a file in various file systems that change with its content.
 _STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "modify")
+
+
+class Origin(NamedTuple):
+    """Place and time of recording of a log, and its product; None if unknown."""
+
+    station: str | None
+    product: str | None
+    started_utc: str | None  #: ISO 8601.
+
+    @classmethod
+    def of(cls, meta: LogMeta) -> "Origin":
+        """Return the origin of a log from its configuration."""
+        run, product = meta.run, meta.product
+        station, started = (None, None) if run is None else (run.station, run.started_utc)
+        return cls(station, None if product is None else product.name, started)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Conditions that must all hold; None means no condition. A log that lacks a selected property is not selected."""
+
+    station: str | None = None
+    product: str | None = None
+    since: date | None = None  #: First day of the start, UTC.
+    until: date | None = None  #: Last day of the start, UTC.
+
+    def takes(self, origin: Origin) -> bool:
+        """Return whether a log is selected."""
+        day = (origin.started_utc or "")[:10]
+        return (
+            self.station in (None, origin.station)
+            and self.product in (None, origin.product)
+            and (self.since is None or day >= self.since.isoformat())
+            and (self.until is None or "" < day <= self.until.isoformat())
+        )
 
 
 @dataclass(frozen=True)

@@ -1,24 +1,22 @@
-"""Solutions in the shared database: each is written once, found by log or file, and read."""
+"""Settings of the tasks of a request, and their solutions in the database, each written once."""
 
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from sqlalchemy import ColumnElement, Connection, Engine, Table, and_, case, exists, func, select
 from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.exc import DBAPIError
 
-from calstation.database import connect, failure, locations, runs, solutions
+from calstation import __version__
+from calstation.database import locations, runs, solutions
 from calstation.database import versions as versions_table
 from calstation.errors import ConfigurationError
 from calstation.fleet.changes import Changes
-from calstation.fleet.selection import Origin
-from calstation.fleet.sources import StoredLog
+from calstation.fleet.sources import Origin, Selection, StoredLog
 from calstation.results import Result
 
 #: Version name of the results stored by the runs.
@@ -77,16 +75,31 @@ class Wanted:
         }
 
 
-@contextmanager
-def opened(url: str, *, create: bool = True) -> Iterator[Engine]:
-    """Connect to a database. Refused requests and a lost connection are raised as ConfigurationError."""
-    engine = connect(url, create=create)
-    try:
-        yield engine
-    except DBAPIError as exc:
-        raise failure(exc, engine.url) from exc
-    finally:
-        engine.dispose()
+#: ``failed``: stored as failed, now or before; ``unreachable``: failed without being stored.
+Outcome = Literal["solved", "there", "failed", "unreachable", "not_selected", "refused"]
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """Settings common to all tasks."""
+
+    database: str
+    wanted: Wanted
+    selection: Selection = field(default_factory=Selection)
+    retry_failed: bool = False  #: Whether to solve again logs that are stored as failed.
+    software: str = __version__
+
+
+@dataclass(frozen=True)
+class Status:
+    """Outcome for a log."""
+
+    location: str
+    outcome: Outcome
+    solution: int | None = None  #: Number of its solution in the database; None without a solution.
+    error: dict[str, Any] = field(default_factory=dict)  #: The error as in a result JSON; {} if there is none.
+    changed: bool | None = None  #: Whether configuration, range or stages differ from the log's own; None if unknown.
+    seconds: dict[str, float] = field(default_factory=dict)  #: Duration of ``copy``, ``solve`` and ``write``.
 
 
 def enter_version(engine: Engine, wanted: Wanted) -> bool:

@@ -23,10 +23,17 @@ from calstation import __version__
 from calstation.database import connect
 from calstation.database import failure as database_error
 from calstation.errors import CalstationError, ConfigurationError, InputError
-from calstation.fleet.selection import Origin
-from calstation.fleet.sources import StoredLog, files_of, storage_reason
-from calstation.fleet.status import Assignment, Outcome, Status
-from calstation.fleet.store import Wanted, add_location, add_solution, find_solution, stored_error
+from calstation.fleet.sources import Origin, StoredLog, files_of, storage_reason
+from calstation.fleet.store import (
+    Assignment,
+    Outcome,
+    Status,
+    Wanted,
+    add_location,
+    add_solution,
+    find_solution,
+    stored_error,
+)
 from calstation.messages import values_to_json
 from calstation.records import Log, LogMeta, locked, open_log
 from calstation.results import SCHEMA, Result, resolve_log, warm_up
@@ -66,13 +73,9 @@ class WarmUp(WorkerPlugin):
 
 
 def _warm() -> None:
-    with locked(Path(tempfile.gettempdir()) / f"calstation-warm-up-{_user()}.lock", _COMPILED_WITHIN):
+    user = "" if sys.platform == "win32" else str(os.getuid())  # other users cannot open the lock
+    with locked(Path(tempfile.gettempdir()) / f"calstation-warm-up-{user}.lock", _COMPILED_WITHIN):
         warm_up()
-
-
-def _user() -> str:
-    """Return the user id, because other users cannot open the lock; on Windows the folder belongs to the user."""
-    return "" if sys.platform == "win32" else str(os.getuid())
 
 
 def solve_stored_log(assignment: Assignment, stored: StoredLog) -> Status:

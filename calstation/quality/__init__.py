@@ -15,7 +15,7 @@ from calstation.quality.charts import (
     nelson_signals,
 )
 from calstation.quality.gauge import LEAST_CATEGORIES, AnovaRow, GaugeStudy, Variation, gauge_study
-from calstation.quality.gauge_plan import GaugePlan, Measurement
+from calstation.quality.gauge_plan import GaugePlan, Measurement, StudyState, evaluate_study
 from calstation.quality.random_effects import RandomEffects, random_effects
 from calstation.quality.runs import judged_runs, last_of_each_unit
 from calstation.quality.standards import (
@@ -27,7 +27,6 @@ from calstation.quality.standards import (
     standard_states,
 )
 from calstation.quality.station import StandardHistory, StationQuality, station_quality
-from calstation.quality.study import StudyState, evaluate_study
 from calstation.quality.summary import (
     LEAST_VALUES,
     Charts,

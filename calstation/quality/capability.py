@@ -69,17 +69,13 @@ def capability(values: FloatArray, low: float, high: float, *, confidence: float
 
     Parameters
     ----------
-    values
-        Shape (n,).
-    low, high
-        Limits.
-    confidence
-        Probability of the intervals.
+    values : shape (n,)
+    low, high : limits
+    confidence : probability of the intervals
 
     Raises
     ------
-    InputError
-        There are fewer than three values, or they are all equal.
+    InputError : there are fewer than three values, or they are all equal
     """
     count = len(values)
     if count < _LEAST:

@@ -155,12 +155,9 @@ def individuals_chart(
 
     Parameters
     ----------
-    values
-        Shape (n,), any unit.
-    center, sigma
-        Mean and standard deviation of the process in control.
-    width
-        Distance of the limits of the individuals from the center, in sigmas.
+    values : shape (n,), any unit
+    center, sigma : mean and standard deviation of the process in control
+    width : distance of the limits of the individuals from the center, in sigmas
     """
     ranges = np.abs(np.diff(values))
     range_high = D4 * D2 * sigma

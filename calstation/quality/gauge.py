@@ -143,19 +143,14 @@ def gauge_study(
 
     Parameters
     ----------
-    factors
-        Names of the factors, `UNIT` first.
-    values
-        Shape (number of levels of each factor, trials), at least two of each.
-    tolerance
-        Width of the tolerance in the unit of the values; None without one.
-    confidence
-        Probability of the confidence intervals.
+    factors : names of the factors, `UNIT` first
+    values : shape (number of levels of each factor, trials), at least two of each
+    tolerance : width of the tolerance in the unit of the values; None without one
+    confidence : probability of the confidence intervals
 
     Raises
     ------
-    InputError
-        All repeated measurements are equal.
+    InputError : all repeated measurements are equal
     """
     if not np.ptp(values, axis=-1).any():
         raise InputError("quality.no_repeatability")

@@ -1,9 +1,10 @@
-"""Plan of a study of repeatability and reproducibility: which unit is measured by whom, where, and in which order."""
+"""Plan of a study of repeatability and reproducibility, in a random order, and its evaluation from the stored runs."""
 
 import json
 from bisect import bisect
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -11,11 +12,14 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
 
+from calstation.config import load_product
 from calstation.errors import ConfigurationError, InputError
+from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
-from calstation.physics import FloatArray
-from calstation.quality.gauge import check_size, crossed
-from calstation.quality.runs import judged_runs
+from calstation.physics import NAMES, FloatArray, further_parameter
+from calstation.quality.gauge import GaugeStudy, check_size, crossed, gauge_study
+from calstation.quality.runs import judged_runs, product_runs
+from calstation.quality.summary import known_products, limit_interval
 from calstation.records import Categories, RunColumns, write_atomic
 
 SCHEMA: Literal["calstation.gauge_plan/2"] = "calstation.gauge_plan/2"
@@ -70,23 +74,17 @@ class GaugePlan(BaseModel):
 
         Parameters
         ----------
-        product
-            Name of the product.
-        units
-            Serial numbers.
-        operators, stations
-            Their names; empty if they are not a factor of the study.
-        trials
-            Number of runs of each unit by each appraiser.
-        seed
-            Seed of the random order.
-        created_utc
-            Earlier runs do not count.
+        product : name of the product
+        units : serial numbers
+        operators, stations : their names; empty if they are not a factor of the study
+        trials : number of runs of each unit by each appraiser
+        seed : seed of the random order
+        created_utc : earlier runs do not count
 
         Raises
         ------
-        InputError
-            There are fewer than two units, trials, or levels of a factor, there is no factor, or a name is repeated.
+        InputError : there are fewer than two units, trials, or levels of a factor, there is no factor, or a name is
+            repeated
         """
         factors = {"unit": units, **{k: v for k, v in (("operator", operators), ("station", stations)) if v}}
         twice = [name for names in factors.values() for name, count in Counter(names).items() if count > 1]
@@ -205,3 +203,37 @@ class GaugePlan(BaseModel):
                 taken[key] += 1
                 found.append((key, k))
         return found
+
+
+@dataclass(frozen=True)
+class StudyState:
+    """A plan and its evaluation from the stored runs."""
+
+    plan: GaugePlan
+    left: tuple[Measurement, ...]  #: Runs that are still missing, in order.
+    out_of_order: int  #: Number of runs out of the planned order.
+    studies: Mapping[str, GaugeStudy]  #: By parameter, SI; empty while runs are missing.
+
+
+def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: Path | None) -> StudyState:
+    """Job: read a plan and evaluate it from the runs of a folder, whose index is up to date.
+
+    The tolerances are the widths of the limits of the plan's product, from the file `product` or by default from the
+    known product with this name; an unknown product has none. Raises InputError or ConfigurationError if the plan or
+    the product cannot be used, or if the plan is for another product.
+    """
+    plan = GaugePlan.load(path)
+    limits = dict(known_products()).get(plan.product) if product is None else load_product(product)[1]
+    if limits is not None and limits.name != plan.product:
+        raise InputError("quality.study_other_product", product=limits.name, plan=plan.product)
+    runs = product_runs(folder, plan.product)
+    left = tuple(plan.remaining(runs))
+    studies = {}
+    values = {} if left else plan.values(runs)
+    for done, (name, of_parameter) in enumerate(values.items(), 1):
+        if name in NAMES or further_parameter(name) is not None:
+            interval = None if limits is None else limit_interval(limits, name)
+            tolerance = None if interval is None else interval[1] - interval[0]
+            studies[name] = gauge_study(plan.factors, of_parameter, tolerance)
+        report(done / len(values))
+    return StudyState(plan, left, plan.out_of_order(runs), studies)

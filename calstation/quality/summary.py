@@ -170,29 +170,22 @@ def summarise_quality(
 
     Parameters
     ----------
-    folder
-        Folder of the runs, whose index is up to date, see `calstation.results.refresh_history`.
-    product
-        Product file, whose limits apply; by default all products, with the limits of the product files with their
-        names.
-    serial
-        Golden unit: its runs are charted individually. They do not count for the yield and the other charts, in which
-        each unit counts with its last run; nor do runs of check standards, according to their result or to a current
-        product file.
-    parameter
-        Parameter that is charted; by default all.
-    since
-        Earliest start of the runs.
-    relative
-        Whether to chart deviations in standard deviations, for runs of several schedules; then there is no capability.
-        For all units it is (x - mean) / sqrt(sigma² + tau²), with each run's own sigma, and mean and tau of the random
-        effects model of the baseline. For a golden unit with a reference it is (x - reference) / sqrt(sigma² +
-        sigma_ref² + change²), in which the unit's expected change is taken from its IMU profile.
+    folder : folder of the runs, whose index is up to date, see `calstation.results.refresh_history`
+    product : product file, whose limits apply; by default all products, with the limits of the product files with their
+        names
+    serial : golden unit: its runs are charted individually. They do not count for the yield and the other charts, in
+        which each unit counts with its last run; nor do runs of check standards, according to their result or to a
+        current product file.
+    parameter : parameter that is charted; by default all
+    since : earliest start of the runs
+    relative : whether to chart deviations in standard deviations, for runs of several schedules; then there is no
+        capability. For all units it is (x - mean) / sqrt(sigma² + tau²), with each run's own sigma, and mean and tau of
+        the random effects model of the baseline. For a golden unit with a reference it is (x - reference) / sqrt(sigma²
+        + sigma_ref² + change²), in which the unit's expected change is taken from its IMU profile.
 
     Raises
     ------
-    ConfigurationError
-        The product file is wrong.
+    ConfigurationError : the product file is wrong
     """
     chosen = None if product is None else load_product(product)[1]
     runs = product_runs(folder, "" if chosen is None else chosen.name)

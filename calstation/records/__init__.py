@@ -71,10 +71,8 @@ from calstation.records.product import (
 )
 from calstation.records.raw_log import RESERVE, SUFFIX, RawLogWriter, free_space, write_log
 from calstation.records.raw_read import (
-    RawLogContents,
     being_written,
     raw_rows,
-    read_contents,
     solved_stages,
     step_labels,
 )

@@ -30,8 +30,16 @@ def export_csv(
     """
     _check_target(target, (source,))
     log = open_log(source)
-    blocks = log.blocks(first_seq, last_seq)
-    write_csv_log(target, log.meta, blocks if progress is None else _counted(blocks, progress))
+
+    def counted() -> Iterator[SampleBlock]:
+        done = 0
+        for block in log.blocks(first_seq, last_seq):
+            yield block
+            done += len(block)
+            if progress is not None:
+                progress(done)
+
+    write_csv_log(target, log.meta, counted())
     return log.facts()
 
 
@@ -64,11 +72,3 @@ def _check_target(target: Path, kept: Iterable[Path]) -> None:
     for new, old in itertools.product((target, meta_path(target)), kept):
         if new.exists() and old.exists() and new.samefile(old):
             raise InputError("csv.export_onto_itself", file=target)
-
-
-def _counted(blocks: Iterator[SampleBlock], progress: Callable[[int], None]) -> Iterator[SampleBlock]:
-    done = 0
-    for block in blocks:
-        yield block
-        done += len(block)
-        progress(done)

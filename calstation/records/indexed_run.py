@@ -109,7 +109,6 @@ class RunColumns:
     values: Mapping[str, FloatArray]  #: Solved values by parameter, SI; NaN if a run has none.
     sigmas: Mapping[str, FloatArray]  #: Their standard deviations, SI.
     table: Mapping[str, FloatArray]  #: Quantities of the table's geometry by name, rad; NaN if a run has none.
-    table_sigmas: Mapping[str, FloatArray]  #: Their standard deviations, rad.
 
 
 @dataclass(frozen=True)

@@ -298,11 +298,6 @@ def _without_none(value: Any) -> Any:
     return [_without_none(item) for item in value] if isinstance(value, list) else value
 
 
-def load_meta(path: Path) -> LogMeta:
-    """Read the TOML file of a CSV. Raises InputError with file, field and remedy."""
-    return load(LogMeta, path, InputError)
-
-
 def meta_from_json(text: str, source: str | Path) -> LogMeta:
     """Read the configuration stored in a raw log. Raises InputError."""
     try:

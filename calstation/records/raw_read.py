@@ -6,7 +6,6 @@ import time
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from calstation.estimation.common import SampleBlock, runs
 from calstation.messages import os_reason
 from calstation.records.files import TEST_TIMEOUT, held
 from calstation.records.log import DamagedRows, Log
-from calstation.records.meta import LogMeta, meta_from_json
+from calstation.records.meta import meta_from_json
 from calstation.records.raw_log import CHECK, CHUNK_ROWS, FORMAT, row_checks
 from calstation.records.superblock import SUPERBLOCK, AsClosed, left_open, sound, superblock_end
 
@@ -40,38 +39,17 @@ def sound_rows(damaged: NDArray[np.int64], start: int, stop: int) -> NDArray[np.
     return np.asarray(number + np.concatenate([[0], left_out])[parts_before], np.int64)
 
 
-@dataclass(frozen=True)
-class RawLogContents:
-    """Contents of a raw log other than samples; `outcome` is None if the run was not completed."""
-
-    meta: LogMeta
-    events: list[dict[str, Any]]
-    results: list[dict[str, Any]]
-    outcome: str | None
-    sha256: str | None
-
-
-def read_contents(path: Path) -> RawLogContents:
-    """Read configuration, events and results. Raises InputError."""
+def open_raw(path: Path, _: Path | None = None) -> Log:
+    """Open a raw log, of which configuration, events and results are read. Raises InputError."""
     with _opened(path) as file:
         stored = file["meta"][:]
         if zlib.crc32(stored) != file.attrs["meta_crc32"]:
             raise InputError("log.damaged_configuration", file=path, detail="crc32")
         meta = meta_from_json(_text(stored), path)
-        closing = _json_lines(file, "closing")
-        last = closing[-1] if closing else {}
-        return RawLogContents(
-            meta, _json_lines(file, "events"), _json_lines(file, "results"), last.get("outcome"), last.get("sha256")
-        )
-
-
-def open_raw(path: Path, _: Path | None = None) -> Log:
-    """Open a raw log. Raises InputError if it is missing or damaged."""
-    contents = read_contents(path)
-    damaged: list[DamagedRows] = []
+        events, results, closing = (_json_lines(file, name) for name in ("events", "results", "closing"))
+    last, damaged = closing[-1] if closing else {}, list[DamagedRows]()
     blocks = partial(raw_blocks, path, damaged)
-    stored = (contents.events, contents.results, contents.outcome, contents.sha256)
-    return Log(path, contents.meta, blocks, *stored, _found=damaged)
+    return Log(path, meta, blocks, events, results, last.get("outcome"), last.get("sha256"), _found=damaged)
 
 
 def being_written(path: Path, within: float = TEST_TIMEOUT) -> bool:

@@ -151,17 +151,14 @@ class RunIndex:
 
     def put(self, runs: Iterable[IndexedRun], gone: Iterable[str] = ()) -> None:
         """Add or replace runs of the folder, and remove those in `gone`."""
-        rows = [_row(run) for run in runs]
-        names = [*gone, *(row["name"] for row in rows)]
+        rows, removed = [_row(run) for run in runs], [*gone]
 
         def change(connection: Connection) -> None:
-            for name in names:
+            for name in removed:
                 connection.execute(delete(_runs).where(_runs.c.origin == "", _runs.c.name == name))
-            if rows:
-                connection.execute(insert(_runs), rows)
-            _renew_mark(connection)
+            _store(connection, rows)
 
-        if names:
+        if rows or removed:
             self._try(change)
 
     def own(self, names: Sequence[str]) -> list[IndexedRun]:
@@ -186,12 +183,7 @@ class RunIndex:
         def change(connection: Connection) -> None:
             connection.execute(delete(_received))
             connection.execute(insert(_received).values(database=database, revision=revision))
-            for row in rows:
-                same = (_runs.c.origin == row["origin"], _runs.c.name == row["name"])
-                connection.execute(delete(_runs).where(*same))
-            if rows:
-                connection.execute(insert(_runs), rows)
-            _renew_mark(connection)
+            _store(connection, rows)
 
         if self.received()[0] != database:
             self._in_file(lambda connection: connection.execute(delete(_received)))
@@ -294,6 +286,7 @@ class RunIndex:
         serials, verdicts, products, stations, operators = (Categories.of(column) for column in texts)
         values, sigmas = _estimates(Categories.of(parameters), usual, numbers)
         checks = Categories.of(failed)
+        table = {name.removeprefix(_OF_TABLE): values.pop(name) for name in [*values] if name.startswith(_OF_TABLE)}
         return RunColumns(
             names,
             serials,
@@ -305,11 +298,9 @@ class RunIndex:
             np.array(partial, dtype=bool),
             np.array(standard, dtype=bool),
             Categories(tuple(read_check_ids(text or _NO_CHECKS) for text in checks.values), checks.codes),
-            *(
-                {name.removeprefix(_OF_TABLE): found[name] for name in found if name.startswith(_OF_TABLE) == of_table}
-                for of_table in (False, True)
-                for found in (values, sigmas)
-            ),
+            values,
+            {name: sigmas[name] for name in values},
+            table,
         )
 
     def _found(self, query: Select[Any]) -> list[IndexedRun]:
@@ -453,7 +444,10 @@ def from_columns(
     return IndexedRun(name, stamp, record, values, sigmas, read_check_ids(failed_checks), table)
 
 
-def _renew_mark(connection: Connection) -> None:
+def _store(connection: Connection, rows: list[dict[str, Any]]) -> None:
+    """Add or replace rows, and renew the mark."""
+    if rows:
+        connection.execute(insert(_runs).prefix_with("OR REPLACE"), rows)
     connection.execute(delete(_changed))
     connection.execute(insert(_changed).values(mark=secrets.token_hex(8)))
 

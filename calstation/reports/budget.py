@@ -73,7 +73,8 @@ def uncertainty_budget(log: Log, result: Result, meta: LogMeta, base: StageChain
     parts["gravity"] = np.array([gravity[INDEX[n], INDEX[n]] if n in INDEX else 0.0 for n in names])
     parts["other"] = total - np.sum([parts[source] for source in changes], axis=0)
     rows = {name: {source: float(parts[source][k]) for source in SOURCES} for k, name in enumerate(names)}
-    elsewhere = _at_other_latitude(meta)
+    latitude = meta.site.latitude_deg - float(np.copysign(LATITUDE_ERROR_DEG, meta.site.latitude_deg))
+    elsewhere = meta.model_copy(update={"site": meta.site.model_copy(update={"latitude_deg": latitude})})
     chain = solve_again(log, result, elsewhere, partial(_part, progress, len(changes), len(changes) + 1))
     here, there = (solved_parameters(tuple(each.solutions)) for each in (base, chain))
     return Budget(rows, {name: abs(there[name].value - found.value) for name, found in here.items() if name in there})
@@ -139,12 +140,6 @@ def _changed(meta: LogMeta, source: str) -> LogMeta:
         return meta.model_copy(update={"table": meta.table.model_copy(update=grown)})
     imus = {"imu": meta.imu, **{f"imu{number}": imu for number, imu in meta.secondaries.items()}}
     return meta.model_copy(update={key: _grown(imu, _OF_IMU[source], factor) for key, imu in imus.items()})
-
-
-def _at_other_latitude(meta: LogMeta) -> LogMeta:
-    """Return the configuration with a different latitude, towards the equator."""
-    latitude = meta.site.latitude_deg - float(np.copysign(LATITUDE_ERROR_DEG, meta.site.latitude_deg))
-    return meta.model_copy(update={"site": meta.site.model_copy(update={"latitude_deg": latitude})})
 
 
 def _grown(imu: ImuSection, names: tuple[str, ...], factor: float) -> ImuSection:

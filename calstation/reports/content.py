@@ -54,9 +54,6 @@ class Certificate:
     """A calibration certificate."""
 
     number: str  #: Unique identification, without the revision.
-    revision: int  #: 0 for the first issue.
-    supersedes: str | None  #: For a revision: identification and date of issue of the certificate that it replaces.
-    reason: str | None  #: For a revision: its reason.
     issued: date
     result: Result
     meta: LogMeta
@@ -67,6 +64,9 @@ class Certificate:
     budget: Budget | None  #: None if it was not computed.
     verdict: Verdict  #: Statement of conformity; there is none if it is undetermined.
     rule: Rule
+    revision: int = 0  #: 0 for the first issue.
+    supersedes: str | None = None  #: For a revision: identification and date of issue of the replaced certificate.
+    reason: str | None = None  #: For a revision: its reason.
     received: date | None = None  #: Date of receipt of the unit; None if not stated.
     #: Names of the persons who issued it and confirmed their identity with their own PIN.
     authorised: tuple[str, ...] = ()
@@ -88,12 +88,9 @@ def build_certificate(
     meta: LogMeta,
     *,
     issued: date | None = None,
-    revision: int = 0,
-    supersedes: str | None = None,
-    reason: str | None = None,
     budget: Budget | None = None,
 ) -> Certificate:
-    """Build the certificate of a result; `meta` is the configuration in its log.
+    """Build the certificate of a result, not revised; `meta` is the configuration in its log.
 
     By default it is issued on `earliest_issue`. Raises InputError if that day is unknown, or if the result has no
     parameters.
@@ -106,9 +103,6 @@ def build_certificate(
     quantities = tuple(_quantities(result, meta))
     return Certificate(
         number=certificate_number(result),
-        revision=revision,
-        supersedes=supersedes,
-        reason=reason,
         issued=issued,
         result=result,
         meta=meta,

@@ -62,13 +62,11 @@ def real_list(
 
     Parameters
     ----------
-    names, units, values, sigmas
-        One entry per quantity; names without blanks.
+    names, units, values, sigmas : one entry per quantity; names without blanks
 
     Returns
     -------
-    etree._Element
-        An element ``realListXMLList``.
+    etree._Element : an element ``realListXMLList``
     """
     written = [dsi_unit(unit) for unit in units]
     listed = _SI(
@@ -103,15 +101,12 @@ def joint_list(
 
     Parameters
     ----------
-    names, units, values
-        One entry per quantity, SI.
-    covariance
-        Covariance matrix, shape (n, n), SI.
+    names, units, values : one entry per quantity, SI
+    covariance : covariance matrix, shape (n, n), SI
 
     Returns
     -------
-    etree._Element
-        An element ``list`` with one ``realList``.
+    etree._Element : an element ``list`` with one ``realList``
     """
     listed = _SI("realList")
     for name, unit, value in zip(names, units, values, strict=True):

@@ -167,10 +167,10 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
     signer = None if request.signing is None else load_signer(request.signing)
     result, log = load_source(lambda done, *_, note="": report(_READ * done, note=note), request.source)
     certificate, before, record = _numbered(result, log, request)
-    people = None if record is None else _confirmed(log.meta, request)
-    if record is not None and people is not None:
-        record = replace(record, authorised=people.names)
-        certificate = replace(certificate, authorised=people.names)
+    confirmation = Confirmation("")
+    if record is not None:
+        confirmation, names = _confirmed(log.meta, request)
+        record, certificate = replace(record, authorised=names), replace(certificate, authorised=names)
     share = _ANALYSED - _READ
     analysis = analyse(lambda done, *_, note="": report(_READ + share * done, note=note), log, result)
     certificate = replace(certificate, budget=analysis.budget)
@@ -186,37 +186,29 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
     if request.dcc is not None:
         written[request.dcc] = dcc
     missing = {path: content for path, content in written.items() if not _is_written(path, content)}
-    if record is not None and people is not None:
-        _record(log, certificate, before, record, people.confirmation)
+    if record is not None:
+        _record(log, certificate, before, record, confirmation)
     for path, content in missing.items():
         _write(path, content)
     report(1.0)
     return certificate, out
 
 
-@dataclass(frozen=True)
-class _People:
-    """The issuers of a certificate, and the names of those who confirmed it with their own PIN."""
-
-    confirmation: Confirmation
-    names: tuple[str, ...] = ()
-
-
-def _confirmed(meta: LogMeta, request: ReportRequest) -> _People:
-    """Return the issuers of a certificate.
+def _confirmed(meta: LogMeta, request: ReportRequest) -> tuple[Confirmation, tuple[str, ...]]:
+    """Return the issuers of a certificate, and the names of those who confirmed it with their own PIN.
 
     Raises ConfigurationError if one or two people must confirm their identity, or InputError if that is unknown.
     """
     files = _files(meta, request.source)
     if files is None:
-        return _People(Confirmation("" if request.first is None else request.first.badge))
+        return Confirmation("" if request.first is None else request.first.badge), ()
     product, station = files
     if request.first is None and not confirmation_required("certificate", product, station).second:
-        return _People(Confirmation(""))
+        return Confirmation(""), ()
     found = confirm("certificate", product, station, request.first or Person(""), request.second)
     names: Mapping[str, str] = {} if station.sign_in is None else station.sign_in.names
     people = (found.by, found.confirmed_by) if found.pin == "personal" else ()
-    return _People(found, tuple(names.get(badge, badge) for badge in people if badge is not None))
+    return found, tuple(names.get(badge, badge) for badge in people if badge is not None)
 
 
 def _files(meta: LogMeta, path: Path) -> tuple[ProductConfig, StationConfig] | None:

@@ -15,7 +15,7 @@ from calstation.jobs import ProgressCallback
 from calstation.records import (
     SUFFIX,
     IndexedRun,
-    RawLogContents,
+    Log,
     ResolveRecord,
     RunChoices,
     RunColumns,
@@ -23,7 +23,7 @@ from calstation.records import (
     RunRecord,
     Verdict,
     being_written,
-    read_contents,
+    open_log,
     read_resolves,
     resolve_file,
     solved_stages,
@@ -137,7 +137,7 @@ class History:
         if record.result is not None:
             return load_result(record.result)
         try:
-            return Result.from_json(read_contents(record.log).results[-1])
+            return Result.from_json(open_log(record.log).results[-1])
         except (ValueError, IndexError) as exc:
             raise InputError("result.not_a_result", file=record.log, schema=SCHEMA) from exc
 
@@ -242,7 +242,7 @@ def _read_file(folder: Path, name: str, stamp: str) -> IndexedRun | None:
     if not stamp.startswith("log "):
         result = Result.from_json(json.loads(beside.read_text(encoding="utf-8")))
         return _from_result(folder, name, stamp, result, beside) if _is_run(result, name) else None
-    contents = read_contents(folder / f"{name}{SUFFIX}")
+    contents = open_log(folder / f"{name}{SUFFIX}")
     if contents.outcome is None:
         return _from_log(folder, name, stamp, contents)
     for result in map(Result.from_json, reversed(contents.results)):
@@ -297,7 +297,7 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
     return IndexedRun(name, stamp, record, values, sigmas, failed, table)
 
 
-def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> IndexedRun:
+def _from_log(folder: Path, name: str, stamp: str, contents: Log) -> IndexedRun:
     meta, run = contents.meta, contents.meta.run
     record = RunRecord(
         serial=meta.imu.serial,

@@ -8,7 +8,7 @@ import pytest
 from synthetic.many_logs import record_logs
 
 from calstation.fleet import FleetRequest, compare, export_version, resolve_fleet
-from tests.fleet.synthetic import add_solutions
+from tests.fleet.stored_solutions import add_solutions
 from tests.helpers import ignore_progress
 from tests.postgres import postgres as postgres
 from tests.postgres import shared_database as shared_database

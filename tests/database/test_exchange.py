@@ -16,6 +16,7 @@ from calstation.cli.app import run_app
 from calstation.database import (
     ArchivedLog,
     Exchange,
+    LogArchiver,
     Outbox,
     exchange_once,
     export_shared_runs,
@@ -529,17 +530,17 @@ def test_messages_stay_pending_without_the_database(
     assert [row[0] for row in in_index(two)] == ["a0", "a1", "a2"]
 
 
-def test_damaged_record_of_copies_is_reported(url: str, stations: tuple[Path, Path]) -> None:
+def test_damaged_record_of_copies_is_reported_and_blocks_no_run(url: str, stations: tuple[Path, Path]) -> None:
     one, _ = stations
     write_result(one, "a", 1)
     outbox = Outbox(one)
     outbox.add_copy(ArchivedLog("a", "s3://logs/a.h5", "0" * 64, 1))
     path = one / COPIES_FILE
     path.write_text(path.read_text("utf-8").replace("a.h5", "b.h5"), "utf-8")
-    made = Exchange(one, url, "one")
+    exchange(one, url)
+    assert in_database(url) == [("a", "one")]
     with raises_code(InputError, "database.copies_damaged"):
-        made.exchange()
-    made.close()
+        LogArchiver(one, str(one)).copy_next()
 
 
 def test_results_of_other_stations_are_exported_and_compared(url: str, stations: tuple[Path, Path]) -> None:

@@ -6,13 +6,13 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from synthetic.many_logs import record_logs
 
 from tests.cli.conftest import calstation as calstation
 from tests.helpers import ignore_progress
 from tests.postgres import postgres as postgres
 from tests.postgres import shared_database as shared_database
 from tests.postgres import url as url
+from tests.synthetic.many_logs import record_logs
 
 
 @pytest.fixture(scope="session")

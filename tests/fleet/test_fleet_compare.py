@@ -14,7 +14,7 @@ import pytest
 from sqlalchemy import create_engine, delete, func, insert, select, text
 
 from calstation.config import library
-from calstation.database import connect, runs, solutions, versions
+from calstation.database import connect, opened, runs, solutions, versions
 from calstation.database.tables import outboxes
 from calstation.errors import ConfigurationError
 from calstation.fleet import (
@@ -30,7 +30,6 @@ from calstation.fleet import (
     versions_job,
 )
 from calstation.fleet.columns import _MOST_FILES, update_columns
-from calstation.fleet.store import opened
 from calstation.records import locked
 from tests.cli.conftest import Done
 from tests.helpers import ignore_progress, raises_code
@@ -199,8 +198,8 @@ def add_outbox(url: str) -> None:
 def put_run(url: str, number: int, unit: tuple[Any, ...], content: Mapping[str, Any] = {}, **more: Any) -> None:
     """Insert or replace a run of the station."""
     solved = row(unit, "", 0)
-    outcome = {True: "passed", False: "failed"}[solved["passed"]]
-    content = {"product": solved["product"], "station": solved["station"], "outcome": outcome, **content}
+    outcome = {True: "partial" if content.get("partial") else "passed", False: "failed"}[solved["passed"]]
+    content = {"product": solved["product"], "station": solved["station"], "verdict": outcome, **content}
     same = ("serial", "started_utc", "failed_checks", "parameters", "numbers", "log_sha256")
     values = {name: solved[name] for name in same}
     values |= {"outbox": "x", "name": unit[0], "revision": number, "stamp": "", "content": json.dumps(content)}

@@ -123,7 +123,7 @@ def test_archive_is_listed_from_the_database_without_file_requests(
     copy = {"url": "s3://logs/x/a.h5", "file_sha256": "f" * 64, "size": 7}
     with engine.begin() as connection:
         connection.execute(insert(outboxes).values(id="x", station="bench 2", revision=1))
-        connection.execute(insert(runs).values(outbox="x", name="a", **run))
+        connection.execute(insert(runs).values(outbox="x", name="a", stamp="", **run))
         connection.execute(insert(log_copies).values(outbox="x", name="a", **copy))
     (log,) = found(engine, "archive")
     origin = ("bench 2", "nav", "2026-03-05T00:00:00+00:00")

@@ -42,7 +42,7 @@ def stored(order: list[Measurement], **changes: object) -> RunColumns:
         "partial": np.zeros(n, dtype=bool),
         "check_standard": np.zeros(n, dtype=bool),
         "values": {"gyro_bias_x": np.array(values), "accel_bias_x": np.array([np.nan, *values[1:]])},
-        **{name: {} for name in ("sigmas", "table", "table_sigmas")},
+        **{name: {} for name in ("sigmas", "table")},
     }
     coded = {name: Categories.of(column) for name, column in texts.items()}
     return RunColumns(**{**columns, **changes, **coded})  # type: ignore[arg-type]

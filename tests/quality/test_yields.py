@@ -38,7 +38,7 @@ def columns(rows: list[tuple[int, str, str, bool, str | None, str | None, tuple[
         partial=np.array(partial),
         check_standard=np.array([serial == "GOLD" for serial in serials]),
         failed_checks=Categories.of([tuple(CheckId("effects", subject) for subject in each) for each in failed]),
-        **{name: {} for name in ("values", "sigmas", "table", "table_sigmas")},
+        **{name: {} for name in ("values", "sigmas", "table")},
     )
 
 

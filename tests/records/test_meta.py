@@ -12,7 +12,8 @@ from records_samples import META
 from calstation.errors import InputError
 from calstation.physics import ALIGNED, COUNT, INDEX, PARAMETERS, group_indices
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
-from calstation.records.meta import load_meta, meta_from_json
+from calstation.records.meta import meta_from_json
+from calstation.schema import load
 
 
 def test_configuration_survives_toml_and_json(meta: LogMeta) -> None:
@@ -91,7 +92,7 @@ def test_invalid_field_is_reported_with_file_and_remedy(tmp_path: Path, field: s
     path = tmp_path / "log.toml"
     path.write_text(meta_text, encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        load_meta(path)
+        load(LogMeta, path, InputError)
     text = str(caught.value)
     assert text.startswith(f"{path}: ")
     assert message in text
@@ -101,13 +102,13 @@ def test_invalid_field_is_reported_with_file_and_remedy(tmp_path: Path, field: s
 def test_missing_fields_and_files_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "log.toml"
     with pytest.raises(InputError, match="No such file"):
-        load_meta(path)
+        load(LogMeta, path, InputError)
     path.write_text("[site]\nlatitude_deg = 1\nlongitude_deg = 2\nheight_m = 3\n")
     with pytest.raises(InputError, match=r"imu: The entry is missing\. Add it"):
-        load_meta(path)
+        load(LogMeta, path, InputError)
     path.write_text("[site\n")
     with pytest.raises(InputError, match="Not valid TOML"):
-        load_meta(path)
+        load(LogMeta, path, InputError)
 
 
 def _toml(data: dict[str, Any]) -> str:

@@ -19,9 +19,9 @@ from calstation.judgement import check_limits, unobservable
 from calstation.judgement.limits import not_compared
 from calstation.physics import COUNT, INDEX, NAMES, compose, composition, group_indices, parameter_vector
 from calstation.records import CalibrationSection, Limit, LogMeta, correlation_of, covariance_from, prior_from_meta
-from calstation.records.meta import load_meta
 from calstation.results import current_calibration, estimate_of
 from calstation.results.calibration import Calibration, from_estimate
+from calstation.schema import load
 from tests.helpers import complaint
 from tests.records.records_samples import META
 from tests.results.test_history import refreshed, write
@@ -163,7 +163,7 @@ def test_correlations_survive_toml(tmp_path: Path) -> None:
     meta = LogMeta.model_validate({**META, "prior": prior, "prior_correlation": correlation})
     path = tmp_path / "log.toml"
     path.write_text(meta.to_toml(), encoding="utf-8")
-    again = load_meta(path)
+    again = load(LogMeta, path, InputError)
     assert again == meta
     assert not again.calibrated
     np.testing.assert_array_equal(prior_from_meta(again).covariance, prior_from_meta(meta).covariance)
@@ -187,7 +187,7 @@ def test_invalid_correlations_are_refused(tmp_path: Path, table: dict[str, Any],
     path = tmp_path / "log.toml"
     path.write_text(tomli_w.dumps({**META, "prior_correlation": table}), encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        load_meta(path)
+        load(LogMeta, path, InputError)
     assert complaint(caught.value) == message
 
 

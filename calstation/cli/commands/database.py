@@ -14,18 +14,18 @@ from rich.console import Console
 from calstation.cli.options import JsonOption, RunsOption, StationOption, command_group
 from calstation.cli.show import emit, show_line
 from calstation.cli.text import say, sentence
-from calstation.config import load_station
 from calstation.database import (
     Exchange,
     ExchangeState,
     LogArchiver,
     adopt_folder,
+    database_of,
     exchange_once,
     read_state,
 )
 from calstation.database import upgrade as upgrade_tables
 from calstation.database import watch as exchange_continuously
-from calstation.errors import CalstationError, ConfigurationError
+from calstation.errors import CalstationError
 from calstation.messages import event_text, local_time
 
 app = command_group()
@@ -38,8 +38,8 @@ def exchange(
     watch: Annotated[bool, typer.Option("--watch")] = False,
 ) -> int:
     """Send the runs of a folder to the shared database and receive the runs of other stations."""
-
-    url, name, archive = _database_of(station)
+    url, config = database_of(station)
+    name, archive = config.name, config.records.archive
     if watch:
         _watch(out, url, name, archive)
         return 0
@@ -98,8 +98,7 @@ def upgrade(
     station: StationOption = None,
 ) -> None:
     """Create the tables of the shared database, or upgrade them to this version; requires the database owner."""
-
-    url = url or _database_of(station)[0]
+    url = url or database_of(station)[0]
     code = "cli.tables_upgraded" if upgrade_tables(url) else "cli.tables_unchanged"
     show_line(Console(stderr=True), say(code, database=url))
 
@@ -130,12 +129,3 @@ def status(out: RunsOption = Path("runs"), json: JsonOption = None) -> None:
 def roles() -> None:
     """Print the SQL of the roles with minimal rights, to be executed by the database owner."""
     sys.stdout.write(resources.files("calstation.database").joinpath("roles.sql").read_text(encoding="utf-8"))
-
-
-def _database_of(station: Path | None) -> tuple[str, str, str | None]:
-    """Return the URL of a station's database, its name and its archive. Raises ConfigurationError if it has none."""
-
-    path, config = load_station(station)
-    if config.records.database is None:
-        raise ConfigurationError("database.not_named", path=path)
-    return config.records.database, config.name, config.records.archive
