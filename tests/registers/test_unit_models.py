@@ -184,9 +184,7 @@ def test_hardware_and_simulated_units_are_listed_separately(
     monkeypatch.setenv("CALSTATION_HOME", str(home))
     known.transfer(UnitType("bench-imu", MEMS, "MEMS grade C"))
     for _ in range(2):
-        made = register_journal.begin(
-            known.runs, SERIAL, {}, {}, register_journal.Purpose(None, "run", "", known.own), site=home
-        )
+        made = register_journal.begin(home, SERIAL, {}, {}, register_journal.Purpose(None, "run", "", known.own))
         made.note(Step.COMMITTING)
         made.close(Closing.KEPT)
     assert run_app(["registers", "list", "--out", str(known.runs)]) == 0
