@@ -46,8 +46,6 @@ METHOD = Method(
     "azimuth_flip",
     Schedule,
     plan,
-    solver=lambda context, prior, schedule: NavigationStage(
-        "azimuth_flip", context, prior, ESTIMATED, schedule.targets
-    ),
+    lambda context, prior, schedule: NavigationStage("azimuth_flip", context, prior, ESTIMATED, schedule.targets),
     estimates=lambda context: ESTIMATED,
 )

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation import Diagnosis, Estimate, Method, ModelTest, Progress, Solution
+from calstation.estimation import Diagnosis, Estimate, Method, ModelTest, Progress, Solution, StageSolver
 from calstation.estimation.common import (
     Consistency,
     Posterior,
     SampleBlock,
     Secondary,
     SolveContext,
-    StageBuffer,
     StageData,
     StoredPair,
     nis_consistency,
@@ -35,7 +34,7 @@ from calstation.estimation.pairs import (
     check_values,
 )
 from calstation.messages import values_to_json
-from calstation.physics import PAIR_PARAMETERS, FloatArray, Step, TableGeometry, pair_name
+from calstation.physics import PAIR_PARAMETERS, Step, TableGeometry, pair_name
 
 NOTHING = Consistency(0.0, 0.0, 0.0, 0)
 #: Sigmas above which the motion does not determine a value; for the clock offset the limit is half a sample.
@@ -51,32 +50,25 @@ def plan(geometry: TableGeometry, schedule: PairSchedule) -> Iterator[Step]:
     raise ConfigurationError("plan.needs_joint_recording")
 
 
-class PairStage:
-    """A `StageSolver` for the whole recording, or for the parts selected by triggers."""
+class PairStage(StageSolver):
+    """Solves the whole recording, or for the parts selected by triggers."""
 
     def __init__(self, context: SolveContext, prior: Posterior, schedule: PairSchedule) -> None:
         if not context.secondaries:
             raise InputError("solve.no_second_imu")
-        self._context, self._prior, self._schedule = context, prior, schedule
+        super().__init__(context, prior)
+        self._schedule = schedule
         self._calibration = PairCalibration(context, prior, schedule)
         self._watch: PairWatch | None = None
-        self.buffer = StageBuffer(context.imu)
         self._events: list[WatchEvent] = []
         if schedule.trigger != "command":
             self._watch = PairWatch(context.imu, context.secondaries, self._calibration)
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""
-        self.buffer.append(block)
+        super().feed(block)
         if self._watch is not None:
             self._events += self._watch.feed(block)
-
-    def sigma(self) -> FloatArray:
-        """Return the standard deviations of the prior, SI, shape (30,); none of the 30 parameters is estimated."""
-        return self._prior.sigma
-
-    def ranking(self) -> None:
-        """Return None: the solver has no steps."""
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the recording. Raises InputError if it is unusable."""
@@ -88,7 +80,7 @@ class PairStage:
         done: dict[int, PairResult] = {}
         checks: dict[int, StaticCheck] = {}
         rest = self._calibration.last_rest(data)
-        for index, secondary in enumerate(self._context.secondaries):
+        for index, secondary in enumerate(self.context.secondaries):
             if rest is not None:
                 check = self._calibration.check(data, rest, index, secondary, secondary.stored)
                 if check is not None:
@@ -97,8 +89,8 @@ class PairStage:
                 data, index, secondary, self._schedule.choice, secondary.stored
             )
             if progress is not None:
-                progress((index + 1) / len(self._context.secondaries))
-        return self._solution(done, checks, {s.number: s.stored for s in self._context.secondaries}, data.gaps, ())
+                progress((index + 1) / len(self.context.secondaries))
+        return self._solution(done, checks, {s.number: s.stored for s in self.context.secondaries}, data.gaps, ())
 
     def _watched(self, watch: PairWatch) -> Solution:
         self._events += watch.finish()
@@ -121,7 +113,7 @@ class PairStage:
     ) -> Solution:
         estimates: dict[str, Estimate] = {}
         for number, calibrated in done.items():
-            estimates.update(_estimates(number, calibrated, self._context.imu.sample_rate))
+            estimates.update(_estimates(number, calibrated, self.context.imu.sample_rate))
         halves = [c.fit.halves for c in done.values()]
         fitted = int(sum(c.fit.fitted.sum() for c in done.values()))
         kept = [number for number in stored if number not in done]
@@ -134,14 +126,14 @@ class PairStage:
             messages = (*messages, ("pair_kept", {"stage": "cross_calibration", "numbers": kept}))
         return Solution(
             stage="cross_calibration",
-            posterior=self._prior,
+            posterior=self.prior,
             estimated=(),
             consistency=nis_consistency(float(np.mean(halves)) * fitted, fitted, 1) if done else NOTHING,
             gaps=gaps,
             details={
                 "secondaries": [
                     _details(s, done.get(s.number), checks.get(s.number), stored[s.number])
-                    for s in self._context.secondaries
+                    for s in self.context.secondaries
                 ],
                 "events": [
                     {"kind": e.kind, "time": e.time, "number": e.number, **values_to_json(e.values)}

@@ -68,8 +68,6 @@ METHOD = Method(
     "designed",
     Schedule,
     plan,
-    solver=lambda context, prior, schedule: NavigationStage(
-        "designed", context, prior, estimates(context), schedule.targets
-    ),
+    lambda context, prior, schedule: NavigationStage("designed", context, prior, estimates(context), schedule.targets),
     estimates=estimates,
 )

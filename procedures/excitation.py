@@ -102,7 +102,7 @@ METHOD = Method(
     "excitation",
     Schedule,
     plan,
-    solver=lambda context, prior, schedule: NavigationStage(
+    lambda context, prior, schedule: NavigationStage(
         "excitation", context, prior, estimates(context), schedule.targets
     ),
     estimates=estimates,

@@ -6,13 +6,14 @@ A recording is replayed: its joints give the same corrections as online. A least
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation import Solution, batch_method
+from calstation.estimation import BatchStage, Method, Solution
 from calstation.estimation.common import Posterior, SolveContext, StageData, filter_noise, nis_consistency, restricted
 from calstation.estimation.gimbal import (
     BIAS_TIME,
@@ -333,4 +334,12 @@ def _messages(iteration: GimbalIteration, schedule: Schedule) -> tuple[tuple[str
     return tuple(messages)
 
 
-METHOD = batch_method("gimbal", Schedule, plan, solve, ESTIMATED, needs_no_table=True, on_gimbal=True)
+METHOD = Method(
+    "gimbal",
+    Schedule,
+    plan,
+    partial(BatchStage, solve),
+    estimates=lambda context: ESTIMATED,
+    needs_no_table=True,
+    on_gimbal=True,
+)

@@ -5,13 +5,14 @@ observable.
 """
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError
-from calstation.estimation import Solution, batch_method
+from calstation.estimation import BatchStage, Method, Solution
 from calstation.estimation.common import (
     Link,
     Posterior,
@@ -178,4 +179,12 @@ def _messages(
     return tuple(messages)
 
 
-METHOD = batch_method("multi_position", Schedule, plan, solve, ESTIMATED, needs_no_table=True, without_gyros=True)
+METHOD = Method(
+    "multi_position",
+    Schedule,
+    plan,
+    partial(BatchStage, solve),
+    estimates=lambda context: ESTIMATED,
+    needs_no_table=True,
+    without_gyros=True,
+)

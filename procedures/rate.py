@@ -8,12 +8,13 @@ about the vertical, by the prior of the scale factor.
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError, InsufficientDataError
-from calstation.estimation import Innovations, Solution, batch_method
+from calstation.estimation import BatchStage, Innovations, Method, Solution
 from calstation.estimation.common import (
     BIAS_DRIFT_TIME,
     FREE_AZIMUTH_SIGMA,
@@ -329,4 +330,4 @@ def _earth_integral(
     return vertical * turn.duration, north * turn.duration, east * turn.duration
 
 
-METHOD = batch_method("rate", Schedule, plan, solve, ESTIMATED)
+METHOD = Method("rate", Schedule, plan, partial(BatchStage, solve), estimates=lambda context: ESTIMATED)

@@ -7,13 +7,15 @@ test: the sum of the magnitude of gravity over them depends neither on misalignm
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation import Innovations, Solution, batch_method
+from calstation.estimation import BatchStage, Innovations, Method, Solution
 from calstation.estimation.common import (
+    SHORTEST_REST,
     Posterior,
     SolveContext,
     StageData,
@@ -43,8 +45,6 @@ from calstation.physics import (
 ESTIMATED = tuple(f"{group}_{axis}" for group in ("accel_scale", "accel_bias") for axis in "xyz")
 #: Groups of parameters on which the force at rest depends.
 GROUPS = ("accel_bias", "accel_scale", "accel_misalign", "accel_quadratic")
-#: A shorter rest than this, s, is a pause during a rotation instead of a position.
-SHORTEST_REST = 1.0
 #: Prior sigma of an unknown direction of gravity about the measured one, rad.
 FREE_DIRECTION_SIGMA = 1.0
 #: Body directions that point up in the oblique positions, in order.
@@ -113,7 +113,7 @@ def find_positions(data: StageData, context: SolveContext, prior: Posterior) -> 
     if data.has_gyros:
         rests = find_rests(data, context.imu, prior.gyro_bias)
     else:
-        rests = find_stillness(data, context.imu, SHORTEST_REST).rests
+        rests = find_stillness(data, context.imu).rests
     return [
         Position(a, b, *rest_force(data, context, a, b), mean_angles(data, a, b))
         for a, b in rests
@@ -211,4 +211,6 @@ def _tangents(direction: FloatArray) -> FloatArray:
     return np.vstack([first, np.cross(direction, first)])
 
 
-METHOD = batch_method("six_position", Schedule, plan, solve, ESTIMATED, without_gyros=True)
+METHOD = Method(
+    "six_position", Schedule, plan, partial(BatchStage, solve), estimates=lambda context: ESTIMATED, without_gyros=True
+)

@@ -17,8 +17,8 @@ from calstation.errors import CalstationError, StoppedError
 from calstation.estimation.common import SampleBlock
 from calstation.estimation.pairs import Alignment, PairWatch, WatchEvent, check_values
 from calstation.jobs import ChildProcess
-from calstation.results import PairProgress
-from calstation.results.plots import CorrectedTrace, CorrectedTraceBuilder, StoredPairFile, stored_pairs
+from calstation.results import CorrectedTrace, CorrectedTraceBuilder, PairProgress
+from calstation.results.plots import StoredPairFile, stored_pairs
 
 #: Host time between two reports, s.
 _INTERVAL = 0.25

@@ -5,6 +5,7 @@ They use no device, file, thread or window; the schedules are defined in `proced
 
 from calstation.estimation.common import Diagnosis, ModelTest
 from calstation.estimation.method import (
+    BatchStage,
     Estimate,
     Innovations,
     Method,
@@ -13,7 +14,6 @@ from calstation.estimation.method import (
     RepeatedSchedule,
     Solution,
     StageSolver,
-    batch_method,
     stage_residuals,
     with_diagnosis,
 )

@@ -1,8 +1,9 @@
 """Interface of a calibration method: its plan, its solver and the parameters that it estimates."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -132,22 +133,52 @@ def with_diagnosis(solution: Solution, data: StageData, context: SolveContext) -
     return replace(solution, diagnosis=Diagnosis(cause, values=values))
 
 
-class StageSolver(Protocol):
-    """Processes the blocks of a stage; the solution does not depend on how the samples are divided into blocks."""
+class StageSolver(ABC):
+    """Solves a stage; the solution does not depend on how the samples are divided into blocks.
 
-    buffer: StageBuffer  #: All samples of the stage.
+    By default a solver only stores the samples until the stage ends.
+    """
+
+    def __init__(self, context: SolveContext, prior: Posterior) -> None:
+        self.context, self.prior = context, prior
+        #: All samples of the stage.
+        self.buffer = StageBuffer(context.imu)
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""
+        self.buffer.append(block)
 
     def sigma(self) -> FloatArray:
         """Return the current standard deviations of the 30 parameters, SI, shape (30,)."""
+        return self.prior.sigma
 
     def ranking(self) -> Ranking | None:
         """Return the observability at the last call of `sigma`; None for a solver without the 39-state filter."""
+        return None
+
+    @abstractmethod
+    def finish(self, progress: Progress | None = None) -> Solution:
+        """Solve the stored stage; slow solvers report `progress`. Raises InputError or InsufficientDataError."""
+
+
+class BatchStage(StageSolver):
+    """Solves a stage by one call of `solve` with its data, context, prior and schedule."""
+
+    def __init__(
+        self,
+        solve: Callable[[StageData, SolveContext, Posterior, Any], Solution],
+        context: SolveContext,
+        prior: Posterior,
+        schedule: BaseModel,
+    ) -> None:
+        super().__init__(context, prior)
+        self._solve, self._schedule = solve, schedule
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the stored stage; slow solvers report `progress`. Raises InsufficientDataError."""
+        """Solve the stored stage; it is too fast for progress reports."""
+        data = self.buffer.data()
+        solution = self._solve(data, self.context, self.prior, self._schedule)
+        return with_diagnosis(solution, data, self.context)
 
 
 class RepeatedSchedule(BaseModel):
@@ -190,52 +221,3 @@ class Method:
     needs_no_table: bool = False
     on_gimbal: bool = False  #: Whether the plan is for a gimbal instead of a table.
     without_gyros: bool = False  #: Whether the solver can use recordings of accelerometers alone.
-
-
-class BatchStage:
-    """A `StageSolver` that calls one function with all data of the stage; it may raise InsufficientDataError."""
-
-    def __init__(
-        self,
-        context: SolveContext,
-        prior: Posterior,
-        solve: Callable[[StageData, SolveContext, Posterior], Solution],
-    ) -> None:
-        self.context, self.prior = context, prior
-        self._solve = solve
-        self.buffer = StageBuffer(context.imu)
-
-    def feed(self, block: SampleBlock) -> None:
-        """Add samples of the stage."""
-        self.buffer.append(block)
-
-    def sigma(self) -> FloatArray:
-        """Return the standard deviations of the prior, SI, shape (30,)."""
-        return self.prior.sigma
-
-    def ranking(self) -> Ranking | None:
-        """Return None: a batch has no steps."""
-        return None
-
-    def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the stored stage; it is too fast for progress reports."""
-        data = self.buffer.data()
-        return with_diagnosis(self._solve(data, self.context, self.prior), data, self.context)
-
-
-def batch_method(
-    name: str,
-    schedule: type[BaseModel],
-    plan: Callable[[TableGeometry, Any], Iterator[Step]],
-    solve: Callable[[StageData, SolveContext, Posterior, Any], Solution],
-    estimated: tuple[str, ...],
-    needs_no_table: bool = False,
-    on_gimbal: bool = False,
-    without_gyros: bool = False,
-) -> Method:
-    """Return a method that solves a stage in one batch; `solve` is called with data, context, prior and schedule."""
-
-    def solver(context: SolveContext, prior: Posterior, chosen: Any) -> BatchStage:
-        return BatchStage(context, prior, lambda data, context, prior: solve(data, context, prior, chosen))
-
-    return Method(name, schedule, plan, solver, lambda context: estimated, needs_no_table, on_gimbal, without_gyros)

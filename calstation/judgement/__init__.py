@@ -8,7 +8,7 @@ from calstation.judgement.acceptance import offline_online
 from calstation.judgement.check import Check, Where
 from calstation.judgement.conformity import Conformity, ParameterConformity
 from calstation.judgement.data_tests import DataTests
-from calstation.judgement.judge import Judgement, SolvedAgain, compare_only, is_partial, judge
+from calstation.judgement.judge import End, Judgement, SolvedAgain, advice, compare_only, is_partial, judge, verdict_of
 from calstation.judgement.limits import (
     COVERAGE_FACTOR,
     acceptance_interval,
@@ -26,4 +26,3 @@ from calstation.judgement.standards import (
     judge_standard,
     reference_variances,
 )
-from calstation.judgement.verdict import End, advice, verdict_of

@@ -1,10 +1,11 @@
-"""Comparison of a run's solutions with the limits, checks and decision rule in its log's configuration."""
+"""Where PASS or FAIL is decided: the solutions of a run against its limits and checks, and the verdict."""
 
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
-from calstation.config import gravity_beyond, gravity_contradiction
+from calstation.config import ProductConfig, gravity_beyond, gravity_contradiction
 from calstation.estimation import Diagnosis, Solution
 from calstation.estimation.common import Posterior
 from calstation.judgement.acceptance import acceptance
@@ -13,7 +14,7 @@ from calstation.judgement.conformity import Conformity, conformity, decision_rul
 from calstation.judgement.limits import check_limits, not_compared
 from calstation.judgement.site import check_latitude, unconfirmed_latitude
 from calstation.judgement.standards import StandardComparison
-from calstation.records import NEAR, CheckKind, Limit, LogMeta, context_from_meta
+from calstation.records import NEAR, CheckKind, Limit, LogMeta, Verdict, context_from_meta
 from procedures import DEFAULT_STAGES
 
 #: Kinds of checks that may fail because the model does not describe the data.
@@ -138,3 +139,45 @@ def is_partial(meta: LogMeta, solved: Collection[str] | None = None) -> bool:
         return False
     stages = tomllib.loads(text).get("stages", DEFAULT_STAGES)
     return not set(stages) <= set(meta.run.stages if solved is None else solved)
+
+
+class End(StrEnum):
+    """How a run ended; a log that was solved again is completed."""
+
+    COMPLETED = "completed"
+    STOPPED = "stopped"
+    FAULT = "fault"
+    INCOMPLETE = "incomplete"  #: Its process died.
+
+
+def verdict_of(end: End, passed: bool | None, *, partial: bool) -> Verdict:
+    """Return the verdict of a run, or of a log that was solved again.
+
+    A run that was not completed has no other verdict than its end, whatever its values are.
+
+    Parameters
+    ----------
+    end : how the run ended
+    passed, partial : as in the judgement of its solutions
+    """
+    if end is not End.COMPLETED:
+        return Verdict(end.value)
+    if passed is None:
+        return Verdict.UNDETERMINED
+    if not passed:
+        return Verdict.FAILED
+    return Verdict.PARTIAL if partial else Verdict.PASSED
+
+
+def advice(product: ProductConfig, verdict: Verdict, failures: int, *, resumable: bool) -> str | None:
+    """Return the recommended action: ``reseat``, ``repeat``, ``set_aside`` or ``resume``; None for a unit that passed.
+
+    `failures` counts consecutive failed runs, including this one.
+    """
+    if verdict.passed:
+        return None
+    if verdict is not Verdict.FAILED:
+        return "resume" if resumable else "repeat"
+    if product.attempts_allowed is not None and failures >= product.attempts_allowed:
+        return "set_aside"
+    return product.advice[min(failures, len(product.advice)) - 1]

@@ -3,7 +3,7 @@
 from calstation.estimation.common import EXCESSIVE, NOTABLE, PositionResidual
 from calstation.results.building import Ending, build_result, solved_parameters
 from calstation.results.calibration import current_calibration, estimate_of
-from calstation.results.corrected import CorrectedOutput, CorrectedStream
+from calstation.results.corrected import CorrectedOutput, CorrectedStream, CorrectedTrace, CorrectedTraceBuilder
 from calstation.results.diagnostics import Diagnostics, StageDiagnostics, diagnose, stage_diagnostics
 from calstation.results.handover import Delivery, HandOver, deliver_pending, register_pending
 from calstation.results.history import History, ShiftCount, count_shift, load_results, refresh_history, shift_start

@@ -1,11 +1,13 @@
-"""Corrected output of IMUs on one body as JSON lines for other programs, see docs/reference/corrected-data.md.
+"""Corrected output of IMUs on one body: JSON lines for other programs, and the plot data of the last minute of a watch.
 
-The primary is corrected for its own errors, a secondary for its stored errors relative to the primary and then for the
-primary's errors. Each line specifies the IMU whose output is valid.
+See docs/reference/corrected-data.md. The primary is corrected for its own errors, a secondary for its stored errors
+relative to the primary and then for the primary's errors. Each line specifies the IMU whose output is valid.
 """
 
 import json
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,8 @@ FRAME = 0.05
 PRIMARY = "primary"
 #: Decimal places of rates, rad/s, and forces, m/s²: far below the noise of a sample.
 _RATE_PLACES, _FORCE_PLACES = 10, 8
+#: Displayed duration, and averaging time of a point, s.
+SHOWN, _MEAN_OVER = 60.0, 0.25
 
 
 class CorrectedStream:
@@ -168,3 +172,51 @@ def _rows(rate: FloatArray, force: FloatArray) -> dict[str, list[list[float] | N
 
 def _line(content: Mapping[str, Any]) -> str:
     return json.dumps(content, separators=(",", ":"), allow_nan=False) + "\n"
+
+
+@dataclass(frozen=True)
+class CorrectedTrace:
+    """Corrected output of every IMU by name (``primary``, ``imu2``, ...), NaN where missing."""
+
+    source: str | None  #: Name of the IMU whose output is valid; None if there is none.
+    switch_overs: int
+    time: FloatArray  #: Time relative to the newest sample, s, ≤ 0, shape (k,).
+    force: Mapping[str, FloatArray]  #: Magnitude of the mean force minus gravity, m/s², shape (k,) each.
+    rate: Mapping[str, FloatArray]  #: Magnitude of the mean rate, rad/s, shape (k,) each.
+
+
+class CorrectedTraceBuilder:
+    """A `PairConsumer` that keeps the means of the last `SHOWN` s."""
+
+    def __init__(self, meta: LogMeta) -> None:
+        self._stream, self._gravity = CorrectedStream(meta), context_from_meta(meta).site.local_gravity
+        self._count = max(1, round(_MEAN_OVER * meta.imu.sample_rate_hz))
+        self._parts: dict[str, list[FloatArray]] = {}
+        self._taken = 0
+        self._points: deque[tuple[float, dict[str, tuple[float, float]]]] = deque(maxlen=round(SHOWN / _MEAN_OVER))
+
+    def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
+        """Add the samples of a block."""
+        self._stream.update(watch)
+        for name, samples in self._stream.corrected(block).items():
+            self._parts.setdefault(name, []).append(np.hstack(samples))
+        self._taken += len(block)
+        if self._taken >= self._count:
+            self._points.append((float(block.time[-1]), {name: self._sizes(p) for name, p in self._parts.items()}))
+            self._parts, self._taken = {}, 0
+
+    def _sizes(self, parts: list[FloatArray]) -> tuple[float, float]:
+        rows = np.vstack(parts)
+        rows = rows[~np.isnan(rows).any(axis=1)]
+        if not len(rows):
+            return np.nan, np.nan
+        mean = rows.mean(axis=0)
+        return float(np.linalg.norm(mean[:3])), float(np.linalg.norm(mean[3:])) - self._gravity
+
+    def trace(self) -> CorrectedTrace:
+        """Return the points so far."""
+        time = np.array([at for at, _ in self._points])
+        names = self._points[-1][1] if self._points else {}
+        rate, force = ({n: np.array([row[n][k] for _, row in self._points]) for n in names} for k in (0, 1))
+        last = time[-1] if len(time) else 0.0
+        return CorrectedTrace(self._stream.source, self._stream.switch_overs, time - last, force, rate)

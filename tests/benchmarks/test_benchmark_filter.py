@@ -21,7 +21,7 @@ def project_pass(stage, last, kind):
     """Run a pass of the project's filter over the first `last` samples."""
     run = kind(stage.context, stage.prior, stage.prior.mean)
     start = replace(stage.start, end=last, prior=stage.start.attitude)
-    run.run(stage.data, start, start.attitude)
+    list(run.steps(stage.data, start, start.attitude))
     return run.posterior
 
 
@@ -56,7 +56,7 @@ def test_plain_filter_gives_the_same_solution(stage, monkeypatch):
 def test_speed_of_a_filter_pass_is_measured(stage, benchmark, figures, kind):
     def one_pass():
         run = kind(stage.context, stage.prior, stage.prior.mean)
-        run.run(stage.data, stage.start, stage.start.attitude)
+        list(run.steps(stage.data, stage.start, stage.start.attitude))
 
     with one_blas_thread():
         one_pass()

@@ -57,7 +57,7 @@ def test_segment_information_gives_the_covariance_of_the_filter(setting):
     segment = segment_information(ClosedLoopFilter(context, prior, prior.mean), data, start, context, ())
     end = advanced(segment.start[None], segment.motion[None])
     run = ClosedLoopFilter(context, prior, prior.mean)
-    run.run(data, start, start.attitude)
+    list(run.steps(data, start, start.attitude))
     np.testing.assert_allclose(sigmas(end, segment.states)[0], run.posterior.sigma, rtol=1e-5)
 
 

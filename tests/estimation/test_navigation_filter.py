@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from simulated_stages import block_of, errors_in_sigma, solved
 
 from calstation.estimation.common import PlannedSamples, Posterior, nis_consistency, stage_data, starts
-from calstation.estimation.navigation import ClosedLoopFilter, ReferencePass, navigation_pass, reference_pass
+from calstation.estimation.navigation import ClosedLoopFilter, ReferencePass, navigation_pass
 from calstation.estimation.navigation.group_update import State, predict, update
 from calstation.estimation.navigation.velocity_group import Reference
 from calstation.physics import COUNT, PARAMETERS, Dwell, Move, interval_work, propagate, skew
@@ -87,9 +87,9 @@ def test_closed_loop_agrees_with_a_compiled_pass_along_its_trajectory_over_a_who
         trajectory.append([work.attitude.copy(), work.velocity.copy()])
     reference = Reference(*(np.array(x) for x in zip(*trajectory, strict=True)))
     np.testing.assert_array_equal(reference.attitude[1:], closed.history.attitude)
-    monkeypatch.setattr(reference_pass, "smoothed_reference", lambda *arguments: reference)
+    monkeypatch.setattr(navigation_pass, "smoothed_reference", lambda *arguments: reference)
     along = ReferencePass(context, known, known.mean)
-    along.run(data, start, start.attitude)
+    list(along.steps(data, start, start.attitude))
     assert len(closed.state.x) == len(along.state.x) == (45 if drift else 39)
     assert along.posterior.sigma == pytest.approx(closed.posterior.sigma, rel=2e-4)
     # the feedback is not linear: differences of second order in its corrections remain
@@ -140,7 +140,7 @@ def test_grouped_observations_equal_single_observations(nav_stage, data, monkeyp
     for seconds in (0.1, together):
         monkeypatch.setattr(navigation_pass, "GROUP_TIME", seconds)
         run = ReferencePass(replace(nav_stage.context, imu=noisy), nav_stage.prior, nav_stage.truth.parameters)
-        run.run(data, start, start.attitude)
+        list(run.steps(data, start, start.attitude))
         runs.append(run)
     single, group = runs
     assert (single.group_size, group.group_size) == (1, round(together / 0.1))
@@ -205,7 +205,7 @@ def test_innovations_at_the_truth_agree_with_their_sigmas(nav_stage, data):
     known = Posterior(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
     run = ClosedLoopFilter(nav_stage.context, known, known.mean)
     (start,) = starts(data, nav_stage.context, known)
-    run.run(data, start, start.attitude)
+    list(run.steps(data, start, start.attitude))
     nis = run.history.nis
     consistency = nis_consistency(sum(nis), len(nis), 3)
     assert consistency.passed
@@ -217,7 +217,7 @@ def test_innovations_reveal_incorrect_velocity_noise(nav_stage, data):
     table = replace(nav_stage.context.table, velocity_sigma=0.7e-3)
     run = ClosedLoopFilter(replace(nav_stage.context, table=table), known, known.mean)
     (start,) = starts(data, nav_stage.context, known)
-    run.run(data, start, start.attitude)
+    list(run.steps(data, start, start.attitude))
     assert not nis_consistency(sum(run.history.nis), len(run.history.nis), 3).passed
 
 
@@ -225,7 +225,7 @@ def test_attitude_error_of_a_pass_agrees_with_its_sigma(nav_stage, data):
     known = Posterior(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
     run = ClosedLoopFilter(nav_stage.context, known, known.mean)
     (start,) = starts(data, nav_stage.context, known)
-    run.run(data, start, start.attitude)
+    list(run.steps(data, start, start.attitude))
     # the plan ends at rest: up as the unit feels it is up as the filter says
     up_b = data.accel[-200:].mean(axis=0) - known.mean[[p.group == "accel_bias" for p in PARAMETERS]]
     tilt = np.cross(run.attitude @ up_b / np.linalg.norm(up_b), [0.0, 0.0, 1.0])

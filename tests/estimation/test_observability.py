@@ -27,7 +27,7 @@ def passed(nav_stage):
     data = stage_data([nav_stage.block], nav_stage.context.imu)
     run = ClosedLoopFilter(nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
     (start,) = starts(data, nav_stage.context, nav_stage.prior)
-    run.run(data, start, start.attitude)
+    list(run.steps(data, start, start.attitude))
     found = observability_analysis(data, run.history, nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
     return data, run.history, found
 

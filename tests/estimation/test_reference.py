@@ -10,7 +10,7 @@ from calstation.bench import BenchConfig
 from calstation.bench.truth import SensorStream
 from calstation.bench.truth.kinematics import JointProfile
 from calstation.estimation.common import SampleBlock, filter_noise, stage_data
-from calstation.estimation.navigation.reference_pass import smoothed_reference
+from calstation.estimation.navigation.navigation_pass import smoothed_reference
 from calstation.estimation.navigation.velocity_group import Setting
 from calstation.physics import compensation, increments, interval_work, normal_gravity, rotation_rate
 

@@ -12,8 +12,7 @@ import pytest
 from calstation.estimation.common import SampleBlock, StoredPair
 from calstation.estimation.pairs import RestDeviation, StaticCheck, Verdict, WatchEvent
 from calstation.records import Log, open_log
-from calstation.results import CorrectedOutput, CorrectedStream, PairSession, PairWatchResult
-from calstation.results.plots import CorrectedTraceBuilder
+from calstation.results import CorrectedOutput, CorrectedStream, CorrectedTraceBuilder, PairSession, PairWatchResult
 from calstation.simulation import make_recording
 
 Lines = list[dict[str, Any]]

@@ -3,7 +3,6 @@
 from calstation.estimation.common.alignment import (
     AMBIGUOUS_AZIMUTH_SIGMA,
     FREE_AZIMUTH_SIGMA,
-    SHORTEST_REST,
     Start,
     levelled,
     starts,
@@ -11,10 +10,12 @@ from calstation.estimation.common.alignment import (
 from calstation.estimation.common.by_position import (
     EXCESSIVE,
     NOTABLE,
+    Concentration,
     LocalScores,
     PositionResidual,
     ScoreFunction,
     StageResiduals,
+    concentration,
     position_residuals,
 )
 from calstation.estimation.common.context import (
@@ -37,7 +38,6 @@ from calstation.estimation.common.least_squares import (
     nis_consistency,
     restricted,
 )
-from calstation.estimation.common.localisation import Concentration, concentration
 from calstation.estimation.common.model_test import Agreement, Diagnosis, ModelTest, stage_agreement
 from calstation.estimation.common.noise import (
     BIAS_DRIFT_PER_INSTABILITY,
@@ -61,6 +61,7 @@ from calstation.estimation.common.stage import (
     REST_MARGIN,
     REST_RATE,
     REST_WINDOW,
+    SHORTEST_REST,
     StageBuffer,
     StageData,
     find_rests,

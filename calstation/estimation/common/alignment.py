@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.estimation.common.context import Posterior, SolveContext
-from calstation.estimation.common.stage import StageData, find_rests, mean_angles
+from calstation.estimation.common.stage import SHORTEST_REST, StageData, find_rests, mean_angles
 from calstation.physics import (
     RATE,
     UP,
@@ -23,9 +23,8 @@ FREE_AZIMUTH_SIGMA = np.pi / np.sqrt(3.0)
 FREE_TILT_SIGMA = 0.2
 #: Above this sigma, rad, a gyrocompassed azimuth is not used as linearisation point; several headings are tried.
 AMBIGUOUS_AZIMUTH_SIGMA = 0.35
-#: Longest and shortest duration of a rest used for alignment, s.
+#: Longest part of a rest that is used for alignment, s.
 LONGEST_REST = 20.0
-SHORTEST_REST = 1.0
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class Start:
 
 
 def starts(data: StageData, context: SolveContext, posterior: Posterior) -> list[Start]:
-    """Align every segment that contains a rest of at least 1 s; omit the other segments.
+    """Align every segment that contains a rest of at least `SHORTEST_REST`; omit the other segments.
 
     The rate at an observation is the mean of the samples before and after it. One sample is therefore omitted on
     either side of a gap, so that a rotation beyond the gap does not count as motion at rest.

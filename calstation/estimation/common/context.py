@@ -66,6 +66,11 @@ class ImuModel:
         return self.sample_rate if self.output == "increment" else 1.0
 
     @property
+    def bias_instability(self) -> FloatArray:
+        """Bias instability of gyros and accelerometers, rad/s and m/s², shape (2,)."""
+        return np.array([self.gyro_bias_instability, self.accel_bias_instability])
+
+    @property
     def count_size(self) -> FloatArray:
         """Size of one count of each channel as a mean rate or specific force, rad/s and m/s², shape (6,)."""
         return np.repeat([self.gyro_lsb, self.accel_lsb], 3) * self.rate_factor
@@ -105,6 +110,11 @@ class StoredPair:
     values: Mapping[str, float] = field(default_factory=dict)
     gyro_static: float | None = None  #: Deviation at rest right after the calibration, rad/s.
     accel_static: float | None = None  #: Deviation at rest right after the calibration, m/s².
+
+    @property
+    def static(self) -> dict[str, float | None]:
+        """Deviations at rest right after the calibration by sensor, rad/s and m/s²."""
+        return {"gyro": self.gyro_static, "accel": self.accel_static}
 
 
 @dataclass(frozen=True)

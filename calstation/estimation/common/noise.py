@@ -92,8 +92,7 @@ def coarse_rounding(imu: ImuModel) -> tuple[float, float]:
 
 def bias_drift_sigmas(imu: ImuModel) -> FloatArray:
     """Return the stationary sigmas of the gyro and accelerometer bias drift, rad/s and m/s², shape (2,)."""
-    instability = np.array([imu.gyro_bias_instability, imu.accel_bias_instability])
-    return np.asarray(np.hypot(BIAS_DRIFT_PER_INSTABILITY * instability, coarse_rounding(imu)))
+    return np.asarray(np.hypot(BIAS_DRIFT_PER_INSTABILITY * imu.bias_instability, coarse_rounding(imu)))
 
 
 def rest_mean_variance(context: SolveContext, duration: float) -> float:

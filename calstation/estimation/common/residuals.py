@@ -11,11 +11,9 @@ import numpy as np
 from calstation.estimation.common.context import ImuModel, Posterior, SolveContext
 from calstation.estimation.common.noise import filter_noise, rest_force
 from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage import StageData, find_rests, mean_angles
+from calstation.estimation.common.stage import SHORTEST_REST, StageData, find_rests, mean_angles
 from calstation.physics import FloatArray, IntArray, compensate, compensation, rotation_rate
 
-#: A rest shorter than this, s, is a pause during a rotation and not a position.
-SHORTEST_REST = 1.0
 #: Time omitted at the start of a rest, s, because the last microradians of table settling bias the mean rate.
 CREEP = 0.5
 #: Cosine of 30°; a rest is named after the body axis within this angle of up.

@@ -24,6 +24,8 @@ BIAS_SIGMAS = 3.0
 REST_RATE = np.deg2rad(0.1)
 #: Time removed from both ends of a rest found in the data, s, because a table creeps before it settles.
 REST_MARGIN = 0.3
+#: A shorter rest than this, s, is a pause during a rotation and not a position.
+SHORTEST_REST = 1.0
 #: Number of samples that are joined, because many small blocks are slow, and number of such blocks kept in memory:
 #: 44 minutes at 200 Hz in 60 MB, since the file takes several percent of the time of a solution.
 _TOGETHER, _IN_MEMORY = 16_384, 32

@@ -10,7 +10,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.estimation.common.context import ImuModel
-from calstation.estimation.common.stage import REST_MARGIN, REST_WINDOW, StageData, find_rests, runs, window_mean
+from calstation.estimation.common.stage import (
+    REST_MARGIN,
+    REST_WINDOW,
+    SHORTEST_REST,
+    StageData,
+    find_rests,
+    runs,
+    window_mean,
+)
 from calstation.physics import FloatArray
 
 #: Fraction of all windows, the quietest ones, whose noise defines the noise at rest.
@@ -55,7 +63,7 @@ class Stillness:
     cuts: tuple[int, ...] = ()  #: Index of the first sample after each cut, which leaves no gap in the counter.
 
 
-def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness:
+def find_stillness(data: StageData, imu: ImuModel, shortest: float = SHORTEST_REST) -> Stillness:
     """Find the rests of at least `shortest` s and the motions of all segments; the noise of `imu` is a lower bound.
 
     Without gyros, only rests are found, from the accelerometers, and no motions.

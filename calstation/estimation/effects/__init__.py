@@ -1,6 +1,5 @@
 """Tests for effects outside the error model, one added effect at a time (score tests)."""
 
-from calstation.estimation.effects.changes import changing, effect_errors
 from calstation.estimation.effects.score import (
     MAX_EXCESS,
     EffectEvidence,
@@ -9,4 +8,11 @@ from calstation.estimation.effects.score import (
     Estimated,
     effect_tests,
 )
-from calstation.estimation.effects.sensitivity import Sensitivity, StageEffects, mean_errors, mean_regressors
+from calstation.estimation.effects.sensitivity import (
+    Sensitivity,
+    StageEffects,
+    changing,
+    effect_errors,
+    mean_errors,
+    mean_regressors,
+)

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.estimation.common import Diagnosis, ModelTest, Posterior
-from calstation.estimation.effects.changes import drifted
-from calstation.estimation.effects.sensitivity import Sensitivity
+from calstation.estimation.effects.sensitivity import Sensitivity, drifted
 from calstation.physics import AXES, COUNT, EFFECTS, INDEX, Effect, FloatArray, IntArray
 
 #: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect shifts a parameter by

@@ -1,6 +1,5 @@
 """Gyro misalignment from the joints of a stabilised gimbal."""
 
-from calstation.estimation.gimbal.fit import GimbalFit, fit_gimbal
 from calstation.estimation.gimbal.iteration import (
     BIAS_TIME,
     AxisTurns,
@@ -11,4 +10,4 @@ from calstation.estimation.gimbal.iteration import (
     others,
     sign_of,
 )
-from calstation.estimation.gimbal.motions import TURNED, Motion, find_motions, turned_motion
+from calstation.estimation.gimbal.motions import TURNED, GimbalFit, Motion, find_motions, fit_gimbal, turned_motion

@@ -1,9 +1,7 @@
 """The 39-state navigation filter, its relinearisation and its observability analysis."""
 
-from calstation.estimation.navigation.closed_loop import ClosedLoopFilter
 from calstation.estimation.navigation.information import Segment, advanced, joined, segment_information, sigmas
-from calstation.estimation.navigation.navigation_pass import NavigationPass
-from calstation.estimation.navigation.reference_pass import ReferencePass
+from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter, NavigationPass, ReferencePass
 from calstation.estimation.navigation.relinearise import solve_navigation
 from calstation.estimation.navigation.stage import NavigationStage, result_sensitivity, warm_up
 from calstation.estimation.navigation.velocity_group import BIAS

@@ -18,7 +18,7 @@ import numpy as np
 
 from calstation.estimation.common import SolveContext, StageData, Start
 from calstation.estimation.effects import mean_errors
-from calstation.estimation.navigation.closed_loop import ClosedLoopFilter
+from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter
 from calstation.estimation.navigation.response import motion_between_observations
 from calstation.estimation.navigation.velocity_group import BIAS, OBSERVED
 from calstation.physics import COUNT, PARAMETER_START, PARAMETERS, STATES, Effect, FloatArray, IntArray

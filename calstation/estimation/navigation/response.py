@@ -1,4 +1,4 @@
-"""Response of the navigation filter to errors of its prior and to effects outside the model."""
+"""Response of the navigation filter to errors of its prior, to effects outside the model, and to local errors."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solve_triangular
 
-from calstation.estimation.common import SolveContext, StageData, Start, group_means
+from calstation.estimation.common import LocalScores, SolveContext, StageData, Start, group_means
 from calstation.estimation.effects import Sensitivity, StageEffects, mean_regressors
 from calstation.estimation.navigation.group_update import Updates
 from calstation.estimation.navigation.navigation_pass import History
@@ -33,6 +33,8 @@ from calstation.physics import (
 AT_REST = np.deg2rad(0.1)
 #: Number of observation intervals over which slopes are smoothed.
 SMOOTHED = 5
+#: Number of groups of observations whose score tests are added together.
+_TOGETHER = 100
 
 
 def filter_sensitivity(
@@ -113,6 +115,56 @@ def _add_bias(A: FloatArray, added: FloatArray, out: FloatArray) -> None:
             if t != 0.0:
                 for j in range(out.shape[1] - COUNT):
                     out[i, COUNT + j] += t * added[k, j]
+
+
+def local_scores(
+    data: StageData, spans: Sequence[tuple[int, int]], *, updates: Sequence[Updates], index: IntArray
+) -> LocalScores:
+    """Return the score tests of errors during spans (start, stop) of a stage's samples, in the order given.
+
+    A channel error during a span acts like an additional bias. Its effect on the innovations follows from the
+    transitions and gains of the last pass (P. de Jong, J. Penzer, *Diagnosing shocks in time series*, JASA 93(442),
+    1998).
+
+    `updates` are the updates of the last pass, and `index` is the number of samples before each of its observations.
+    """
+    stops = np.array([stop for _, stop in spans])
+    size, width = updates[0].H.shape[2], 6 * len(spans)
+    effect = np.zeros((size, width))  # error of the states due to the channel errors
+    score, information = np.zeros(width), np.zeros((width, width))
+    own_score, own_information = np.zeros((len(spans), 6)), np.zeros((len(spans), 6, 6))
+    together: list[FloatArray] = []  # effect on the innovations of the last groups, and these innovations
+    observed = 0
+    for update in updates:
+        if not update.transition.size:
+            effect[NAVIGATION] = 0.0
+            effect -= update.gain[0].T @ np.linalg.solve(update.root[0], update.H[0] @ effect)
+            continue
+        rows_of_groups = zip(update.transition, update.H, update.root, update.gain, update.innovation, strict=True)
+        for transition, H, root, gain, innovation in rows_of_groups:
+            count = len(innovation) // 3
+            span = min(int(np.searchsorted(stops, index[observed + count // 2])), len(spans) - 1)
+            observed += count
+            begun, now = 6 * (span + 1), slice(6 * span, 6 * span + 6)
+            moved = transition @ effect[:, :begun]
+            moved[:, now] += transition[:, BIAS]
+            effect[NAVIGATION, :begun] = moved
+            effect[STATES:] *= update.decay[:, None]
+            white = np.zeros((len(H), width + 1))
+            white[:, :begun] = H @ effect[:, :begun]
+            white[:, now] += H[:, BIAS]
+            white = np.linalg.inv(root) @ white
+            white[:, -1] = innovation
+            effect[:, :begun] -= gain.T @ white[:, :begun]
+            own_score[span] += white[:, now].T @ white[:, -1]
+            own_information[span] += white[:, now].T @ white[:, now]
+            together.append(white)
+            if len(together) == _TOGETHER or observed == len(index):
+                rows = np.concatenate(together)
+                score += rows[:, :-1].T @ rows[:, -1]
+                information += rows[:, :-1].T @ rows[:, :-1]
+                together.clear()
+    return LocalScores(score, information, -effect[PARAMETER_STATES], own_score, own_information)
 
 
 def motion_between_observations(

@@ -15,7 +15,6 @@ from calstation.estimation.common import (
     SampleBlock,
     Site,
     SolveContext,
-    StageBuffer,
     StageData,
     TableModel,
     gyro_excess,
@@ -29,13 +28,11 @@ from calstation.estimation.common import (
     widened,
 )
 from calstation.estimation.effects import Sensitivity
-from calstation.estimation.method import Innovations, Progress, Ranking, Solution, with_diagnosis
-from calstation.estimation.navigation.closed_loop import ClosedLoopFilter
-from calstation.estimation.navigation.local_scores import local_scores
+from calstation.estimation.method import Innovations, Progress, Ranking, Solution, StageSolver, with_diagnosis
+from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter
 from calstation.estimation.navigation.observability import ObservabilityAnalysis, observability_analysis
-from calstation.estimation.navigation.relinearise import NavigationResult
-from calstation.estimation.navigation.response import filter_sensitivity
-from calstation.estimation.navigation.table_noise import judged, solve_with_table_noise
+from calstation.estimation.navigation.relinearise import NavigationResult, judged, solve_with_table_noise
+from calstation.estimation.navigation.response import filter_sensitivity, local_scores
 from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, reached
 
 #: Duration of data after a start that the live filter needs for alignment, s.
@@ -83,8 +80,8 @@ class LiveFilter:
         return self._observability.ranking()
 
 
-class NavigationStage:
-    """A `StageSolver` with the 39-state filter; parameters outside `estimated` are consider states."""
+class NavigationStage(StageSolver):
+    """Solves a stage with the 39-state filter; parameters outside `estimated` are consider states."""
 
     def __init__(
         self,
@@ -94,15 +91,14 @@ class NavigationStage:
         estimated: tuple[str, ...],
         targets: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
-        self.stage, self.context, self.prior, self.estimated = stage, context, prior, estimated
-        self._targets = targets
+        super().__init__(context, prior)
+        self.stage, self.estimated, self._targets = stage, estimated, targets
         self._measured: tuple[int, float] | None = None  # number of samples, and the excess of their noise at rest
-        self.buffer = StageBuffer(context.imu)
         self._live = LiveFilter(context, prior)
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""
-        self.buffer.append(block)
+        super().feed(block)
         self._live.feed(block)
 
     def sigma(self) -> FloatArray:

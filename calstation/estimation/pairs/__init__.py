@@ -6,10 +6,10 @@ from calstation.estimation.pairs.calibration import (
     PairCalibration,
     PairResult,
     RestDeviation,
+    SecondaryCorrection,
     StaticCheck,
     pair_vector,
 )
-from calstation.estimation.pairs.correction import SecondaryCorrection
 from calstation.estimation.pairs.filtering import PairData, pair_data, signals
 from calstation.estimation.pairs.fit import ACCEL_BIAS, ACCEL_MATRIX, GYRO_BIAS, GYRO_MATRIX, LEVER, OFFSET
 from calstation.estimation.pairs.schedule import PairSchedule

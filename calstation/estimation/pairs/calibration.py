@@ -1,15 +1,16 @@
-"""A secondary IMU against its primary: static check at a rest, and calibration from synchronous motion.
+"""A secondary IMU against its primary: static check at a rest, calibration from synchronous motion, live correction.
 
 At rest the magnitude of the specific force equals gravity and the rate is earth rate. A secondary is compensated first
 with its stored error relative to the primary and then with the primary's own errors, because the stored error refers
-to the raw output of the primary.
+to the raw output of the primary. Recordings without paired samples or motion, with frozen channels, or in wrong units
+or axes are refused.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calstation.errors import InputError
+from calstation.errors import InputError, InsufficientDataError
 from calstation.estimation.common import (
     Posterior,
     Secondary,
@@ -18,21 +19,44 @@ from calstation.estimation.common import (
     StoredPair,
     find_stillness,
 )
-from calstation.estimation.pairs.faults import require_pairs, require_sense
-from calstation.estimation.pairs.filtering import pair_data
+from calstation.estimation.pairs.filtering import PairData, lever_matrix, pair_data
 from calstation.estimation.pairs.fit import (
     ACCEL_BIAS,
     ACCEL_MATRIX,
     GYRO_BIAS,
     GYRO_MATRIX,
+    LEVER,
+    OFFSET,
     PairChoice,
     PairFit,
     fit_pair,
 )
 from calstation.estimation.pairs.schedule import PairSchedule
-from calstation.physics import PAIR_PARAMETERS, Compensation, FloatArray, compensate, compensation
+from calstation.estimation.positions import frozen_columns
+from calstation.physics import (
+    AXES,
+    PAIR_PARAMETERS,
+    Compensation,
+    FloatArray,
+    compensate,
+    compensation,
+    rotation_vector,
+)
 
 SENSORS = ("gyro", "accel")
+#: Time over which a parabola is fitted to the rates for the angular acceleration of the lever-arm term, s.
+SLOPE_TIME = 0.02
+_INDEX = {p.name: i for i, p in enumerate(PAIR_PARAMETERS)}
+#: Shortest total time with samples of both IMUs, s.
+MIN_PAIRED_TIME = 5.0
+#: Smallest rms rate, rad/s, about the axis of least rotation that determines a matrix.
+MIN_RATE = np.deg2rad(3.0)
+#: Smallest rms change of specific force, m/s², along the axis of least change that determines a matrix.
+MIN_FORCE = 0.5
+#: Largest singular value of a matrix that is plausible as a scale factor; a larger one indicates a wrong unit.
+UNIT = 1.5
+#: Largest angle between the axes of gyro and accelerometer of one IMU, rad.
+TOGETHER = np.deg2rad(10.0)
 
 
 @dataclass(frozen=True)
@@ -66,14 +90,6 @@ def pair_vector(stored: StoredPair) -> FloatArray:
     return np.array([stored.values.get(p.name, p.neutral) for p in PAIR_PARAMETERS])
 
 
-def _as_primary(pair: FloatArray, gyro2: FloatArray, accel2: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the raw rate and force that the primary would measure at the secondary's location, each shape (n, 3)."""
-    C, A = pair[GYRO_MATRIX].reshape(3, 3), pair[ACCEL_MATRIX].reshape(3, 3)
-    omega = np.linalg.solve(C, (gyro2 - pair[GYRO_BIAS]).T)
-    force = np.linalg.solve(A, (accel2 - pair[ACCEL_BIAS]).T)
-    return np.asarray(omega.T, dtype=np.float64), np.asarray(force.T, dtype=np.float64)
-
-
 def compensate_secondary(
     pair: FloatArray, c: Compensation, gyro2: FloatArray, accel2: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -81,12 +97,10 @@ def compensate_secondary(
 
     The secondary's stored errors `pair`, shape (28,), are removed first, then the primary's errors.
     """
-    return compensate(c, *_as_primary(pair, gyro2, accel2))
-
-
-def static_figures(omega: FloatArray, force: FloatArray, gravity: float) -> dict[str, float]:
-    """Return deviations of gyro, rad/s, and accelerometer, m/s², at rest from means, shape (3,), and gravity, m/s²."""
-    return {"gyro": float(np.linalg.norm(omega)), "accel": abs(float(np.linalg.norm(force)) - gravity)}
+    C, A = pair[GYRO_MATRIX].reshape(3, 3), pair[ACCEL_MATRIX].reshape(3, 3)
+    gyro = np.linalg.solve(C, (gyro2 - pair[GYRO_BIAS]).T)
+    accel = np.linalg.solve(A, (accel2 - pair[ACCEL_BIAS]).T)
+    return compensate(c, np.asarray(gyro.T, np.float64), np.asarray(accel.T, np.float64))
 
 
 @dataclass(frozen=True)
@@ -122,11 +136,14 @@ class PairCalibration:
             return None
         primary = compensate(self._c, data.gyro[a:b].mean(axis=0)[None], data.accel[a:b].mean(axis=0)[None])
         other = compensate_secondary(pair_vector(stored), self._c, gyro2, accel2)
-        first, second = (static_figures(w[0], f[0], self._gravity) for w, f in (primary, other))
-        last = {"gyro": stored.gyro_static, "accel": stored.accel_static}
+        first, second = (
+            {"gyro": float(np.linalg.norm(w)), "accel": abs(float(np.linalg.norm(f)) - self._gravity)}
+            for w, f in (primary, other)
+        )
+        last, limit = stored.static, self.schedule.threshold
         return StaticCheck(
-            {s: RestDeviation(first[s], self.schedule.threshold("primary", s).limit(None)) for s in SENSORS},
-            {s: RestDeviation(second[s], self.schedule.threshold("secondary", s).limit(last[s])) for s in SENSORS},
+            {s: RestDeviation(first[s], limit("primary", s).limit(None)) for s in SENSORS},
+            {s: RestDeviation(second[s], limit("secondary", s).limit(last[s])) for s in SENSORS},
         )
 
     def references(self, check: StaticCheck) -> tuple[str, ...]:
@@ -162,7 +179,7 @@ class PairCalibration:
         solved = StoredPair({n: v for n, v in values.items() if fit.fitted[_INDEX[n]] or n in stored.values})
         rest = self.last_rest(data)
         check = None if rest is None else self.check(data, rest, index, secondary, solved)
-        last = {"gyro": stored.gyro_static, "accel": stored.accel_static}
+        last = stored.static
         fitted = [s for s, model in (("gyro", choice.gyro), ("accel", choice.accel)) if model is not None]
         static = {s: None if check is None else check.secondary[s].value for s in fitted}
         for sensor, value in static.items():
@@ -173,10 +190,110 @@ class PairCalibration:
         return PairResult(fit, replace(solved, gyro_static=last["gyro"], accel_static=last["accel"]), static)
 
 
-_INDEX = {p.name: i for i, p in enumerate(PAIR_PARAMETERS)}
-
-
 def _mean(values: FloatArray) -> FloatArray | None:
     """Return the mean of the rows without NaN, shape (1, 3), or None if there are no such rows."""
     finite = values[~np.isnan(values).any(axis=1)]
     return finite.mean(axis=0, keepdims=True) if len(finite) else None
+
+
+class SecondaryCorrection:
+    """Corrects a secondary with its stored calibration and then with the primary's errors `primary`."""
+
+    def __init__(self, secondary: Secondary, primary: Compensation) -> None:
+        self._size, self._dt, self._primary = secondary.imu.count_size, 1.0 / secondary.imu.sample_rate, primary
+        self._width = max(2, round(SLOPE_TIME / self._dt))
+        ago = np.arange(-self._width, 1) * self._dt
+        self._slope = np.linalg.pinv(np.vander(ago, 3, increasing=True))[1]  # slope of the parabola at its end
+        self._before = np.empty((0, 3))  # the last rates, at most `_width`
+        self.use(secondary.stored)
+
+    def use(self, stored: StoredPair) -> None:
+        """Replace the calibration for the following samples."""
+        self.stored, self._pair = stored, pair_vector(stored)
+
+    @property
+    def clock_offset(self) -> float:
+        """Time to add to a sample's time to obtain the time of the motion it measures, s."""
+        return float(self._pair[OFFSET])
+
+    def corrected(self, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the next samples as rate, rad/s, and specific force, m/s², at the primary, NaN where missing.
+
+        `counts` are raw, shape (n, 6). Without a fitted lever arm, the force refers to the secondary's location. The
+        angular acceleration is found from the last `SLOPE_TIME`, so that no sample is delayed; it is 0 next to missing
+        samples.
+        """
+        raw = counts * self._size
+        omega, force = compensate_secondary(self._pair, self._primary, raw[:, :3], raw[:, 3:])
+        lever = self._pair[LEVER]
+        if lever.any() and len(omega):
+            earlier = self._before if len(self._before) else omega[:1]
+            earlier = np.vstack([np.repeat(earlier[:1], self._width - len(earlier), axis=0), earlier])
+            rates = np.vstack([earlier, omega])
+            alpha = np.nan_to_num(
+                np.lib.stride_tricks.sliding_window_view(rates, self._width + 1, axis=0) @ self._slope
+            )
+            force = force - lever_matrix(omega, alpha, self._dt) @ lever
+            self._before = rates[-self._width :]
+        return omega, force
+
+
+def require_pairs(data: PairData, number: int, choice: PairChoice) -> None:
+    """Check that the samples determine the chosen terms. Raises InputError or InsufficientDataError."""
+    paired = sum(stop - start for start, stop in data.segments) * data.dt
+    if paired < MIN_PAIRED_TIME:
+        raise InsufficientDataError("recording.too_few_pairs", number=number, seconds=paired, least=MIN_PAIRED_TIME)
+    rows = np.concatenate([np.arange(start, stop) for start, stop in data.segments])
+    columns: dict[str, FloatArray] = {
+        "gyro": data.gyro[rows],
+        "accel": data.accel[rows],
+        f"gyro{number}": data.gyro2[rows],
+        f"accel{number}": data.accel2[rows],
+    }
+    names = [f"{sensor}_{axis}" for sensor in columns for axis in AXES]
+    for name, first, last in frozen_columns(names, np.hstack(list(columns.values())), data.dt):
+        raise InputError(
+            "recording.frozen_at_time",
+            channel=name,
+            seconds=(last - first) * data.dt,
+            start=float(data.time[rows[first]]),
+        )
+    if choice.gyro in ("scale", "full") or choice.offset:
+        _require_spread(data.gyro[rows], MIN_RATE, choice.gyro == "full", tilting=False)
+    if choice.accel in ("scale", "full"):
+        _require_spread(data.accel[rows], MIN_FORCE, choice.accel == "full", tilting=True)
+
+
+def _require_spread(values: FloatArray, least: float, every_axis: bool, tilting: bool) -> None:
+    spread, axes = np.linalg.eigh(np.cov(values.T))
+    size = np.sqrt(np.maximum(spread, 0.0))
+    if size[-1] < least:
+        raise InsufficientDataError("recording.no_tilting" if tilting else "recording.no_turning")
+    if every_axis and size[0] < least:
+        axis = AXES[int(np.argmax(np.abs(axes[:, 0])))]
+        raise InsufficientDataError(
+            "recording.little_tilting" if tilting else "recording.little_turning",
+            axis=axis,
+            share=float(size[0] / size[-1]),
+        )
+
+
+def require_sense(fit: PairFit, number: int, choice: PairChoice) -> None:
+    """Check that the matrices are plausible as sensor errors and not due to swapped columns. Raises InputError."""
+    turns = []
+    for sensor, model, columns in (("gyro", choice.gyro, GYRO_MATRIX), ("accel", choice.accel, ACCEL_MATRIX)):
+        if model not in ("scale", "full"):
+            continue
+        C = fit.value[columns].reshape(3, 3)
+        U, lengths, V = np.linalg.svd(C)
+        if not 1.0 / UNIT < lengths[-1] <= lengths[0] < UNIT:
+            ratio = float(np.exp(np.mean(np.log(lengths))))
+            raise InputError("recording.pair_unit", number=number, sensor=sensor, ratio=ratio)
+        if np.linalg.det(C) < 0.0:
+            raise InputError("recording.pair_mirrored", number=number, sensor=sensor)
+        turns.append(U @ V)
+    if len(turns) == 2:
+        apart = float(np.linalg.norm(rotation_vector(turns[0] @ turns[1].T)))
+        if apart > TOGETHER:
+            angle = float(np.rad2deg(apart))
+            raise InputError("recording.pair_sensors_apart", number=number, angle_deg=angle)

@@ -131,7 +131,10 @@ def fit_pair(
     U, _, V = np.linalg.svd(value[GYRO_MATRIX if choice.gyro == "full" else ACCEL_MATRIX].reshape(3, 3))
     axes = U @ V  # axes of the secondary in primary axes, one per row
     blocks = system.blocks(_motion(rows, value, c, data.time[rows.row], axes))
-    changes = dict(zip(("gyro_bias", "accel_bias"), _changes_of_bias(duration, primary, secondary), strict=True))
+    # variance of the change of a bias over the recording due to instability
+    share = 2.0 * BIAS_DRIFT_PER_INSTABILITY**2 * (1.0 - np.exp(-duration / BIAS_DRIFT_TIME))
+    changed = share * (primary.bias_instability**2 + secondary.bias_instability**2)
+    changes = dict(zip(("gyro_bias", "accel_bias"), changed.tolist(), strict=True))
     effects = pair_effects(blocks, choice.tests, system.scale, axes, duration, changes, sigma, names)
     return PairFit(
         value,
@@ -167,10 +170,8 @@ class _System:
         )
         self.rms = (_size(residual[:, :3]), _size(residual[:, 3:]))
         band = float(np.sum(low_pass() ** 2))
-        self.expected = (
-            float(np.sqrt(band * np.sum(noise[:, 0] ** 2))),
-            float(np.sqrt(band * np.sum(noise[:, 1] ** 2))),
-        )
+        gyro, accel = np.sqrt(band * np.sum(noise**2, axis=0)).tolist()
+        self.expected = (gyro, accel)
         scale = np.repeat([max(r, 1e-3 * e) for r, e in zip(self.rms, self.expected, strict=True)], 3)
         weights = np.hstack([_weights(residual[:, :3] / scale[:3]), _weights(residual[:, 3:] / scale[3:])])
         block = (data.time[rows.row] // BLOCK).astype(np.int64)
@@ -292,17 +293,8 @@ def _weights(residual: FloatArray) -> FloatArray:
 
 def _white(imu: ImuModel) -> FloatArray:
     """Return the white noise of rate and force of a sample, including quantisation, rad/s and m/s², shape (2,)."""
-    gyro = imu.gyro_arw**2 * imu.sample_rate + (imu.quantisation[0] * imu.rate_factor) ** 2 / 12.0
-    accel = imu.accel_vrw**2 * imu.sample_rate + (imu.quantisation[1] * imu.rate_factor) ** 2 / 12.0
-    return np.sqrt([gyro, accel])
-
-
-def _changes_of_bias(duration: float, primary: ImuModel, secondary: ImuModel) -> tuple[float, float]:
-    """Return the variance of a gyro's and an accelerometer's bias change over a duration, s, due to instability."""
-    share = 2.0 * BIAS_DRIFT_PER_INSTABILITY**2 * (1.0 - np.exp(-duration / BIAS_DRIFT_TIME))
-    gyro = primary.gyro_bias_instability**2 + secondary.gyro_bias_instability**2
-    accel = primary.accel_bias_instability**2 + secondary.accel_bias_instability**2
-    return float(share * gyro), float(share * accel)
+    walk, step = np.array([imu.gyro_arw, imu.accel_vrw]), np.array(imu.quantisation) * imu.rate_factor
+    return np.asarray(np.sqrt(walk**2 * imu.sample_rate + step**2 / 12.0))
 
 
 def _bias_drift_variances(duration: float, primary: ImuModel, secondary: ImuModel) -> FloatArray:
@@ -312,7 +304,6 @@ def _bias_drift_variances(duration: float, primary: ImuModel, secondary: ImuMode
     """
     T = duration / BIAS_DRIFT_TIME
     share = np.sqrt(2.0 / T * (1.0 - (1.0 - np.exp(-T)) / T)) * BIAS_DRIFT_PER_INSTABILITY
-    variances = np.zeros(COUNT)
-    variances[GYRO_BIAS] = (share * np.hypot(primary.gyro_bias_instability, secondary.gyro_bias_instability)) ** 2
-    variances[ACCEL_BIAS] = (share * np.hypot(primary.accel_bias_instability, secondary.accel_bias_instability)) ** 2
+    variances, sensors = np.zeros(COUNT), (share * np.hypot(primary.bias_instability, secondary.bias_instability)) ** 2
+    variances[GYRO_BIAS], variances[ACCEL_BIAS] = sensors
     return variances

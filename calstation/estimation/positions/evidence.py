@@ -16,8 +16,6 @@ from calstation.physics import (
     rotation_vector,
 )
 
-SHORTEST_REST = 1.0
-
 
 @dataclass(frozen=True)
 class RestEvidence:
@@ -67,7 +65,7 @@ class Evidence:
 
 def gather(stage: str, data: StageData, context: SolveContext, before: FloatArray, parameters: FloatArray) -> Evidence:
     """Collect the evidence of a stage, given the reference and the solved parameters, SI, shape (30,) each."""
-    still = find_stillness(data, context.imu, SHORTEST_REST)
+    still = find_stillness(data, context.imu)
     rests = tuple(
         RestEvidence(
             (b - a) * data.dt,

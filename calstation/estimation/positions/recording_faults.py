@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
-from calstation.estimation.common import ImuModel, Link, Posterior, StageData, Stillness, find_stillness
+from calstation.estimation.common import ImuModel, Link, Posterior, StageData, Stillness, find_stillness, runs
 from calstation.estimation.positions.rows import integrate_rotation
 from calstation.messages import Text
 from calstation.physics import AXES, CHANNELS, BoolArray, FloatArray, compensate, compensation, group_indices
@@ -104,12 +104,11 @@ def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Itera
     If all columns repeat at the same time and also repeat elsewhere, the recording has too little noise for this test.
     """
     for channel, name in enumerate(names):
-        same = np.concatenate([[False], np.diff(values[:, channel]) == 0.0, [False]])
-        edges = np.flatnonzero(np.diff(same.astype(np.int8)))
-        if not len(edges):
+        same = np.diff(values[:, channel]) == 0.0
+        if not same.any():
             continue
-        first, last = max(zip(edges[::2], edges[1::2], strict=True), key=lambda e: e[1] - e[0])
-        length = int(last - first)
+        first, last = max(runs(same), key=lambda run: run[1] - run[0])
+        length = last - first
         others = max(len(values) - 1 - length, 0)
         again = (int(same.sum()) - length) / others if others else 0.0
         chance = np.log(len(values)) / -np.log(np.clip(again, 1e-3, 1.0 - 1e-6))
@@ -117,7 +116,7 @@ def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Itera
             continue
         others_change = np.delete(np.diff(values[first:last], axis=0) != 0.0, channel, axis=1).mean(axis=0)
         if others_change.max() > 0.5 or again < NOISY:
-            yield name, int(first), int(last)
+            yield name, first, last
 
 
 def _require_gravity(data: StageData, still: Stillness, gravity: float, prior: Posterior) -> None:

@@ -8,7 +8,6 @@ from calstation.results.plots.compensation import (
     before_and_found,
     read_recording,
 )
-from calstation.results.plots.corrected import CorrectedTrace, CorrectedTraceBuilder
 from calstation.results.plots.index import LogIndex, StageSpan, log_index, samples
 from calstation.results.plots.method_answer import (
     GimbalAxis,

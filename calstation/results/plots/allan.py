@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common import SampleBlock, StageData, find_stillness, stage_data
+from calstation.estimation.common import SHORTEST_REST, SampleBlock, StageData, find_stillness, runs, stage_data
 from calstation.jobs import ProgressCallback
 from calstation.physics import CHANNELS, FloatArray
 from calstation.records import LogMeta, context_from_meta, open_log
@@ -25,8 +25,6 @@ FLOOR = 0.664
 #: The table counts as moving if the mean output over `_WINDOW` s differs by more than this from its median, rad/s and
 #: m/s², or the encoder angles by more than this, rad.
 _WINDOW, _MOVING_RATE, _MOVING_FORCE, _MOVING_ANGLE = 1.0, np.deg2rad(0.2), 0.05, np.deg2rad(0.2)
-#: Shortest rest that is found, s.
-_SHORTEST_REST = 1.0
 
 
 @dataclass(frozen=True)
@@ -65,9 +63,9 @@ def longest_rest(report: ProgressCallback, path: Path) -> tuple[int, int]:
     """
     log = open_log(path)
     data = _read(report, list(log.blocks()), log.meta)
-    rests = find_stillness(data, context_from_meta(log.meta).imu, _SHORTEST_REST).rests
+    rests = find_stillness(data, context_from_meta(log.meta).imu).rests
     if not rests:
-        error = InsufficientDataError("solution.never_at_rest", shortest=_SHORTEST_REST, seconds=len(data) * data.dt)
+        error = InsufficientDataError("solution.never_at_rest", shortest=SHORTEST_REST, seconds=len(data) * data.dt)
         raise InsufficientDataError("solution.in_log", file=path, what=error.as_text)
     start, stop = max(rests, key=lambda rest: rest[1] - rest[0])
     return int(data.seq[start]), int(data.seq[stop - 1])
@@ -152,8 +150,7 @@ def _power(slope: float) -> int:
 def _random_walk(tau: FloatArray, deviation: FloatArray, slope: FloatArray, freedom: FloatArray) -> float | None:
     """Return the value at 1 s of a line with slope −1/2 fitted to the longest part of the curve with that slope."""
     white = np.abs(slope + 0.5) < _WHITE_SLOPE
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], white, [False]]).astype(np.int8)))
-    start, stop = max(zip(edges[::2], edges[1::2], strict=True), key=lambda part: part[1] - part[0], default=(0, 0))
+    start, stop = max(runs(white), key=lambda part: part[1] - part[0], default=(0, 0))
     if stop - start < _FEWEST_WHITE:
         return None
     part = slice(start, stop)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common import SampleBlock, before_after, find_stillness, joined, stage_data
+from calstation.estimation.common import SHORTEST_REST, SampleBlock, before_after, find_stillness, joined, stage_data
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, RATE, FloatArray
 from calstation.records import LogMeta, context_from_meta, open_log
@@ -16,7 +16,6 @@ from calstation.results.result import Parameter
 _COLUMNS = 2000
 #: Minimum averaging time of the curves, s; single samples would show only noise.
 _MEAN_OVER = 0.25
-_SHORTEST_REST = 1.0
 
 
 @dataclass(frozen=True)
@@ -95,9 +94,9 @@ def _applied(output: ImuOutput, before: FloatArray, found: FloatArray) -> Applie
     blocks, path, context = output.blocks, output.path, context_from_meta(output.meta)
     data = stage_data(blocks, context.imu)
     whole = joined(blocks)
-    rests = find_stillness(data, context.imu, _SHORTEST_REST).rests
+    rests = find_stillness(data, context.imu).rests
     if not rests:
-        error = InsufficientDataError("solution.never_at_rest", shortest=_SHORTEST_REST, seconds=len(data) * data.dt)
+        error = InsufficientDataError("solution.never_at_rest", shortest=SHORTEST_REST, seconds=len(data) * data.dt)
         if path is None:
             raise error
         raise InsufficientDataError("solution.in_log", file=path, what=error.as_text)

@@ -119,9 +119,8 @@ def stored_pairs(context: SolveContext, folder: Path) -> tuple[StoredPairFile, .
     for s in context.secondaries:
         file = pair_path(folder, context.imu.serial, s.imu.serial)
         stored = load_pair(folder, context.imu.serial, s.imu.serial)
-        static = {"gyro": stored.gyro_static, "accel": stored.accel_static}
         utc = datetime.fromtimestamp(file.stat().st_mtime, UTC).isoformat(timespec="seconds") if stored.values else ""
-        kept.append(StoredPairFile(s.number, s.imu.serial, file, utc, len(stored.values), static))
+        kept.append(StoredPairFile(s.number, s.imu.serial, file, utc, len(stored.values), stored.static))
     return tuple(kept)
 
 

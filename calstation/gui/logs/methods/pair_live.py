@@ -13,7 +13,7 @@ from calstation.gui.state import AppContext
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import StateBadge, button, column, enable, label, panel, row, show_text, theme
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G
-from calstation.results.plots import CorrectedTrace
+from calstation.results import CorrectedTrace
 
 
 class PairLiveView(PairBars):
